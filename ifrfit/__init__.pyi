@@ -1,0 +1,14 @@
+from ._version import __version__ as __version__
+from .data import Observations as Observations
+from .data import load_dataset as load_dataset
+from .data import read as read
+from .errors import DataError as DataError
+from .errors import IfrfitError as IfrfitError
+from .errors import UsageError as UsageError
+from .inference import FitResult as FitResult
+from .inference import fit as fit
+from .inference import lmfit_model as lmfit_model
+from .inference import load_result as load_result
+from .physics import Rebound as Rebound
+from .physics import rebound as rebound
+from .physics import transition_angles as transition_angles

@@ -1,0 +1,5 @@
+"""`python -m ifrfit`."""
+
+from ifrfit.cli import main
+
+main()

@@ -1,0 +1,361 @@
+"""The command line: one thin function a command, each a call of the library.
+
+Imports of the library stand inside the commands, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ifrfit._version import __version__
+from ifrfit.errors import IfrfitError, UsageError
+
+if TYPE_CHECKING:
+    from ifrfit.inference import FitResult
+
+app = typer.Typer(
+    name="ifrfit",
+    help="Fit restitution and friction constants to measured impacts of spheres on walls.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+datasets = typer.Typer(
+    help="Bundled datasets, and your digitisations in their place.", no_args_is_help=True, rich_markup_mode=None
+)
+app.add_typer(datasets, name="datasets")
+
+NOT_DETERMINED = 4
+
+
+def _command(function: Callable[..., None]) -> Callable[..., None]:
+    """Turn errors raised on purpose into a sentence and an exit status, and a bug into a short notice."""
+
+    @functools.wraps(function)
+    def run(*args: Any, **kwargs: Any) -> None:
+        try:
+            function(*args, **kwargs)
+        except IfrfitError as error:
+            typer.echo(f"ifrfit: {error}", err=True)
+            raise typer.Exit(error.exit_status) from None
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except (typer.Exit, typer.Abort):
+            raise
+        except Exception as error:
+            if os.environ.get("IFRFIT_DEBUG"):
+                raise
+            typer.echo(
+                f"ifrfit: internal error, {type(error).__name__}: {error}. Nothing was written. "
+                "This is a bug; IFRFIT_DEBUG=1 shows where it happened.",
+                err=True,
+            )
+            raise typer.Exit(1) from None
+
+    return run
+
+
+def _pairs(option: str, given: Sequence[str], numbers: int) -> dict[str, Any]:
+    """NAME=VALUE or NAME=A,B as a dictionary."""
+    form = "NAME=VALUE" if numbers == 1 else "NAME=A,B"
+    found: dict[str, Any] = {}
+    for text in given:
+        name, equals, rest = text.partition("=")
+        try:
+            values = [float(part) for part in rest.split(",")]
+        except ValueError:
+            values = []
+        if not equals or len(values) != numbers:
+            raise UsageError(f"{option} {text}: write it as {form} with {numbers} number{'s'[: numbers - 1]}.")
+        if name in found:
+            raise UsageError(f"{option} {name} is given twice.")
+        found[name] = values[0] if numbers == 1 else tuple(values)
+    return found
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    """Numbers from ``1,2,3`` or ``from:to:step``."""
+    import numpy as np
+
+    try:
+        if ":" in text:
+            low, high, step = (float(part) for part in text.split(":"))
+            if not (step > 0.0 and high >= low and (high - low) / step < 1e6):
+                raise ValueError
+            return [float(x) for x in np.arange(low, high + 0.5 * step, step)]
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise UsageError(f"{option} {text}: write numbers as 10,20,30 or as FROM:TO:STEP.") from None
+
+
+Repeated = list[str]
+Data = Annotated[Repeated, typer.Argument(metavar="DATA...", help="Files, or names of bundled datasets.")]
+
+
+@app.command()
+@_command
+def fit(
+    data: Data,
+    closure: Annotated[str, typer.Option(help="ifr, fr, f or ifr-contact.")] = "ifr",
+    method: Annotated[str, typer.Option(help="lsq: least squares, global optimum certified.")] = "lsq",
+    fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
+    prior: Annotated[
+        Repeated, typer.Option(metavar="NAME=MEAN,SD", help="A constant that you measured before.")
+    ] = [],  # noqa: B006
+    bounds: Annotated[
+        Repeated, typer.Option(metavar="NAME=LO,HI", help="Other bounds than the passive domain.")
+    ] = [],  # noqa: B006
+    separate: Annotated[
+        Repeated, typer.Option(metavar="NAME", help="This constant has a value of its own in each series.")
+    ] = [],  # noqa: B006
+    noise: Annotated[
+        str | None, typer.Option(help="What sigma means: known, scaled or unknown.", show_default=False)
+    ] = None,
+    observable: Annotated[Repeated, typer.Option(metavar="NAME", help="Use only this observable.")] = [],  # noqa: B006
+    series: Annotated[Repeated, typer.Option(metavar="NAME", help="Use only this series.")] = [],  # noqa: B006
+    gamma_min: Annotated[float | None, typer.Option(metavar="DEG", help="Steepest angle not used.")] = None,
+    gamma_max: Annotated[float | None, typer.Option(metavar="DEG")] = None,
+    speed_min: Annotated[float | None, typer.Option(metavar="M_S")] = None,
+    speed_max: Annotated[float | None, typer.Option(metavar="M_S")] = None,
+    exclude: Annotated[
+        Repeated, typer.Option(metavar="ROW|ID", help="Leave out a line of the file, FILE:LINE, or an impact.")
+    ] = [],  # noqa: B006
+    independent: Annotated[
+        bool, typer.Option("--independent", help="Count faces of the same impacts as independent.")
+    ] = False,
+    inertia_factor: Annotated[
+        float | None, typer.Option(metavar="J", help="I/(m R^2): 2/5 solid (default), 2/3 hollow ball, 1/2 disc.")
+    ] = None,
+    convention: Annotated[
+        Repeated, typer.Option(metavar="NAME=CHOICE", help="How a column is meant, as angle=alpha_deg:from-wall.")
+    ] = [],  # noqa: B006
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write result.json, fit.svg and fit.png there.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an earlier result in DIR.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="result.json on standard output, nothing else.")] = False,
+    seed: Annotated[int, typer.Option(help="Of the bands' draws.")] = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 4 if a constant is not determined or nothing converged.")
+    ] = False,
+) -> None:
+    """Recover one set of constants from a table of impacts, sticking and sliding together."""
+    from ifrfit.inference import fit as run
+
+    if out is not None and not force:
+        from ifrfit.report.folder import check_free
+
+        check_free(out, force=False)
+    with _working(quiet or as_json):
+        result = run(
+            data,
+            closure=closure,
+            method=method,
+            fix=_pairs("--fix", fix, 1),
+            prior=_pairs("--prior", prior, 2),
+            bounds=_pairs("--bounds", bounds, 2),
+            separate=separate,
+            noise=noise,
+            observable=observable,
+            series=series,
+            gamma_min=gamma_min,
+            gamma_max=gamma_max,
+            speed_min=speed_min,
+            speed_max=speed_max,
+            exclude=exclude,
+            independent=independent,
+            inertia_factor=inertia_factor,
+            convention=convention,
+            seed=seed,
+            command=shlex.join(["ifrfit", *sys.argv[1:]]),
+        )
+        written = _write(result, out, force)
+    if as_json:
+        from ifrfit.inference.serialise import dumps
+
+        typer.echo(dumps(result), nl=False)
+    elif not quiet:
+        typer.echo(result.summary())
+        if written:
+            typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
+    if strict:
+        _insist(result)
+
+
+def _working(quiet: bool) -> Any:
+    """Show that work goes on, at a terminal."""
+    import contextlib
+
+    if quiet or not sys.stderr.isatty():
+        return contextlib.nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True).status("fitting")
+
+
+def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:
+    if out is None:
+        return []
+    from ifrfit.report import write_folder
+
+    return write_folder(result, out, force=force)
+
+
+def _insist(result: FitResult) -> None:
+    """Leave with status 4, saying why, unless everything asked for was determined."""
+    open_ones = [name for name, found in result.flat_constants().items() if found.value is None]
+    reasons = [f"{', '.join(open_ones)} not determined by the data"] if open_ones else []
+    if not result.facts["converged"].ok:
+        reasons.append(result.facts["converged"].says)
+    if reasons:
+        typer.echo(f"ifrfit: --strict: {'; '.join(reasons)}.", err=True)
+        raise typer.Exit(NOT_DETERMINED)
+
+
+@app.command()
+@_command
+def predict(
+    result: Annotated[Path, typer.Argument(metavar="RESULT.json")],
+    gamma: Annotated[str, typer.Option(metavar="DEG,...|FROM:TO:STEP", help="Incidence angles, degrees.")],
+    spin_x: Annotated[float, typer.Option(help="R omega_x/u before.")] = 0.0,
+    spin_y: Annotated[float, typer.Option(help="R omega_y/u before; back-spin is positive.")] = 0.0,
+    observable: Annotated[
+        Repeated, typer.Option(metavar="NAME", help="What to predict; by default what was fitted.")
+    ] = [],  # noqa: B006
+    series: Annotated[str | None, typer.Option(metavar="NAME", help="Whose constants and noise.")] = None,
+) -> None:
+    """Values with credible and predictive intervals, as CSV."""
+    import pandas as pd
+
+    from ifrfit.inference import load_result
+
+    angles = _numbers("--gamma", gamma)
+    if any(not 0.0 <= angle <= 90.0 for angle in angles):
+        raise UsageError(f"--gamma {gamma}: incidence angles lie between 0 and 90 degrees from the normal.")
+    found = load_result(result)
+    wanted = observable or list(dict.fromkeys(found.points["observable"])) or ["beta"]
+    tables = []
+    for name in wanted:
+        table = found.predict(angles, spin_x, spin_y, observable=name, series=series)
+        table.insert(0, "observable", name)
+        tables.append(table)
+    typer.echo(pd.concat(tables).to_csv(index=False, float_format="%.10g", lineterminator="\n"), nl=False)
+
+
+@app.command()
+@_command
+def template(
+    raw: Annotated[bool, typer.Option("--raw", help="For velocities before and after.")] = False,
+) -> None:
+    """A commented CSV to fill in."""
+    from ifrfit.data import template_text
+
+    typer.echo(template_text(raw), nl=False)
+
+
+@app.command()
+@_command
+def reproduce(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where figures and table go.")] = Path("figures"),
+) -> None:
+    """Fit the bundled datasets, draw them, and print the table of constants."""
+    from ifrfit.report.reproduce import reproduce as run
+
+    typer.echo(run(out, progress=sys.stderr.isatty()), nl=False)
+
+
+@datasets.command("list")
+@_command
+def datasets_list() -> None:
+    """Every dataset with its provenance."""
+    from ifrfit.data.catalogue import listing
+
+    found = listing()
+    width = max(len(entry.name) for entry in found)
+    for entry in found:
+        mark = " (yours)" if entry.installed else ""
+        typer.echo(f"{entry.name:<{width}}  {entry.provenance + mark:<18}  {entry.title}")
+
+
+@datasets.command("show")
+@_command
+def datasets_show(name: str) -> None:
+    """What is known about a dataset: conditions, source, licence, rows, defaults, assumptions."""
+    from ifrfit.data.catalogue import describe
+
+    for line in describe(name).lines():
+        typer.echo(line)
+
+
+@datasets.command("validate")
+@_command
+def datasets_validate(
+    path: Annotated[str, typer.Argument(help="A CSV file or a dataset folder.")],
+    convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
+) -> None:
+    """Read a file or a dataset folder, and say what is in it."""
+    from ifrfit.data import read
+    from ifrfit.data.catalogue import validate_path
+
+    found = read(path, convention=convention) if convention else validate_path(path)
+    table = found.table
+    typer.echo(f"{path}: fine, {len(table)} rows")
+    for (series, observable), count in table.groupby(["series", "observable"], sort=False).size().items():
+        typer.echo(f"  {series}  {observable}  {count}")
+    for note in found.notes:
+        typer.echo(f"  note  {note}")
+
+
+@datasets.command("install")
+@_command
+def datasets_install(
+    name: str,
+    file: Path,
+    provenance: Annotated[str, typer.Option(help="Where rows do not say it: digitised or measured.")] = "digitised",
+    convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
+) -> None:
+    """Put your own digitisation in the place of a bundled dataset."""
+    from ifrfit.data.installing import install
+
+    place = install(name, file, provenance=provenance, convention=convention)
+    typer.echo(f"{name}: {file} is used from now on, kept in {place}. 'ifrfit datasets remove {name}' undoes it.")
+
+
+@datasets.command("remove")
+@_command
+def datasets_remove(name: str) -> None:
+    """Take your digitisation away; the bundled dataset is back."""
+    from ifrfit.data.installing import remove
+
+    remove(name)
+    typer.echo(f"{name}: the bundled dataset is used again.")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"ifrfit {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Entry point."""
+    app()

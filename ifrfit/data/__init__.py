@@ -1,0 +1,24 @@
+"""What was measured: reading, checking, combining and selecting observations."""
+
+from __future__ import annotations
+
+from ifrfit.data.catalogue import load_dataset, resolve
+from ifrfit.data.observations import Descriptor, Observations, Source, combine
+from ifrfit.data.readers import read
+from ifrfit.data.replicates import average_replicates
+from ifrfit.data.selection import Selection, select
+from ifrfit.data.template import template_text
+
+__all__ = [
+    "Descriptor",
+    "Observations",
+    "Selection",
+    "Source",
+    "average_replicates",
+    "combine",
+    "load_dataset",
+    "read",
+    "resolve",
+    "select",
+    "template_text",
+]

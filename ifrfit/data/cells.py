@@ -1,0 +1,157 @@
+"""A table as cells that know their file, line and column."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.errors import DataError
+
+NOT_MEASURED = frozenset({"", "nan", "na", "n/a", "#n/a"})
+NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+@dataclass
+class Cells:
+    """A table as it stands in the file, column by column.
+
+    Attributes
+    ----------
+    file : str
+        As the user named it, for messages.
+    sha256 : str
+    headers : list of str
+    header_line : int
+    lines : (n,) int array
+        Line of each row in a text file, number of the row in a Parquet file; from 1.
+    columns : list
+        Per header a sequence of n strings, or a float array (Parquet).
+    decimal_commas : bool
+        Whether numbers may have decimal commas.
+    word : str
+        ``line`` or ``row``.
+    """
+
+    file: str
+    sha256: str
+    headers: list[str]
+    header_line: int
+    lines: NDArray[np.int64]
+    columns: list[Any]
+    decimal_commas: bool = False
+    word: str = "line"
+    _points: dict[str, tuple[int, int]] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.lines)
+
+    @property
+    def name(self) -> str:
+        """The file without its folder, for notes that go into results."""
+        return Path(self.file).name
+
+    def at(self, row: int | None = None, header: str | None = None) -> str:
+        """Return where a message is about: file, line of a row (0-based; else of the header), column."""
+        parts = [self.file]
+        if row is not None:
+            parts.append(f"{self.word} {self.lines[row]}")
+        elif header is not None and self.word == "line":
+            parts.append(f"line {self.header_line}")
+        if header is not None:
+            parts.append(f"column {header}")
+        return ", ".join(parts)
+
+    def texts(self, column: int) -> list[str]:
+        """Return the cells of a column as stripped text."""
+        cells = self.columns[column]
+        if isinstance(cells, np.ndarray):
+            return ["" if math.isnan(x) else str(int(x)) if x == int(x) else repr(float(x)) for x in cells]
+        return [cell.strip() for cell in cells]
+
+    def numbers(self, column: int) -> NDArray[np.float64]:
+        """Return the cells of a column as numbers, NaN where nothing was measured.
+
+        Raises
+        ------
+        DataError
+            Text, infinity, or decimal commas and points in one file.
+        """
+        cells = self.columns[column]
+        if isinstance(cells, np.ndarray):
+            values = cells.astype(np.float64)
+        else:
+            values = self._convert(cells, column)
+        infinite = np.flatnonzero(np.isinf(values))
+        if infinite.size:
+            row = int(infinite[0])
+            cell = show(str(cells[row]))
+            raise DataError(
+                f"{self.at(row, self.headers[column])}: {cell} is infinite. "
+                'Correct it, or leave the cell empty for "not measured".'
+            )
+        return values
+
+    def _convert(self, cells: Sequence[str], column: int) -> NDArray[np.float64]:
+        """Convert all cells at once if they are plain numbers, else one by one, which finds the culprit."""
+        text = "\n".join(cells)
+        comma = self.decimal_commas and "," in text
+        mixed = self.decimal_commas and "." in text
+        if not (mixed or "_" in text):  # Python reads 1_000 as a number, people do not write it
+            plain = text.replace(",", ".").split("\n") if comma else cells
+            try:
+                values = np.fromiter(map(float, plain), dtype=np.float64, count=len(cells))
+            except ValueError:
+                pass
+            else:
+                if comma:
+                    row = next(i for i, cell in enumerate(cells) if "," in cell)
+                    self._one_decimal_sign(cells[row].strip(), row, column)
+                return values
+        return np.array([self._number(cell.strip(), row, column) for row, cell in enumerate(cells)])
+
+    def _number(self, cell: str, row: int, column: int) -> float:
+        if cell.lower() in NOT_MEASURED:
+            return math.nan
+        number = cell
+        if self.decimal_commas:
+            self._one_decimal_sign(cell, row, column)
+            number = cell.replace(",", ".")
+        if "," not in number and (NUMBER.fullmatch(number) or number.lower().lstrip("+-") in _INFINITE):
+            return float(number)
+        raise DataError(
+            f"{self.at(row, self.headers[column])}: {show(cell)} is not a number. "
+            'Correct it, or leave the cell empty for "not measured".'
+        )
+
+    def _one_decimal_sign(self, cell: str, row: int, column: int) -> None:
+        """Refuse a file with decimal commas and points: one of them could part thousands."""
+        if not NUMBER.fullmatch(cell):
+            return
+        for sign, other in ((",", "."), (".", ",")):
+            if sign not in cell:
+                continue
+            self._points.setdefault(sign, (row, column))
+            if other in self._points:
+                there, of = self._points[other]
+                raise DataError(
+                    f"{self.at(row, self.headers[column])}: {show(cell)} has a decimal {_SIGN[sign]}, "
+                    f"{self.word} {self.lines[there]} in column {self.headers[of]} a decimal {_SIGN[other]}. "
+                    "Write all numbers the same way."
+                )
+
+
+_INFINITE = ("inf", "infinity")
+_SIGN = {",": "comma", ".": "point"}
+
+
+def show(cell: str) -> str:
+    """Return a cell in quotes, shortened."""
+    return f"'{cell}'" if len(cell) <= 40 else f"'{cell[:20]}...' ({len(cell)} characters)"

@@ -1,0 +1,252 @@
+"""Dataset folders: data.csv in the common schema beside a Frictionless Data Package (version 1).
+
+The package's own properties live in its ``ifrfit`` object: provenance, conditions, default selection, noise
+policy, faces, inertia factor, assumptions and printed constants.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ifrfit.data.observations import Descriptor
+from ifrfit.data.schema import PROVENANCES
+from ifrfit.errors import DataError
+
+DATA_FILE = "data.csv"
+PACKAGE_FILE = "datapackage.json"
+
+_ANGLE = {"minimum": 0, "maximum": 90}
+_PSI = (
+    "psi_after over the incoming normal velocity, psi_out over the outgoing one, "
+    "positive if the contact point goes on in its direction"
+)
+
+#: Fields of data.csv, in order: (name, type, unit, description, constraints).
+_FIELDS: tuple[tuple[str, str, str, str, dict[str, Any]], ...] = (
+    ("series", "string", "", "Label of the series.", {"required": True}),
+    (
+        "observable",
+        "string",
+        "",
+        "What was observed. beta = -V_x/U_x of the contact point and beta_cm = -v_x/u_x of the centre (both "
+        "negative if the motion goes on forwards); spins after are R Omega/u, and the forward roll that "
+        "friction gives is a negative spin_y_after; delta_deg is the centre's angle from the normal; "
+        f"{_PSI}.",
+        {"required": True},
+    ),
+    ("gamma_deg", "number", "deg", "Incidence angle from the wall's normal; empty for e_n and mu.", _ANGLE),
+    ("spin_x", "number", "1", "R omega_x/u before the impact (minus the right-handed one).", {}),
+    ("spin_y", "number", "1", "R omega_y/u before the impact; positive is back-spin.", {}),
+    ("sigma_spin_x", "number", "1", "Standard uncertainty of spin_x.", {"minimum": 0}),
+    ("sigma_spin_y", "number", "1", "Standard uncertainty of spin_y.", {"minimum": 0}),
+    ("speed_m_s", "number", "m/s", "Speed u before the impact.", {"minimum": 0}),
+    (
+        "value",
+        "number",
+        "deg for observables that end in _deg, else 1",
+        "The observation; velocities and spins per incoming speed u.",
+        {"required": True},
+    ),
+    ("sigma", "number", "as value", "Standard uncertainty of value.", {"minimum": 0}),
+    ("sigma_gamma_deg", "number", "deg", "Standard uncertainty of gamma_deg.", {"minimum": 0}),
+    ("impact_id", "string", "", "Rows of the same physical impact share it.", {}),
+    (
+        "provenance",
+        "string",
+        "",
+        "Where the number comes from.",
+        {"required": True, "enum": list(PROVENANCES)},
+    ),
+)
+#: JSON types of the ``ifrfit`` object, for folders that users write themselves.
+_OWN_TYPES: dict[str, tuple[type, ...]] = {
+    "conditions": (dict,),
+    "default_observables": (list,),
+    "default_series": (list,),
+    "noise": (str, type(None)),
+    "faces": (list,),
+    "inertia_factor": (int, float),
+    "assumptions": (list,),
+    "printed_constants": (dict,),
+    "printed_constants_by_series": (dict,),
+}
+FIELD_NAMES = tuple(field[0] for field in _FIELDS)
+
+
+@dataclass(frozen=True)
+class PackageText:
+    """What a data package says about itself apart from its numbers.
+
+    Attributes
+    ----------
+    name, title, description : str
+    licences, sources : sequence of mapping
+        As Frictionless has them: name/path/title, title/path.
+    own : mapping
+        The ``ifrfit`` object.
+    """
+
+    name: str
+    title: str
+    description: str
+    licences: Sequence[Mapping[str, str]]
+    sources: Sequence[Mapping[str, str]]
+    own: Mapping[str, Any]
+
+
+def csv_bytes(rows: Iterable[Mapping[str, str]]) -> bytes:
+    """Rows of text in the common schema as the bytes of a data.csv (UTF-8, line feeds)."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, FIELD_NAMES, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode("utf-8")
+
+
+def package_bytes(text: PackageText, data: bytes) -> bytes:
+    """Return the datapackage.json that describes `data`, with its size and SHA-256."""
+    fields = [
+        {
+            "name": name,
+            "type": kind,
+            **({"unit": unit} if unit else {}),
+            "description": description,
+            **({"constraints": constraints} if constraints else {}),
+        }
+        for name, kind, unit, description, constraints in _FIELDS
+    ]
+    package = {
+        "profile": "tabular-data-package",
+        "name": text.name,
+        "title": text.title,
+        "description": text.description,
+        "licenses": [dict(licence) for licence in text.licences],
+        "sources": [dict(source) for source in text.sources],
+        "resources": [
+            {
+                "profile": "tabular-data-resource",
+                "name": "data",
+                "path": DATA_FILE,
+                "format": "csv",
+                "mediatype": "text/csv",
+                "encoding": "utf-8",
+                "bytes": len(data),
+                "hash": f"sha256:{hashlib.sha256(data).hexdigest()}",
+                "schema": {"fields": fields, "missingValues": [""]},
+            }
+        ],
+        "ifrfit": dict(text.own),
+    }
+    return (json.dumps(package, indent=2, ensure_ascii=False) + "\n").encode("utf-8")
+
+
+def write_folder(folder: Path, text: PackageText, data: bytes) -> None:
+    """Write data.csv and datapackage.json into `folder`, which is made if it is not there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / DATA_FILE).write_bytes(data)
+    (folder / PACKAGE_FILE).write_bytes(package_bytes(text, data))
+
+
+def read_package(folder: Path) -> dict[str, Any]:
+    """Read the contents of a folder's datapackage.json.
+
+    Raises
+    ------
+    DataError
+        If it is missing, is not JSON or lacks what a dataset of ifrfit needs.
+    """
+    path = folder / PACKAGE_FILE
+    try:
+        package = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(
+            f"{folder}: there is no {PACKAGE_FILE}. Give the folder of a dataset, or its CSV file."
+        ) from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise DataError(f"{path}: cannot be read as JSON ({error}). Correct it.") from None
+    own = package.get("ifrfit") if isinstance(package, dict) else None
+    if not isinstance(own, dict) or own.get("provenance") not in PROVENANCES:
+        raise DataError(
+            f"{path}: has no object 'ifrfit' that states a provenance ({', '.join(PROVENANCES)}). Add it, "
+            "or read the CSV file by itself."
+        )
+    wrong = [key for key, kind in _OWN_TYPES.items() if key in own and not isinstance(own[key], kind)]
+    if wrong:
+        raise DataError(f"{path}: 'ifrfit' has a {wrong[0]} of the wrong type. Correct it.")
+    return dict(package)
+
+
+def verified_data(folder: Path, package: Mapping[str, Any], remedy: str) -> tuple[Path, str]:
+    """Path and SHA-256 of the folder's data file, which must be the one the package describes.
+
+    Parameters
+    ----------
+    folder : Path
+    package : mapping
+        Contents of its datapackage.json.
+    remedy : str
+        Sentence that ends the message when the file was changed.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, unnamed, outside the folder or not the one that was described.
+    """
+    try:
+        resource = package["resources"][0]
+        name, stated = str(resource["path"]), str(resource["hash"])
+    except (KeyError, IndexError, TypeError):
+        raise DataError(
+            f"{folder / PACKAGE_FILE}: names no resource with a path and a hash 'sha256:...'. Add it."
+        ) from None
+    path = folder / name
+    if path.name != name:
+        raise DataError(
+            f"{folder / PACKAGE_FILE}: the path '{name}' leaves the folder. Keep the data beside it."
+        )
+    try:
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        raise DataError(f"{path}: cannot be read. {remedy}") from None
+    if stated != f"sha256:{digest}":
+        raise DataError(f"{path}: is not the file that {PACKAGE_FILE} describes (another SHA-256). {remedy}")
+    return path, digest
+
+
+def to_descriptor(package: Mapping[str, Any]) -> Descriptor:
+    """Return the typed view of a datapackage.json that loading, fitting and reporting use."""
+    own: Mapping[str, Any] = package["ifrfit"]
+    licences = package.get("licenses", ())
+    return Descriptor(
+        name=str(package.get("name", "")),
+        title=str(package.get("title", package.get("name", ""))),
+        provenance=str(own["provenance"]),
+        conditions=dict(own.get("conditions", {})),
+        default_observables=tuple(own.get("default_observables", ())),
+        default_series=tuple(own.get("default_series", ())),
+        noise=own.get("noise"),
+        faces=tuple(tuple(group) for group in own.get("faces", ())),
+        inertia_factor=float(own.get("inertia_factor", 0.4)),
+        assumptions=tuple(own.get("assumptions", ())),
+        printed_constants={key: float(value) for key, value in own.get("printed_constants", {}).items()},
+        licence="; ".join(str(entry.get("title") or entry.get("name", "")) for entry in licences),
+        source="; ".join(str(entry.get("title", "")) for entry in package.get("sources", ())),
+    )
+
+
+def package_provenance(of_rows: Iterable[str]) -> str:
+    """Return the provenance of a dataset whose rows differ: the one that claims least.
+
+    Parameters
+    ----------
+    of_rows : iterable of str
+        Provenances of the rows.
+    """
+    return max(of_rows, key=PROVENANCES.index)

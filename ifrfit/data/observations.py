@@ -1,0 +1,288 @@
+"""What was measured: one tidy table, where it came from, and what the user should be told about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ifrfit.errors import UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TEXT_COLUMNS = ("series", "observable", "impact_id", "provenance", "source")
+NUMBER_COLUMNS = (
+    "gamma_deg",
+    "spin_x",
+    "spin_y",
+    "sigma_spin_x",
+    "sigma_spin_y",
+    "speed_m_s",
+    "value",
+    "sigma",
+    "sigma_gamma_deg",
+)
+SCHEMA = (
+    "series",
+    "observable",
+    "gamma_deg",
+    "spin_x",
+    "spin_y",
+    "sigma_spin_x",
+    "sigma_spin_y",
+    "speed_m_s",
+    "value",
+    "sigma",
+    "sigma_gamma_deg",
+    "impact_id",
+    "provenance",
+)
+BOOKKEEPING = ("n_repeats", "source", "row")
+TABLE_COLUMNS = SCHEMA + BOOKKEEPING
+
+
+@dataclass(frozen=True)
+class Descriptor:
+    """What is known about a dataset beside its numbers.
+
+    Attributes
+    ----------
+    name, title : str
+        Short name and one-line title.
+    provenance : str
+        ``measured``, ``digitised``, ``simulated`` or ``stand-in``.
+    conditions : mapping
+        Diameter, material, wall, speed, spin and so on, as the source states them.
+    default_observables, default_series : tuple of str
+        What is used when the user chooses nothing; empty means everything.
+    noise : str or None
+        Default noise policy (``known``, ``scaled``, ``unknown``), or None where the data decide.
+    faces : tuple of tuple of str
+        Groups of series that are faces, or repeat readings, of the same impacts; never counted twice
+        together.
+    inertia_factor : float
+        J = I/(m R^2): 2/5 for a homogeneous sphere.
+    assumptions : tuple of str
+        What was assumed where the source is silent.
+    printed_constants : mapping
+        Constants that the source prints; empty if none.
+    licence, source : str
+        Licence of the numbers, and where they come from.
+    """
+
+    name: str
+    title: str
+    provenance: str
+    conditions: Mapping[str, object] = field(default_factory=dict)
+    default_observables: tuple[str, ...] = ()
+    default_series: tuple[str, ...] = ()
+    noise: str | None = None
+    faces: tuple[tuple[str, ...], ...] = ()
+    inertia_factor: float = 0.4
+    assumptions: tuple[str, ...] = ()
+    printed_constants: Mapping[str, float] = field(default_factory=dict)
+    licence: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file or dataset that went into the observations.
+
+    Attributes
+    ----------
+    name : str
+        File name or dataset name.
+    sha256 : str
+        SHA-256 of the bytes that were read, hexadecimal.
+    rows : int
+        Rows of the common schema that the source offers: ``rows_used`` plus everything in ``rows_skipped``.
+        A wide table offers one for every observable of every line.
+    rows_used : int
+        Rows still in the table.
+    rows_skipped : mapping of str to int
+        Count of the others by reason.
+    provenance : str
+        ``measured``, ``digitised``, ``simulated``, ``stand-in``, several joined by ``, ``, or empty: not
+        stated.
+    selection : str
+        What was chosen from the source, in words; empty where all of it is used.
+    descriptor : Descriptor or None
+        For bundled or installed datasets.
+    """
+
+    name: str
+    sha256: str
+    rows: int
+    rows_used: int
+    rows_skipped: Mapping[str, int] = field(default_factory=dict)
+    provenance: str = ""
+    selection: str = ""
+    descriptor: Descriptor | None = None
+
+
+class _Frame:
+    """Data descriptor that hands out shallow copies, so that nobody writes into the stored frame.
+
+    pandas 3 copies on write: the copy costs microseconds and still cannot reach the original.
+    """
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._key = f"_{name}"
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Any:
+        if instance is None:
+            raise AttributeError(self._key)  # dataclass reads this as: the field has no default
+        return instance.__dict__[self._key].copy(deep=False)
+
+    def __set__(self, instance: Any, value: Any) -> None:
+        instance.__dict__[self._key] = value.copy(deep=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Observations in the common schema, with their sources and what is worth telling about them.
+
+    Attributes
+    ----------
+    table : pandas.DataFrame
+        Columns `TABLE_COLUMNS`; one row is one observation of one observable. Angles in degrees from the wall
+        normal, spins as R omega/u in the paper's signs, speed in m/s, values in degrees where the name of the
+        observable ends in ``_deg`` and dimensionless otherwise. Missing numbers are NaN, missing strings
+        empty. What is handed out is a copy.
+    sources : tuple of Source
+    notes : tuple of str
+        Sentences for the user.
+    """
+
+    table: pd.DataFrame = _Frame()  # type: ignore[assignment]
+    sources: tuple[Source, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.__dict__["_table"])
+
+    @property
+    def provenance(self) -> tuple[str, ...]:
+        """Return the distinct provenances in order of appearance; empty string where none is stated."""
+        return tuple(str(p) for p in self.table["provenance"].unique())
+
+    def with_note(self, *notes: str) -> Observations:
+        """Return the same observations with further notes."""
+        return replace(self, notes=(*self.notes, *(n for n in notes if n not in self.notes)))
+
+    def __repr__(self) -> str:
+        """Return one line: how many rows of what from where."""
+        return f"Observations({self._headline()})"
+
+    def _repr_html_(self) -> str:
+        """Return the headline, the first rows and the notes for a notebook."""
+        from html import escape
+
+        body = self.table.dropna(axis="columns", how="all").head(10).to_html(index=False)
+        notes = "".join(f"<li>{escape(n)}</li>" for n in self.notes)
+        return f"<p>{escape(self._headline())}</p>{body}" + (f"<ul>{notes}</ul>" if notes else "")
+
+    def _headline(self) -> str:
+        table = self.table
+        names = ", ".join(s.name for s in self.sources) or "no source"
+        observables = ", ".join(str(o) for o in table["observable"].unique())
+        provenance = ", ".join(p or "provenance not stated" for p in self.provenance)
+        return f"{names}: {len(table)} rows of {observables or 'nothing'}; {provenance or 'empty'}"
+
+
+def make_table(columns: Mapping[str, Any]) -> pd.DataFrame:
+    """Build a table with every column of `TABLE_COLUMNS`, in order, from the ones that are given.
+
+    Parameters
+    ----------
+    columns : mapping of str to array_like or scalar
+        Equal lengths; scalars are repeated. ``value`` must be an array.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Missing numbers are NaN (spins 0, ``n_repeats`` 1, ``row`` 1, 2, ...), missing strings empty.
+    """
+    import pandas as pd
+
+    n = len(columns["value"])
+    full: dict[str, Any] = {}
+    for name in TABLE_COLUMNS:
+        if name in columns:
+            full[name] = columns[name]
+        elif name in ("spin_x", "spin_y"):
+            full[name] = np.zeros(n)
+        elif name == "n_repeats":
+            full[name] = np.ones(n, dtype=np.int64)
+        elif name == "row":
+            full[name] = np.arange(1, n + 1)
+        else:
+            full[name] = "" if name in TEXT_COLUMNS else np.full(n, np.nan)
+    table = pd.DataFrame(full, index=pd.RangeIndex(n))
+    for name in NUMBER_COLUMNS:
+        table[name] = table[name].astype(float)
+    for name in TEXT_COLUMNS:
+        table[name] = table[name].astype("str")
+    return table.astype({"n_repeats": np.int64, "row": np.int64})
+
+
+def combine(parts: Sequence[Observations]) -> Observations:
+    """Put several observations into one; series and impacts of different sources stay apart.
+
+    Parameters
+    ----------
+    parts : sequence of Observations
+
+    Returns
+    -------
+    Observations
+        A second source of the same name is called ``NAME (2)``.
+
+    Raises
+    ------
+    UsageError
+        Nothing is given, or the same file is given twice.
+    """
+    import pandas as pd
+
+    if not parts:
+        raise UsageError("No data given: name at least one file or dataset.")
+    if len(parts) == 1:
+        return parts[0]
+    tables: list[pd.DataFrame] = []
+    sources: list[Source] = []
+    notes: list[str] = []
+    for part in parts:
+        table = part.table
+        for source in part.sources:
+            _refuse_twice(source, sources)
+            name = _free_name(source.name, {s.name for s in sources})
+            if name != source.name:
+                table["source"] = table["source"].replace(source.name, name)
+            sources.append(replace(source, name=name))
+        tables.append(table)
+        notes.extend(n for n in part.notes if n not in notes)
+    return Observations(pd.concat(tables, ignore_index=True), tuple(sources), tuple(notes))
+
+
+def _refuse_twice(source: Source, before: Sequence[Source]) -> None:
+    for other in before:
+        if source.sha256 and source.sha256 == other.sha256:
+            same = source.name if source.name == other.name else f"{other.name} and {source.name}"
+            raise UsageError(
+                f"{same}: the same data are given twice and would be counted twice. Name them once."
+            )
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    number = 2
+    free = name
+    while free in taken:
+        free = f"{name} ({number})"
+        number += 1
+    return free

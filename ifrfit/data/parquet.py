@@ -1,0 +1,49 @@
+"""Parquet files to columns."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+
+from ifrfit.errors import DataError
+
+
+def read_parquet(raw: bytes, file: str) -> tuple[list[str], list[Any]]:
+    """Return the names and the columns of a Parquet file: float arrays, or sequences of text.
+
+    Raises
+    ------
+    DataError
+        The file is damaged, or a column holds neither numbers nor text.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(io.BytesIO(raw))
+    except (pa.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0] if str(error) else "damaged"
+        raise DataError(f"{file}: not a readable Parquet file ({reason:.100}). Write it again.") from None
+    names = [str(name).strip() for name in table.column_names if not str(name).startswith("__index_level_")]
+    return names, [_column(table.column(name), name, file, pa) for name in names]
+
+
+def _column(column: Any, name: str, file: str, pa: Any) -> Any:
+    kind = column.type
+    if pa.types.is_dictionary(kind):
+        column = column.cast(kind.value_type)
+        kind = column.type
+    if (
+        pa.types.is_integer(kind)
+        or pa.types.is_floating(kind)
+        or pa.types.is_decimal(kind)
+        or pa.types.is_null(kind)
+    ):
+        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
+    if pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind):
+        return [cell if cell is not None else "" for cell in column.to_pylist()]
+    raise DataError(
+        f"{file}, column {name}: holds {kind}, neither numbers nor text. Convert it or remove it."
+    )

@@ -1,0 +1,304 @@
+"""Raw velocities before and after, turned into velocities and spins per incoming speed.
+
+Frame of the file: z points into the wall, x along the incoming tangential velocity, y completes a
+right-handed frame; spins are right-handed. If the tangential velocity is not along x, everything is rotated
+about z until it is. In the paper's signs omega_x is minus the right-handed one and omega_y is the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.columns import RAW
+from ifrfit.data.layout import Layout
+from ifrfit.data.momentum import momentum_note
+from ifrfit.data.pieces import Piece
+from ifrfit.data.schema import OBSERVABLES
+from ifrfit.data.wide import impact_ids
+from ifrfit.errors import DataError
+from ifrfit.physics.angles import sincos
+
+Array = NDArray[np.float64]
+
+
+def is_raw(layout: Layout) -> bool:
+    """Tell whether a table gives raw velocities or spin rates."""
+    return any(key.startswith("raw:") for key in layout.columns)
+
+
+@dataclass(frozen=True)
+class _Incoming:
+    """Speed, angle and direction before; c, s: cosine and sine of the turn about z; sigmas may be NaN."""
+
+    u: Array
+    gamma_deg: Array
+    tangential: Array
+    c: Array
+    s: Array
+    sigma_u: Array
+    sigma_gamma_deg: Array
+    sigma_turn: Array
+
+    def turned(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Return components along and across the incoming tangential velocity.
+
+        Without a turn a component that was not measured does not spoil the other.
+        """
+        straight = self.s == 0.0
+        along = np.where(straight, self.c * x, self.c * x + self.s * y)
+        across = np.where(straight, self.c * y, self.c * y - self.s * x)
+        return along, across
+
+    def turned_sigma(self, x: Array, y: Array, along: Array, across: Array) -> tuple[Array, Array]:
+        """Return the uncertainties of turned components: those of the components and of the turn itself."""
+        straight = self.s == 0.0
+        c2, s2, turn2 = self.c**2, self.s**2, self.sigma_turn**2
+        var_along = np.where(straight, c2 * x**2, c2 * x**2 + s2 * y**2) + _zero(across**2 * turn2)
+        var_across = np.where(straight, c2 * y**2, c2 * y**2 + s2 * x**2) + _zero(along**2 * turn2)
+        return np.sqrt(var_along), np.sqrt(var_across)
+
+    def per_speed(self, value: Array, sigma: Array) -> tuple[Array, Array]:
+        """Return a velocity over u, and its uncertainty with that of u."""
+        ratio = value / self.u
+        return ratio, np.sqrt(sigma**2 + _zero((ratio * self.sigma_u) ** 2)) / self.u
+
+
+def _zero(x: Array) -> Array:
+    """Return `x` with 0 for what was not stated."""
+    return np.where(np.isnan(x), 0.0, x)
+
+
+def read_raw(layout: Layout, inertia_factor: float) -> list[Piece]:
+    """Return the measured velocities and spins after each impact, per incoming speed.
+
+    Quantities computed from both (beta and the like) are left out: they would count the impact twice. The
+    note on angular momentum (v_t - J R Omega is conserved whatever the closure) is added to the layout.
+
+    Parameters
+    ----------
+    layout : Layout
+    inertia_factor : float
+        J = I/(m R^2), for the check of angular momentum only.
+
+    Raises
+    ------
+    DataError
+        Columns are missing or do not go together, or an impact does not approach or does not leave the wall.
+    """
+    _check_columns(layout)
+    rows = np.arange(len(layout.cells))
+    incoming = _incoming(layout)
+    radius = _radius(layout)
+    before = _spins(layout, incoming, radius, "")
+    after = _spins(layout, incoming, radius, "_after")
+    common: dict[str, Any] = {
+        "gamma_deg": incoming.gamma_deg,
+        "sigma_gamma_deg": incoming.sigma_gamma_deg,
+        "speed_m_s": incoming.u,
+        "impact_id": impact_ids(layout),
+        "n_repeats": np.ones(len(rows), dtype=np.int64),
+    }
+    for axis in "xy":
+        value, sigma, _ = before.get(axis, (np.zeros(len(rows)), np.full(len(rows), np.nan), ""))
+        common |= {f"spin_{axis}": value, f"sigma_spin_{axis}": sigma}
+    results = _velocities(layout, incoming)
+    results |= {f"spin_{axis}_after": after[axis] for axis in "yx" if axis in after}
+    pieces = []
+    for name in (o for o in OBSERVABLES if o in results):
+        value, sigma, header = results[name]
+        columns = {
+            **common,
+            "observable": np.full(len(rows), name, dtype=object),
+            "value": value,
+            "sigma": sigma,
+        }
+        headers = {**_headers(layout), "value": header, "sigma": f"sigma_{header}"}
+        pieces.append(Piece(columns, rows, headers))
+    if not pieces:
+        raise DataError(
+            f"{layout.cells.file}: no velocity after the impact. Add v_x_m_s and v_z_m_s, or "
+            "omega_y_after_rad_s."
+        )
+    if "spin_y_after" in results:
+        values = {name: value for name, (value, _, _) in results.items()}
+        note = momentum_note(layout.cells, common, values, incoming.tangential / incoming.u, inertia_factor)
+        layout.notes.extend([note] if note else [])
+        if not before:
+            layout.notes.append(
+                f"{layout.cells.name}: no spin before the impact is given; it was taken as 0."
+            )
+    return pieces
+
+
+def _angle_header(layout: Layout) -> str:
+    return layout.header("gamma", layout.header("tan_gamma", layout.header("raw:u_x")))
+
+
+def _headers(layout: Layout) -> dict[str, str]:
+    """Return the column that each column of the schema comes from, for messages."""
+    angle = _angle_header(layout)
+    headers = {"gamma_deg": angle, "speed_m_s": layout.header("speed", angle)}
+    for axis in "xy":
+        for kind in ("", "sigma_"):
+            key = f"{kind and 'sigma:'}raw:omega_{axis}"
+            headers[f"{kind}spin_{axis}"] = layout.header(key, f"{kind}omega_{axis}")
+    return headers
+
+
+def _check_columns(layout: Layout) -> None:
+    cells = layout.cells
+    for key, column in layout.columns.items():
+        if key in RAW:
+            raise DataError(
+                f"{cells.at(header=column.header)}: no unit. Among raw velocities it needs one, for example "
+                f"{key}_m_s."
+            )
+        if key in OBSERVABLES or key.startswith("spin_") or key in ("value", "observable", "sigma", "sd"):
+            raise DataError(
+                f"{cells.at(header=column.header)}: does not go with raw velocities such as "
+                f"{next(c.header for k, c in layout.columns.items() if k.startswith('raw:'))}. Keep the "
+                "velocities and spins in one file, what was computed from them in another."
+            )
+    angled = layout.has("gamma") or layout.has("tan_gamma")
+    if not layout.has("raw:u_z") and not (angled and layout.has("speed")):
+        raise DataError(
+            f"{cells.file}: the incoming velocity is missing. Add u_x_m_s and u_z_m_s (z points into the "
+            "wall), or speed_m_s and gamma_deg."
+        )
+    if layout.has("raw:u_z") and not layout.has("raw:u_x"):
+        raise DataError(f"{cells.file}: there is u_z but no u_x. Add u_x_m_s; it is 0 for a normal impact.")
+    if layout.has("raw:u_z") and angled:
+        raise DataError(
+            f"{cells.file}: the incidence is given twice, by {_angle_header(layout)} and by "
+            f"{layout.header('raw:u_x')}, {layout.header('raw:u_z')}. Remove one."
+        )
+    if layout.has("raw:v_z") and layout.has("raw:v_n"):
+        raise DataError(
+            f"{cells.file}: the normal velocity after is given twice, as v_z and v_n. Remove one."
+        )
+
+
+def _incoming(layout: Layout) -> _Incoming:
+    n = len(layout.cells)
+    if not layout.has("raw:u_z"):
+        gamma, u = layout.gamma(), layout.numbers("speed")
+        _require(layout, "speed", u, u > 0, "the speed must be positive")
+        sine = sincos(gamma, degrees=True)[0]
+        none = np.full(n, np.nan)
+        sigma_gamma = layout.numbers("sigma_gamma")
+        return _Incoming(u, gamma, u * sine, np.ones(n), np.zeros(n), none, sigma_gamma, none)
+    x, z = layout.numbers("raw:u_x"), layout.numbers("raw:u_z")
+    y = layout.numbers("raw:u_y") if layout.has("raw:u_y") else np.zeros(n)
+    _require(layout, "raw:u_z", z, z > 0, "z points into the wall, so a sphere that comes has a positive u_z")
+    tangential = np.hypot(x, y)
+    u = np.hypot(tangential, z)
+    moving = tangential > 0.0
+    length = np.where(moving, tangential, 1.0)
+    c, s = np.where(moving, x / length, 1.0), np.where(moving, y / length, 0.0)
+    given = [layout.numbers(f"sigma:raw:u_{axis}") for axis in "xyz"]
+    stated = ~np.isnan(given).all(axis=0)
+    sx, sy, sz = (_zero(sigma) for sigma in given)
+    along = np.hypot(c * sx, s * sy)
+    sigma_u = np.sqrt((tangential * along) ** 2 + (z * sz) ** 2) / u
+    sigma_gamma = np.degrees(np.hypot(z * along, tangential * sz) / u**2)
+    turn = np.where(moving, np.hypot(s * sx, c * sy) / length, 0.0)
+    return _Incoming(
+        u,
+        np.degrees(np.arctan2(tangential, z)),
+        tangential,
+        c,
+        s,
+        np.where(stated, sigma_u, np.nan),
+        np.where(stated, sigma_gamma, np.nan),
+        np.where(stated, turn, np.nan),
+    )
+
+
+def _require(layout: Layout, key: str, values: Array, holds: NDArray[np.bool_], rule: str) -> None:
+    bad = np.flatnonzero(~holds & ~np.isnan(values))
+    if bad.size:
+        row = int(bad[0])
+        raise DataError(
+            f"{layout.cells.at(row, layout.header(key))}: {values[row]:g}, but {rule}. Correct it."
+        )
+
+
+def _radius(layout: Layout) -> tuple[Array, Array] | None:
+    """Return radius and its uncertainty, None if no spin rate needs it."""
+    rates = [column for key, column in layout.columns.items() if key.startswith("raw:omega_")]
+    if layout.has("raw:radius") and layout.has("raw:diameter"):
+        raise DataError(f"{layout.cells.file}: radius and diameter are both given. Remove one.")
+    key, factor = ("raw:diameter", 0.5) if layout.has("raw:diameter") else ("raw:radius", 1.0)
+    if not layout.has(key):
+        if rates:
+            raise DataError(
+                f"{layout.cells.at(header=rates[0].header)}: a spin rate needs the size of the sphere. Add a "
+                "column radius_m, radius_mm or diameter_mm."
+            )
+        return None
+    radius = layout.numbers(key) * factor
+    _require(layout, key, radius, (radius > 1e-9) & (radius < 1e3), "a sphere has between 1e-9 and 1e3 m")
+    if layout.has(f"sigma:{key}"):
+        layout.notes.append(
+            f"{layout.cells.name}: the uncertainty of the size is common to all impacts, but enters each "
+            "spin as if it were independent."
+        )
+    return radius, layout.numbers(f"sigma:{key}") * factor
+
+
+def _spins(
+    layout: Layout, incoming: _Incoming, radius: tuple[Array, Array] | None, when: str
+) -> dict[str, tuple[Array, Array, str]]:
+    """Return R omega/u in the paper's signs, its uncertainty and the header, by axis that is given."""
+    keys = {axis: f"raw:omega_{axis}{when}" for axis in "xy"}
+    given = [axis for axis in "xy" if layout.has(keys[axis])]
+    if radius is None or not given:
+        return {}
+    # Before the impact an axis without a column has no spin; after it, it was not measured.
+    missing = 0.0 if not when else np.nan
+    x, y = (
+        layout.numbers(k) if layout.has(k) else np.full(len(layout.cells), missing) for k in keys.values()
+    )
+    sx, sy = (layout.numbers(f"sigma:{k}") for k in keys.values())
+    along, across = incoming.turned(x, y)
+    s_along, s_across = incoming.turned_sigma(sx, sy, along, across)
+    result = {}
+    for axis, rate, sigma, sign in (("x", along, s_along, -1.0), ("y", across, s_across, 1.0)):
+        if axis not in given and not np.any(incoming.s != 0.0):
+            continue
+        size, sigma_size = radius
+        spread = np.sqrt((size * sigma) ** 2 + _zero((rate * sigma_size) ** 2))
+        value, uncertainty = incoming.per_speed(sign * size * rate, spread)
+        result[axis] = (value, uncertainty, layout.header(keys[axis], layout.header(keys[given[0]])))
+    return result
+
+
+def _velocities(layout: Layout, incoming: _Incoming) -> dict[str, tuple[Array, Array, str]]:
+    """Return v_x, v_y and v_n over u, with uncertainty and header, as far as they were measured."""
+    result: dict[str, tuple[Array, Array, str]] = {}
+    x, y = layout.numbers("raw:v_x"), layout.numbers("raw:v_y")
+    along, across = incoming.turned(x, y)
+    sigmas = incoming.turned_sigma(
+        layout.numbers("sigma:raw:v_x"), layout.numbers("sigma:raw:v_y"), along, across
+    )
+    for axis, value, sigma in (("x", along, sigmas[0]), ("y", across, sigmas[1])):
+        if layout.has(f"raw:v_{axis}"):
+            result[f"v_{axis}"] = (*incoming.per_speed(value, sigma), layout.header(f"raw:v_{axis}"))
+    if layout.has("raw:v_z"):
+        z = layout.numbers("raw:v_z")
+        _require(
+            layout, "raw:v_z", z, z <= 0, "z points into the wall, so a sphere that leaves has a negative v_z"
+        )
+        result["v_n"] = (*incoming.per_speed(-z, layout.numbers("sigma:raw:v_z")), layout.header("raw:v_z"))
+    elif layout.has("raw:v_n"):
+        normal = layout.numbers("raw:v_n")
+        _require(layout, "raw:v_n", normal, normal >= 0, "v_n is the magnitude of the normal velocity after")
+        result["v_n"] = (
+            *incoming.per_speed(normal, layout.numbers("sigma:raw:v_n")),
+            layout.header("raw:v_n"),
+        )
+    return result

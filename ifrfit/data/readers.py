@@ -1,0 +1,135 @@
+"""Read a table of impacts into the common schema."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ifrfit.data.cells import Cells, show
+from ifrfit.data.columns import is_known
+from ifrfit.data.conventions import Conventions, parse_conventions
+from ifrfit.data.layout import Layout, identify
+from ifrfit.data.long import read_long
+from ifrfit.data.observations import Observations, Source, make_table
+from ifrfit.data.pieces import Piece
+from ifrfit.data.raw import is_raw, read_raw
+from ifrfit.data.schema import OBSERVABLES, PROVENANCES, provenance_name
+from ifrfit.data.tabular import read_cells
+from ifrfit.data.validate import drop_missing, validate
+from ifrfit.data.wide import read_wide
+from ifrfit.errors import DataError, UsageError
+
+
+def read(
+    path: str | Path, *, convention: Sequence[str] | Mapping[str, str] = (), inertia_factor: float = 0.4
+) -> Observations:
+    """Read a CSV, TSV or Parquet file: long, wide, or raw velocities before and after.
+
+    Comma, semicolon or tab; decimal comma; UTF-8, UTF-16 with BOM or Latin-1; lines that begin with ``#`` and
+    titles before the header are passed over; units stand in the headers. Empty cells and NaN are "not
+    measured": skipped, counted and noted. Nothing is averaged and no convention is guessed.
+
+    Parameters
+    ----------
+    path : str or Path
+    convention : sequence of ``NAME=CHOICE`` or mapping, optional
+        ``angle``, ``beta``, ``e_t``, ``psi``, ``column:NAME``, ``unit:HEADER``; see
+        `ifrfit.data.conventions.parse_conventions`.
+    inertia_factor : float
+        J = I/(m R^2), used by the check of angular momentum of raw velocities.
+
+    Returns
+    -------
+    Observations
+        Angles in degrees from the normal, velocities and spins per incoming speed.
+
+    Raises
+    ------
+    DataError
+        The file is refused; the message names file, line and column and what to do.
+    UsageError
+        A convention is unknown or names a column that is not there, or the inertia factor is not positive.
+    """
+    conventions = parse_conventions(convention)
+    if not (math.isfinite(inertia_factor) and inertia_factor > 0):
+        raise UsageError(f"The inertia factor J = I/(m R^2) must be positive, not {inertia_factor:g}.")
+    path = Path(path)
+    named = set(conventions.headers)
+    cells = read_cells(path, lambda text: text.strip() in named or is_known(text))
+    layout = identify(cells, conventions)
+    pieces = _read_form(layout, conventions, inertia_factor)
+    kept: list[Piece] = []
+    skipped: Counter[str] = Counter()
+    for piece in pieces:
+        some, why = drop_missing(piece)
+        validate(some, cells)
+        kept.append(some)
+        skipped.update(why)
+    total = sum(len(piece.rows) for piece in pieces)
+    return _assemble(path, layout, kept, dict(skipped), total)
+
+
+def _read_form(layout: Layout, conventions: Conventions, inertia_factor: float) -> list[Piece]:
+    if layout.has("observable") or layout.has("value"):
+        pieces = read_long(layout)
+    elif is_raw(layout):
+        return read_raw(layout, inertia_factor)
+    else:
+        pieces = read_wide(layout)
+    if not (layout.has("gamma") or layout.has("tan_gamma")):
+        _require_no_angle(pieces, layout)
+    return pieces
+
+
+def _require_no_angle(pieces: Sequence[Piece], layout: Layout) -> None:
+    for piece in pieces:
+        for name in dict.fromkeys(piece.columns["observable"]):
+            if OBSERVABLES[name].needs_gamma:
+                raise DataError(
+                    f"{layout.cells.file}: there is no incidence angle, which {name} needs. Add a column "
+                    "gamma_deg (from the normal), or name one: --convention angle=COLUMN:from-wall"
+                )
+
+
+def _assemble(
+    path: Path, layout: Layout, pieces: Sequence[Piece], skipped: Mapping[str, int], total: int
+) -> Observations:
+    """Join the pieces in the order of the file."""
+    cells = layout.cells
+    rows = np.concatenate([piece.rows for piece in pieces])
+    reasons = "; ".join(f"{count} {reason}" for reason, count in skipped.items())
+    if not rows.size:
+        raise DataError(f"{cells.file}: no row can be used ({reasons}). Fill in what was measured.")
+    order = np.argsort(rows, kind="stable")
+    rows = rows[order]
+    columns: dict[str, Any] = {}
+    for name in pieces[0].columns:
+        columns[name] = np.concatenate([np.asarray(piece.columns[name]) for piece in pieces])[order]
+    series = [text or path.stem for text in layout.texts("series")]
+    columns["series"] = np.array(series, dtype=object)[rows]
+    provenance = np.array(_provenances(layout), dtype=object)[rows]
+    columns |= {"provenance": provenance, "source": path.name, "row": cells.lines[rows]}
+    notes = list(layout.notes)
+    if reasons:
+        notes.append(f"{cells.name}: {total - len(rows)} of {total} observations were skipped: {reasons}.")
+    stated = ", ".join(str(p) for p in dict.fromkeys(provenance) if p)
+    source = Source(path.name, cells.sha256, total, len(rows), dict(skipped), stated)
+    return Observations(make_table(columns), (source,), tuple(notes))
+
+
+def _provenances(layout: Layout) -> list[str]:
+    cells: Cells = layout.cells
+    texts = layout.texts("provenance")
+    names = {text: provenance_name(text) for text in dict.fromkeys(texts)}
+    for text, name in names.items():
+        if name is None:
+            raise DataError(
+                f"{cells.at(texts.index(text), layout.header('provenance'))}: {show(text)} is no provenance. "
+                f"Known are {', '.join(PROVENANCES)}; empty means not stated."
+            )
+    return [names[text] or "" for text in texts]

@@ -1,0 +1,208 @@
+"""Choose the rows a fit uses: by observable, series, angle, speed and row, and never an impact twice."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.excluding import excluded
+from ifrfit.data.observations import Observations, Source
+from ifrfit.data.schema import OBSERVABLES
+from ifrfit.data.twice import counted_twice, shares_e_n
+from ifrfit.errors import DataError, UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What the user chose; empty or None means no restriction.
+
+    Attributes
+    ----------
+    observable, series : tuple of str
+        Only these.
+    gamma_min, gamma_max : float or None
+        Degrees from the normal, both ends included. Rows without an angle (e_n, mu) stay.
+    speed_min, speed_max : float or None
+        m/s, both ends included. Rows without a speed are left out.
+    exclude : tuple of str or int
+        Rows (``7``, ``impacts.csv:7``) or impacts (``drop 3``, ``id:7``).
+    independent : bool
+        Rows of the same impacts are used together: the user vouches that they are independent.
+    """
+
+    observable: tuple[str, ...] = ()
+    series: tuple[str, ...] = ()
+    gamma_min: float | None = None
+    gamma_max: float | None = None
+    speed_min: float | None = None
+    speed_max: float | None = None
+    exclude: tuple[str | int, ...] = ()
+    independent: bool = False
+
+
+def select(obs: Observations, selection: Selection) -> Observations:
+    """Return the rows that were chosen, without counting any impact twice.
+
+    Rows that share an impact_id, or whose series a descriptor declares to be faces of the same impacts, are
+    used as far as they come from different measurements: at most one of the centre's velocity along the wall,
+    one of the spin, one of the normal velocity. A descriptor's default selection holds where the user chose
+    nothing; else measured velocities come first, then centre plus spin, beta, psi, mu_app, delta, beta_tot,
+    lambda.
+
+    Parameters
+    ----------
+    obs : Observations
+    selection : Selection
+
+    Returns
+    -------
+    Observations
+        With notes on what was left out, and `Source.rows_used`, ``rows_skipped`` and ``selection`` brought up
+        to date.
+
+    Raises
+    ------
+    UsageError
+        A name is unknown, a range is empty, or the observables or series named would count impacts twice.
+    DataError
+        Nothing is left.
+    """
+    table = obs.table
+    _check(table, selection)
+    why = np.full(len(table), "", dtype=object)
+    for reason, keep in _filters(table, selection):
+        why[(why == "") & ~keep] = reason
+    why[(why == "") & excluded(table, selection.exclude)] = "excluded"
+    if not np.any(why == ""):
+        raise DataError(_nothing_left(why, selection))
+    notes: list[str] = []
+    if not selection.independent:
+        why[(why == "") & ~_default_selection(obs, table, selection, why == "", notes)] = "not selected"
+        left = np.flatnonzero(why == "")
+        faces = {s.name: s.descriptor.faces for s in obs.sources if s.descriptor}
+        twice, said = counted_twice(table.iloc[left], faces, selection.observable, selection.series)
+        why[left[twice]] = "same impacts counted already"
+        notes.extend(said)
+    keep = why == ""
+    kept = table.loc[keep].reset_index(drop=True)
+    notes.extend(shares_e_n(kept) if not selection.independent else [])
+    sources = tuple(_update(source, table, why, selection) for source in obs.sources)
+    return Observations(kept, sources, obs.notes).with_note(*notes)
+
+
+def _check(table: pd.DataFrame, selection: Selection) -> None:
+    for option, names, column in (
+        ("--observable", selection.observable, "observable"),
+        ("--series", selection.series, "series"),
+    ):
+        there = list(dict.fromkeys(table[column].to_numpy()))
+        for name in names:
+            if name not in there:
+                known = " It is known, but not among these data." if name in OBSERVABLES else ""
+                raise UsageError(f"{option} {name}: not in the data.{known} There is {', '.join(there)}.")
+    for name, low, high in (
+        ("gamma", selection.gamma_min, selection.gamma_max),
+        ("speed", selection.speed_min, selection.speed_max),
+    ):
+        if any(x is not None and np.isnan(x) for x in (low, high)):
+            raise UsageError(f"--{name}-min and --{name}-max need numbers, not nan.")
+        if low is not None and high is not None and low > high:
+            raise UsageError(f"--{name}-min {low:g} is above --{name}-max {high:g}: no row can lie between.")
+
+
+def _filters(table: pd.DataFrame, selection: Selection) -> list[tuple[str, Mask]]:
+    filters: list[tuple[str, Mask]] = []
+    for names, column in ((selection.observable, "observable"), (selection.series, "series")):
+        if names:
+            filters.append(("not selected", table[column].isin(names).to_numpy()))
+    gamma, speed = table["gamma_deg"].to_numpy(), table["speed_m_s"].to_numpy()
+    if selection.gamma_min is not None:
+        filters.append(("outside gamma range", ~(gamma < selection.gamma_min)))
+    if selection.gamma_max is not None:
+        filters.append(("outside gamma range", ~(gamma > selection.gamma_max)))
+    if selection.speed_min is not None or selection.speed_max is not None:
+        filters.append(("no speed given", ~np.isnan(speed)))
+    if selection.speed_min is not None:
+        filters.append(("outside speed range", speed >= selection.speed_min))
+    if selection.speed_max is not None:
+        filters.append(("outside speed range", speed <= selection.speed_max))
+    return filters
+
+
+def _default_selection(
+    obs: Observations, table: pd.DataFrame, selection: Selection, left: Mask, notes: list[str]
+) -> Mask:
+    """Apply each descriptor's default for what the user did not choose, if that leaves anything."""
+    keep = np.ones(len(table), dtype=bool)
+    for source in obs.sources:
+        if source.descriptor is None:
+            continue
+        here = left & (table["source"] == source.name).to_numpy()
+        for column, chosen, default in (
+            ("series", selection.series, source.descriptor.default_series),
+            ("observable", selection.observable, source.descriptor.default_observables),
+        ):
+            wanted = table[column].isin(default).to_numpy()
+            if chosen or not default or not np.any(here & keep & wanted):
+                continue
+            dropped = list(dict.fromkeys(table.loc[here & keep & ~wanted, column]))
+            keep &= ~here | wanted
+            if dropped:
+                notes.append(
+                    f"{source.name}: by default only {', '.join(default)} "
+                    f"{'is' if len(default) == 1 else 'are'} used; {', '.join(dropped)} left out, being of "
+                    f"the same impacts. --{column} chooses otherwise."
+                )
+    return keep
+
+
+def _nothing_left(why: NDArray[np.object_], selection: Selection) -> str:
+    counts = Counter(why)
+    options = {
+        "not selected": "--observable and --series together",
+        "outside gamma range": f"the angle range ({_range(selection.gamma_min, selection.gamma_max)} "
+        "degrees)",
+        "no speed given": "the speed range: no row that is left gives a speed",
+        "outside speed range": f"the speed range ({_range(selection.speed_min, selection.speed_max)} m/s)",
+        "excluded": "--exclude",
+    }
+    what = "; ".join(
+        f"{options[reason]} ({count} row{'s' if count > 1 else ''})" for reason, count in counts.items()
+    )
+    return f"No row is left. Removed by {what}. Widen the selection."
+
+
+def _range(low: float | None, high: float | None) -> str:
+    if low is None:
+        return f"up to {high:g}"
+    return f"from {low:g}" if high is None else f"{low:g} to {high:g}"
+
+
+def _update(source: Source, table: pd.DataFrame, why: NDArray[np.object_], selection: Selection) -> Source:
+    here = (table["source"] == source.name).to_numpy()
+    skipped = Counter(dict(source.rows_skipped))
+    skipped.update(why[here & (why != "")])
+    used = table.loc[here & (why == "")]
+    words = []
+    if len(used) < int(here.sum()):
+        words.append("observable " + ", ".join(dict.fromkeys(used["observable"])))
+        words.append("series " + ", ".join(dict.fromkeys(used["series"])))
+    if selection.gamma_min is not None or selection.gamma_max is not None:
+        words.append(f"gamma {_range(selection.gamma_min, selection.gamma_max)} degrees")
+    if selection.speed_min is not None or selection.speed_max is not None:
+        words.append(f"speed {_range(selection.speed_min, selection.speed_max)} m/s")
+    if selection.exclude:
+        words.append("without " + ", ".join(map(str, selection.exclude)))
+    if selection.independent:
+        words.append("rows of the same impacts taken as independent")
+    text = ("; ".join(words) or source.selection) if len(used) else "nothing"
+    return replace(source, rows_used=len(used), rows_skipped=dict(skipped), selection=text)

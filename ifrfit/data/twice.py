@@ -1,0 +1,193 @@
+"""No impact is counted twice: centre velocity and spin are measured, what is computed from them is not.
+
+Each observable takes up measurements of its impact (`Observable.takes`): the centre's velocity along the
+wall, the spin, the normal velocity after. In the order of `OBSERVABLES`, an observable is used if all it
+takes is still free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.schema import OBSERVABLES
+from ifrfit.errors import UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Mask = NDArray[np.bool_]
+Faces = Mapping[str, Sequence[Sequence[str]]]
+
+_BIT = {"Tx": 1, "Ty": 2, "Sx": 4, "Sy": 8, "N": 16}
+_BITS = {name: sum(_BIT[slot] for slot in o.takes) for name, o in OBSERVABLES.items()}
+
+
+def counted_twice(
+    table: pd.DataFrame, faces: Faces, observable: Sequence[str], series: Sequence[str]
+) -> tuple[Mask, list[str]]:
+    """Find the rows that would count an impact a second time.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Rows that are left after the user's choice.
+    faces : mapping of str to groups of str
+        By source: series that are faces or repeat readings of the same impacts.
+    observable, series : sequence of str
+        What the user named; a conflict among these is refused rather than resolved.
+
+    Returns
+    -------
+    twice : (n,) bool array
+    notes : list of str
+
+    Raises
+    ------
+    UsageError
+        Observables or series that were named would count impacts twice.
+    """
+    names = table["observable"].to_numpy(dtype=object)
+    labels = table["series"].to_numpy(dtype=object)
+    named = (("--observable", observable, names), ("--series", series, labels))
+    twice = np.zeros(len(table), dtype=bool)
+    for source, groups in faces.items():
+        here = (table["source"] == source).to_numpy()
+        for number, group in enumerate(groups):
+            members = here & table["series"].isin(list(group)).to_numpy()
+            later = _later_faces(names, labels, members)
+            if later.any():
+                _refuse_named(table, np.where(members, f"{source} {number}", "").astype(object), named)
+            twice |= later
+    within = _within_impacts(table, names, ~twice)
+    if within.any():
+        _refuse_named(table, _links(table), named)
+    twice |= within
+    return twice, _notes(table, names, labels, twice)
+
+
+def _later_faces(names: NDArray[np.object_], labels: NDArray[np.object_], members: Mask) -> Mask:
+    """Choose whole (observable, series) pairs: faces need not share angles or identifiers."""
+    out = np.zeros(len(names), dtype=bool)
+    taken = 0
+    for name in (o for o in OBSERVABLES if _BITS[o]):
+        for label in dict.fromkeys(labels[members & (names == name)]):
+            if taken & _BITS[name]:
+                out |= members & (names == name) & (labels == label)
+            else:
+                taken |= _BITS[name]
+    return out
+
+
+def _within_impacts(table: pd.DataFrame, names: NDArray[np.object_], free: Mask) -> Mask:
+    """Go through the observables in order and keep, impact by impact, what is not yet taken up."""
+    ids = table["impact_id"].to_numpy(dtype=object)
+    linked = free & (ids != "")
+    out = np.zeros(len(names), dtype=bool)
+    if not linked.any():
+        return out
+    impact = table.groupby(["source", "impact_id"], sort=False).ngroup().to_numpy()
+    taken = np.zeros(int(impact.max()) + 1, dtype=np.uint8)
+    for name in (o for o in OBSERVABLES if _BITS[o]):
+        rows = np.flatnonzero(linked & (names == name))
+        if not rows.size:
+            continue
+        bits = np.uint8(_BITS[name])
+        first = np.zeros(len(rows), dtype=bool)
+        first[np.unique(impact[rows], return_index=True)[1]] = True
+        good = first & ((taken[impact[rows]] & bits) == 0)
+        taken[impact[rows[good]]] |= bits
+        out[rows[~good]] = True
+    return out
+
+
+def _refuse_named(
+    table: pd.DataFrame,
+    links: NDArray[np.object_],
+    named: Sequence[tuple[str, Sequence[str], NDArray[np.object_]]],
+) -> None:
+    """Refuse a conflict among several observables, or several series, that the user named."""
+    bits = np.array([_BITS[name] for name in table["observable"]], dtype=np.uint8)
+    for option, chosen, column in named:
+        if len(set(chosen)) < 2:
+            continue
+        found = _same_measurement(links, bits, column)
+        if found is not None:
+            here, values = found
+            where = f"{table['source'].iloc[here]}, line {table['row'].iloc[here]}"
+            raise UsageError(
+                f"{option} {' '.join(chosen)}: {' and '.join(values)} are of the same impacts ({where}, for "
+                "one) and would count them twice. Name one of them, or say --independent if they were "
+                "measured independently."
+            )
+
+
+def _same_measurement(
+    links: NDArray[np.object_], bits: NDArray[np.uint8], column: NDArray[np.object_]
+) -> tuple[int, list[str]] | None:
+    """Return a row, and the different values of `column`, that take the same measurement of one impact."""
+    for bit in _BIT.values():
+        rows = np.flatnonzero((bits & bit > 0) & (links != ""))
+        first: dict[str, str] = {}
+        for row, link, value in zip(rows, links[rows], column[rows], strict=True):
+            if first.setdefault(link, value) != value:
+                return int(row), [first[link], value]
+    return None
+
+
+def _notes(
+    table: pd.DataFrame, names: NDArray[np.object_], labels: NDArray[np.object_], twice: Mask
+) -> list[str]:
+    notes = []
+    for source in dict.fromkeys(table["source"].to_numpy()[twice]):
+        here = (table["source"] == source).to_numpy()
+        used, lost = here & ~twice, here & twice
+        what = _words(names, labels, lost, used)
+        notes.append(
+            f"{source}: {what[0]} used, {what[1]} left out ({int(lost.sum())} rows): they are of the same "
+            "impacts and would count them twice. --observable or --series chooses otherwise."
+        )
+    return notes
+
+
+def _words(
+    names: NDArray[np.object_], labels: NDArray[np.object_], lost: Mask, used: Mask
+) -> tuple[str, str]:
+    """Name what was used and left out by observable if that tells them apart, else by series too."""
+    by_name = [list(dict.fromkeys(names[rows])) for rows in (used, lost)]
+    if not set(by_name[0]) & set(by_name[1]):
+        return ", ".join(by_name[0]), ", ".join(by_name[1])
+    both = [
+        list(dict.fromkeys(f"{n} of {s}" for n, s in zip(names[r], labels[r], strict=True)))
+        for r in (used, lost)
+    ]
+    if set(both[0]) & set(both[1]):
+        return ", ".join(by_name[0]), "repeated readings"
+    return ", ".join(both[0]), ", ".join(both[1])
+
+
+def _links(table: pd.DataFrame) -> NDArray[np.object_]:
+    """Return one text per impact; empty where a row is not tied to one."""
+    ids = table["impact_id"].to_numpy(dtype=object)
+    return np.where(ids == "", "", table["source"].to_numpy(dtype=object) + "\0" + ids).astype(object)
+
+
+def shares_e_n(table: pd.DataFrame) -> list[str]:
+    """Say where an observable computed with the normal velocity stands beside that very velocity."""
+    names = table["observable"].to_numpy(dtype=object)
+    mixed = np.isin(names, [o.name for o in OBSERVABLES.values() if o.with_e_n])
+    normal = np.isin(names, ["e_n", "v_n"])
+    if not (mixed.any() and normal.any()):
+        return []
+    links = _links(table)
+    shared = mixed & (links != "") & np.isin(links, links[normal])
+    if not shared.any():
+        return []
+    which = ", ".join(dict.fromkeys(names[shared]))
+    return [
+        f"{which} is computed with the normal velocity that {', '.join(dict.fromkeys(names[normal]))} gives "
+        "for the same impacts: the errors are correlated, which the fit does not take into account."
+    ]

@@ -1,0 +1,170 @@
+"""Refuse what cannot be: every message names the file, the line, the column and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.cells import Cells
+from ifrfit.data.pieces import Piece
+from ifrfit.data.schema import FREE, OBSERVABLES, SIGMA_RANGE, SPEED_RANGE, TINY, Observable
+from ifrfit.errors import DataError
+from ifrfit.physics.angles import sincos
+
+Mask = NDArray[np.bool_]
+
+# Below this a velocity per incoming speed is rounding, not motion.
+NO_MOTION = 1e-12
+
+_UNDEFINED = {
+    "contact": "the contact point does not move before the impact (U_t = 0), so beta = -V_t/U_t has no value",
+    "normal": "at gamma = 0 there is no tangential velocity before, so it has no value",
+    "rest": "at gamma = 0 without spin nothing moves along the wall, so it has no value",
+    "grazing": "at gamma = 90 degrees there is no normal velocity before, so it has no value",
+}
+
+
+def drop_missing(piece: Piece) -> tuple[Piece, dict[str, int]]:
+    """Leave out rows whose value, angle or spin was not measured.
+
+    Returns
+    -------
+    piece : Piece
+    skipped : dict of str to int
+        Count by reason.
+    """
+    columns = piece.columns
+    without_angle = _of(columns["observable"], lambda o: not o.needs_gamma)
+    missing = np.zeros(len(piece.rows), dtype=bool)
+    skipped: dict[str, int] = {}
+    for reason, here in (
+        ("value not measured", np.isnan(columns["value"])),
+        ("angle not measured", np.isnan(columns["gamma_deg"]) & ~without_angle),
+        ("spin not measured", np.isnan(columns["spin_x"] + columns["spin_y"]) & ~without_angle),
+    ):
+        count = int(np.count_nonzero(here & ~missing))
+        if count:
+            skipped[reason] = count
+        missing |= here
+    kept = piece.take(~missing)
+    for name in ("spin_x", "spin_y"):
+        if np.isnan(kept.columns[name]).any():
+            kept.columns[name] = np.nan_to_num(kept.columns[name], nan=0.0)
+    return kept, skipped
+
+
+def validate(piece: Piece, cells: Cells) -> None:
+    """Check ranges and where observables are undefined.
+
+    Raises
+    ------
+    DataError
+        Names the first offending row.
+    """
+    for name, bad, text in (*_ranges(piece), *_uncertainties(piece)):
+        _refuse(piece, cells, name, bad, text)
+    for observable in dict.fromkeys(piece.columns["observable"]):
+        here = piece.columns["observable"] == observable
+        _check_values(piece, cells, OBSERVABLES[observable], here)
+        _check_defined(piece, cells, OBSERVABLES[observable], here)
+
+
+def _of(observables: NDArray[np.object_], rule: Callable[[Observable], bool]) -> Mask:
+    names = [o for o in dict.fromkeys(observables) if rule(OBSERVABLES[o])]
+    return np.isin(observables, names)
+
+
+def _refuse(piece: Piece, cells: Cells, name: str, bad: Mask, text: str) -> None:
+    found = np.flatnonzero(bad)
+    if found.size:
+        i = int(found[0])
+        value = f"{piece.columns[name][i]:.6g}"
+        raise DataError(f"{cells.at(int(piece.rows[i]), piece.header(name))}: {text.format(value)}")
+
+
+def _ranges(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
+    columns = piece.columns
+    gamma = columns["gamma_deg"]
+    yield (
+        "gamma_deg",
+        (gamma < 0) | (gamma > 90),
+        "the incidence angle comes to {} degrees from the normal, outside 0 to 90. Correct it.",
+    )
+    for name in ("spin_x", "spin_y"):
+        spin = np.abs(columns[name])
+        yield (
+            name,
+            (spin > FREE) | ((spin < TINY) & (spin > 0)),
+            f"{{}} is impossible for a spin R omega/u (0, or {TINY:g} to {FREE:g}). Correct it.",
+        )
+    speed = columns["speed_m_s"]
+    low, high = SPEED_RANGE
+    yield (
+        "speed_m_s",
+        (speed < low) | (speed > high),
+        f"{{}} m/s is impossible for an incoming speed ({low:g} to {high:g}). Correct it.",
+    )
+
+
+def _uncertainties(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
+    columns = piece.columns
+    sigma = columns["sigma"]
+    yield (
+        "sigma",
+        sigma <= 0,
+        "{} cannot be a standard uncertainty. Give a positive one, or leave the cell empty if it is not "
+        "known.",
+    )
+    low, high = SIGMA_RANGE
+    yield (
+        "sigma",
+        (sigma < low) | (sigma > high),
+        f"{{}} is impossible for a standard uncertainty ({low:g} to {high:g}). Correct it.",
+    )
+    # 0 is allowed here: it says that the angle or the spin is exact.
+    for name, most in (("sigma_gamma_deg", 90.0), ("sigma_spin_x", FREE), ("sigma_spin_y", FREE)):
+        spread = columns[name]
+        yield (
+            name,
+            (spread < 0) | ((spread > 0) & (spread < low)) | (spread > most),
+            f"{{}} cannot be a standard uncertainty (0, or {low:g} to {most:g}). Correct it.",
+        )
+
+
+def _check_values(piece: Piece, cells: Cells, observable: Observable, here: Mask) -> None:
+    value = piece.columns["value"]
+    outside = (value < observable.low) | (value > observable.high)
+    tiny = (np.abs(value) < TINY) & (value != 0)
+    unit = " degrees" if observable.unit == "deg" else ""
+    _refuse(
+        piece,
+        cells,
+        "value",
+        here & (outside | tiny),
+        f"{{}}{unit} is impossible for {observable.name} ({observable.low:g} to {observable.high:g}"
+        f"{unit}). Correct it.",
+    )
+
+
+def _check_defined(piece: Piece, cells: Cells, observable: Observable, here: Mask) -> None:
+    columns = piece.columns
+    sine, cosine = sincos(columns["gamma_deg"], degrees=True)
+    s_x, s_y = columns["spin_x"], columns["spin_y"]
+    where = {
+        "contact": np.hypot(sine + s_y, s_x) <= NO_MOTION * (1.0 + np.hypot(s_x, s_y)),
+        "normal": sine <= NO_MOTION,
+        "rest": (sine <= NO_MOTION) & (np.hypot(s_x, s_y) <= NO_MOTION),
+        "grazing": cosine <= NO_MOTION,
+    }
+    for kind in observable.undefined:
+        bad = np.flatnonzero(here & where[kind])
+        if bad.size:
+            i = int(bad[0])
+            header = piece.header("value")
+            name = "" if header == observable.name else f"{observable.name}: "
+            raise DataError(
+                f"{cells.at(int(piece.rows[i]), header)}: {name}{_UNDEFINED[kind]}. Empty the cell or remove "
+                "the row."
+            )

@@ -1,0 +1,55 @@
+"""The optimum of one block: directly where it is linear, over e_n where it is not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from ifrfit.inference.block import Block, BlockOptimum, Constants, is_separable, normal_part, without_normal
+from ifrfit.inference.coupled import solve_coupled
+from ifrfit.inference.linear import linear_form
+from ifrfit.inference.piecewise import minimise
+
+
+def solve_block(block: Block) -> BlockOptimum | None:
+    """Optimum of rows that share one set of constants; None where only a search can find it."""
+    if block.of_kind("curved").any():
+        return None
+    if block.e_n.fixed is None and is_separable(block):
+        e_n, objective = normal_part(block)
+        rest = without_normal(block, e_n)
+        found = solve_block(rest)
+        return None if found is None else replace(found, objective=found.objective + objective)
+    form = linear_form(block)
+    if form is None:
+        return solve_coupled(block)
+    optimum = minimise(form.problem)
+    values = [value for value, _ in optimum.optima]
+    return BlockOptimum(
+        _middle_of_loose(block, form.to_constants(optimum.t)),
+        optimum.chi2,
+        optimum.gap,
+        sum(value <= values[0] + 1e-6 for value in values),
+        sum(value <= values[0] + 4.0 for value in values),
+    )
+
+
+def _middle_of_loose(block: Block, constants: Constants) -> Constants:
+    """Put e_n into the middle of what bounds of mu allow, where nothing measures it."""
+    e_n, c, mu = constants
+    touched = (
+        block.e_n.fixed is not None
+        or block.e_n.prior is not None
+        or block.of_kind("normal", "friction").any()
+        or block.of_scale("impulse").any()
+        or block.of_scale("rebound").any()
+        or block.mu.fixed is not None
+        or block.mu.prior is not None
+    )
+    kappa = mu * (1.0 + e_n)
+    if touched or kappa <= 0.0:
+        return constants
+    low = max(block.e_n.lower, kappa / block.mu.upper - 1.0)
+    high = min(block.e_n.upper, kappa / block.mu.lower - 1.0 if block.mu.lower > 0.0 else math.inf)
+    middle = 0.5 * (low + high)
+    return middle, c, kappa / (1.0 + middle)

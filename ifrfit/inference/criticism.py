@@ -1,0 +1,245 @@
+"""Does the model describe the data? Lack of fit, where it sits, and outliers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ifrfit.inference.least_squares import LeastSquares
+from ifrfit.inference.problem import Index, Problem
+from ifrfit.inference.result import Fact
+from ifrfit.physics.observables import OBSERVABLES
+
+Array = NDArray[np.float64]
+
+_REFUTED = 0.001
+_OUTLIER = 0.01
+_SPLINE_KNOTS = 4  # three degrees of freedom beside the constant
+_SMALLEST = 8  # rows of an observable below which no smooth departure is looked for
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals of a fit: standardised ones are over sigma, studentised ones also over their own leverage."""
+
+    raw: Array
+    standardised: Array
+    studentised: Array
+
+
+def residuals_of(problem: Problem, fit: LeastSquares) -> Residuals:
+    """Residuals at the optimum.
+
+    Where sigma comes from the misfit, a row is left out of its own yardstick (external studentisation), so
+    that an outlier does not hide behind the noise it feigns.
+    """
+    raw = problem.rows.value - problem.fitted(fit.optimum.theta)
+    standardised = raw / fit.sigma
+    internal = standardised / np.sqrt(np.maximum(1.0 - fit.local.leverage, 1e-6))
+    if math.isinf(fit.noise_dof) or fit.noise_dof <= 1.0:
+        return Residuals(raw, standardised, internal)
+    rest = np.maximum(fit.noise_dof - internal**2, 1e-12)
+    return Residuals(raw, standardised, internal * np.sqrt((fit.noise_dof - 1.0) / rest))
+
+
+def outliers(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
+    """Rows beyond the Bonferroni limit at 1 %."""
+    n = residuals.raw.size
+    p = 1.0 - 0.5 * _OUTLIER / n
+    known = math.isinf(fit.noise_dof)
+    if not known and fit.noise_dof <= 2.0:
+        return Fact(True, "too few rows to tell an outlier", {"rows": [], "limit": None}, _OUTLIER_RULE)
+    limit = float(special.ndtri(p) if known else special.stdtrit(fit.noise_dof - 1.0, p))
+    at = np.flatnonzero(np.abs(residuals.studentised) > limit)
+    figures = {"rows": [_row_name(problem, i) for i in at], "limit": limit}
+    if at.size == 0:
+        return Fact(True, "no outlier", figures, _OUTLIER_RULE)
+    worst = at[np.argsort(-np.abs(residuals.studentised[at]))][:5]
+    named = "; ".join(f"{_row_name(problem, i)} at {residuals.studentised[i]:+.1f} sigma" for i in worst)
+    more = f" and {at.size - worst.size} more" if at.size > worst.size else ""
+    remedy = "check it, or leave it out with" if at.size == 1 else "check them, or leave them out with"
+    rows = " ".join(f"--exclude {_exclude_name(problem, i)}" for i in worst)
+    says = f"{at.size} outlier{'' if at.size == 1 else 's'}: {named}{more}; {remedy} {rows}"
+    return Fact(False, says, figures, _OUTLIER_RULE)
+
+
+_OUTLIER_RULE = "studentised residual within the Bonferroni limit at 1 %"
+
+
+def _row_name(problem: Problem, i: np.intp) -> str:
+    row = problem.observations.table.iloc[int(i)]
+    return f"{row['source']} line {row['row']} ({row['observable']})"
+
+
+def _exclude_name(problem: Problem, i: np.intp) -> str:
+    row = problem.observations.table.iloc[int(i)]
+    several = problem.observations.table["source"].nunique() > 1
+    return f"{row['source']}:{row['row']}" if several else str(row["row"])
+
+
+def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
+    """Test whether constants can describe the data.
+
+    With known sigma by chi2; without by pure error where inputs repeat; else by a smooth departure in tau,
+    with the runs test beside it.
+    """
+    r = residuals.standardised
+    dof = r.size - round(float(fit.local.leverage.sum()))
+    runs = _runs(problem, r)
+    figures: dict[str, object] = {"dof": dof, "p_runs": runs}
+    if problem.noise == "known":
+        test, rule = "chi2", "p >= 0.001 of chi2"
+        p = float(special.chdtrc(dof, float(r @ r))) if dof > 0 else math.nan
+    else:
+        pure = _pure_error(problem, r, dof)
+        if pure is not None:
+            test, rule, p = "pure error", "p >= 0.001 of the F test against repeats", pure
+        else:
+            test, rule = "smooth departure", "p >= 0.001 of a smooth departure in tau, and of the runs"
+            smooth = _smooth(problem, fit, r)
+            known = [x for x in (smooth, runs) if x is not None]
+            p = min(known) if known else math.nan
+            figures["p_smooth"] = smooth
+    figures |= {"test": test, "p": None if math.isnan(p) else p}
+    if math.isnan(p):
+        return Fact(True, "too few rows to test the fit", figures, rule)
+    if p >= _REFUTED:
+        return Fact(True, f"no lack of fit (p = {_p(p)}, {test})", figures, rule)
+    where, signs = misfit(problem, r)
+    figures["where"] = where
+    says = (
+        f"the data contradict constant {', '.join(c.name for c in problem.constants)} "
+        f"(p = {_p(p)}, {test}); the misfit sits {where}: {signs}"
+    )
+    return Fact(False, says, figures, rule)
+
+
+def _p(p: float) -> str:
+    return f"{p:.2f}" if p >= 0.01 else f"{p:.0e}"
+
+
+def _pure_error(problem: Problem, r: Array, dof: int) -> float | None:
+    """p of the F test of lack of fit against the scatter of repeats; None without repeats."""
+    i = problem.rows.incidence
+    inputs = np.column_stack((problem.rows.series, problem.rows.which, i.sine, i.cosine, i.spin_x, i.spin_y))
+    _, group = np.unique(inputs, axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    count = np.bincount(group)
+    mean = np.bincount(group, r) / count
+    pure = float(((r - mean[group]) ** 2).sum())
+    dof_pure = r.size - count.size
+    dof_lack = dof - dof_pure
+    if dof_pure < 3 or dof_lack < 1 or pure <= 0.0:
+        return None
+    f = max(float(r @ r) - pure, 0.0) / dof_lack / (pure / dof_pure)
+    return float(special.fdtrc(dof_lack, dof_pure, f))
+
+
+def _oblique_groups(problem: Problem) -> list[Index]:
+    """Rows of each observable that depends on the regime, sorted by tau."""
+    groups = []
+    for name in problem.rows.names:
+        if OBSERVABLES[name].kind in ("tangential", "curved"):
+            rows = problem.rows.rows_of(name)
+            groups.append(rows[np.argsort(problem.rows.tau[rows], kind="stable")])
+    return groups
+
+
+def _smooth(problem: Problem, fit: LeastSquares, r: Array) -> float | None:
+    """p of a natural cubic spline in tau, one an observable, beyond the model's own directions."""
+    columns = []
+    for rows in _oblique_groups(problem):
+        rows = rows[np.isfinite(problem.rows.tau[rows])]
+        basis = _natural_spline(problem.rows.tau[rows]) if rows.size >= _SMALLEST else None
+        if basis is not None:
+            wide = np.zeros((r.size, basis.shape[1]))
+            wide[rows] = basis
+            columns.append(wide)
+    if not columns:
+        return None
+    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.free] / fit.sigma[:, None]
+    own = _orthonormal(jacobian)
+    extra = np.concatenate(columns, axis=1)
+    extra = _orthonormal(extra - own @ (own.T @ extra))
+    left = r - own @ (own.T @ r)
+    gained = float(((extra.T @ left) ** 2).sum())
+    rest = float(left @ left) - gained
+    dof_rest = r.size - own.shape[1] - extra.shape[1]
+    if dof_rest < 3 or extra.shape[1] == 0 or rest <= 0.0:
+        return None
+    f = gained / extra.shape[1] / (rest / dof_rest)
+    return float(special.fdtrc(extra.shape[1], dof_rest, f))
+
+
+def _natural_spline(tau: Array) -> Array | None:
+    """Basis of natural cubic splines in tau with knots at quantiles, less the constant, (n, 3)."""
+    from scipy.interpolate import CubicSpline
+
+    knots = np.unique(np.quantile(tau, np.linspace(0.0, 1.0, _SPLINE_KNOTS)))
+    if knots.size < _SPLINE_KNOTS:
+        return None
+    full = CubicSpline(knots, np.eye(knots.size), bc_type="natural")(tau)
+    return np.asarray(full[:, 1:])
+
+
+def _orthonormal(a: Array) -> Array:
+    """Orthonormal basis of the columns' span."""
+    size = np.sqrt((a * a).sum(axis=0))
+    a = a[:, size > 1e-12 * size.max(initial=0.0)] / size[size > 1e-12 * size.max(initial=0.0)]
+    if a.shape[1] == 0:
+        return a
+    left, singular, _ = np.linalg.svd(a, full_matrices=False)
+    return np.asarray(left[:, singular > 1e-9 * singular[0]])
+
+
+def _runs(problem: Problem, r: Array) -> float | None:
+    """Wald-Wolfowitz runs test of the residuals' signs along tau, pooled over observables; two-sided p."""
+    runs = expected = variance = 0.0
+    for rows in _oblique_groups(problem):
+        positive = r[rows] > 0.0
+        n1, n2 = float(positive.sum()), float((~positive).sum())
+        n = n1 + n2
+        if n1 < 2 or n2 < 2:
+            continue
+        runs += 1.0 + float((positive[1:] != positive[:-1]).sum())
+        expected += 1.0 + 2.0 * n1 * n2 / n
+        variance += 2.0 * n1 * n2 * (2.0 * n1 * n2 - n) / (n * n * (n - 1.0))
+    if variance < 2.0:
+        return None
+    z = max(abs(runs - expected) - 0.5, 0.0) / math.sqrt(variance)
+    return float(2.0 * special.ndtr(-z))
+
+
+def misfit(problem: Problem, r: Array) -> tuple[str, str]:
+    """Where the excess of squares sits: the head or tail along tau that stands out most, and its signs."""
+    best = (-math.inf, "spread over all rows", "")
+    for rows in _oblique_groups(problem):
+        square = r[rows] ** 2
+        m = np.arange(1, rows.size)
+        for part, inner in (("below", np.cumsum(square)[:-1]), ("beyond", np.cumsum(square[::-1])[:-1])):
+            if not m.size:
+                continue
+            score = (inner / m - square.mean()) * np.sqrt(m)
+            i = int(np.argmax(score))
+            chosen = rows[: i + 1] if part == "below" else rows[rows.size - i - 1 :]
+            if float(score[i]) > best[0]:
+                best = (float(score[i]), _place(problem, chosen, part), _signs(problem, r, chosen))
+    return best[1], best[2]
+
+
+def _place(problem: Problem, rows: Index, part: str) -> str:
+    gamma = problem.observations.table["gamma_deg"].to_numpy(dtype=float)[rows]
+    if part == "below":
+        return f"in {problem.rows.names[problem.rows.which[rows[0]]]} up to {gamma.max():.3g} degrees"
+    return f"in {problem.rows.names[problem.rows.which[rows[0]]]} from {gamma.min():.3g} degrees on"
+
+
+def _signs(problem: Problem, r: Array, rows: Index) -> str:
+    positive = int((r[rows] > 0.0).sum())
+    side, count = ("positive", positive) if 2 * positive >= rows.size else ("negative", rows.size - positive)
+    share = float((r[rows] ** 2).sum() / (r @ r))
+    return f"{count} of {rows.size} residuals {side}, {100 * share:.0f} % of the sum of squares"

@@ -1,0 +1,104 @@
+"""Which constants the data determine, which they leave loose, and what would settle the rest, in words."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ifrfit.inference.least_squares import LeastSquares
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.result import Fact
+from ifrfit.physics.observables import OBSERVABLES
+
+_SHARE = 0.1  # of the largest loading below which a constant is not named in a combination
+_RULE = "rank of the scaled Jacobian equals the number of free constants"
+
+
+def identifiable(problem: Problem, fit: LeastSquares, n_sticking: int, n_sliding: int) -> Fact:
+    """Whether the data determine every free constant; names the loose combinations and the remedy."""
+    local = fit.local
+    n_free = int(problem.free.sum())
+    loose = [
+        _combination(local.names, local.vectors[:, i] / _prior_scale(problem))
+        for i in np.flatnonzero(~local.tight)
+    ]
+    figures = {"rank": local.rank, "free": n_free, "loose": loose}
+    if local.rank == n_free:
+        return Fact(True, "the data determine every free constant", figures, _RULE)
+    return Fact(False, _advice(problem, fit, loose, n_sticking, n_sliding), figures, _RULE)
+
+
+def _prior_scale(problem: Problem) -> np.ndarray:
+    return np.array([c.prior_sd for c in problem.entries()])
+
+
+def _combination(names: tuple[str, ...], vector: np.ndarray) -> str:
+    """A direction as text; the largest part first."""
+    size = np.abs(vector)
+    named = [int(i) for i in np.argsort(-size, kind="stable") if size[i] > _SHARE * size.max()]
+    if len(named) == 1:
+        return names[named[0]]
+    lead = float(vector[named[0]])
+    parts = [names[named[0]]]
+    parts += [
+        f"{'+' if vector[i] / lead > 0 else '-'} {abs(vector[i] / lead):.2g} {names[i]}" for i in named[1:]
+    ]
+    return " ".join(parts)
+
+
+def _advice(problem: Problem, fit: LeastSquares, loose: list[str], n_sticking: int, n_sliding: int) -> str:
+    """What is open, why, and what to measure."""
+    observed = ", ".join(problem.rows.names)
+    says = []
+    alone = {name.split("[")[0] for name in loose if " " not in name}
+    own = problem.closure.constant
+    if "e_n" in alone and _sees_only_kappa(problem):
+        mu = "" if n_sliding == 0 else " to get mu"
+        says.append(
+            f"{observed} alone determine{'s' if len(problem.rows.names) == 1 else ''} "
+            f"{'' if own is None else own + ' and '}kappa = mu (1 + e_n), never e_n and mu apart: "
+            f"give e_n a value (--fix e_n=...) or measure it (a drop test){mu}"
+        )
+    elif "e_n" in alone:
+        says.append("nothing here fixes e_n: give it a value (--fix e_n=...) or measure it (a drop test)")
+    if n_sliding == 0 and n_sticking > 0:
+        steepest = _steepest(problem)
+        says.append(
+            "no impact slides, and sticking impacts say only how large mu must at least be: "
+            f"measure beyond {steepest:.0f} degrees"
+        )
+    elif n_sticking == 0 and n_sliding > 0 and own == "beta0":
+        says.append("no impact sticks, and beta0 shows only in sticking: measure nearer to the normal")
+    elif (alone & {"kappa", "mu", own}) or any(" " in name for name in loose):
+        if n_sticking + n_sliding == 0:
+            says.append("no oblique impact is among the rows: e_n and mu alone say nothing of the rest")
+        elif _one_angle(problem):
+            says.append(
+                "all impacts have one slip ratio, which cannot tell the constants apart: vary the angle"
+            )
+        elif not says:
+            says.append(f"the combination {' and '.join(loose)} stays loose: add impacts at other angles")
+    if not says:
+        says.append(f"loose: {', '.join(loose)}")
+    return "; ".join(says)
+
+
+def _sees_only_kappa(problem: Problem) -> bool:
+    """Whether every row is tangential and free of e_n, so that friction enters through kappa alone."""
+    return all(
+        (OBSERVABLES[name].kind == "tangential" and OBSERVABLES[name].scale == "one")
+        or name in ("lambda_deg", "psi_after_deg")
+        for name in problem.rows.names
+    )
+
+
+def _steepest(problem: Problem) -> float:
+    gamma = problem.observations.table["gamma_deg"].to_numpy(dtype=float)
+    return float(np.nanmax(gamma)) if np.isfinite(gamma).any() else math.nan
+
+
+def _one_angle(problem: Problem) -> bool:
+    regime = np.array([OBSERVABLES[n].kind in ("tangential", "curved") for n in problem.rows.names])
+    tau = problem.rows.tau[regime[problem.rows.which]]
+    return tau.size > 0 and float(np.ptp(tau)) <= 1e-9 * (1.0 + float(tau.max()))

@@ -1,0 +1,277 @@
+"""Reading result.json back: every key is checked by hand, and a wrong one is named."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+from ifrfit.data import Descriptor, Source
+from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
+from ifrfit.errors import DataError
+from ifrfit.inference.checked import REMEDY, Node
+from ifrfit.inference.result import Estimate, Fact, FitResult, FitStatistics, Noise, State, Status
+from ifrfit.inference.serialise import NULL_MARK, SCHEMA
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_STATISTICS_OR_NULL = ("reduced_chi2", "p_value", "log_evidence")
+_COUNTS = ("n", "n_sliding", "n_sticking", "rank", "dof")
+_COUNT_COLUMNS = ("n_repeats", "row")
+_POINT_COLUMNS = (*TABLE_COLUMNS, "sigma_used", "fitted", "residual", "standardised", "tau", "sticking")
+
+
+def load_result(path: str | Path) -> FitResult:
+    """Read a result.json.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    FitResult
+        Equal to the one that was saved, up to points beyond 100000 rows, which are not kept.
+
+    Raises
+    ------
+    DataError
+        If the file is missing, not JSON, not a result, or of an unknown schema version; names file and key.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise DataError(f"{path}: there is no such file. Name the result.json of a fit.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise DataError(f"{path}: cannot be read ({why}). Name the result.json of a fit.") from None
+    try:
+        content = json.loads(text, parse_constant=_refuse_constant)
+    except json.JSONDecodeError as error:
+        raise DataError(
+            f"{path}, line {error.lineno}, column {error.colno}: this is not JSON ({error.msg}). {REMEDY}"
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise DataError(f"{path}: this is not strict JSON ({error}). {REMEDY}") from None
+    return from_dict(content, name=str(path))
+
+
+def _refuse_constant(word: str) -> None:
+    raise ValueError(f"it holds {word}")
+
+
+def from_dict(content: Any, *, name: str = "result") -> FitResult:
+    """Build a result from the content of a result.json.
+
+    Parameters
+    ----------
+    content : dict
+        As `FitResult.to_dict` gives it.
+    name : str
+        Of the file, for messages.
+
+    Returns
+    -------
+    FitResult
+
+    Raises
+    ------
+    DataError
+        If something is missing or of the wrong kind; the key is named.
+    """
+    root = Node(content, "", name)
+    root.check(dict, "the file")
+    version = root.value.get("schema")
+    if version != SCHEMA:
+        stated = f"schema {version!r}" if version is not None else "no key 'schema'"
+        raise DataError(
+            f"{name}: has {stated}; this version of ifrfit reads '{SCHEMA}'. "
+            "Name the result.json of a fit, or use the ifrfit that wrote the file."
+        )
+    correlation, noise = root["correlation"], root["noise"]
+    warnings = [str(item) for item in root["warnings"].each(lambda node: node.text())]
+    return FitResult(
+        closure=root["closure"].text(),
+        inertia_factor=root["inertia_factor"].number(),
+        method=root["method"].text(),
+        inputs=tuple(root["input"].each(_source)),
+        noise=Noise(noise["policy"].text(), noise["sigma"].mapped(lambda node: node.number(math.nan))),
+        constants=root["constants"].mapped(_constant),
+        derived=root["derived"].mapped(_derived),
+        correlation=(
+            tuple(correlation["names"].each(lambda node: node.text())),
+            correlation["matrix"].square(len(correlation["names"].value)),
+        ),
+        fit=_statistics(root["fit"]),
+        facts=root["facts"].mapped(_fact),
+        warnings=tuple(says for says in warnings if not says.startswith(NULL_MARK)),
+        state=_state(root["state"]),
+        points=_points(root["points"]),
+        seed=root["seed"].whole(),
+        command=root["command"].text(),
+        created=root["created"].text(),
+        versions=root["versions"].mapped(lambda node: node.text()),
+    )
+
+
+def _source(node: Node) -> Source:
+    described = node.value.get("descriptor") if isinstance(node.value, dict) else None
+    return Source(
+        name=node["name"].text(),
+        sha256=node["sha256"].text(),
+        rows=node["rows"].whole(),
+        rows_used=node["rows_used"].whole(),
+        rows_skipped=node["rows_skipped"].mapped(lambda count: count.whole()),
+        provenance=node["provenance"].text(),
+        selection=node["selection"].text(),
+        descriptor=None if described is None else _descriptor(node["descriptor"]),
+    )
+
+
+def _descriptor(node: Node) -> Descriptor:
+    def texts(key: str) -> tuple[str, ...]:
+        return tuple(node[key].each(lambda item: item.text()))
+
+    conditions = node["conditions"]
+    conditions.check(dict)
+    noise = node["noise"]
+    return Descriptor(
+        name=node["name"].text(),
+        title=node["title"].text(),
+        provenance=node["provenance"].text(),
+        conditions=dict(conditions.value),
+        default_observables=texts("default_observables"),
+        default_series=texts("default_series"),
+        noise=None if noise.value is None else noise.text(),
+        faces=tuple(node["faces"].each(lambda group: tuple(group.each(lambda item: item.text())))),
+        inertia_factor=node["inertia_factor"].number(),
+        assumptions=texts("assumptions"),
+        printed_constants=node["printed_constants"].mapped(lambda item: item.number()),
+        licence=node["licence"].text(),
+        source=node["source"].text(),
+    )
+
+
+def _estimate(node: Node) -> Estimate:
+    status = node["status"]
+    if status.value not in get_args(Status):
+        status.fail(f"one of {', '.join(get_args(Status))}")
+    return Estimate(
+        value=node["value"].maybe(),
+        stderr=node["stderr"].maybe(),
+        interval68=_interval(node["interval68"]),
+        interval95=_interval(node["interval95"]),
+        status=status.value,
+        reason=node["reason"].text() if "reason" in node.value else "",
+    )
+
+
+def _interval(node: Node) -> tuple[float, float]:
+    node.check(list)
+    if len(node.value) != 2:
+        node.fail("a list of two numbers or null")
+    nulls = iter((-math.inf, math.inf))
+    low, high = node.each(lambda end: end.number(next(nulls)))
+    return low, high
+
+
+def _is_estimate(value: Any) -> bool:
+    """Tell an estimate from a mapping of series to estimates, whatever the series are called."""
+    nested = (Mapping, list, type(None))
+    return isinstance(value, Mapping) and not all(isinstance(item, nested) for item in value.values())
+
+
+def _constant(node: Node) -> Estimate | dict[str, Estimate]:
+    node.check(dict)
+    return _estimate(node) if _is_estimate(node.value) else node.mapped(_estimate)
+
+
+def _derived(node: Node) -> Any:
+    if node.value is None:
+        return None
+    if isinstance(node.value, list):
+        return tuple(node.each(_estimate))
+    node.check(dict)
+    return _estimate(node) if _is_estimate(node.value) else node.mapped(_derived)
+
+
+def _statistics(node: Node) -> FitStatistics:
+    values: dict[str, Any] = {}
+    for field in fields(FitStatistics):
+        item = node[field.name]
+        if field.name in _COUNTS:
+            values[field.name] = item.whole()
+        elif field.name in _STATISTICS_OR_NULL:
+            values[field.name] = item.maybe()
+        else:
+            values[field.name] = item.number(math.nan)
+    return FitStatistics(**values)
+
+
+def _fact(node: Node) -> Fact:
+    ok = node["ok"]
+    ok.check(bool)
+    figures = node["figures"]
+    figures.check(dict)
+    return Fact(bool(ok.value), node["says"].text(), dict(figures.value), node["threshold"].text())
+
+
+def _state(node: Node) -> State:
+    names = tuple(node["names"].each(lambda item: item.text()))
+    n = len(names)
+    return State(
+        names=names,
+        point=node["point"].array(n),
+        center=node["center"].array(n),
+        covariance=node["covariance"].square(n),
+        lower=node["lower"].array(n, -math.inf),
+        upper=node["upper"].array(n, math.inf),
+    )
+
+
+def _points(node: Node) -> pd.DataFrame:
+    """The table of rows used; without rows where the file does not keep them."""
+    import pandas as pd
+
+    given = {name: Node([], name, node.file) for name in _POINT_COLUMNS}
+    if node.value is not None:
+        given = {name: node[name] for name in dict.fromkeys((*_POINT_COLUMNS, *node.value))}
+    columns = {name: _column(name, column) for name, column in given.items()}
+    lengths = {name: len(column) for name, column in columns.items()}
+    for name, length in lengths.items():
+        if length != lengths["value"]:
+            given[name].fail(f"as long as points.value ({lengths['value']})")
+    table = pd.DataFrame(columns)
+    for name in TEXT_COLUMNS:
+        table[name] = table[name].astype("str")
+    # the slip ratio at grazing incidence: infinite, which JSON does not know
+    table.loc[table["tau"].isna() & table["gamma_deg"].notna(), "tau"] = math.inf
+    return table
+
+
+def _column(name: str, node: Node) -> Any:
+    """One column; the kinds of its cells are looked at together, cell by cell only to name a wrong one."""
+    import pandas as pd
+
+    node.check(list)
+    kinds = set(map(type, node.value))
+    if name in TEXT_COLUMNS:
+        if not kinds <= {str}:
+            node.each(lambda cell: cell.text())
+        return pd.Series(node.value, dtype=object)
+    if name in _COUNT_COLUMNS:
+        if not kinds <= {int}:
+            node.each(lambda cell: cell.whole())
+        return pd.Series(node.value, dtype="int64")
+    if name == "sticking" or kinds == {bool}:
+        if not kinds <= {bool, type(None)}:
+            node.each(lambda cell: cell.check(bool) if cell.value is not None else None)
+        return pd.Series(node.value, dtype=object if type(None) in kinds else bool)
+    if not kinds <= {int, float, type(None)}:
+        node.each(lambda cell: cell.number(math.nan))
+    return pd.Series(node.value, dtype=float)

@@ -1,0 +1,66 @@
+"""An optimum of a problem, and what is proven about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.block import Constants
+from ifrfit.inference.problem import Problem
+
+Array = NDArray[np.float64]
+
+GAP_TOLERANCE = 1e-9  # relative; beyond it an optimum is not called global
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Best constants at given noise.
+
+    Attributes
+    ----------
+    theta : ndarray
+        All constants of the problem, fixed ones included.
+    objective : float
+        chi2 plus prior_chi2.
+    gap : float or None
+        objective minus a proven lower bound over everything else; None where no bound is known.
+    n_same, n_near : int
+        Local minima within 1e-6 and within 4 of the objective.
+    road : str
+        How it was found.
+    """
+
+    theta: Array
+    objective: float
+    gap: float | None
+    n_same: int
+    n_near: int
+    road: str
+
+    @property
+    def certified(self) -> bool:
+        """Whether the optimum is proven to be global."""
+        return self.gap is not None and self.gap <= GAP_TOLERANCE * max(1.0, abs(self.objective))
+
+
+def theta_of(problem: Problem, per_series: list[Constants]) -> Array:
+    """Write each series' (e_n, c, mu) into theta."""
+    theta = np.zeros(len(problem.names))
+    places = problem.positions()
+    names = ("e_n", problem.closure.constant, "mu")
+    for number, constants in enumerate(per_series):
+        for name, value in zip(names, constants, strict=True):
+            if name is not None:
+                theta[places[name][number]] = value
+    lower, upper = problem.bounds()
+    return np.clip(theta, lower, upper)
+
+
+def objective_at(problem: Problem, sigma: Array, theta: Array) -> float:
+    """chi2 plus prior_chi2 at theta, from the rows themselves."""
+    residual = (problem.rows.value - problem.fitted(theta)) / sigma
+    prior = problem.prior_residuals(theta)
+    return float(residual @ residual + prior @ prior)

@@ -1,0 +1,295 @@
+"""What a fit found, as frozen values: constants with statuses, facts, and the points it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ifrfit.data import Source
+from ifrfit.errors import UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Status = Literal["determined", "one_sided", "prior", "not_determined", "fixed"]
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One constant (or a quantity derived from the constants).
+
+    Attributes
+    ----------
+    value : float or None
+        Best value; None if the data do not determine it.
+    stderr : float or None
+        Standard deviation; None where there is none (fixed, not determined).
+    interval68, interval95 : tuple of float
+        Credible or confidence interval; an end may be infinite.
+    status : str
+        determined, one_sided, prior, not_determined or fixed.
+    reason : str
+        Why the status is not simply "determined", in a few words.
+    """
+
+    value: float | None
+    stderr: float | None
+    interval68: Interval
+    interval95: Interval
+    status: Status
+    reason: str = ""
+
+    def interval(self, level: float = 0.95) -> Interval:
+        """Interval of the given level, 0.68 or 0.95.
+
+        Raises
+        ------
+        UsageError
+            For any other level.
+        """
+        if level == 0.95:
+            return self.interval95
+        if level == 0.68:
+            return self.interval68
+        raise UsageError(f"Intervals are kept at 0.68 and 0.95, not at {level}.")
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One named finding about a fit, with its number and its threshold.
+
+    Attributes
+    ----------
+    ok : bool
+        Whether all is well.
+    says : str
+        The finding in one sentence (with the remedy where it is not well).
+    figures : mapping
+        The numbers behind it.
+    threshold : str
+        The rule.
+    """
+
+    ok: bool
+    says: str
+    figures: Mapping[str, Any]
+    threshold: str
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What sigma meant: policy known, scaled or unknown, and the sigma of each "series/observable"."""
+
+    policy: str
+    sigma: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class FitStatistics:
+    """Counts and misfit. chi2 holds no prior terms; those are in prior_chi2. None where not defined."""
+
+    n: int
+    n_sliding: int
+    n_sticking: int
+    rank: int
+    prior_chi2: float
+    chi2: float
+    dof: int
+    reduced_chi2: float | None
+    p_value: float | None
+    rmse: float
+    log_likelihood: float
+    aic: float
+    bic: float
+    log_evidence: float | None = None
+
+
+@dataclass(frozen=True)
+class State:
+    """The optimum in the coordinates in which it was found, for predictions.
+
+    Attributes
+    ----------
+    names : tuple of str
+        e_n, the closure constant, kappa; with a series in brackets where separate: ``kappa[run 1]``.
+    point : ndarray
+        The optimum.
+    center, covariance : ndarray
+        Of the local Gaussian (the centre lies beyond a bound that holds the optimum back); directions
+        that the data leave loose have the variance of the default prior.
+    lower, upper : ndarray
+        Bounds, infinite where there is none.
+    """
+
+    names: tuple[str, ...]
+    point: NDArray[np.float64]
+    center: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+
+
+Constants = Mapping[str, "Estimate | Mapping[str, Estimate]"]
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """Everything that a fit found. Frozen; `to_dict` gives exactly result.json.
+
+    Attributes
+    ----------
+    closure, method : str
+    inertia_factor : float
+    inputs : tuple of Source
+        Files or datasets with hash, rows used and skipped, provenance and selection.
+    noise : Noise
+    constants : mapping
+        Name to `Estimate`, or to a mapping of series to `Estimate` where the constant is separate.
+    derived : mapping
+        kappa, transition_angle_deg (by series; None where there is no transition), beta_sticking.
+    correlation : tuple
+        Names of the free constants and their correlation matrix.
+    fit : FitStatistics
+    facts : mapping of str to Fact
+    warnings : tuple of str
+    state : State
+    points : DataFrame
+        Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
+    command, seed, created, versions
+        How to repeat it.
+    """
+
+    closure: str
+    inertia_factor: float
+    method: str
+    inputs: tuple[Source, ...]
+    noise: Noise
+    constants: Constants
+    derived: Mapping[str, Any]
+    correlation: tuple[tuple[str, ...], NDArray[np.float64]]
+    fit: FitStatistics
+    facts: Mapping[str, Fact]
+    warnings: tuple[str, ...]
+    state: State
+    points: pd.DataFrame
+    seed: int = 0
+    command: str = ""
+    created: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    problem: Any = field(default=None, repr=False, compare=False)
+
+    @property
+    def provenance(self) -> tuple[str, ...]:
+        """Distinct provenances of the data used."""
+        return tuple(dict.fromkeys(source.provenance for source in self.inputs))
+
+    def flat_constants(self) -> dict[str, Estimate]:
+        """Constants by name, with the series in brackets where separate."""
+        flat: dict[str, Estimate] = {}
+        for name, found in self.constants.items():
+            if isinstance(found, Estimate):
+                flat[name] = found
+            else:
+                flat |= {f"{name}[{series}]": each for series, each in found.items()}
+        return flat
+
+    def draws(self, n: int, rng: np.random.Generator) -> pd.DataFrame:
+        """Draw constants from the estimator's distribution (least squares: the local truncated Gaussian).
+
+        Parameters
+        ----------
+        n : int
+            Number of draws.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        DataFrame
+            n rows; a column a constant, with the series in brackets where separate, and kappa.
+        """
+        from ifrfit.inference.prediction import draw
+
+        return draw(self, n, rng)
+
+    def predict(
+        self,
+        gamma: ArrayLike,
+        spin_x: ArrayLike = 0.0,
+        spin_y: ArrayLike = 0.0,
+        *,
+        observable: str = "beta",
+        series: str | None = None,
+        degrees: bool = True,
+    ) -> pd.DataFrame:
+        """Predict an observable with credible and predictive bands.
+
+        Parameters
+        ----------
+        gamma : array_like
+            Incidence angles, degrees (radians if not `degrees`).
+        spin_x, spin_y : array_like
+            R omega/u before, broadcast against gamma.
+        observable : str
+            Name in the common schema.
+        series : str, optional
+            Whose constants and noise to take; needed where constants are separate.
+
+        Returns
+        -------
+        DataFrame
+            gamma_deg, spin_x, spin_y, value, lo68, hi68, lo95, hi95 (credible) and
+            new_lo68, new_hi68, new_lo95, new_hi95 (predictive: one more measurement, nan without a sigma).
+
+        Raises
+        ------
+        UsageError
+            For an unknown observable or series.
+        """
+        from ifrfit.inference.prediction import predict
+
+        return predict(self, gamma, spin_x, spin_y, observable=observable, series=series, degrees=degrees)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Exactly the content of result.json."""
+        from ifrfit.inference.serialise import to_dict
+
+        return to_dict(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write result.json; it appears whole or not at all."""
+        from ifrfit.inference.serialise import save
+
+        save(self, Path(path))
+
+    # The report layer stands after inference; these methods hand the result on and import it only then.
+
+    def summary(self, style: str = "text") -> str:
+        """Table of the findings as "text", "markdown" or "latex"."""
+        from ifrfit.report import summary
+
+        return summary(self, style)
+
+    def plot(self) -> Figure:
+        """Figure of data, curves with bands, and standardised residuals; one panel an observable."""
+        from ifrfit.report import plot
+
+        return plot(self)
+
+    def _repr_html_(self) -> str:
+        from ifrfit.report import html_table
+
+        return html_table(self)
+
+    @property
+    def lmfit_result(self) -> Any:
+        """The same optimum as an ``lmfit.minimizer.MinimizerResult`` (imports lmfit)."""
+        from ifrfit.inference.lmfit_bridge import minimizer_result
+
+        return minimizer_result(self)

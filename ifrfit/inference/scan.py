@@ -1,0 +1,29 @@
+"""Minima of a function of one number: a grid, then every dip polished."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+_GRID = 33
+
+
+def dips(function: Callable[[float], float], low: float, high: float) -> list[tuple[float, float]]:
+    """Local minima of `function` on [low, high] as (value, place), best first.
+
+    Each interval of the grid next to a dip is searched by Brent's bounded method.
+    """
+    from scipy.optimize import minimize_scalar
+
+    grid = np.linspace(low, high, _GRID)
+    values = np.array([function(float(x)) for x in grid])
+    padded = np.concatenate(([np.inf], values, [np.inf]))
+    found: list[tuple[float, float]] = []
+    for i in map(int, np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))):
+        ends = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, _GRID - 1)])
+        result = minimize_scalar(function, bounds=ends, method="bounded", options={"xatol": 1e-12})
+        pair = min((float(result.fun), float(result.x)), (float(values[i]), float(grid[i])))
+        if all(abs(pair[1] - place) > 1e-6 * (1.0 + abs(place)) for _, place in found):
+            found.append(pair)
+    return sorted(found)

@@ -1,0 +1,256 @@
+"""A fit as strict JSON (schema ifrfit/result/1) and back."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import uuid
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ifrfit._version import __version__
+from ifrfit.data import Source
+from ifrfit.inference.result import Estimate, FitResult, FitStatistics, State
+
+if TYPE_CHECKING:
+    from ifrfit.inference.loading import from_dict, load_result
+
+SCHEMA = "ifrfit/result/1"
+MOST_ROWS = 100_000
+# sentences that begin like this speak about the file, not about the fit: reading takes them away again
+NULL_MARK = "Written as null: "
+
+__all__ = ["MOST_ROWS", "NULL_MARK", "SCHEMA", "dumps", "from_dict", "load_result", "save", "to_dict"]
+
+
+def __getattr__(name: str) -> Any:
+    # reading has a file of its own, which needs this one
+    if name in ("from_dict", "load_result"):
+        from ifrfit.inference import loading
+
+        return getattr(loading, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+class _Nulls:
+    """What had to be written as null, and why."""
+
+    def __init__(self) -> None:
+        self.open_ends = False
+        self.values: list[str] = []
+        self.columns: list[str] = []
+        self.rows = 0
+
+    def number(self, value: float, path: str) -> float | None:
+        if math.isfinite(value):
+            return value
+        word = "not a number" if math.isnan(value) else "infinite"
+        self.values.append(f"{path} ({word})")
+        return None
+
+    def sentences(self) -> list[str]:
+        said = []
+        if self.open_ends:
+            said.append("ends of intervals and bounds that are infinite")
+        if self.values:
+            said.append(", ".join(self.values))
+        if self.columns:
+            said.append(f"cells without a finite number in the columns {', '.join(self.columns)} of points")
+        if self.rows:
+            said.append(f"points, as {self.rows} rows are more than the {MOST_ROWS} that a result keeps")
+        return [f"{NULL_MARK}{what}." for what in said]
+
+
+def to_dict(result: FitResult) -> dict[str, Any]:
+    """Exactly the content of result.json.
+
+    Parameters
+    ----------
+    result : FitResult
+
+    Returns
+    -------
+    dict
+        Keys in the order of the schema; only str, int, float, bool, None, list and dict. nan and infinity
+        are None, with the reason in ``warnings``. Points beyond 100000 rows are left out (None).
+    """
+    nulls = _Nulls()
+    content: dict[str, Any] = {
+        "schema": SCHEMA,
+        "ifrfit": result.versions.get("ifrfit", __version__),
+        "created": result.created,
+        "command": result.command,
+        "seed": int(result.seed),
+        "versions": dict(result.versions),
+        "input": [_source(source, i, nulls) for i, source in enumerate(result.inputs)],
+        "closure": result.closure,
+        "inertia_factor": float(result.inertia_factor),
+        "method": result.method,
+        "noise": {
+            "policy": result.noise.policy,
+            "sigma": _plain(result.noise.sigma, "noise.sigma", nulls),
+        },
+        "constants": _estimates(result.constants, "constants", nulls),
+        "derived": _estimates(result.derived, "derived", nulls),
+        "correlation": {
+            "names": list(result.correlation[0]),
+            "matrix": _plain(result.correlation[1], "correlation.matrix", nulls),
+        },
+        "fit": _plain({f.name: getattr(result.fit, f.name) for f in fields(FitStatistics)}, "fit", nulls),
+        "facts": {
+            name: {
+                "ok": bool(fact.ok),
+                "says": fact.says,
+                "figures": _plain(fact.figures, f"facts.{name}.figures", nulls),
+                "threshold": fact.threshold,
+            }
+            for name, fact in result.facts.items()
+        },
+        "warnings": [],
+        "state": _state(result.state, nulls),
+        "points": _points(result.points, nulls),
+    }
+    content["warnings"] = [*result.warnings, *nulls.sentences()]
+    return content
+
+
+def dumps(result: FitResult) -> str:
+    """The text of result.json: strict JSON, one line a list, ends with a line feed."""
+    return _render(to_dict(result), 0) + "\n"
+
+
+def save(result: FitResult, path: Path) -> None:
+    """Write result.json; it appears whole or not at all.
+
+    Parameters
+    ----------
+    result : FitResult
+    path : Path
+        File to write or replace; its folder must be there.
+    """
+    path = Path(path)
+    text = dumps(result)
+    fresh = path.with_name(f".{path.name}-{uuid.uuid4().hex[:12]}.new")
+    try:
+        fresh.write_text(text, encoding="utf-8", newline="\n")
+        os.replace(fresh, path)  # noqa: PTH105
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def _render(value: Any, depth: int) -> str:
+    """Objects over many lines, lists of numbers on one: points stay readable and small."""
+    pad = "  " * (depth + 1)
+    if isinstance(value, dict) and value:
+        lines = [f"{pad}{_dump(key)}: {_render(item, depth + 1)}" for key, item in value.items()]
+        return "{\n" + ",\n".join(lines) + "\n" + "  " * depth + "}"
+    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        return (
+            "[\n" + ",\n".join(pad + _render(item, depth + 1) for item in value) + "\n" + "  " * depth + "]"
+        )
+    return _dump(value)
+
+
+def _dump(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def _plain(value: Any, path: str, nulls: _Nulls) -> Any:
+    """Any value as JSON knows it."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item, f"{path}.{key}", nulls) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (list, tuple, set, frozenset)):
+        items = sorted(value, key=str) if isinstance(value, (set, frozenset)) else value
+        return [_plain(item, f"{path}[{i}]", nulls) for i, item in enumerate(items)]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float):
+        return nulls.number(value, path)
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    return str(value)
+
+
+def _estimates(value: Any, path: str, nulls: _Nulls) -> Any:
+    """Estimates in whatever mapping or tuple they come; None stays None."""
+    if isinstance(value, Estimate):
+        return _estimate(value, path, nulls)
+    if isinstance(value, Mapping):
+        return {str(key): _estimates(item, f"{path}.{key}", nulls) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_estimates(item, f"{path}[{i}]", nulls) for i, item in enumerate(value)]
+    return _plain(value, path, nulls)
+
+
+def _estimate(estimate: Estimate, path: str, nulls: _Nulls) -> dict[str, Any]:
+    return {
+        "value": _plain(estimate.value, f"{path}.value", nulls),
+        "stderr": _plain(estimate.stderr, f"{path}.stderr", nulls),
+        "interval68": _ends(estimate.interval68, nulls),
+        "interval95": _ends(estimate.interval95, nulls),
+        "status": estimate.status,
+        "reason": estimate.reason,
+    }
+
+
+def _ends(values: Any, nulls: _Nulls) -> list[float | None]:
+    """Ends of an interval, or bounds: infinite ones are null, which is said once for all of them."""
+    ends = [float(value) for value in values]
+    nulls.open_ends |= not all(math.isfinite(end) for end in ends)
+    return [end if math.isfinite(end) else None for end in ends]
+
+
+def _source(source: Source, number: int, nulls: _Nulls) -> dict[str, Any]:
+    content: dict[str, Any] = {
+        "name": source.name,
+        "sha256": source.sha256,
+        "rows": int(source.rows),
+        "rows_used": int(source.rows_used),
+        "rows_skipped": {reason: int(count) for reason, count in source.rows_skipped.items()},
+        "provenance": source.provenance,
+        "selection": source.selection,
+    }
+    if source.descriptor is not None:
+        content["descriptor"] = _plain(asdict(source.descriptor), f"input[{number}].descriptor", nulls)
+    return content
+
+
+def _state(state: State, nulls: _Nulls) -> dict[str, Any]:
+    return {
+        "names": list(state.names),
+        "point": _plain(state.point, "state.point", nulls),
+        "center": _plain(state.center, "state.center", nulls),
+        "covariance": _plain(state.covariance, "state.covariance", nulls),
+        "lower": _ends(state.lower, nulls),
+        "upper": _ends(state.upper, nulls),
+    }
+
+
+def _points(points: Any, nulls: _Nulls) -> dict[str, list[Any]] | None:
+    if len(points) > MOST_ROWS:
+        nulls.rows = len(points)
+        return None
+    content = {}
+    for name in points.columns:
+        missing = points[name].isna().to_numpy()
+        cells = points[name].tolist()
+        cells = [None if gone else _cell(cell) for cell, gone in zip(cells, missing, strict=True)]
+        if missing.any() or any(cell is None for cell in cells):
+            nulls.columns.append(str(name))
+        content[str(name)] = cells
+    return content
+
+
+def _cell(cell: Any) -> Any:
+    if isinstance(cell, np.generic):
+        cell = cell.item()
+    if isinstance(cell, float) and not math.isfinite(cell):
+        return None
+    return cell

@@ -1,0 +1,86 @@
+"""The optimum of a problem at given noise, by the road that fits it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ifrfit.inference.block import Block, BlockOptimum
+from ifrfit.inference.block_solver import solve_block
+from ifrfit.inference.constants import Constant
+from ifrfit.inference.optimum import Array, Optimum, theta_of
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.search import multistart
+from ifrfit.inference.shared import solve_shared
+
+
+def solve(problem: Problem, sigma: Array) -> Optimum:
+    """Find the optimum.
+
+    Parameters
+    ----------
+    problem : Problem
+    sigma : ndarray
+        Standard uncertainty of each row.
+
+    Returns
+    -------
+    Optimum
+    """
+    if len(problem.series) == 1 or not any(c.separate for c in problem.constants):
+        block = whole_block(problem, sigma)
+        found = solve_block(block)
+        if found is None:
+            return multistart(problem, sigma)
+        return _optimum(problem, [found] * len(problem.series))
+    if all(c.separate or c.fixed is not None for c in problem.constants):
+        parts = [solve_block(block) for block in series_blocks(problem, sigma)]
+        if all(part is not None for part in parts):
+            return _join(problem, [part for part in parts if part is not None])
+        return multistart(problem, sigma)
+    blocks = series_blocks(problem, sigma)
+    return solve_shared(problem, blocks, whole_block(problem, sigma)) or multistart(problem, sigma)
+
+
+def whole_block(problem: Problem, sigma: Array) -> Block:
+    """All rows as one block."""
+    e_n, c, mu = _specs(problem)
+    return Block(problem.rows, 1.0 / sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
+
+
+def series_blocks(problem: Problem, sigma: Array) -> list[Block]:
+    """One block a series. A prior on a shared constant is not in any of them."""
+    e_n, c, mu = (x if x.separate else replace(x, prior=None) for x in _specs(problem))
+    blocks = []
+    for number in range(len(problem.series)):
+        at = np.flatnonzero(problem.rows.series == number)
+        rows = problem.rows.take(at)
+        blocks.append(Block(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu))
+    return blocks
+
+
+def _specs(problem: Problem) -> tuple[Constant, Constant, Constant]:
+    by_name = {c.name: c for c in problem.constants}
+    none = Constant("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
+    return by_name["e_n"], by_name.get(problem.closure.constant or "", none), by_name["mu"]
+
+
+def _optimum(problem: Problem, per_series: list[BlockOptimum]) -> Optimum:
+    first = per_series[0]
+    theta = theta_of(problem, [part.constants for part in per_series])
+    return Optimum(theta, first.objective, first.gap, first.n_same, first.n_near, first.road)
+
+
+def _join(problem: Problem, parts: list[BlockOptimum]) -> Optimum:
+    """Series that share nothing: gaps add, optima multiply."""
+    gaps = [part.gap for part in parts]
+    return Optimum(
+        theta_of(problem, [part.constants for part in parts]),
+        sum(part.objective for part in parts),
+        None if any(gap is None for gap in gaps) else sum(gap for gap in gaps if gap is not None),
+        math.prod(part.n_same for part in parts),
+        math.prod(part.n_near for part in parts),
+        "all partitions of each series",
+    )

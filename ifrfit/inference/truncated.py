@@ -1,0 +1,55 @@
+"""Quantiles of a normal or Student-t law cut off at bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from scipy import special
+
+_FAR = 8.0  # beyond so many sd the tails are followed on a log scale
+
+
+def quantile(p: float, center: float, sd: float, lower: float, upper: float, dof: float = math.inf) -> float:
+    """Quantile p of a law with the given centre and scale, restricted to [lower, upper].
+
+    Parameters
+    ----------
+    p : float
+        Probability, 0 to 1.
+    center, sd : float
+        Of the law before it is cut; the centre may lie outside the bounds.
+    lower, upper : float
+        Bounds, may be infinite.
+    dof : float
+        Degrees of freedom of Student's t; infinite for the normal law.
+    """
+    if sd == 0.0:
+        return min(max(center, lower), upper)
+    low, high = (lower - center) / sd, (upper - center) / sd
+    # from the tail in which the bounds lie, so that probabilities keep their digits
+    if low > 0.0:
+        return center - sd * _cut(1.0 - p, -high, -low, dof)
+    return center + sd * _cut(p, low, high, dof)
+
+
+def _cut(p: float, low: float, high: float, dof: float) -> float:
+    cdf, inverse = _law(dof)
+    below, above = cdf(low), cdf(high)
+    if above - below <= 0.0 or (math.isinf(dof) and high < -_FAR):
+        # so far out that the tail is exponential with rate |high|
+        rate = max(abs(high), 1.0)
+        reach = 1.0 - math.exp(-rate * (high - low)) if math.isfinite(low) else 1.0
+        return max(low, high + math.log1p(-(1.0 - p) * reach) / rate)
+    return min(max(inverse(below + p * (above - below)), low), high)
+
+
+def _law(dof: float) -> tuple[Callable[[float], float], Callable[[float], float]]:
+    if math.isinf(dof):
+        return lambda x: float(special.ndtr(x)), lambda p: float(special.ndtri(p))
+    return lambda x: float(special.stdtr(dof, x)), lambda p: float(special.stdtrit(dof, p))
+
+
+def half_width(level: float, dof: float = math.inf) -> float:
+    """Half width of the central interval of the given level, in sd."""
+    return _law(dof)[1](0.5 + 0.5 * level)

@@ -1,0 +1,19 @@
+"""What happens in an impact: closures, the rebound, observables and the transition."""
+
+from ifrfit.physics.closures import CLOSURES, Closure, get_closure
+from ifrfit.physics.observables import OBSERVABLES, Observable, get_observable
+from ifrfit.physics.rebound import Rebound, rebound
+from ifrfit.physics.transition import transition_angles, transition_tau
+
+__all__ = [
+    "CLOSURES",
+    "OBSERVABLES",
+    "Closure",
+    "Observable",
+    "Rebound",
+    "get_closure",
+    "get_observable",
+    "rebound",
+    "transition_angles",
+    "transition_tau",
+]

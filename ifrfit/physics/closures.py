@@ -1,0 +1,121 @@
+"""Closures: what each model of contact takes for the tangential impulse.
+
+Every closure is a pair (a, b) in ``k = a + min(b, kappa U_n/|U_t|)``, where -k U_t is the tangential
+impulse per mass. Both are linear in the closure's own constant, which inference relies on.
+A further closure is one more entry of `CLOSURES`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ifrfit.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """(a, b) as linear functions of the closure constant c: a = a0 + a1 c, b = b0 + b1 c."""
+
+    a0: float
+    a1: float
+    b0: float
+    b1: float
+
+
+@dataclass(frozen=True)
+class Closure:
+    """One model of the tangential impulse.
+
+    Attributes
+    ----------
+    name : str
+        As on the command line.
+    title : str
+        As in reports.
+    constant : str or None
+        Name of the constant beside e_n and mu, if it has one.
+    coefficients : callable
+        Inertia factor J to `Coefficients`.
+    domain : callable
+        J to the passive range of the constant (theory: no kinetic energy is created).
+    source : str
+        Where the closure comes from.
+    """
+
+    name: str
+    title: str
+    constant: str | None
+    coefficients: Callable[[float], Coefficients]
+    domain: Callable[[float], tuple[float, float]]
+    source: str
+
+    @property
+    def constants(self) -> tuple[str, ...]:
+        """Names of all constants, in the order of results."""
+        return ("e_n", self.constant, "mu") if self.constant else ("e_n", "mu")
+
+
+def rotational_share(inertia_factor: float) -> float:
+    """J/(1 + J): the impulse that stops the contact point, per mass and slip (2/7 for a solid sphere)."""
+    return inertia_factor / (1.0 + inertia_factor)
+
+
+def _brach(j: float) -> Coefficients:
+    return Coefficients(0.0, 0.0, rotational_share(j), 0.0)
+
+
+def _walton(j: float) -> Coefficients:
+    share = rotational_share(j)
+    return Coefficients(0.0, 0.0, share, share)
+
+
+def _ifr(j: float) -> Coefficients:
+    share = rotational_share(j)
+    return Coefficients(share, share, j, 0.0)
+
+
+def _ifr_contact(j: float) -> Coefficients:
+    share = rotational_share(j)
+    return Coefficients(share, share, share, 0.0)
+
+
+_DOMENECH = "Doménech-Carbó (2023), Eqs (19)-(22) with the signs of the impulses corrected"
+
+CLOSURES: dict[str, Closure] = {
+    closure.name: closure
+    for closure in (
+        Closure("f", "F", None, _brach, lambda j: (0.0, 0.0), "Brach (1984), J. Appl. Mech. 51, 164"),
+        Closure(
+            "fr",
+            "FR",
+            "beta0",
+            _walton,
+            lambda j: (-1.0, 1.0),
+            "Walton (1993), in Particulate Two-Phase Flow, 884",
+        ),
+        Closure("ifr", "IFR", "e_t", _ifr, lambda j: (-1.0, -j), _DOMENECH),
+        Closure(
+            "ifr-contact",
+            "IFR-contact",
+            "e_t",
+            _ifr_contact,
+            lambda j: (-1.0, 0.0),
+            _DOMENECH + ", with the impulse that stops the contact point as friction in sticking",
+        ),
+    )
+}
+
+
+def get_closure(name: str) -> Closure:
+    """Look a closure up by name.
+
+    Raises
+    ------
+    UsageError
+        If there is none of that name; the message lists those there are.
+    """
+    try:
+        return CLOSURES[name.lower()]
+    except KeyError:
+        raise UsageError(f"There is no closure '{name}'. Choose one of {', '.join(CLOSURES)}.") from None

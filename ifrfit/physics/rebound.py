@@ -1,0 +1,259 @@
+"""What an impact does: velocities and spins after it, from one formula for all closures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ifrfit.errors import UsageError
+from ifrfit.physics.angles import Array, Incidence
+from ifrfit.physics.closures import Closure, get_closure, rotational_share
+
+
+def _ratio(numerator: Array, denominator: Array) -> Array:
+    """Quotient that is nan where the denominator vanishes: undefined, never a silent number."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return np.asarray(np.where(denominator == 0.0, np.nan, numerator / denominator))
+
+
+def _angle(opposite: Array, adjacent: Array) -> Array:
+    """Arc tangent with its quadrant (radians), nan where both sides vanish."""
+    both_zero = (opposite == 0.0) & (adjacent == 0.0)
+    return np.asarray(np.where(both_zero, np.nan, np.arctan2(opposite, adjacent)))
+
+
+@dataclass(frozen=True)
+class Rebound:
+    """State after the impact, per incoming speed u. All arrays share one shape and are read-only.
+
+    Attributes
+    ----------
+    v_x, v_y : ndarray
+        Tangential velocity of the centre (x along the incoming tangential velocity).
+    v_n : ndarray
+        Normal speed away from the wall, e_n cos(gamma).
+    spin_x, spin_y : ndarray
+        R Omega/u in the paper's signs.
+    contact_x, contact_y : ndarray
+        Tangential velocity of the contact point, V_t/u.
+    sticking : ndarray of bool
+        Whether the impact sticks; an impact without slip counts as sticking.
+    impulse_factor : ndarray
+        k: the tangential impulse per mass is -k U_t.
+    incidence : Incidence
+        State before.
+    e_n : ndarray
+    inertia_factor : float
+        J = I/(m R^2).
+    """
+
+    v_x: Array
+    v_y: Array
+    v_n: Array
+    spin_x: Array
+    spin_y: Array
+    contact_x: Array
+    contact_y: Array
+    sticking: Array
+    impulse_factor: Array
+    incidence: Incidence
+    e_n: Array
+    inertia_factor: float
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+
+    @property
+    def beta(self) -> Array:
+        """Tangential restitution of the contact point, -V_t/U_t; nan without slip (Eq. (25), signed)."""
+        factor = self.impulse_factor / rotational_share(self.inertia_factor) - 1.0
+        return np.asarray(np.where(self.incidence.slip == 0.0, np.nan, factor))
+
+    @property
+    def beta_cm(self) -> Array:
+        """Tangential restitution of the centre, -v_x/u_x; nan at normal incidence (Eqs (28), (29))."""
+        return _ratio(-self.v_x, self.incidence.sine)
+
+    @property
+    def beta_tot(self) -> Array:
+        """Speed after over speed before, of the centre."""
+        return np.asarray(np.hypot(np.hypot(self.v_x, self.v_y), self.v_n))
+
+    @property
+    def mu_app(self) -> Array:
+        """Apparent friction P_x/P_n, signed; nan at grazing incidence (Eqs (30), (31))."""
+        return _ratio(self.impulse_factor * self.incidence.slip_x, (1.0 + self.e_n) * self.incidence.cosine)
+
+    @property
+    def mu_app_magnitude(self) -> Array:
+        """|P_t|/|P_n|, the apparent friction of an impact with lateral spin."""
+        return _ratio(
+            np.abs(self.impulse_factor) * self.incidence.slip, (1.0 + self.e_n) * self.incidence.cosine
+        )
+
+    @property
+    def delta(self) -> Array:
+        """Rebound angle of the centre from the normal, radians (Eqs (32), (33) with the quadrant)."""
+        return _angle(self.v_x, self.v_n)
+
+    @property
+    def lambda_(self) -> Array:
+        """Lateral deviation in the plane of the wall, radians; nan if nothing moves along the wall."""
+        return _angle(self.v_y, self.v_x)
+
+    @property
+    def tan_psi_after(self) -> Array:
+        """V_x over the incoming normal velocity (Eqs (36), (37)); nan at grazing incidence."""
+        return _ratio(self.contact_x, self.incidence.cosine)
+
+    @property
+    def tan_psi_out(self) -> Array:
+        """V_x over the outgoing normal velocity: the geometric angle; nan if nothing leaves the wall."""
+        return _ratio(self.contact_x, self.v_n)
+
+    @property
+    def psi_after(self) -> Array:
+        """Angle of `tan_psi_after`, radians."""
+        return _angle(self.contact_x, self.incidence.cosine)
+
+    @property
+    def psi_out(self) -> Array:
+        """Angle of `tan_psi_out`, radians."""
+        return _angle(self.contact_x, self.v_n)
+
+    @property
+    def energy_change(self) -> Array:
+        """Change of kinetic energy, rotation included, over m u^2/2.
+
+        Written in k so that it does not cancel at large spins (the slip energy is the only tangential
+        part that an impact can change).
+        """
+        k = self.impulse_factor
+        tangential = k * (k / rotational_share(self.inertia_factor) - 2.0) * self.incidence.slip**2
+        return np.asarray((self.e_n**2 - 1.0) * self.incidence.cosine**2 + tangential)
+
+
+def impulse_factor(incidence: Incidence, a: ArrayLike, b: ArrayLike, kappa: ArrayLike) -> tuple[Array, Array]:
+    """Evaluate k = a + min(b, kappa U_n/|U_t|), and whether the impact sticks.
+
+    The smaller of the two frictions acts, so k is continuous at the transition and finite without slip.
+    """
+    slip, cosine = incidence.slip, incidence.cosine
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        friction = np.where(slip == 0.0, np.inf, np.asarray(kappa) * cosine / slip)
+    return np.asarray(a + np.minimum(b, friction)), np.asarray(friction >= b)
+
+
+def rebound_of(
+    incidence: Incidence, closure: Closure, e_n: ArrayLike, c: ArrayLike, mu: ArrayLike, j: float
+) -> Rebound:
+    """`rebound` for callers that hold an `Incidence`; c is the closure's own constant (ignored by F)."""
+    e_n = np.asarray(e_n, dtype=float)
+    linear = closure.coefficients(j)
+    c = np.asarray(c, dtype=float)
+    with np.errstate(over="ignore"):
+        kappa = np.asarray(mu, dtype=float) * (1.0 + e_n)
+    k, sticking = impulse_factor(incidence, linear.a0 + linear.a1 * c, linear.b0 + linear.b1 * c, kappa)
+    return rebound_with(incidence, k, sticking, e_n, j)
+
+
+def rebound_with(incidence: Incidence, k: Array, sticking: Array, e_n: Array, j: float) -> Rebound:
+    """Rebound whose tangential impulse per mass is -k U_t, whatever closure gave k."""
+    push_x, push_y = k * incidence.slip_x, k * incidence.slip_y
+    share = rotational_share(j)
+    parts = np.broadcast_arrays(
+        incidence.sine - push_x,
+        # 0.0 - x rather than -x: a negative zero would turn lambda from 180 into -180 degrees
+        0.0 - push_y,
+        e_n * incidence.cosine,
+        incidence.spin_x - push_y / j,
+        incidence.spin_y - push_x / j,
+        incidence.slip_x - push_x / share,
+        incidence.slip_y - push_y / share,
+        sticking,
+        k,
+        e_n,
+    )
+    v_x, v_y, v_n, s_x, s_y, c_x, c_y, sticking, k, e_n = (np.array(part)[()] for part in parts)
+    return Rebound(v_x, v_y, v_n, s_x, s_y, c_x, c_y, sticking, k, incidence, e_n, j)
+
+
+def closure_constant(closure: Closure, given: dict[str, ArrayLike | None]) -> ArrayLike:
+    """Pick the closure's own constant out of those given; refuse a missing or a foreign one."""
+    foreign = [name for name, value in given.items() if value is not None and name != closure.constant]
+    if foreign:
+        raise UsageError(
+            f"Closure {closure.title} has no constant {foreign[0]}: it takes {', '.join(closure.constants)}."
+        )
+    if closure.constant is None:
+        return 0.0
+    value = given.get(closure.constant)
+    if value is None:
+        raise UsageError(f"Closure {closure.title} needs {closure.constant}: give {closure.constant}=...")
+    return value
+
+
+def rebound(
+    gamma: ArrayLike,
+    spin_x: ArrayLike = 0.0,
+    spin_y: ArrayLike = 0.0,
+    *,
+    e_n: ArrayLike,
+    e_t: ArrayLike | None = None,
+    beta0: ArrayLike | None = None,
+    mu: ArrayLike,
+    chi: ArrayLike | None = None,
+    closure: str = "ifr",
+    inertia_factor: float = 0.4,
+    degrees: bool = False,
+) -> Rebound:
+    """Rebound of a sphere from a rough, massive wall, per incoming speed u.
+
+    Parameters
+    ----------
+    gamma : array_like
+        Incidence angle from the normal, radians, or degrees if `degrees`.
+    spin_x, spin_y : array_like
+        R omega_x/u and R omega_y/u before, in the paper's signs: positive spin_y is back-spin, spin_x is
+        minus the right-handed one.
+    e_n, mu : array_like
+        Normal restitution and friction.
+    e_t : array_like, optional
+        Tangential restitution of IFR and IFR-contact.
+    beta0 : array_like, optional
+        Sticking restitution of FR.
+    chi : array_like, optional
+        Compliance ratio of closures with tangential compliance.
+    closure : str
+        Name of the closure, see `ifrfit.physics.closures`.
+    inertia_factor : float
+        J = I/(m R^2): 2/5 solid sphere, 2/3 thin shell, 1/2 disc on its edge.
+    degrees : bool
+        Take gamma in degrees; exact at 0, 30, 60 and 90.
+
+    Returns
+    -------
+    Rebound
+        Arrays of the broadcast shape. What is undefined is nan.
+
+    Raises
+    ------
+    UsageError
+        For an unknown closure, or constants that do not belong to it.
+
+    Notes
+    -----
+    Doménech-Carbó (2023), Eqs (14)-(37), as one formula: k = a + min(b, kappa U_n/|U_t|), with
+    kappa = mu (1 + e_n); the tangential impulse per mass is -k U_t.
+    """
+    chosen = get_closure(closure)
+    c = closure_constant(chosen, {"e_t": e_t, "beta0": beta0, "chi": chi})
+    if not inertia_factor > 0.0:
+        raise UsageError(f"inertia_factor is {inertia_factor}: it must be positive (2/5 for a solid sphere).")
+    incidence = Incidence.of(gamma, spin_x, spin_y, degrees=degrees)
+    return rebound_of(incidence, chosen, e_n, c, mu, inertia_factor)

@@ -1,0 +1,10 @@
+"""How results are shown: text, tables, figures and the folder that holds them."""
+
+from __future__ import annotations
+
+from ifrfit.report.figures import plot
+from ifrfit.report.folder import write_folder
+from ifrfit.report.tables import html_table
+from ifrfit.report.terminal import summary
+
+__all__ = ["html_table", "plot", "summary", "write_folder"]

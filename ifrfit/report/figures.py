@@ -1,0 +1,122 @@
+"""The figure of a fit: one panel an observable, residuals under it."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from typing import TYPE_CHECKING
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.result import FitResult
+from ifrfit.report import style
+from ifrfit.report.legend import Legend
+from ifrfit.report.regimes import has_angle
+from ifrfit.report.words import is_stand_in
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.gridspec import SubplotSpec
+
+MOST_COLUMNS = 3
+
+
+def plot(result: FitResult) -> Figure:
+    """Figure of data, curves with bands and standardised residuals; one panel an observable.
+
+    Parameters
+    ----------
+    result : FitResult
+        With its points.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        85 mm wide a panel, not known to pyplot; at most three panels side by side. Angles in degrees,
+        everything else dimensionless. Curves are at the median spin of each series.
+
+    Raises
+    ------
+    UsageError
+        If the result holds no points.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if not len(result.points):
+        raise UsageError("This result holds no points, so there is nothing to draw. Fit the data again.")
+    observables = [str(name) for name in result.points["observable"].unique()]
+    look = style.looks([str(name) for name in result.points["series"].unique()])
+    columns = min(len(observables), MOST_COLUMNS)
+    lines = math.ceil(len(observables) / columns)
+    width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
+    with style.drawing():
+        legend = Legend.of(result, look, width)
+        title = _title(result, width)
+        strip = max(_strip_rows(result, name) for name in observables)
+        panel = 3.1 + 0.16 * strip
+        height = lines * panel + legend.height + 0.17 * (title.count("\n") + 1 if title else 0)
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        figure.get_layout_engine().set(w_pad=0.04, h_pad=0.03, hspace=0.02, wspace=0.03)  # type: ignore[union-attr, call-arg]
+        grid = figure.add_gridspec(lines, columns)
+        for number, observable in enumerate(observables):
+            _draw_panel(figure, grid[divmod(number, columns)], result, observable, look, strip)
+        if title:
+            figure.suptitle(title, fontsize=8.5, weight="bold")
+        legend.draw(figure)
+    return figure
+
+
+def _draw_panel(
+    figure: Figure,
+    cell: SubplotSpec,
+    result: FitResult,
+    observable: str,
+    look: dict[str, style.Look],
+    strip: int,
+) -> None:
+    from ifrfit.report import panels, shading
+
+    inner = cell.subgridspec(3, 1, height_ratios=[max(0.16 * strip, 1e-3), 2.0, 0.75], hspace=0.03)
+    data = figure.add_subplot(inner[1])
+    residuals = figure.add_subplot(inner[2], sharex=data)
+    names = _series_of(result, observable)
+    panels.draw_data(data, result, observable, names, look)
+    panels.draw_residuals(residuals, result, observable, names, look)
+    data.tick_params(labelbottom=False)
+    figure.align_ylabels([data, residuals])
+    if not has_angle(observable):
+        return
+    keys = {series: shading.regime_key(result, series) for series in names}
+    if len(set(keys.values())) > 1:
+        shading.draw_strip(figure.add_subplot(inner[0]), keys, look)
+        return
+    key = next(iter(keys.values()))
+    if key is None:
+        shading.note_open_transition(data, result, names[0])
+    else:
+        shading.draw_regimes(data, key, labels=True)
+        shading.draw_regimes(residuals, key, labels=False)
+
+
+def _series_of(result: FitResult, observable: str) -> list[str]:
+    rows = result.points[result.points["observable"] == observable]
+    return [str(name) for name in rows["series"].unique()]
+
+
+def _strip_rows(result: FitResult, observable: str) -> int:
+    """How many bars the regimes of a panel take above it: none where all its series share them."""
+    from ifrfit.report.shading import regime_key
+
+    if not has_angle(observable):
+        return 0
+    names = _series_of(result, observable)
+    return len(names) if len({regime_key(result, series) for series in names}) > 1 else 0
+
+
+def _title(result: FitResult, width: float) -> str:
+    if not is_stand_in(result):
+        return ""
+    words = "STAND-IN DATA, generated from the constants a paper prints: not an experiment"
+    # about 13 bold characters an inch at this size
+    return textwrap.fill(words, int(13.0 * width))

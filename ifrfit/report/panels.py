@@ -1,0 +1,272 @@
+"""One observable in a figure: data, curve with bands, regimes and standardised residuals."""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.result import FitResult
+from ifrfit.physics import OBSERVABLES
+from ifrfit.report.regimes import has_angle, transitions
+from ifrfit.report.style import GREY, Look
+from ifrfit.report.words import STAND_IN
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+# the ends of the range are left out: some observables are undefined there
+GRID = np.concatenate([[0.01], np.arange(0.5, 90.0, 0.5), [89.99]])
+LONGEST_LABEL = 34
+FEW = 8
+CROWD = 200
+MANY = 2000  # from here on points are pixels in the svg too, or it would be huge
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Prediction for one series along the incidence angle (or along the strip, for e_n and mu)."""
+
+    series: str
+    x: Array
+    table: pd.DataFrame
+
+
+def curves(result: FitResult, observable: str, names: list[str]) -> list[Curve]:
+    """Predict an observable for each series at its typical spin, transition angles included."""
+    found = []
+    for series in names:
+        rows = result.points[result.points["series"] == series]
+        if not has_angle(observable):
+            table = result.predict([45.0], observable=observable, series=series)
+            found.append(Curve(series, np.zeros(1), table))
+            continue
+        rows = rows[rows["gamma_deg"].notna()]
+        angles = [e.value for e in transitions(result, series) if e.value is not None]
+        grid = np.unique(np.concatenate([GRID, angles]))
+        table = result.predict(
+            grid,
+            float(rows["spin_x"].median()),
+            float(rows["spin_y"].median()),
+            observable=observable,
+            series=series,
+        )
+        found.append(Curve(series, grid, table))
+    return found
+
+
+def outlier_limit(result: FitResult) -> float:
+    """Largest standardised residual that chance allows: the fit's own limit, else Bonferroni at 1 %."""
+    fact = result.facts.get("outliers")
+    if fact is not None and "limit" in fact.figures:
+        limit = fact.figures["limit"]
+        return np.inf if limit is None else float(limit)
+    from scipy.special import ndtri
+
+    return float(-ndtri(0.005 / max(len(result.points), 1)))
+
+
+def draw_data(
+    axes: Axes, result: FitResult, observable: str, names: list[str], look: dict[str, Look]
+) -> None:
+    """Draw data with error bars, and curves with bands, into `axes`."""
+    rows = result.points[result.points["observable"] == observable]
+    found = curves(result, observable, names)
+    angled = has_angle(observable)
+    x = rows["gamma_deg"].to_numpy(dtype=float) if angled else np.arange(1.0, len(rows) + 1.0)
+    size = marker_size(len(rows))
+    for curve in found:
+        own = (rows["series"] == curve.series).to_numpy()
+        span = None if angled else _span(x[own])
+        _draw_curve(axes, curve, look[curve.series], span, crowded=len(rows) > CROWD)
+        _draw_points(axes, x[own], rows[own], look[curve.series], size, angled)
+    _ring(axes, x, rows["value"].to_numpy(dtype=float), rows, outlier_limit(result))
+    axes.set_ylim(*value_limits(rows, found, x if angled else None))
+    _set_x(axes, len(rows), angled)
+    axes.set_ylabel(axis_label(observable))
+    if (rows["provenance"] == STAND_IN).any():
+        axes.text(
+            0.5,
+            0.5,
+            "STAND-IN",
+            transform=axes.transAxes,
+            ha="center",
+            va="center",
+            rotation=18,
+            fontsize=34,
+            weight="bold",
+            color="0.55",
+            alpha=0.35,
+            zorder=0.6,
+        )
+
+
+def draw_residuals(
+    axes: Axes, result: FitResult, observable: str, names: list[str], look: dict[str, Look]
+) -> None:
+    """Draw standardised residuals with lines at +-2."""
+    rows = result.points[result.points["observable"] == observable]
+    angled = has_angle(observable)
+    x = rows["gamma_deg"].to_numpy(dtype=float) if angled else np.arange(1.0, len(rows) + 1.0)
+    z = rows["standardised"].to_numpy(dtype=float)
+    axes.axhline(0.0, color=GREY, lw=0.7, zorder=1)
+    for level in (-2.0, 2.0):
+        axes.axhline(level, color=GREY, lw=0.7, ls=(0, (4, 3)), zorder=1)
+    for series in names:
+        own = (rows["series"] == series).to_numpy()
+        _markers(axes, x[own], z[own], rows[own], look[series], marker_size(len(rows)) * 0.85, angled)
+    _ring(axes, x, z, rows, outlier_limit(result))
+    finite = np.abs(z[np.isfinite(z)])
+    top = max(3.5, 1.35 * float(finite.max()) if finite.size else 0.0)
+    axes.set_ylim(-top, top)
+    if top < 6.0:
+        axes.set_yticks([-2.0, 0.0, 2.0])
+    _set_x(axes, len(rows), angled)
+    axes.set_xlabel("incidence angle γ (deg)" if angled else "measurement (number, in order)")
+    axes.set_ylabel("residual (σ)")
+
+
+def axis_label(observable: str) -> str:
+    """Meaning, symbol and unit, wrapped to the height of a panel."""
+    known = OBSERVABLES.get(observable)
+    if known is None:
+        return f"{observable} (–)"
+    meaning = textwrap.fill(known.meaning, LONGEST_LABEL)
+    # a symbol on a line of its own if it would not fit beside the words
+    last = meaning.rpartition("\n")[2]
+    gap = " " if len(last) + 12 <= LONGEST_LABEL else "\n"
+    return f"{meaning}{gap}{known.symbol} ({known.unit or '–'})"
+
+
+def marker_size(count: int) -> float:
+    """Points: smaller where there are many."""
+    return 4.2 if count <= 60 else 3.0 if count <= CROWD else 2.2 if count <= MANY else 1.4
+
+
+def value_limits(rows: pd.DataFrame, found: list[Curve], x: Array | None) -> tuple[float, float]:
+    """Limits that hold all data, and curves as far as they stay near them, with room for labels on top."""
+    value, error = rows["value"].to_numpy(dtype=float), rows["sigma_used"].to_numpy(dtype=float)
+    low, high = float(value.min()), float(value.max())
+    error = np.where(np.isfinite(error), error, 0.0)
+    span = max(high - low, 2.0 * float(np.median(error)), 0.02 * max(abs(low), abs(high)), 1e-9)
+    # one huge error bar must not flatten everything else
+    error = np.minimum(error, span)
+    low, high = min(low, float((value - error).min())), max(high, float((value + error).max()))
+    # a few points have no scale of their own: the curve sets it
+    reach = 2.0 * span if len(value) >= FEW else np.inf
+    seen = [low, high]
+    for curve in found:
+        seen += _within(curve.table["value"].to_numpy(dtype=float)[_sensible(curve.x)], value, reach)
+        near = np.ones(len(curve.x), bool)
+        if x is not None:
+            near = (curve.x >= x.min() - 5.0) & (curve.x <= x.max() + 5.0)
+        for column in ("lo95", "hi95"):
+            seen += _within(curve.table[column].to_numpy(dtype=float)[near], value, 0.5 * span)
+    low, high = min(seen), max(seen)
+    room = high - low
+    return low - 0.07 * room, high + (0.16 if x is not None else 0.07) * room
+
+
+def _within(y: Array, value: Array, reach: float) -> list[float]:
+    """Ends of a curve, as far as they are within reach of the data."""
+    y = np.clip(y[np.isfinite(y)], value.min() - reach, value.max() + reach)
+    return [float(y.min()), float(y.max())] if y.size else []
+
+
+def _sensible(x: Array) -> NDArray[np.bool_]:
+    """Where a curve may ask for room: some observables run away at the ends."""
+    return np.asarray((x >= 5.0) & (x <= 85.0)) if x.size > 1 else np.ones(x.size, bool)
+
+
+def _set_x(axes: Axes, count: int, angled: bool) -> None:
+    if angled:
+        axes.set_xlim(0.0, 90.0)
+        axes.set_xticks(np.arange(0.0, 91.0, 15.0))
+    else:
+        from matplotlib.ticker import MaxNLocator
+
+        axes.set_xlim(0.5 - 0.02 * count, count + 0.5 + 0.02 * count)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=6))
+
+
+def _span(x: Array) -> Array:
+    return np.array([x.min() - 0.5, x.max() + 0.5])
+
+
+def _draw_curve(axes: Axes, curve: Curve, look: Look, span: Array | None, *, crowded: bool) -> None:
+    """Draw a curve with its bands; where points crowd it lies above them, with a white edge."""
+    columns = {
+        name: curve.table[name].to_numpy(dtype=float) for name in ("value", "lo68", "hi68", "lo95", "hi95")
+    }
+    x = curve.x
+    if span is not None:
+        x, columns = span, {name: np.repeat(y[:1], 2) for name, y in columns.items()}
+    # edges are drawn too: in grey print two overlapping bands stay two
+    for level, alpha in (("95", 0.16), ("68", 0.22)):
+        axes.fill_between(
+            x, columns[f"lo{level}"], columns[f"hi{level}"], color=look.colour, alpha=alpha, lw=0.0, zorder=2
+        )
+    (line,) = axes.plot(x, columns["value"], color=look.colour, ls=look.line, zorder=3)
+    if crowded:
+        from matplotlib.patheffects import Normal, Stroke
+
+        line.set(zorder=5.5, path_effects=[Stroke(linewidth=3.2, foreground="white"), Normal()])
+
+
+def _draw_points(axes: Axes, x: Array, rows: pd.DataFrame, look: Look, size: float, angled: bool) -> None:
+    y, error = rows["value"].to_numpy(dtype=float), rows["sigma_used"].to_numpy(dtype=float)
+    across = rows["sigma_gamma_deg"].to_numpy(dtype=float) if angled else np.full(len(rows), np.nan)
+    bars: dict[str, Any] = {
+        "fmt": "none",
+        "ecolor": look.colour,
+        "elinewidth": 0.8 if len(rows) <= 60 else 0.5,
+        "alpha": 0.9 if len(rows) <= 60 else 0.45,
+        "zorder": 4,
+        "rasterized": len(rows) > MANY,
+    }
+    axes.errorbar(x, y, yerr=np.where(np.isfinite(error), error, 0.0), **bars)
+    if np.isfinite(across).any():
+        axes.errorbar(x, y, xerr=np.where(np.isfinite(across), across, 0.0), **bars)
+    _markers(axes, x, y, rows, look, size, angled)
+
+
+def _markers(
+    axes: Axes, x: Array, y: Array, rows: pd.DataFrame, look: Look, size: float, angled: bool
+) -> None:
+    sticking = rows["sticking"].map(bool).to_numpy(dtype=bool) & angled
+    for chosen, face in ((sticking, "white"), (~sticking, look.colour)):
+        axes.plot(
+            x[chosen],
+            y[chosen],
+            ls="none",
+            marker=look.marker,
+            ms=size,
+            mfc=face,
+            mec=look.colour,
+            mew=0.9 if size > 2.5 else 0.6,
+            rasterized=len(rows) > MANY,
+            zorder=5,
+        )
+
+
+def _ring(axes: Axes, x: Array, y: Array, rows: pd.DataFrame, limit: float) -> None:
+    out = np.abs(rows["standardised"].to_numpy(dtype=float)) > limit
+    if out.any():
+        axes.plot(
+            x[out],
+            y[out],
+            ls="none",
+            marker="o",
+            ms=10,
+            mfc="none",
+            mec="black",
+            mew=1.1,
+            zorder=6,
+            clip_on=False,
+        )

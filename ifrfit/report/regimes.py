@@ -1,0 +1,105 @@
+"""Which impacts stick and which slide, and at what angle the one turns into the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from ifrfit.inference.result import Estimate, FitResult
+from ifrfit.physics import OBSERVABLES
+from ifrfit.report.rounding import interval_text, places_of, spread, value_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def joined(words: Sequence[str]) -> str:
+    """Words with commas and "and"."""
+    return ", ".join(words[:-1]) + f" and {words[-1]}" if len(words) > 1 else "".join(words)
+
+
+def count_impacts(rows: pd.DataFrame) -> int:
+    """Physical impacts among rows: rows that share an impact_id are one, a row without one is its own."""
+    named = rows[rows["impact_id"] != ""]
+    distinct = len(named[["source", "impact_id"]].drop_duplicates())
+    return distinct + len(rows) - len(named)
+
+
+def has_angle(observable: str) -> bool:
+    """Whether the incidence angle enters an observable at all."""
+    return observable not in OBSERVABLES or OBSERVABLES[observable].has_angle
+
+
+def transitions(result: FitResult, series: str) -> tuple[Estimate, ...]:
+    """Transition angles of a series, ascending: none, one or two."""
+    by_series = result.derived.get("transition_angle_deg") or {}
+    entry = by_series.get(series)
+    if entry is None:
+        return ()
+    return (entry,) if isinstance(entry, Estimate) else tuple(entry)
+
+
+def transition_is_open(result: FitResult, series: str) -> bool:
+    """Whether the data leave open where the transition is, which is not the same as there being none."""
+    kappa = result.derived.get("kappa")
+    own = kappa.get(series) if isinstance(kappa, Mapping) else kappa
+    angles = transitions(result, series)
+    return any(angle.value is None for angle in angles) or (
+        not angles and isinstance(own, Estimate) and own.value is None
+    )
+
+
+def angled_series(result: FitResult) -> list[str]:
+    """Series that hold impacts, in order of appearance."""
+    rows = result.points
+    if not len(rows):
+        return list(result.derived.get("transition_angle_deg") or {})
+    angled = rows["observable"].map(lambda name: has_angle(str(name))).astype(bool)
+    return [str(name) for name in rows["series"][angled].unique()]
+
+
+def regime_counts(result: FitResult, series: str) -> tuple[int, int]:
+    """Impacts of a series that stick and that slide."""
+    rows = result.points
+    rows = rows[(rows["series"] == series) & rows["gamma_deg"].notna()]
+    sticking = rows["sticking"].map(bool).astype(bool)
+    return count_impacts(rows[sticking]), count_impacts(rows[~sticking])
+
+
+def regime_lines(result: FitResult, plus_minus: str = "+-") -> list[str]:
+    """One line a series: how many impacts stick and slide, and where the transition is."""
+    names = angled_series(result)
+    lines = []
+    for series in names:
+        prefix = f"{series}: " if len(names) > 1 else ""
+        if not len(result.points):
+            lines.append(prefix + transition_words(result, series, None, plus_minus))
+            continue
+        stick, slide = regime_counts(result, series)
+        sticks, slides = "sticks" if stick == 1 else "stick", "slides" if slide == 1 else "slide"
+        counts = f"{stick} impact{'' if stick == 1 else 's'} {sticks}, {slide} {slides}"
+        words = transition_words(result, series, (stick, slide), plus_minus)
+        lines.append(f"{prefix}{counts}; {words}")
+    return lines
+
+
+def transition_words(
+    result: FitResult, series: str, counts: tuple[int, int] | None, plus_minus: str
+) -> str:
+    """Say where the transition is, or why there is none; counts are (sticking, sliding) impacts."""
+    angles = transitions(result, series)
+    if transition_is_open(result, series):
+        limits = [interval_text(a.interval95, places_of(a)) for a in angles if a.value is None]
+        return "transition not determined" + (f": {limits[0]} degrees (95 %)" if limits else "")
+    if not angles:
+        if counts is None:
+            return "no transition"
+        stick, slide = counts
+        if stick and slide:
+            return "no transition at its typical spin"
+        return f"no transition: all {'slide' if slide else 'stick'}"
+    words = [
+        f"{value_text(angle)} {plus_minus} {spread(angle.stderr)}" if angle.stderr else value_text(angle)
+        for angle in angles
+    ]
+    return f"transition{'s' if len(words) > 1 else ''} at {joined(words)} degrees"

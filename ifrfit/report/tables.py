@@ -1,0 +1,153 @@
+"""Tables to paste: Markdown, LaTeX and HTML."""
+
+from __future__ import annotations
+
+from html import escape
+
+from ifrfit.inference.result import FitResult
+from ifrfit.report.regimes import regime_lines
+from ifrfit.report.rounding import interval_text, places_of, spread, value_text
+from ifrfit.report.rows import Row, table_rows
+from ifrfit.report.words import (
+    contents,
+    findings,
+    headline,
+    is_stand_in,
+    left_out,
+    misfit_line,
+    model_line,
+    provenance_sentence,
+    provenance_words,
+)
+
+_LATEX_NAMES = {
+    "e_n": "$e_n$",
+    "e_t": "$e_t$",
+    "beta0": r"$\beta_0$",
+    "chi": r"$\chi$",
+    "mu": r"$\mu$",
+    "kappa": r"$\kappa$",
+}
+_LATEX_SPECIAL = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "{": r"\{",
+        "}": r"\}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "<": r"$<$",
+        ">": r"$>$",
+        "|": r"$|$",
+        **{character: "\\" + character for character in "&%$#_"},
+    }
+)
+
+
+def markdown(result: FitResult) -> str:
+    """A Markdown table, with provenance and notes under it."""
+    lines = ["| constant | value | 95 % interval | status |", "|---|---|---|---|"]
+    for row in table_rows(result):
+        cells = (row.label, _plus_minus(row, "±"), _interval(row), row.remark)
+        lines.append("| " + " | ".join(_markdown(cell) for cell in cells) + " |")
+    notes = [f"{model_line(result)}.", *_provenance(result), *_regimes(result, "±"), *_notes(result)]
+    lines += ["", *(f"- {_markdown(note)}" for note in notes)]
+    alarm = headline(result)
+    heads = [f"**LOOK: {_markdown(alarm)}.**", ""] if alarm else []
+    heads += ["**STAND-IN data, not an experiment.**", ""] if is_stand_in(result) else []
+    return "\n".join([*heads, *lines])
+
+
+def latex(result: FitResult) -> str:
+    """A LaTeX tabular that needs no package, with provenance and notes under it."""
+    alarm = headline(result)
+    lines = [f"% LOOK: {alarm}"] if alarm else []
+    lines += [
+        r"\begin{tabular}{llll}",
+        r"\hline",
+        r"constant & value & 95\,\% interval & status \\",
+        r"\hline",
+    ]
+    for row in table_rows(result):
+        name = _LATEX_NAMES.get(row.name, _latex(row.name)) + (
+            f" ({_latex(row.series)})" if row.series else ""
+        )
+        value = _plus_minus(row, r"\pm")
+        cells = (name, "--" if value == "-" else f"${value}$", _latex_interval(row), _latex(row.remark))
+        lines.append(" & ".join(cells) + r" \\")
+    data = ", ".join(f"{s.name} ({provenance_words(s.provenance)})" for s in result.inputs)
+    # inside the table, so that the provenance is pasted with it
+    lines += [r"\hline", rf"\multicolumn{{4}}{{l}}{{data: {_latex(data)}}} \\", r"\end{tabular}", ""]
+    notes = [f"{model_line(result)}.", *_provenance(result), *_regimes(result, "+-"), *_notes(result)]
+    lines += [_latex(note).replace("+-", r"$\pm$") + r"\\" for note in notes]
+    lines[-1] = lines[-1].removesuffix(r"\\")
+    return "\n".join(lines)
+
+
+def html_table(result: FitResult) -> str:
+    """The findings as an HTML fragment for notebooks.
+
+    Everything that comes from data is escaped; nothing is loaded from elsewhere.
+    """
+    alarm = headline(result)
+    parts = ['<div class="ifrfit-result">']
+    if alarm:
+        parts.append(f"<p><strong>LOOK: {escape(alarm)}.</strong></p>")
+    tag = "strong" if is_stand_in(result) else "span"
+    parts += [f"<p><{tag}>{escape(line)}</{tag}></p>" for line in _provenance(result)]
+    parts.append(f"<p>{escape(model_line(result))}</p>")
+    parts.append("<table><thead><tr>")
+    parts += [f"<th>{name}</th>" for name in ("constant", "value", "95&nbsp;% interval", "status")]
+    parts.append("</tr></thead><tbody>")
+    for row in table_rows(result):
+        cells = (row.label, _plus_minus(row, "±"), _interval(row), row.remark)
+        parts.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
+    parts.append("</tbody></table>")
+    notes = [*_regimes(result, "±"), *(f"{kind}: {says}" for kind, says in findings(result))]
+    parts.append("<ul>" + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul></div>")
+    return "".join(parts)
+
+
+def _plus_minus(row: Row, sign: str) -> str:
+    if row.estimate is None:
+        return row.plain
+    value, sd = value_text(row.estimate), row.estimate.stderr
+    return value if sd is None or row.estimate.value is None else f"{value} {sign} {spread(sd)}"
+
+
+def _interval(row: Row) -> str:
+    if row.estimate is None or row.estimate.status == "fixed":
+        return ""
+    return interval_text(row.estimate.interval95, places_of(row.estimate))
+
+
+def _latex_interval(row: Row) -> str:
+    text = _interval(row)
+    return text if text in ("", "any value") else f"${text}$"
+
+
+def _provenance(result: FitResult) -> list[str]:
+    lines = []
+    for source in result.inputs:
+        rest = left_out(source)
+        line = f"{source.name}: {contents(result, source)}. {provenance_sentence(source)}"
+        lines.append(f"{line} {rest}" if rest else line)
+    return lines
+
+
+def _regimes(result: FitResult, sign: str) -> list[str]:
+    misfit = misfit_line(result)
+    return [f"{line}." for line in (*regime_lines(result, sign), *([misfit] if misfit else []))]
+
+
+def _notes(result: FitResult) -> list[str]:
+    return [f"{kind}: {says}" for kind, says in findings(result) if kind != "ok"]
+
+
+def _markdown(text: str) -> str:
+    for character in ("\\", "|", "*", "`", "<", "["):
+        text = text.replace(character, "\\" + character)
+    return text
+
+
+def _latex(text: str) -> str:
+    return text.translate(_LATEX_SPECIAL)

@@ -1,0 +1,129 @@
+"""The findings of a fit as text for a terminal, and as tables to paste into a paper."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Sequence
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.result import FitResult
+from ifrfit.report.regimes import regime_lines
+from ifrfit.report.rounding import ends_text, interval_text, places_of, spread, value_text
+from ifrfit.report.rows import Row, table_rows
+from ifrfit.report.words import (
+    STAND_IN,
+    contents,
+    findings,
+    headline,
+    left_out,
+    misfit_line,
+    model_line,
+    provenance_sentence,
+    stand_in_sentence,
+)
+
+WIDTH = 100
+
+
+def summary(result: FitResult, style: str = "text") -> str:
+    """Findings of a fit as text.
+
+    Parameters
+    ----------
+    result : FitResult
+    style : {"text", "markdown", "latex"}
+        text: for a terminal, at most 100 columns. markdown, latex: a table to paste into a paper, with the
+        provenance of the data and what needs attention under it (LaTeX needs no package).
+
+    Returns
+    -------
+    str
+        Values with two significant digits of their uncertainty; ends without a line feed.
+
+    Raises
+    ------
+    UsageError
+        For any other style.
+    """
+    from ifrfit.report.tables import latex, markdown
+
+    styles: dict[str, Callable[[FitResult], str]] = {"text": text, "markdown": markdown, "latex": latex}
+    if style not in styles:
+        raise UsageError(f"There is no summary style '{style}'. Choose one of {', '.join(styles)}.")
+    return styles[style](result)
+
+
+def text(result: FitResult) -> str:
+    """Findings of a fit for a terminal."""
+    lines = []
+    alarm = headline(result)
+    if alarm:
+        lines += [*_wrapped(f"LOOK  {alarm}. Details below.", 6), ""]
+    lines += _source_lines(result)
+    lines += _wrapped(model_line(result), 2)
+    lines += ["", *_table_lines(table_rows(result)), ""]
+    regimes = regime_lines(result)
+    misfit = misfit_line(result)
+    for line in [*regimes, *([misfit] if misfit else [])]:
+        lines += ["  " + part for part in _wrapped(line, 2, WIDTH - 2)]
+    if regimes or misfit:
+        lines.append("")
+    for kind, sentence in findings(result):
+        lines += textwrap.wrap(
+            sentence, WIDTH, initial_indent=f"  {kind:<6}", subsequent_indent=" " * 8, break_on_hyphens=False
+        )
+    return "\n".join(line.rstrip() for line in lines).rstrip("\n")
+
+
+def _wrapped(sentence: str, hang: int, width: int = WIDTH) -> list[str]:
+    return textwrap.wrap(sentence, width, subsequent_indent=" " * hang, break_on_hyphens=False)
+
+
+def _source_lines(result: FitResult) -> list[str]:
+    """Each source with its contents; a stand-in says so before anything else."""
+    indent = min(max((len(source.name) for source in result.inputs), default=0), 30) + 3
+    lines: list[str] = []
+    for source in result.inputs:
+        sentences = [contents(result, source), provenance_sentence(source), left_out(source)]
+        if STAND_IN in source.provenance:
+            first = stand_in_sentence(source)
+            # said once, at the front
+            sentences = [first, sentences[0], sentences[1].removeprefix(first).strip(), sentences[2]]
+        paragraphs = [
+            part for sentence in sentences if sentence for part in _wrapped(sentence, 0, WIDTH - indent)
+        ]
+        name = source.name
+        if len(name) > indent - 3:
+            lines.append(name)
+            name = ""
+        for number, paragraph in enumerate(paragraphs):
+            lines.append(f"{name if number == 0 else '':<{indent}}{paragraph}")
+    return lines
+
+
+def _table_lines(rows: Sequence[Row]) -> list[str]:
+    """The aligned table; long remarks wrap under themselves."""
+    cells = [(row.label, *_numbers(row), row.remark) for row in rows]
+    shown = [None if row.estimate is None or row.estimate.status == "fixed" else row.estimate for row in rows]
+    ends = [ends_text(one.interval95, places_of(one)) for one in shown if one]
+    end_width = max((len(end) for low_high in ends if all(low_high) for end in low_high), default=0)
+    intervals = [interval_text(one.interval95, places_of(one), end_width) if one else "" for one in shown]
+    names = max(len("noise"), *(len(cell[0]) for cell in cells))
+    values = max(9, *(len(cell[1]) for cell in cells))
+    sds = max(5, *(len(cell[2]) for cell in cells))
+    spans = max(len("95 % interval"), *(len(span) for span in intervals))
+    head = f"  {'':<{names}} {'value':>{values}}  {'sd':>{sds}}   {'95 % interval':<{spans}}   "
+    lines = [head + "status"]
+    for (name, value, sd, remark), span in zip(cells, intervals, strict=True):
+        start = f"  {name:<{names}} {value:>{values}}  {sd:>{sds}}   {span:<{spans}}   "
+        parts = textwrap.wrap(remark, max(30, WIDTH - len(start)), break_on_hyphens=False) or [""]
+        lines.append(start + parts[0])
+        lines += [" " * len(start) + part for part in parts[1:]]
+    return lines
+
+
+def _numbers(row: Row) -> tuple[str, str]:
+    if row.estimate is None:
+        return row.plain, "-"
+    sd = row.estimate.stderr
+    return value_text(row.estimate), "-" if sd is None or row.estimate.value is None else spread(sd)

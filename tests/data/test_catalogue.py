@@ -1,0 +1,535 @@
+"""Bundled datasets, and the user's own in their place."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ifrfit.data import catalogue, finding, installing
+from ifrfit.data.descriptor import FIELD_NAMES, package_provenance
+from ifrfit.data.observations import SCHEMA
+from ifrfit.errors import DataError, UsageError
+
+ROOT = Path(__file__).resolve().parents[2]
+NAMES = (
+    "buck-2017",
+    "cross-2019",
+    "hashemnia-2019",
+    "kharaz-2001",
+    "netl-glass-acrylic",
+    "reagle-2013",
+    "wang-2020",
+)
+STAND_INS = tuple(name for name in NAMES if name not in ("kharaz-2001", "netl-glass-acrylic"))
+MINE = (
+    "series,observable,gamma_deg,value\nno spin,beta,20,0.41\nno spin,beta,60,-0.47\nno spin,beta,75,-0.75\n"
+)
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    """Keep the user's data folder of whoever runs the tests out of them."""
+    monkeypatch.setenv("IFRFIT_DATA_DIR", str(tmp_path / "mine"))
+    return tmp_path / "mine" / "datasets"
+
+
+@pytest.fixture
+def points(tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_text(MINE, encoding="utf-8")
+    return path
+
+
+def raw_rows(name):
+    with (ROOT / "datasets" / name / "data.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_names():
+    assert catalogue.dataset_names() == NAMES
+
+
+def test_the_package_uses_the_common_schema():
+    assert FIELD_NAMES == SCHEMA
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_is_a_valid_frictionless_data_package(name):
+    frictionless = pytest.importorskip("frictionless")
+    report = frictionless.validate(str(ROOT / "datasets" / name / "datapackage.json"))
+    assert report.valid, report.flatten(["type", "message"])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_checksum_size_licence_and_sources_are_stated(name):
+    package = json.loads((ROOT / "datasets" / name / "datapackage.json").read_text(encoding="utf-8"))
+    data = (ROOT / "datasets" / name / "data.csv").read_bytes()
+    resource = package["resources"][0]
+    assert resource["hash"] == f"sha256:{hashlib.sha256(data).hexdigest()}"
+    assert resource["bytes"] == len(data)
+    assert b"\r" not in data
+    assert [field["name"] for field in resource["schema"]["fields"]] == data.decode().splitlines()[0].split(
+        ","
+    )
+    assert all(field["description"] for field in resource["schema"]["fields"])
+    assert package["licenses"]
+    assert package["sources"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_conditions_say_where_they_are_stated(name):
+    descriptor = catalogue.load_dataset(name).sources[0].descriptor
+    for wanted in ("diameter_mm", "material", "wall", "speed_m_s"):
+        condition = descriptor.conditions[wanted]
+        assert condition["where"] or condition["value"] in ("not printed", "not stated")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_loads_every_row_unchanged(name):
+    data = catalogue.load_dataset(name)
+    raw = raw_rows(name)
+    table = data.table
+    assert len(data) == len(raw)
+    assert table["value"].tolist() == [float(row["value"]) for row in raw]
+    assert table["provenance"].tolist() == [row["provenance"] for row in raw]
+    assert set(table["source"]) == {name}
+    (source,) = data.sources
+    assert (source.name, source.rows_used, source.rows) == (name, len(raw), len(raw))
+    assert source.sha256 == hashlib.sha256((ROOT / "datasets" / name / "data.csv").read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_default_selection_exists(name):
+    data = catalogue.load_dataset(name)
+    descriptor = data.sources[0].descriptor
+    there = set(zip(data.table["series"], data.table["observable"], strict=True))
+    for series in descriptor.default_series:
+        for observable in descriptor.default_observables:
+            assert (series, observable) in there
+    for group in descriptor.faces:
+        assert len(group) > 1
+        assert set(group) <= set(data.table["series"])
+
+
+def test_default_selections_and_noise_policies():
+    chosen = {}
+    for name in NAMES:
+        d = catalogue.load_dataset(name).sources[0].descriptor
+        chosen[name] = (d.default_series, d.default_observables, d.noise)
+    assert chosen == {
+        "buck-2017": (("no spin",), ("beta",), "known"),
+        "cross-2019": (("no spin",), ("beta",), "scaled"),
+        "hashemnia-2019": (("no spin",), ("beta",), "known"),
+        "kharaz-2001": (("kratos",), ("beta_cm", "spin_y_after"), "scaled"),
+        "netl-glass-acrylic": (("glass-acrylic",), ("e_n", "mu"), "unknown"),
+        "reagle-2013": (("27 m/s",), ("beta_tot",), "known"),
+        "wang-2020": (("no spin",), ("delta_deg",), "known"),
+    }
+
+
+@pytest.mark.parametrize("name", STAND_INS)
+def test_a_stand_in_says_so(name):
+    data = catalogue.load_dataset(name)
+    assert data.provenance == ("stand-in",)
+    assert data.sources[0].descriptor.provenance == "stand-in"
+    (sentence,) = (note for note in data.notes if "STAND-IN" in note)
+    assert re.fullmatch(
+        f"{name} is a STAND-IN, generated from the constants the paper prints: a fit to it shows that the "
+        r"tool works, not what [\w\- ]+ on [\w\- ]+ does\.",
+        sentence,
+    )
+
+
+def test_real_data_carry_no_stand_in_note():
+    for name in ("kharaz-2001", "netl-glass-acrylic"):
+        assert not any("STAND-IN" in note for note in catalogue.load_dataset(name).notes)
+
+
+def test_cross_names_its_materials():
+    assert "not what steel on granite does." in catalogue.load_dataset("cross-2019").notes[0]
+
+
+def test_kharaz_signs_and_units():
+    table = catalogue.load_dataset("kharaz-2001").table
+    one = table[(table["series"] == "kratos") & (table["observable"] == "spin_y_after")].iloc[0]
+    # -134.862 rad/s of the source, times 2.5 mm over 3.9 m/s
+    assert one["value"] == pytest.approx(-134.86238532110102 * 2.5e-3 / 3.9, rel=1e-5)
+    for observable in ("beta_cm", "spin_y_after"):
+        assert (table.loc[table["observable"] == observable, "value"] < 0).all()
+    assert set(table["speed_m_s"]) == {3.9}
+    simulated = table["series"] == "chungooi-dem"
+    assert set(table.loc[simulated, "provenance"]) == {"simulated"}
+    assert set(table.loc[~simulated, "provenance"]) == {"digitised"}
+
+
+def test_kharaz_contact_angle_has_the_sign_of_the_contact_velocity():
+    # V_x = v_x + R Omega from the other two observables, near 20 degrees where the contact point reverses
+    table = catalogue.load_dataset("kharaz-2001").table
+    kratos = table[table["series"] == "kratos"]
+
+    def at(observable, gamma):
+        rows = kratos[kratos["observable"] == observable].sort_values("gamma_deg")
+        return float(np.interp(gamma, rows["gamma_deg"], rows["value"]))
+
+    for gamma in (20.3, 49.5, 70.5):
+        contact = -at("beta_cm", gamma) * np.sin(np.radians(gamma)) + at("spin_y_after", gamma)
+        angle = np.degrees(np.arctan2(contact, 0.98 * np.cos(np.radians(gamma))))
+        assert angle == pytest.approx(at("psi_out_deg", gamma), abs=2.0)
+
+
+def test_kharaz_readings_are_faces_of_the_same_points():
+    descriptor = catalogue.load_dataset("kharaz-2001").sources[0].descriptor
+    assert descriptor.faces == (("kratos", "mfix"),)
+    assert descriptor.printed_constants == {}
+
+
+def test_netl_counts_and_spread():
+    # mean and standard deviation as the source's own page prints them
+    table = catalogue.load_dataset("netl-glass-acrylic").table
+    e_n = table.loc[table["observable"] == "e_n", "value"]
+    mu = table.loc[table["observable"] == "mu", "value"]
+    assert (len(e_n), len(mu)) == (179, 55)
+    assert (round(e_n.mean(), 4), round(e_n.std(), 4)) == (0.9549, 0.0374)
+    assert (round(mu.mean(), 4), round(mu.std(), 4)) == (0.2514, 0.0756)
+    assert table["sigma"].isna().all()
+    assert table["gamma_deg"].isna().all()
+
+
+def test_printed_constants_by_series():
+    printed = catalogue.printed_constants("cross-2019")
+    assert printed["no spin"] == {"e_n": 0.94, "e_t": -0.98, "mu": 0.12}
+    assert printed["spin 0.833"] == {"e_n": 0.94, "e_t": -0.98, "mu": 0.14}
+    assert catalogue.printed_constants("kharaz-2001") == {}
+    assert catalogue.load_dataset("buck-2017").sources[0].descriptor.printed_constants == {
+        "e_n": 0.78,
+        "e_t": -0.80,
+        "mu": 0.01,
+    }
+
+
+def test_listing():
+    lines = {line.name: line for line in catalogue.listing()}
+    assert tuple(lines) == NAMES
+    assert lines["kharaz-2001"].provenance == "digitised"
+    assert lines["netl-glass-acrylic"].provenance == "measured"
+    assert {lines[name].provenance for name in STAND_INS} == {"stand-in"}
+    assert not any(line.installed for line in lines.values())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_describe_tells_what_there_is(name):
+    described = catalogue.describe(name)
+    assert sum(described.rows.values()) == len(raw_rows(name))
+    text = "\n".join(described.lines())
+    for part in (name, described.descriptor.provenance, described.sha256, described.descriptor.licence):
+        assert part in text
+    for sentence in (*described.descriptor.assumptions, *described.notes):
+        assert sentence in text
+
+
+def test_describe_gives_constants_and_reasons():
+    text = "\n".join(catalogue.describe("cross-2019").lines())
+    assert "printed       spin 0.225: e_n = 0.94, e_t = -0.98, mu = 0.14" in text
+    assert "rows            17  no spin / mu_app" in text
+    assert "The paper prints mu = 0.12 for the balls without spin" in text
+    assert "faces         kratos, mfix: the same impacts" in "\n".join(
+        catalogue.describe("kharaz-2001").lines()
+    )
+
+
+@pytest.mark.parametrize(
+    "name", ["cros-2019", "../datasets/cross-2019", "", ".", "..", "cross-2019/", "/etc"]
+)
+def test_unknown_names_are_refused(name):
+    for call in (catalogue.load_dataset, catalogue.describe, catalogue.remove, catalogue.printed_constants):
+        with pytest.raises(UsageError, match=re.escape(f"There is no dataset '{name}'.")):
+            call(name)
+
+
+def test_unknown_name_lists_the_names_and_the_close_one(points):
+    with pytest.raises(UsageError) as error:
+        catalogue.install("cros-2019", points)
+    assert str(error.value) == (
+        "There is no dataset 'cros-2019'. Did you mean cross-2019? The datasets are " + ", ".join(NAMES) + "."
+    )
+
+
+# ------------------------------------------------------------------------------------------------ resolve
+
+
+def test_resolve_a_name_a_file_and_a_folder(points):
+    assert catalogue.resolve("kharaz-2001").sources[0].name == "kharaz-2001"
+    assert len(catalogue.resolve(points)) == 3
+    folder = catalogue.resolve(ROOT / "datasets" / "wang-2020")
+    assert folder.sources[0].name == "wang-2020"
+    assert "STAND-IN" in folder.notes[0]
+
+
+def test_resolve_names_both_possibilities(tmp_path, points):
+    with pytest.raises(DataError) as error:
+        catalogue.resolve(tmp_path / "point.csv")
+    assert str(error.value) == (
+        f"{tmp_path / 'point.csv'}: there is neither a file nor a dataset of that name. Did you mean "
+        "points.csv? The datasets are " + ", ".join(NAMES) + "."
+    )
+    with pytest.raises(DataError, match="Did you mean kharaz-2001"):
+        catalogue.resolve("kharaz-2011")
+
+
+def test_resolve_refuses_conventions_for_a_dataset():
+    with pytest.raises(
+        UsageError, match="kharaz-2001 is a dataset in the common schema: leave --convention away"
+    ):
+        catalogue.resolve("kharaz-2001", convention=("angle=gamma_deg:from-wall",))
+
+
+# --------------------------------------------------------------------------------------- damaged folders
+
+
+@pytest.fixture
+def damaged(tmp_path):
+    return Path(shutil.copytree(ROOT / "datasets" / "wang-2020", tmp_path / "wang-2020"))
+
+
+def test_changed_data_are_refused(damaged):
+    with (damaged / "data.csv").open("a", encoding="utf-8") as file:
+        file.write("no spin,delta_deg,50,,,,,,48,1,,,stand-in\n")
+    with pytest.raises(
+        DataError, match=r"data\.csv: is not the file that datapackage\.json describes \(another SHA-256\)"
+    ):
+        catalogue.validate_path(damaged)
+
+
+def test_changed_bundled_data_are_refused(tmp_path, monkeypatch, damaged):
+    (damaged / "data.csv").write_text(MINE, encoding="utf-8")
+    monkeypatch.setattr(finding, "bundled_root", lambda: tmp_path)
+    with pytest.raises(DataError, match="Install ifrfit again"):
+        catalogue.load_dataset("wang-2020")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda p: p["ifrfit"].pop("provenance"), "has no object 'ifrfit' that states a provenance"),
+        (lambda p: p.pop("ifrfit"), "has no object 'ifrfit' that states a provenance"),
+        (
+            lambda p: p["ifrfit"].update(default_series="no spin"),
+            "'ifrfit' has a default_series of the wrong type",
+        ),
+        (
+            lambda p: p["ifrfit"].update(inertia_factor="2/5"),
+            "'ifrfit' has a inertia_factor of the wrong type",
+        ),
+        (
+            lambda p: p["resources"][0].update(path="../data.csv"),
+            r"the path '\.\./data\.csv' leaves the folder",
+        ),
+        (lambda p: p["resources"][0].pop("hash"), "names no resource with a path and a hash"),
+        (lambda p: p["resources"][0].update(path="other.csv"), r"other\.csv: cannot be read"),
+    ],
+)
+def test_broken_packages_are_refused(damaged, change, message):
+    path = damaged / "datapackage.json"
+    package = json.loads(path.read_text(encoding="utf-8"))
+    change(package)
+    path.write_text(json.dumps(package), encoding="utf-8")
+    with pytest.raises(DataError, match=message):
+        catalogue.validate_path(damaged)
+
+
+def test_a_folder_without_package_and_bad_json_are_refused(damaged):
+    (damaged / "datapackage.json").write_text("{", encoding="utf-8")
+    with pytest.raises(DataError, match="cannot be read as JSON"):
+        catalogue.validate_path(damaged)
+    (damaged / "datapackage.json").unlink()
+    with pytest.raises(DataError, match=r"there is no datapackage\.json"):
+        catalogue.validate_path(damaged)
+
+
+def test_validate_reads_a_table(points, tmp_path):
+    assert len(catalogue.validate_path(points)) == 3
+    bad = tmp_path / "bad.csv"
+    bad.write_text("observable,gamma_deg,value\nbeta,30,abc\n", encoding="utf-8")
+    with pytest.raises(DataError, match=r"bad\.csv, line 2"):
+        catalogue.validate_path(bad)
+
+
+def test_missing_datasets_are_reported(monkeypatch, tmp_path):
+    monkeypatch.setattr(finding, "files", lambda package: tmp_path / "ifrfit")
+    with pytest.raises(DataError, match="The bundled datasets are missing"):
+        catalogue.dataset_names()
+
+
+def test_the_wheel_s_folder_comes_first(monkeypatch, tmp_path):
+    inside = tmp_path / "ifrfit" / "_datasets"
+    shutil.copytree(ROOT / "datasets" / "wang-2020", inside / "wang-2020")
+    monkeypatch.setattr(finding, "files", lambda package: tmp_path / "ifrfit")
+    assert catalogue.dataset_names() == ("wang-2020",)
+
+
+# ------------------------------------------------------------------------------------ install and remove
+
+
+def test_install_replaces_and_remove_restores(points, own_folder):
+    before = catalogue.load_dataset("cross-2019")
+    assert catalogue.install("cross-2019", points) == own_folder / "cross-2019"
+    mine = catalogue.load_dataset("cross-2019")
+    assert mine.provenance == ("digitised",)
+    assert mine.table["value"].tolist() == [0.41, -0.47, -0.75]
+    assert mine.notes == (
+        "cross-2019: your digitisation replaces the bundled stand-in (from points.csv); "
+        "'ifrfit datasets remove cross-2019' brings it back.",
+    )
+    descriptor = mine.sources[0].descriptor
+    assert descriptor.provenance == "digitised"
+    assert descriptor.noise is None
+    assert descriptor.assumptions == ()
+    assert descriptor.default_series == ("no spin",)
+    assert descriptor.default_observables == ("beta",)
+    assert descriptor.title == "Steel ball on polished granite, without and with spin (Cross 2019)"
+    line = next(line for line in catalogue.listing() if line.name == "cross-2019")
+    assert (line.provenance, line.installed) == ("digitised", True)
+    assert "provenance    digitised (installed by you)" in catalogue.describe("cross-2019").lines()
+    catalogue.remove("cross-2019")
+    assert catalogue.load_dataset("cross-2019").table.equals(before.table)
+    assert list(own_folder.iterdir()) == []
+
+
+def test_installed_data_are_a_data_package_with_the_original_named(points, own_folder):
+    frictionless = pytest.importorskip("frictionless")
+    catalogue.install("cross-2019", points)
+    folder = own_folder / "cross-2019"
+    assert frictionless.validate(str(folder / "datapackage.json")).valid
+    package = json.loads((folder / "datapackage.json").read_text(encoding="utf-8"))
+    assert package["ifrfit"]["installed"] == {
+        "original_file": "points.csv",
+        "original_sha256": hashlib.sha256(MINE.encode()).hexdigest(),
+        "replaces": "stand-in",
+    }
+
+
+def test_rows_keep_the_provenance_they_state(tmp_path):
+    path = tmp_path / "mixed.csv"
+    path.write_text(
+        "series,observable,gamma_deg,value,provenance\n"
+        "no spin,beta,20,0.41,measured\nno spin,beta,60,-0.47,\n",
+        encoding="utf-8",
+    )
+    catalogue.install("cross-2019", path)
+    data = catalogue.load_dataset("cross-2019")
+    assert data.table["provenance"].tolist() == ["measured", "digitised"]
+    assert data.sources[0].descriptor.provenance == "digitised"
+    catalogue.install("cross-2019", path, provenance="measured")
+    assert catalogue.load_dataset("cross-2019").provenance == ("measured",)
+    assert "your measurement replaces" in catalogue.load_dataset("cross-2019").notes[0]
+
+
+def test_the_least_claim_counts():
+    assert package_provenance(["measured", "simulated", "digitised"]) == "simulated"
+
+
+def test_a_stand_in_cannot_be_installed(tmp_path):
+    path = tmp_path / "copy.csv"
+    shutil.copy(ROOT / "datasets" / "cross-2019" / "data.csv", path)
+    with pytest.raises(
+        DataError, match=r"copy\.csv, line 2, column provenance: a stand-in cannot replace cross-2019"
+    ):
+        catalogue.install("cross-2019", path)
+    with pytest.raises(
+        UsageError, match="Provenance 'stand-in' cannot be installed: use one of measured, digitised"
+    ):
+        catalogue.install("cross-2019", path, provenance="stand-in")
+
+
+def test_refused_data_leave_nothing_and_keep_the_earlier_ones(points, tmp_path, own_folder):
+    bad = tmp_path / "bad.csv"
+    bad.write_text(MINE + "no spin,beta,95,0.3\n", encoding="utf-8")
+    with pytest.raises(DataError):
+        catalogue.install("cross-2019", bad)
+    assert not own_folder.exists()
+    catalogue.install("cross-2019", points)
+    with pytest.raises(DataError):
+        catalogue.install("cross-2019", bad)
+    assert len(catalogue.load_dataset("cross-2019")) == 3
+
+
+def test_installing_again_replaces_the_earlier_file(points, tmp_path, own_folder):
+    catalogue.install("cross-2019", points)
+    second = tmp_path / "second.csv"
+    second.write_text("".join(MINE.splitlines(keepends=True)[:3]), encoding="utf-8")
+    catalogue.install("cross-2019", second)
+    assert len(catalogue.load_dataset("cross-2019")) == 2
+    assert "second.csv" in catalogue.load_dataset("cross-2019").notes[0]
+    assert [path.name for path in own_folder.iterdir()] == ["cross-2019"]
+
+
+def test_a_failed_write_brings_the_earlier_data_back(points, tmp_path, own_folder, monkeypatch):
+    catalogue.install("cross-2019", points)
+    second = tmp_path / "second.csv"
+    second.write_text("".join(MINE.splitlines(keepends=True)[:3]), encoding="utf-8")
+    replace = Path.replace
+
+    def fail_for_new(self, target):
+        if self.name == "new":
+            raise OSError(28, "No space left on device")
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", fail_for_new)
+    with pytest.raises(DataError, match="cannot be written \\(No space left on device\\)"):
+        catalogue.install("cross-2019", second)
+    monkeypatch.undo()
+    monkeypatch.setenv("IFRFIT_DATA_DIR", str(own_folder.parent))
+    assert len(catalogue.load_dataset("cross-2019")) == 3
+    assert [path.name for path in own_folder.iterdir()] == ["cross-2019"]
+
+
+def test_damaged_installed_data_name_the_way_out(points, own_folder):
+    catalogue.install("cross-2019", points)
+    (own_folder / "cross-2019" / "data.csv").write_text(MINE, encoding="utf-8")
+    with pytest.raises(
+        DataError, match="Run 'ifrfit datasets remove cross-2019' and install your file again"
+    ):
+        catalogue.load_dataset("cross-2019")
+
+
+def test_remove_without_install_is_refused():
+    with pytest.raises(
+        UsageError, match="Nothing of yours is installed for cross-2019: the bundled dataset is in use"
+    ):
+        catalogue.remove("cross-2019")
+
+
+def test_series_of_another_name_leave_the_default_open(tmp_path):
+    path = tmp_path / "fig3.csv"
+    path.write_text("observable,gamma_deg,value\nmu_app,60,0.13\nmu_app,70,0.14\n", encoding="utf-8")
+    catalogue.install("cross-2019", path)
+    descriptor = catalogue.load_dataset("cross-2019").sources[0].descriptor
+    assert descriptor.default_series == ()
+    assert descriptor.default_observables == ()
+
+
+def test_numbers_survive_installation_to_the_last_digit(tmp_path):
+    path = tmp_path / "digits.csv"
+    path.write_text(
+        "observable,gamma_deg,value,sigma\nbeta,20.123456789012345,0.1234567890123456,0.1\n", encoding="utf-8"
+    )
+    catalogue.install("cross-2019", path)
+    row = catalogue.load_dataset("cross-2019").table.iloc[0]
+    assert (row["gamma_deg"], row["value"]) == (20.123456789012345, 0.1234567890123456)
+
+
+def test_without_the_variable_the_users_data_folder_is_used(monkeypatch):
+    monkeypatch.delenv("IFRFIT_DATA_DIR")
+    assert finding.user_root().parts[-2:] == ("ifrfit", "datasets")
+
+
+def test_install_is_the_same_function_everywhere():
+    assert catalogue.install is installing.install
+    assert catalogue.remove is installing.remove

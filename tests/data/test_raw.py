@@ -1,0 +1,260 @@
+"""Raw velocities: the observables equal those of an impulse written down here, in every frame and unit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+import ifrfit.data as data
+from ifrfit.errors import DataError
+
+RADIUS = 0.005
+
+
+def impact(u, omega, k, e_n, inertia):
+    """Velocity and right-handed spin after: impulse -k U_t along the wall, e_n across it (z into the wall)."""
+    u, omega = np.asarray(u, dtype=float), np.asarray(omega, dtype=float)
+    arm = np.array([0, 0, RADIUS])
+    contact = u + np.cross(omega, arm)
+    p = np.array([-k * contact[0], -k * contact[1], -(1 + e_n) * u[2]])
+    return u + p, omega + np.cross(arm, p) / (inertia * RADIUS**2)
+
+
+def turn(v, phi):
+    c, s = np.cos(phi), np.sin(phi)
+    return np.array([c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]])
+
+
+def table_of(path, impacts, **options):
+    """Write impacts (u, omega, v, Omega) with all components, and read them."""
+    names = [f"u_{a}_m_s" for a in "xyz"] + [f"omega_{a}_rad_s" for a in "xyz"]
+    names += [f"v_{a}_m_s" for a in "xyz"] + [f"omega_{a}_after_rad_s" for a in "xyz"] + ["radius_m"]
+    rows = [",".join(repr(float(x)) for x in np.concatenate([*i, [RADIUS]])) for i in impacts]
+    path.write_text("\n".join([",".join(names), *rows]) + "\n")
+    return data.read(path, **options)
+
+
+def values(obs):
+    return dict(zip(obs.table.observable, obs.table.value, strict=True))
+
+
+SPINS = st.floats(-800, 800)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=60)
+@given(
+    u_x=st.floats(0.01, 5),
+    u_z=st.floats(0.1, 5),
+    spins=st.tuples(SPINS, SPINS, SPINS),
+    k=st.floats(0, 0.5),
+    e_n=st.floats(0, 1),
+    phi=st.floats(-3.1, 3.1),
+)
+def test_observables_equal_the_impulse_in_any_frame(tmp_path, u_x, u_z, spins, k, e_n, phi):
+    u, omega = np.array([u_x, 0, u_z]), np.array(spins)
+    v, after = impact(u, omega, k, e_n, 0.4)
+    speed = np.hypot(u_x, u_z)
+    obs = table_of(tmp_path / "raw.csv", [[turn(x, phi) for x in (u, omega, v, after)]])
+    expected = {
+        "v_x": v[0] / speed,
+        "v_y": v[1] / speed,
+        "v_n": -v[2] / speed,
+        "spin_y_after": RADIUS * after[1] / speed,
+        "spin_x_after": -RADIUS * after[0] / speed,
+    }
+    assert values(obs) == pytest.approx(expected, abs=1e-9, rel=1e-9)
+    row = obs.table.iloc[0]
+    assert row.gamma_deg == pytest.approx(np.degrees(np.arctan2(u_x, u_z)), abs=1e-9)
+    assert row.speed_m_s == pytest.approx(speed)
+    assert (row.spin_x, row.spin_y) == pytest.approx(
+        (-RADIUS * omega[0] / speed, RADIUS * omega[1] / speed), abs=1e-9, rel=1e-9
+    )
+    assert set(obs.table.impact_id) == {"line 2"}
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40)
+@given(
+    gamma=st.floats(5, 85),
+    s_x=st.floats(-1, 1),
+    s_y=st.floats(-1, 1),
+    e_t=st.floats(-1, -0.4),
+    mu=st.floats(0, 1),
+)
+def test_observables_equal_the_rebound_of_the_package(tmp_path, gamma, s_x, s_y, e_t, mu):
+    rebound = pytest.importorskip("ifrfit.physics.rebound").rebound
+    speed = 3.0
+    r = rebound(gamma, s_x, s_y, e_n=0.8, e_t=e_t, mu=mu, degrees=True)
+    angle = np.radians(gamma)
+    scale = speed / RADIUS
+    before = [np.array([np.sin(angle), 0, np.cos(angle)]) * speed, np.array([-s_x, s_y, 0]) * scale]
+    after = [
+        np.array([r.v_x, r.v_y, -r.v_n], dtype=float) * speed,
+        np.array([-r.spin_x, r.spin_y, 0.0]) * scale,
+    ]
+    assume(all(abs(float(x)) > 1e-9 for x in (r.v_x, r.v_y, r.spin_x, r.spin_y)))
+    got = values(table_of(tmp_path / "raw.csv", [[*before, *after]]))
+    expected = {
+        "v_x": r.v_x,
+        "v_y": r.v_y,
+        "v_n": r.v_n,
+        "spin_y_after": r.spin_y,
+        "spin_x_after": r.spin_x,
+    }
+    assert got == pytest.approx({n: float(x) for n, x in expected.items()}, abs=1e-9)
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(text, **options):
+        path = tmp_path / "x.csv"
+        path.write_text(text)
+        return data.read(path, **options)
+
+    return read
+
+
+def test_only_what_was_measured_comes_out(read):
+    planar = read("u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s\n3,4,2,-3.5\n1,1,,-0.9\n")
+    assert list(planar.table.observable) == ["v_x", "v_n", "v_n"]
+    assert list(planar.table.value)[:2] == pytest.approx([0.4, 0.7])
+    assert dict(planar.sources[0].rows_skipped) == {"value not measured": 1}
+
+
+def test_units_and_spellings(read):
+    a = read("u_x_m_s,u_z_m_s,omega_y_rad_s,v_x_m_s,omega_y_after_rad_s,radius_m\n3,4,10,2,-200,0.005\n")
+    rpm = 30 / np.pi
+    b = read(
+        "u_x [mm/s];u_z [mm/s];ω_y [rpm];v_x [mm/s];Ω_y [rpm];diameter_mm\n"
+        f"3000;4000;{10 * rpm!r};2000;{-200 * rpm!r};10\n"
+    )
+    c = read("speed_m_s,gamma_rad,Omega_y_rad_s,omega_y_rad_s,v_x_m_s,radius_mm\n5,"
+             f"{np.arctan2(3, 4)!r},-200,10,2,5\n")  # fmt: skip
+    assert values(a) == pytest.approx({"v_x": 0.4, "spin_y_after": -0.2})
+    for other in (b, c):
+        assert values(other) == pytest.approx(values(a))
+        assert other.table.spin_y[0] == pytest.approx(0.01)
+        assert other.table.gamma_deg[0] == pytest.approx(a.table.gamma_deg[0])
+
+
+def test_motion_against_x_is_turned_round(read):
+    there = read("u_x_m_s,u_z_m_s,omega_y_rad_s,v_x_m_s,omega_y_after_rad_s,radius_m\n3,4,10,2,-200,0.005\n")
+    back = read("u_x_m_s,u_z_m_s,omega_y_rad_s,v_x_m_s,omega_y_after_rad_s,radius_m\n-3,4,-10,-2,200,0.005\n")
+    assert values(back) == values(there)
+    assert back.table.spin_y[0] == there.table.spin_y[0]
+
+
+def test_uncertainties_are_propagated(read):
+    """Against 200,000 random draws around the same impact."""
+    rng = np.random.default_rng(5)
+    n = 200_000
+    sd = {
+        "u_x": 0.02,
+        "u_y": 0.03,
+        "u_z": 0.01,
+        "v_x": 0.04,
+        "v_y": 0.05,
+        "omega_y": 2.0,
+        "omega_y_after": 3.0,
+    }
+    mean = {
+        "u_x": 3.0,
+        "u_y": 1.0,
+        "u_z": 4.0,
+        "v_x": 2.0,
+        "v_y": 0.5,
+        "omega_y": 50.0,
+        "omega_y_after": -200.0,
+    }
+    unit = {name: "rad_s" if name.startswith("omega") else "m_s" for name in mean}
+    head = [f"{x}_{unit[x]}" for x in mean] + [f"sigma_{x}_{unit[x]}" for x in mean]
+    extra = ["omega_x_rad_s", "omega_x_after_rad_s", "sigma_omega_x_rad_s", "sigma_omega_x_after_rad_s"]
+    head += [*extra, "radius_m", "v_z_m_s"]
+    cells = [*mean.values(), *sd.values(), 0, 100, 2.0, 3.0, RADIUS, -3]
+    table = read(",".join(head) + "\n" + ",".join(map(str, cells)) + "\n").table.set_index("observable")
+    d = {name: mean[name] + sd[name] * rng.standard_normal(n) for name in mean}
+    ox, oxa = 2.0 * rng.standard_normal(n), 100 + 3.0 * rng.standard_normal(n)
+    ut = np.hypot(d["u_x"], d["u_y"])
+    c, s, u = d["u_x"] / ut, d["u_y"] / ut, np.hypot(ut, d["u_z"])
+    draws = {
+        "v_x": (c * d["v_x"] + s * d["v_y"]) / u,
+        "v_y": (c * d["v_y"] - s * d["v_x"]) / u,
+        "spin_y_after": RADIUS * (c * d["omega_y_after"] - s * oxa) / u,
+    }
+    for name, draw in draws.items():
+        assert table.value[name] == pytest.approx(draw.mean(), abs=4 * draw.std() / np.sqrt(n) + 1e-4)
+        # the components of u share their errors with the turn: 10 % is what leaving that out costs here
+        assert table.sigma[name] == pytest.approx(draw.std(), rel=0.1)
+    spin = RADIUS * (c * d["omega_y"] - s * ox) / u
+    assert table.sigma_spin_y["v_x"] == pytest.approx(spin.std(), rel=0.1)
+    gamma = np.degrees(np.arctan2(ut, d["u_z"]))
+    assert table.sigma_gamma_deg["v_x"] == pytest.approx(gamma.std(), rel=0.02)
+    assert np.isnan(table.sigma["v_n"])
+
+
+def impacts(inertia, count=12, noise=0.0, rng=None):
+    result = []
+    for gamma in np.radians(np.linspace(10, 80, count)):
+        u = 3 * np.array([np.sin(gamma), 0, np.cos(gamma)])
+        v, after = impact(u, [0, 0, 0], 0.2, 0.9, inertia)
+        shake = noise * rng.standard_normal(3) if rng is not None else 0.0
+        result.append([u, np.zeros(3), v + shake, after])
+    return result
+
+
+def test_angular_momentum_of_a_solid_ball_closes(tmp_path):
+    (note,) = table_of(tmp_path / "x.csv", impacts(0.4)).notes
+    assert note.startswith("x.csv: angular momentum about the contact closes to ")
+    assert "(rms over 12 impacts, inertia factor 0.4)." in note
+    assert float(note.split(" closes to ")[1].split(" %")[0]) < 1e-10
+    assert "miss" not in note
+
+
+def test_angular_momentum_of_a_hollow_ball_closes_only_with_its_own_inertia(tmp_path):
+    (wrong,) = table_of(tmp_path / "x.csv", impacts(2 / 3)).notes
+    assert "12 of 12 miss by more than 5 % (lines 2, 3, 4, ...)" in wrong
+    assert "ask for an inertia factor of 0.667 (2/5 is a homogeneous ball, 2/3 a thin hollow one)" in wrong
+    (right,) = table_of(tmp_path / "x.csv", impacts(2 / 3), inertia_factor=2 / 3).notes
+    assert "miss" not in right
+
+
+def test_one_bad_impact_is_named(tmp_path):
+    rows = impacts(0.4)
+    rows[5][2] = rows[5][2] + np.array([0.25, 0, 0])
+    (note,) = table_of(tmp_path / "x.csv", rows).notes
+    assert "1 of 12 miss by more than 5 % (line 7)." in note
+    assert "inertia factor of" not in note
+
+
+def test_spin_before_not_given_is_said(read):
+    obs = read("u_x_m_s,u_z_m_s,v_x_m_s,omega_y_after_rad_s,radius_m\n3,4,2,-200,0.005\n")
+    assert "x.csv: no spin before the impact is given; it was taken as 0." in obs.notes
+
+
+HEAD = "u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"{HEAD}\n1,1,1,-1\n1,-1,1,-1\n", "line 3, column u_z_m_s: -1, but z points into the wall, so a sphere that comes"),
+        (f"{HEAD}\n1,1,1,1\n", "line 2, column v_z_m_s: 1, but z points into the wall, so a sphere that leaves"),
+        (f"{HEAD},omega_y_rad_s\n1,1,1,-1,1\n", "column omega_y_rad_s: a spin rate needs the size of the sphere"),
+        (f"{HEAD},beta\n1,1,1,-1,1\n", "column beta: does not go with raw velocities such as u_x_m_s"),
+        ("u_x_m_s,u_z_m_s,v_x\n1,1,1\n", "column v_x: no unit. Among raw velocities it needs one, for example v_x_m_s"),
+        ("u_x,u_z,v_x_m_s\n1,1,1\n", "column u_x: no unit. Put one into the header, for example u_x_m_s"),
+        ("u_z_m_s,v_z_m_s\n1,-1\n", "there is u_z but no u_x"),
+        ("v_x_m_s,v_z_m_s\n1,-1\n", "the incoming velocity is missing. Add u_x_m_s and u_z_m_s"),
+        ("u_x_m_s,u_z_m_s\n1,1\n", "no velocity after the impact. Add v_x_m_s and v_z_m_s"),
+        (f"{HEAD},gamma_deg\n1,1,1,-1,1\n", "the incidence is given twice"),
+        (f"{HEAD},v_n_m_s\n1,1,1,-1,1\n", "the normal velocity after is given twice"),
+        (f"{HEAD},omega_y_rpm,radius_m,diameter_m\n1,1,1,-1,1,1,2\n", "radius and diameter are both given"),
+        (f"{HEAD},omega_y_rpm,radius_m\n1,1,1,-1,1,0\n", "line 2, column radius_m: 0, but a sphere has between"),
+        (f"{HEAD},sigma_v_x_m_s\n1,1,1,-1,0\n", "line 2, column sigma_v_x_m_s: 0 cannot be a standard uncertainty"),
+    ],
+)  # fmt: skip
+def test_refused(read, text, message):
+    with pytest.raises(DataError) as caught:
+        read(text)
+    assert message in str(caught.value)

@@ -1,0 +1,226 @@
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from ifrfit.errors import UsageError
+from ifrfit.report import plot
+from ifrfit.report.panels import axis_label, outlier_limit
+from ifrfit.report.shading import regime_key, spans
+from ifrfit.report.style import looks, save_figure
+
+
+def texts(figure) -> list[str]:
+    found = [t.get_text() for axes in figure.axes for t in axes.texts]
+    found += [t.get_text() for legend in figure.legends for t in legend.get_texts()]
+    return found + ([figure._suptitle.get_text()] if figure._suptitle else [])
+
+
+def panels_of(figure):
+    """Axes with data, in pairs of values and residuals."""
+    shown = [axes for axes in figure.axes if axes.axison]
+    return list(zip(shown[::2], shown[1::2], strict=True))
+
+
+CASES = ("fine", "stand_in", "two_observables", "all_sticking", "separate", "contradicted", "restitution")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_case_draws_at_column_width_with_units_on_every_axis(made, name):
+    result = getattr(made, name)()
+    figure = plot(result)
+    observables = result.points["observable"].unique()
+    assert figure.get_size_inches()[0] * 25.4 == pytest.approx(85.0 * min(len(observables), 3))
+    pairs = panels_of(figure)
+    assert len(pairs) == len(observables)
+    for (data, residuals), observable in zip(pairs, observables, strict=True):
+        assert data.get_ylabel().endswith("(deg)" if observable.endswith("_deg") else "(–)")
+        assert residuals.get_ylabel() == "residual (σ)"
+        assert residuals.get_xlabel() == (
+            "measurement (number, in order)" if observable == "e_n" else "incidence angle γ (deg)"
+        )
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_nothing_is_cut_or_covers_another(made, name):
+    figure = plot(getattr(made, name)())
+    figure.draw_without_rendering()
+    renderer, frame = figure.canvas.get_renderer(), figure.bbox
+    boxes = [figure.legends[0].get_window_extent(renderer)]
+    boxes += [axes.get_tightbbox(renderer) for axes in figure.axes]
+    if figure._suptitle:
+        boxes.append(figure._suptitle.get_window_extent(renderer))
+    for box in boxes:
+        assert box.x0 >= frame.x0 - 1
+        assert box.x1 <= frame.x1 + 1
+        assert box.y0 >= frame.y0 - 1
+        assert box.y1 <= frame.y1 + 1
+    for axes in figure.axes:
+        inner = axes.get_window_extent(renderer)
+        assert inner.y0 > boxes[0].y1, "the legend covers data"
+        assert inner.height > (60 if axes.axison else 5)
+
+
+def test_curve_holds_the_kink_and_both_regimes(made):
+    result = made.fine()
+    (data, _), *_ = panels_of(plot(result))
+    curve = max(data.lines, key=lambda line: len(line.get_xdata()))
+    x = curve.get_xdata()
+    angle = result.derived["transition_angle_deg"]["run 1"].value
+    assert angle in x
+    assert x.min() < 1.0
+    assert x.max() > 89.0
+
+
+def test_all_data_are_inside_the_limits(made):
+    for name in CASES:
+        result = getattr(made, name)()
+        for (data, residuals), observable in zip(
+            panels_of(plot(result)), result.points["observable"].unique(), strict=True
+        ):
+            rows = result.points[result.points["observable"] == observable]
+            low, high = data.get_ylim()
+            assert low < rows["value"].min()
+            assert rows["value"].max() < high
+            assert residuals.get_ylim()[1] > rows["standardised"].abs().max()
+
+
+def test_sticking_is_open_and_sliding_filled(made):
+    result = made.fine()
+    (data, _), *_ = panels_of(plot(result))
+    marks = {
+        line.get_markerfacecolor(): len(line.get_xdata()) for line in data.lines if line.get_marker() == "o"
+    }
+    assert marks == {"white": 12, "#0072B2": 22}
+
+
+def test_an_outlier_is_ringed_and_nothing_else(made):
+    (data, residuals), *_ = panels_of(plot(made.contradicted()))
+    for axes in (data, residuals):
+        rings = [line for line in axes.lines if line.get_markerfacecolor() == "none"]
+        assert [len(ring.get_xdata()) for ring in rings] == [1]
+    assert "ringed: outlier" in texts(plot(made.contradicted()))
+    assert "ringed: outlier" not in texts(plot(made.fine()))
+
+
+def test_the_outlier_limit_is_bonferroni_at_one_percent(made):
+    limit = outlier_limit(made.fine())
+    assert 34 * math.erfc(limit / math.sqrt(2.0)) == pytest.approx(0.01)
+
+
+def test_provenance_is_in_the_legend(made):
+    assert "run 1 (measured)" in texts(plot(made.fine()))
+    unsaid = made.build((made.Run("run 1", provenance=""),))
+    assert "run 1 (provenance not stated)" in texts(plot(unsaid))
+
+
+def test_a_stand_in_is_written_across_the_picture(made):
+    figure = plot(made.stand_in())
+    (data, _), *_ = panels_of(figure)
+    mark = next(text for text in data.texts if text.get_text() == "STAND-IN")
+    assert mark.get_fontsize() >= 24
+    assert figure._suptitle.get_text().startswith("STAND-IN DATA")
+    assert not any("STAND-IN" in text for text in texts(plot(made.fine())))
+
+
+def test_series_differ_by_marker_and_line_not_only_by_colour():
+    given = looks([f"run {i}" for i in range(7)])
+    assert len({look.marker for look in given.values()}) == 7
+    assert len({(look.marker, str(look.line)) for look in looks([str(i) for i in range(40)]).values()}) == 40
+
+
+def test_transitions_that_differ_are_shown_series_by_series(made):
+    figure = plot(made.stand_in())
+    strips = [axes for axes in figure.axes if not axes.axison]
+    assert len(strips) == 1
+    assert [text.get_text() for text in strips[0].texts] == [
+        "sticking",
+        "sliding",
+        "sticking",
+        "sliding",
+        "sliding",
+    ]
+
+
+def test_an_open_transition_is_said_in_words(made):
+    assert "transition not determined: > 30 degrees (95 %)" in texts(plot(made.all_sticking()))
+
+
+def test_regimes_take_turns_below_the_last_transition():
+    one, two = (30.0, 29.0, 31.0), (50.0, 49.0, 51.0)
+    assert spans((one,)) == [(0.0, 30.0, "sticking"), (30.0, 90.0, "sliding")]
+    assert [regime for _, _, regime in spans((one, two))] == ["sliding", "sticking", "sliding"]
+    assert spans("sliding") == [(0.0, 90.0, "sliding")]
+
+
+def test_regimes_without_a_transition_follow_the_points(made):
+    result = made.build((made.Run("fast", spin_y=0.833),))
+    assert regime_key(result, "fast") == "sliding"
+    points = result.points
+    points["sticking"] = True
+    assert regime_key(replace(result, points=points), "fast") == "sticking"
+    points.loc[0, "sticking"] = False
+    assert regime_key(replace(result, points=points), "fast") is None
+
+
+@pytest.mark.parametrize("count", [1, 2, 500])
+def test_any_number_of_points(made, count):
+    figure = plot(made.build((made.Run("run 1", count),)))
+    low, high = panels_of(figure)[0][0].get_ylim()
+    assert high - low > 0.5, "the curve has room whatever the number of points"
+
+
+def test_five_observables_wrap_and_a_label_with_signs_stays_a_label(made):
+    runs = (made.Run("_$run"), made.Run("b", 20, 0.3, 0.2))
+    figure = plot(made.build(runs, ("beta", "beta_cm", "mu_app", "delta_deg", "tan_psi_out")))
+    assert len(panels_of(figure)) == 5
+    assert r" _\$run (measured)" in texts(figure)
+    figure.draw_without_rendering()
+
+
+def test_long_meanings_are_wrapped():
+    assert max(map(len, axis_label("tan_psi_out").split("\n"))) <= 40
+
+
+def test_two_runs_give_the_same_bytes_and_text_stays_text(made, tmp_path):
+    for run in ("a", "b"):
+        figure = plot(made.stand_in())
+        for suffix in (".svg", ".png"):
+            save_figure(figure, tmp_path / f"{run}{suffix}")
+    for suffix in (".svg", ".png"):
+        assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+    svg = ET.parse(tmp_path / "a.svg")
+    words = {node.text for node in svg.iter("{http://www.w3.org/2000/svg}text")}
+    assert {"STAND-IN", "no spin (stand-in)", "residual (σ)"} <= words
+    assert "<dc:date>" not in (tmp_path / "a.svg").read_text(encoding="utf-8")
+
+
+def test_drawing_leaves_the_settings_of_matplotlib_alone(made, tmp_path):
+    before = dict(mpl.rcParams)
+    with mpl.rc_context({"axes.facecolor": "black", "font.size": 20.0}):
+        figure = plot(made.fine())
+        save_figure(figure, tmp_path / "fit.png")
+        assert mpl.rcParams["font.size"] == 20.0
+    assert figure.axes[0].get_facecolor() == (1.0, 1.0, 1.0, 1.0)
+    assert dict(mpl.rcParams) == before
+
+
+def test_a_result_without_points_cannot_be_drawn(made):
+    result = made.fine()
+    with pytest.raises(UsageError) as caught:
+        plot(replace(result, points=result.points.iloc[:0]))
+    assert str(caught.value) == (
+        "This result holds no points, so there is nothing to draw. Fit the data again."
+    )
+
+
+def test_horizontal_error_bars_where_the_angle_has_one(made):
+    with_bars = made.build((made.Run("a", sigma_gamma=1.0),))
+    count = [len(panels_of(plot(r))[0][0].collections) for r in (with_bars, made.fine())]
+    assert count[0] == count[1] + 1
+    assert np.isfinite(panels_of(plot(with_bars))[0][0].get_ylim()).all()

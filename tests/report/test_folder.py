@@ -1,0 +1,132 @@
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from ifrfit.errors import UsageError
+from ifrfit.report import folder, write_folder
+
+NAMES = ["result.json", "fit.svg", "fit.png"]
+
+
+def names(place: Path) -> set[str]:
+    return {entry.name for entry in place.iterdir()}
+
+
+def test_a_new_folder_and_nothing_beside_it(made, tmp_path):
+    out = tmp_path / "results" / "impacts"
+    assert write_folder(made.fine(), out, force=False) == NAMES
+    assert names(out) == set(NAMES)
+    assert names(out.parent) == {"impacts"}
+    assert json.loads((out / "result.json").read_text(encoding="utf-8"))["closure"] == "ifr"
+
+
+def test_without_figures(made, tmp_path):
+    assert write_folder(made.fine(), tmp_path / "a", force=False, figures=False) == ["result.json"]
+
+
+def test_an_earlier_result_is_refused_and_kept(made, tmp_path):
+    out = tmp_path / "a"
+    write_folder(made.fine(), out, force=False, figures=False)
+    before = (out / "result.json").read_bytes()
+    with pytest.raises(UsageError) as caught:
+        write_folder(made.stand_in(), out, force=False)
+    assert str(caught.value) == f"{out} holds an earlier result; add --force to replace it."
+    assert (out / "result.json").read_bytes() == before
+    assert names(out) == {"result.json"}
+
+
+def test_force_replaces_everything_the_earlier_result_left(made, tmp_path):
+    out = tmp_path / "a"
+    write_folder(made.fine(), out, force=False)
+    (out / "report.html").write_text("of the earlier result")
+    write_folder(made.stand_in(), out, force=True, figures=False)
+    assert names(out) == {"result.json"}
+    assert names(tmp_path) == {"a"}
+    assert '"cross-2019"' in (out / "result.json").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_files_of_others_stay(made, tmp_path, force):
+    out = tmp_path / "a"
+    out.mkdir()
+    (out / "notes.txt").write_text("mine")
+    (out / "raw").mkdir()
+    if force:
+        (out / "result.json").write_text("{}")
+        (out / "report.html").write_text("of the earlier result")
+    write_folder(made.fine(), out, force=force)
+    assert names(out) == {*NAMES, "notes.txt", "raw"}
+    assert (out / "notes.txt").read_text() == "mine"
+    assert names(tmp_path) == {"a"}
+
+
+def test_a_figure_of_others_is_not_overwritten_without_force(made, tmp_path):
+    out = tmp_path / "a"
+    out.mkdir()
+    (out / "fit.png").write_text("mine")
+    with pytest.raises(UsageError, match=r"holds a file fit\.png already; add --force to replace it, or"):
+        write_folder(made.fine(), out, force=False)
+    assert (out / "fit.png").read_text() == "mine"
+
+
+def test_the_folder_one_stands_in_is_filled(made, tmp_path, monkeypatch):
+    out = tmp_path / "a"
+    out.mkdir()
+    monkeypatch.chdir(out)
+    write_folder(made.fine(), Path(), force=False, figures=False)
+    assert Path("result.json").exists()
+    write_folder(made.fine(), Path(), force=True)
+    assert names(Path()) == set(NAMES)
+
+
+def test_a_link_stays_a_link(made, tmp_path):
+    (tmp_path / "real").mkdir()
+    link = tmp_path / "link"
+    link.symlink_to("real")
+    write_folder(made.fine(), link, force=False, figures=False)
+    write_folder(made.fine(), link, force=True, figures=False)
+    assert link.is_symlink()
+    assert names(tmp_path / "real") == {"result.json"}
+
+
+def test_nothing_appears_when_drawing_fails(made, tmp_path, monkeypatch):
+    def fail(*_: object) -> None:
+        raise RuntimeError("no ink")
+
+    monkeypatch.setattr(folder, "save_figure", fail)
+    with pytest.raises(RuntimeError, match="no ink"):
+        write_folder(made.fine(), tmp_path / "deep" / "a", force=False)
+    assert names(tmp_path) == set()
+
+
+def test_the_earlier_result_survives_a_failed_replacement(made, tmp_path, monkeypatch):
+    out = tmp_path / "a"
+    write_folder(made.fine(), out, force=False, figures=False)
+    rename = Path.rename
+
+    def fail(self: Path, target: Path) -> Path:
+        if self.suffix == ".new":
+            raise OSError(28, os.strerror(28))
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", fail)
+    with pytest.raises(UsageError) as caught:
+        write_folder(made.stand_in(), out, force=True, figures=False)
+    assert str(caught.value) == (
+        f"{out}: cannot be written (No space left on device). Choose another folder with --out."
+    )
+    assert names(tmp_path) == {"a"}
+    assert '"impacts.csv"' in (out / "result.json").read_text(encoding="utf-8")
+
+
+def test_a_file_in_the_way(made, tmp_path):
+    (tmp_path / "a").write_text("")
+    with pytest.raises(UsageError) as caught:
+        write_folder(made.fine(), tmp_path / "a", force=True)
+    assert str(caught.value) == f"{tmp_path / 'a'} is a file. Name a folder with --out."
+    with pytest.raises(UsageError, match=r"cannot be written \(.+\)\. Choose another folder with --out\."):
+        write_folder(made.fine(), tmp_path / "a" / "b", force=True)

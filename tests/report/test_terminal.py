@@ -1,0 +1,272 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from ifrfit.data import Source
+from ifrfit.errors import UsageError
+from ifrfit.inference.result import Estimate, Noise
+from ifrfit.report import summary
+from ifrfit.report.words import findings, headline, provenance_sentence, stand_in_sentence
+
+FINE = """\
+impacts.csv   34 impacts, beta, measured, no sigma given
+              Values as their authors measured them.
+              2 of 36 rows left out: 2 not measured.
+closure IFR, least squares, one unknown noise
+
+            value      sd   95 % interval      status
+  e_n        0.94       -                      fixed by you
+  e_t      -0.980   0.013   [-1.000, -0.957]   one-sided: lies on its bound -1
+  mu       0.1200  0.0041   [0.1120, 0.1280]   determined
+  kappa    0.2328  0.0080   [0.2171, 0.2485]   mu (1 + e_n)
+  noise     0.050       -                      of beta
+
+  12 impacts stick, 22 slide; transition at 30.20 +- 0.80 degrees
+
+  ok    Global optimum certified, the only one.
+  ok    No lack of fit (p = 0.42).
+  ok    No outliers.
+  note  beta cannot tell e_n from mu: mu scales with 1/(1 + 0.94). Measure e_n (one drop test) to
+        free it."""
+
+STAND_IN = """\
+cross-2019   STAND-IN, generated from the constants the paper prints. This fit shows that the tool
+             works, not what steel on granite does.
+             51 impacts, beta, stand-in, sigma given
+             Source: a paper's printed constants.
+             2 of 53 rows left out: 2 not measured.
+closure IFR, least squares, known noise
+
+            value      sd   95 % interval      status
+  e_n        0.94       -                      fixed by you
+  e_t      -0.980   0.013   [-1.000, -0.957]   one-sided: lies on its bound -1
+  mu       0.1200  0.0041   [0.1120, 0.1280]   determined
+  kappa    0.2328  0.0080   [0.2171, 0.2485]   mu (1 + e_n)
+
+  no spin: 6 impacts stick, 11 slide; transition at 30.20 +- 0.80 degrees
+  spin 0.225: 4 impacts stick, 13 slide; transition at 18.99 +- 0.80 degrees
+  spin 0.833: 0 impacts stick, 17 slide; no transition: all slide
+  chi2 = 31.2 for 32 degrees of freedom (p = 0.51)
+
+  ok    Global optimum certified, the only one.
+  ok    No lack of fit (p = 0.42).
+  ok    No outliers.
+  note  beta cannot tell e_n from mu: mu scales with 1/(1 + 0.94). Measure e_n (one drop test) to
+        free it."""
+
+ALL_STICKING = """\
+LOOK  mu is not determined. Details below.
+
+impacts.csv   12 impacts, beta, measured, no sigma given
+              Values as their authors measured them.
+              2 of 14 rows left out: 2 not measured.
+closure IFR, least squares, one unknown noise
+
+            value     sd   95 % interval      status
+  e_n        0.94      -                      fixed by you
+  e_t      -0.980  0.013   [-1.000, -0.957]   one-sided: lies on its bound -1
+  mu            -      -   > 0.21             not determined: no impact slides; measure beyond 50
+                                              degrees
+  kappa         -      -   > 0.21             mu (1 + e_n); not determined: no impact slides;
+                                              measure beyond 50 degrees
+  noise     0.050      -                      of beta
+
+  12 impacts stick, 0 slide; transition not determined: > 30 degrees (95 %)
+
+  LOOK  mu is not determined: no impact slides. These data say mu > 0.21 (95 %). Measure beyond 50
+        degrees.
+  ok    Global optimum certified, the only one.
+  ok    No lack of fit (p = 0.42).
+  ok    No outliers."""
+
+MARKDOWN = """\
+**STAND-IN data, not an experiment.**
+
+| constant | value | 95 % interval | status |
+|---|---|---|---|
+| e_n | 0.94 |  | fixed by you |
+| e_t | -0.980 ± 0.013 | \\[-1.000, -0.957] | one-sided: lies on its bound -1 |
+| mu | 0.1200 ± 0.0041 | \\[0.1120, 0.1280] | determined |
+| kappa | 0.2328 ± 0.0080 | \\[0.2171, 0.2485] | mu (1 + e_n) |
+
+- closure IFR, least squares, known noise.
+- cross-2019: 51 impacts, beta, stand-in, sigma given. STAND-IN, generated from the constants the paper \
+prints. This fit shows that the tool works, not what steel on granite does. Source: a paper's printed \
+constants. 2 of 53 rows left out: 2 not measured.
+- no spin: 6 impacts stick, 11 slide; transition at 30.20 ± 0.80 degrees.
+- spin 0.225: 4 impacts stick, 13 slide; transition at 18.99 ± 0.80 degrees.
+- spin 0.833: 0 impacts stick, 17 slide; no transition: all slide.
+- chi2 = 31.2 for 32 degrees of freedom (p = 0.51).
+- note: beta cannot tell e_n from mu: mu scales with 1/(1 + 0.94). Measure e_n (one drop test) to free it."""
+
+LATEX = r"""% LOOK: mu is not determined
+\begin{tabular}{llll}
+\hline
+constant & value & 95\,\% interval & status \\
+\hline
+$e_n$ & $0.94$ &  & fixed by you \\
+$e_t$ & $-0.980 \pm 0.013$ & $[-1.000, -0.957]$ & one-sided: lies on its bound -1 \\
+$\mu$ & -- & $> 0.21$ & not determined: no impact slides; measure beyond 50 degrees \\
+$\kappa$ & -- & $> 0.21$ & mu (1 + e\_n); not determined: no impact slides; measure beyond 50 degrees \\
+noise & $0.050$ &  & of beta \\
+\hline
+\multicolumn{4}{l}{data: impacts.csv (measured)} \\
+\end{tabular}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "golden"), [("fine", FINE), ("stand_in", STAND_IN), ("all_sticking", ALL_STICKING)]
+)
+def test_golden_text(made, name, golden):
+    assert summary(getattr(made, name)()) == golden
+
+
+def test_golden_markdown(made):
+    assert summary(made.stand_in(), "markdown") == MARKDOWN
+
+
+def test_golden_latex(made):
+    text = summary(made.all_sticking(), "latex")
+    assert text.startswith(LATEX)
+    assert text.endswith(
+        "LOOK: mu is not determined: no impact slides. These data say mu $>$ 0.21 (95 \\%). "
+        "Measure beyond 50 degrees."
+    )
+
+
+def test_the_text_table_is_plain_ascii_and_narrow_whatever_the_case(made):
+    for name in ("fine", "stand_in", "two_observables", "all_sticking", "separate", "contradicted"):
+        text = summary(getattr(made, name)())
+        assert text.isascii()
+        assert max(map(len, text.split("\n"))) <= 100, name
+        assert not re.search(r" $", text, flags=re.MULTILINE)
+
+
+def test_a_result_that_is_not_fine_says_so_in_its_first_line(made):
+    lines = summary(made.contradicted()).split("\n")
+    assert lines[0] == "LOOK  the data contradict the closure; outliers. Details below."
+    looks = [line for line in lines if line.startswith("  LOOK")]
+    assert len(looks) == 2
+    # a constant on its bound has said so in the table: a note, no alarm
+    assert "  note  e_t lies on its bound -1." in lines
+
+
+def test_a_failing_stand_in_shows_both_at_once(made):
+    result = made.stand_in()
+    broken = replace(result, facts=made.contradicted().facts)
+    lines = summary(broken).split("\n")
+    assert lines[0].startswith("LOOK")
+    assert lines[2].startswith("cross-2019   STAND-IN, generated")
+
+
+def test_scaled_noise_states_the_factor_and_digitised_data_their_kind(made):
+    text = summary(made.two_observables())
+    assert "  noise       1.8       -                      times the given sigma of beta_cm" in text
+    assert "Read off a published figure, whose reading errors are part of the scatter." in text
+    assert "40 impacts (80 rows), beta_cm and delta_deg, digitised" in text
+
+
+def test_scaled_noise_without_points_states_sigma_itself(made):
+    result = made.two_observables()
+    text = summary(replace(result, points=result.points.iloc[:0]))
+    assert "of beta_cm" in text
+    assert "times" not in text
+    assert "80 rows, digitised" in text
+
+
+def test_separate_constants_take_a_row_a_series(made):
+    text = summary(made.separate())
+    assert "  mu [wet & <oiled>]        0.090   0.012" in text
+    assert "  kappa [dry]              0.2330  0.0080" in text
+
+
+def test_noises_that_differ_name_their_series(made):
+    noise = Noise("unknown", {"dry/beta": 0.04, "wet & <oiled>/beta": 0.061})
+    text = summary(replace(made.separate(), noise=noise))
+    assert "two unknown noises" in text
+    assert "of beta in dry\n" in text
+    assert "of beta in wet & <oiled>\n" in text
+
+
+def test_two_transitions_and_single_impacts(made):
+    angles = (made.estimate(12.03, 0.51), made.estimate(40.2, 1.3))
+    result = made.build((made.Run("run 1", 1),), derived={"transition_angle_deg": {"run 1": angles}})
+    text = summary(result)
+    assert "0 impacts stick, 1 slides; transitions at 12.03 +- 0.51 and 40.2 +- 1.3 degrees" in text
+    assert "1 impact, beta" in text
+
+
+def test_values_without_an_angle_are_not_counted_as_impacts(made):
+    assert "40 values, e_n," in summary(made.build((made.Run("drops", 40),), ("e_n",)))
+    assert "impacts stick" not in summary(made.build((made.Run("drops", 40),), ("e_n",)))
+
+
+@pytest.mark.parametrize(
+    ("status", "reason", "words"),
+    [
+        ("prior", "0.98 +- 0.01", "set by your prior: 0.98 +- 0.01"),
+        ("fixed", "closure F", "fixed: closure F"),
+        ("determined", "", "determined"),
+    ],
+)
+def test_status_words(made, status, reason, words):
+    one = Estimate(0.98, 0.01, (0.97, 0.99), (0.96, 1.0), status, reason)
+    result = made.fine()
+    text = summary(replace(result, constants={**result.constants, "e_n": one}))
+    assert re.search(rf"e_n .* {re.escape(words)}\n", text)
+
+
+def test_stand_in_without_conditions_uses_a_general_sentence(made):
+    source = Source("x", "", 1, 1, {}, "stand-in")
+    assert stand_in_sentence(source).endswith("not what real spheres and walls do.")
+
+
+@pytest.mark.parametrize(
+    ("provenance", "sentence"),
+    [
+        ("simulated", "Computed by a simulation, not measured."),
+        ("", "Where these values come from is not stated: add a column provenance."),
+        (
+            "measured, simulated",
+            "Values as their authors measured them; Computed by a simulation, not measured.",
+        ),
+    ],
+)
+def test_provenance_sentences(provenance, sentence):
+    assert provenance_sentence(Source("x", "", 1, 1, {}, provenance)) == sentence
+
+
+def test_selection_is_told(made):
+    result = made.fine()
+    source = replace(result.inputs[0], selection="gamma from 15 degrees")
+    assert "Selection: gamma from 15 degrees. 2 of 36 rows left out" in summary(
+        replace(result, inputs=(source,))
+    )
+
+
+def test_a_warning_that_a_fact_already_says_is_not_repeated(made):
+    result = made.contradicted()
+    says = result.facts["outliers"].says
+    told = findings(replace(result, warnings=(says, "another")))
+    assert [sentence for _, sentence in told].count(says) == 1
+    assert ("note", "another") in told
+
+
+def test_no_alarm_when_all_is_well(made):
+    assert headline(made.fine()) == ""
+
+
+def test_latex_escapes_what_comes_from_data(made):
+    text = summary(made.separate(), "latex")
+    assert r"$\mu$ (wet \& $<$oiled$>$)" in text
+    assert r"$0.090 \pm 0.012$" in text
+
+
+def test_unknown_style(made):
+    with pytest.raises(UsageError) as caught:
+        summary(made.fine(), "word")
+    assert str(caught.value) == "There is no summary style 'word'. Choose one of text, markdown, latex."
