@@ -30,7 +30,9 @@ app = typer.Typer(
     add_completion=False,
 )
 datasets = typer.Typer(
-    help="Bundled datasets, and your digitisations in their place.", no_args_is_help=True, rich_markup_mode=None
+    help="Bundled datasets, and your digitisations in their place.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 app.add_typer(datasets, name="datasets")
 
@@ -75,7 +77,9 @@ def _pairs(option: str, given: Sequence[str], numbers: int) -> dict[str, Any]:
         except ValueError:
             values = []
         if not equals or len(values) != numbers:
-            raise UsageError(f"{option} {text}: write it as {form} with {numbers} number{'s'[: numbers - 1]}.")
+            raise UsageError(
+                f"{option} {text}: write it as {form} with {numbers} number{'s'[: numbers - 1]}."
+            )
         if name in found:
             raise UsageError(f"{option} {name} is given twice.")
         found[name] = values[0] if numbers == 1 else tuple(values)
@@ -127,26 +131,32 @@ def fit(
     speed_min: Annotated[float | None, typer.Option(metavar="M_S")] = None,
     speed_max: Annotated[float | None, typer.Option(metavar="M_S")] = None,
     exclude: Annotated[
-        Repeated, typer.Option(metavar="ROW|ID", help="Leave out a line of the file, FILE:LINE, or an impact.")
+        Repeated,
+        typer.Option(metavar="ROW|ID", help="Leave out a line of the file, FILE:LINE, or an impact."),
     ] = [],  # noqa: B006
     independent: Annotated[
         bool, typer.Option("--independent", help="Count faces of the same impacts as independent.")
     ] = False,
     inertia_factor: Annotated[
-        float | None, typer.Option(metavar="J", help="I/(m R^2): 2/5 solid (default), 2/3 hollow ball, 1/2 disc.")
+        float | None,
+        typer.Option(metavar="J", help="I/(m R^2): 2/5 solid (default), 2/3 hollow ball, 1/2 disc."),
     ] = None,
     convention: Annotated[
-        Repeated, typer.Option(metavar="NAME=CHOICE", help="How a column is meant, as angle=alpha_deg:from-wall.")
+        Repeated,
+        typer.Option(metavar="NAME=CHOICE", help="How a column is meant, as angle=alpha_deg:from-wall."),
     ] = [],  # noqa: B006
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write result.json, fit.svg and fit.png there.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier result in DIR.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="result.json on standard output, nothing else.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="result.json on standard output, nothing else.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Of the bands' draws.")] = 0,
     quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit with 4 if a constant is not determined or nothing converged.")
+        bool,
+        typer.Option("--strict", help="Exit with 4 if a constant is not determined or nothing converged."),
     ] = False,
 ) -> None:
     """Recover one set of constants from a table of impacts, sticking and sliding together."""
@@ -310,8 +320,9 @@ def datasets_validate(
     found = read(path, convention=convention) if convention else validate_path(path)
     table = found.table
     typer.echo(f"{path}: fine, {len(table)} rows")
-    for (series, observable), count in table.groupby(["series", "observable"], sort=False).size().items():
-        typer.echo(f"  {series}  {observable}  {count}")
+    counts = table.value_counts(["series", "observable"], sort=False).reset_index(name="rows")
+    for row in counts.itertuples():
+        typer.echo(f"  {row.series}  {row.observable}  {row.rows}")
     for note in found.notes:
         typer.echo(f"  note  {note}")
 
@@ -321,14 +332,18 @@ def datasets_validate(
 def datasets_install(
     name: str,
     file: Path,
-    provenance: Annotated[str, typer.Option(help="Where rows do not say it: digitised or measured.")] = "digitised",
+    provenance: Annotated[
+        str, typer.Option(help="Where rows do not say it: digitised or measured.")
+    ] = "digitised",
     convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
 ) -> None:
     """Put your own digitisation in the place of a bundled dataset."""
     from ifrfit.data.installing import install
 
     place = install(name, file, provenance=provenance, convention=convention)
-    typer.echo(f"{name}: {file} is used from now on, kept in {place}. 'ifrfit datasets remove {name}' undoes it.")
+    typer.echo(
+        f"{name}: {file} is used from now on, kept in {place}. 'ifrfit datasets remove {name}' undoes it."
+    )
 
 
 @datasets.command("remove")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -63,6 +64,8 @@ _ANGLES = (
     "incident_angle",
     "angle_of_incidence",
 )
+_STATED = re.compile(r"(?P<name>\w+)_from_(the_)?(?P<from>normal|wall|surface)")
+WALL_ANGLE = "angle_from_wall"
 _MAGNITUDES = ("abs_beta", "beta_abs", "abs(beta)", "|beta|", "beta_magnitude", "mod_beta")
 # Observables under names that leave a choice open; conventions.py closes it.
 OPEN = {"e_t": "number", "et": "number", "psi": "angle", "tan_psi": "number"}
@@ -116,6 +119,9 @@ def _meanings(header: Header) -> Iterator[Role]:
         yield Role("open", "e_t" if name == "et" else name, OPEN[name], unit)
     if name in _ANGLES:
         yield Role("angle", name, "angle", unit)
+    stated = _STATED.fullmatch(name)
+    if stated and stated["name"] in (*_ANGLES, "gamma"):
+        yield Role("angle", "gamma" if stated["from"] == "normal" else WALL_ANGLE, "angle", unit)
     if name in _MAGNITUDES:
         yield Role("magnitude", name, "number", unit)
     yield from _uncertainty(name, unit)

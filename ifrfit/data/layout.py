@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.cells import Cells
-from ifrfit.data.columns import COMMON, RAW, Role, closest, role_of
+from ifrfit.data.columns import COMMON, RAW, WALL_ANGLE, Role, closest, role_of
 from ifrfit.data.conventions import OPEN_QUESTIONS, Conventions
 from ifrfit.data.schema import OBSERVABLES
 from ifrfit.data.units import UNITS, parse_header, units_of
@@ -241,7 +241,7 @@ def _choose_angle(layout: Layout, found: list[Column]) -> None:
         for other in found:
             if other.header != conventions.angle_column:
                 layout.notes.append(
-                    f"{cells.file}: column {other.header} is ignored, the angle is another column."
+                    f"{cells.name}: column {other.header} is ignored, the angle is another column."
                 )
         found = [c for c in found if c.header == conventions.angle_column]
     if not found:
@@ -254,8 +254,9 @@ def _choose_angle(layout: Layout, found: list[Column]) -> None:
             f"angle={found[0].header}:from-wall"
         )
     column = found[0]
-    named = column.header in conventions.columns or role_of(column.header).name in ("gamma", "tan_gamma")
-    if conventions.angle_from is None and not named:
+    name = role_of(column.header).name
+    stated = column.header in conventions.columns or name in ("gamma", "tan_gamma", WALL_ANGLE)
+    if conventions.angle_from is None and not stated:
         raise DataError(
             f"{cells.at(header=column.header)}: could be measured from the wall or from its normal. Say "
             f"which: --convention angle={column.header}:from-wall or angle={column.header}:from-normal"
@@ -263,7 +264,7 @@ def _choose_angle(layout: Layout, found: list[Column]) -> None:
     key = "tan_gamma" if column.key == "tan_gamma" or conventions.angle_unit == "tan" else "gamma"
     unit = conventions.angle_unit if conventions.angle_unit in ("deg", "rad") else column.unit
     layout.columns[key] = Column(column.index, column.header, key, "angle", unit)
-    layout.angle_from = conventions.angle_from or "from-normal"
+    layout.angle_from = conventions.angle_from or ("from-wall" if name == WALL_ANGLE else "from-normal")
     if layout.angle_from == "from-wall":
         layout.notes.append(f"{cells.name}: column {column.header} was read as the angle from the wall.")
 

@@ -47,22 +47,11 @@ def momentum_note(
     """
     if "v_x" not in after:
         return None
-    dv = [after["v_x"] - tangential]
-    ds = [after["spin_y_after"] - before["spin_y"]]
-    if "v_y" in after and "spin_x_after" in after:
-        # an impact without the lateral pair is judged by the other alone
-        both = ~np.isnan(after["v_y"] + after["spin_x_after"])
-        dv.append(np.where(both, after["v_y"], 0.0))
-        ds.append(np.where(both, after["spin_x_after"] - before["spin_x"], 0.0))
-    dv_, ds_ = np.array(dv), np.array(ds)
-    miss = (
-        np.hypot.reduce(dv_ - inertia_factor * ds_, axis=0)
-        if len(dv) > 1
-        else np.abs(dv_ - inertia_factor * ds_)[0]
-    )
+    dv, ds = _changes(before, after, tangential)
+    miss = np.sqrt(np.sum((dv - inertia_factor * ds) ** 2, axis=0))
     contact = np.hypot(tangential + before["spin_y"], before["spin_x"])
     known = ~np.isnan(miss) & ~np.isnan(contact)
-    if not known.any() or not np.any(contact[known] > 0):
+    if not np.any(contact[known] > 0):
         return None
     rms = float(np.sqrt(np.mean(miss[known] ** 2) / np.mean(contact[known] ** 2)))
     count = int(known.sum())
@@ -76,13 +65,29 @@ def momentum_note(
     lines = ", ".join(str(cells.lines[row]) for row in beyond[:3]) + (", ..." if beyond.size > 3 else "")
     plural = "" if beyond.size == 1 else "s"
     text += f"; {beyond.size} of {count} miss by more than 5 % ({cells.word}{plural} {lines})."
-    if rms <= TOLERANCE:
-        return text
-    change = float(np.nansum(ds_[:, known] ** 2))
-    own = float(np.nansum(dv_[:, known] * ds_[:, known])) / change if change > 0 else float("nan")
+    return text if rms <= TOLERANCE else text + _advice(dv[:, known], ds[:, known])
+
+
+def _changes(before: Mapping[str, Any], after: Mapping[str, Array], tangential: Array) -> tuple[Array, Array]:
+    """Return the changes of v_t and R Omega, (1 or 2, n): along x, and across where that was measured."""
+    dv = [after["v_x"] - tangential]
+    ds = [after["spin_y_after"] - before["spin_y"]]
+    if "v_y" in after and "spin_x_after" in after:
+        # an impact without the lateral pair is judged by the other alone
+        both = ~np.isnan(after["v_y"] + after["spin_x_after"])
+        dv.append(np.where(both, after["v_y"], 0.0))
+        ds.append(np.where(both, after["spin_x_after"] - before["spin_x"], 0.0))
+    return np.array(dv), np.array(ds)
+
+
+def _advice(dv: Array, ds: Array) -> str:
+    """Name the inertia factor that fits best (least squares of dv = J ds) if it could be one."""
+    change = float(np.sum(ds**2))
+    own = float(np.sum(dv * ds)) / change if change > 0 else float("nan")
+    text = " Check signs, size and inertia factor."
     if 0.0 < own <= 1.0:
-        text += (
+        return (
             f" The velocities themselves ask for an inertia factor of {own:.3f} (2/5 is a homogeneous ball, "
-            "2/3 a thin hollow one)."
+            f"2/3 a thin hollow one).{text}"
         )
-    return text + " Check signs, size and inertia factor."
+    return text

@@ -7,69 +7,28 @@ about z until it is. In the paper's signs omega_x is minus the right-handed one 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.columns import RAW
+from ifrfit.data.incoming import Incoming, read_incoming, require, stated
 from ifrfit.data.layout import Layout
 from ifrfit.data.momentum import momentum_note
 from ifrfit.data.pieces import Piece
-from ifrfit.data.schema import OBSERVABLES
+from ifrfit.data.schema import OBSERVABLES, TINY
 from ifrfit.data.wide import impact_ids
 from ifrfit.errors import DataError
-from ifrfit.physics.angles import sincos
 
 Array = NDArray[np.float64]
+
+_LARGEST = 1e9  # m/s, rad/s or m: beyond anything that hits a wall, far from overflow when squared
 
 
 def is_raw(layout: Layout) -> bool:
     """Tell whether a table gives raw velocities or spin rates."""
     return any(key.startswith("raw:") for key in layout.columns)
-
-
-@dataclass(frozen=True)
-class _Incoming:
-    """Speed, angle and direction before; c, s: cosine and sine of the turn about z; sigmas may be NaN."""
-
-    u: Array
-    gamma_deg: Array
-    tangential: Array
-    c: Array
-    s: Array
-    sigma_u: Array
-    sigma_gamma_deg: Array
-    sigma_turn: Array
-
-    def turned(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Return components along and across the incoming tangential velocity.
-
-        Without a turn a component that was not measured does not spoil the other.
-        """
-        straight = self.s == 0.0
-        along = np.where(straight, self.c * x, self.c * x + self.s * y)
-        across = np.where(straight, self.c * y, self.c * y - self.s * x)
-        return along, across
-
-    def turned_sigma(self, x: Array, y: Array, along: Array, across: Array) -> tuple[Array, Array]:
-        """Return the uncertainties of turned components: those of the components and of the turn itself."""
-        straight = self.s == 0.0
-        c2, s2, turn2 = self.c**2, self.s**2, self.sigma_turn**2
-        var_along = np.where(straight, c2 * x**2, c2 * x**2 + s2 * y**2) + _zero(across**2 * turn2)
-        var_across = np.where(straight, c2 * y**2, c2 * y**2 + s2 * x**2) + _zero(along**2 * turn2)
-        return np.sqrt(var_along), np.sqrt(var_across)
-
-    def per_speed(self, value: Array, sigma: Array) -> tuple[Array, Array]:
-        """Return a velocity over u, and its uncertainty with that of u."""
-        ratio = value / self.u
-        return ratio, np.sqrt(sigma**2 + _zero((ratio * self.sigma_u) ** 2)) / self.u
-
-
-def _zero(x: Array) -> Array:
-    """Return `x` with 0 for what was not stated."""
-    return np.where(np.isnan(x), 0.0, x)
 
 
 def read_raw(layout: Layout, inertia_factor: float) -> list[Piece]:
@@ -90,8 +49,9 @@ def read_raw(layout: Layout, inertia_factor: float) -> list[Piece]:
         Columns are missing or do not go together, or an impact does not approach or does not leave the wall.
     """
     _check_columns(layout)
+    _check_magnitudes(layout)
     rows = np.arange(len(layout.cells))
-    incoming = _incoming(layout)
+    incoming = read_incoming(layout)
     radius = _radius(layout)
     before = _spins(layout, incoming, radius, "")
     after = _spins(layout, incoming, radius, "_after")
@@ -123,15 +83,27 @@ def read_raw(layout: Layout, inertia_factor: float) -> list[Piece]:
             f"{layout.cells.file}: no velocity after the impact. Add v_x_m_s and v_z_m_s, or "
             "omega_y_after_rad_s."
         )
-    if "spin_y_after" in results:
-        values = {name: value for name, (value, _, _) in results.items()}
-        note = momentum_note(layout.cells, common, values, incoming.tangential / incoming.u, inertia_factor)
-        layout.notes.extend([note] if note else [])
-        if not before:
-            layout.notes.append(
-                f"{layout.cells.name}: no spin before the impact is given; it was taken as 0."
-            )
+    _check_momentum(layout, common, results, incoming, inertia_factor, spinning=bool(before))
     return pieces
+
+
+def _check_momentum(
+    layout: Layout,
+    before: dict[str, Any],
+    results: dict[str, tuple[Array, Array, str]],
+    incoming: Incoming,
+    inertia_factor: float,
+    *,
+    spinning: bool,
+) -> None:
+    """Add notes on angular momentum and on an assumed spin before, where spin after was measured."""
+    if "spin_y_after" not in results:
+        return
+    values = {name: value for name, (value, _, _) in results.items()}
+    note = momentum_note(layout.cells, before, values, incoming.tangential / incoming.u, inertia_factor)
+    layout.notes.extend([note] if note else [])
+    if not spinning:
+        layout.notes.append(f"{layout.cells.name}: no spin before the impact is given; it was taken as 0.")
 
 
 def _angle_header(layout: Layout) -> str:
@@ -182,49 +154,16 @@ def _check_columns(layout: Layout) -> None:
         )
 
 
-def _incoming(layout: Layout) -> _Incoming:
-    n = len(layout.cells)
-    if not layout.has("raw:u_z"):
-        gamma, u = layout.gamma(), layout.numbers("speed")
-        _require(layout, "speed", u, u > 0, "the speed must be positive")
-        sine = sincos(gamma, degrees=True)[0]
-        none = np.full(n, np.nan)
-        sigma_gamma = layout.numbers("sigma_gamma")
-        return _Incoming(u, gamma, u * sine, np.ones(n), np.zeros(n), none, sigma_gamma, none)
-    x, z = layout.numbers("raw:u_x"), layout.numbers("raw:u_z")
-    y = layout.numbers("raw:u_y") if layout.has("raw:u_y") else np.zeros(n)
-    _require(layout, "raw:u_z", z, z > 0, "z points into the wall, so a sphere that comes has a positive u_z")
-    tangential = np.hypot(x, y)
-    u = np.hypot(tangential, z)
-    moving = tangential > 0.0
-    length = np.where(moving, tangential, 1.0)
-    c, s = np.where(moving, x / length, 1.0), np.where(moving, y / length, 0.0)
-    given = [layout.numbers(f"sigma:raw:u_{axis}") for axis in "xyz"]
-    stated = ~np.isnan(given).all(axis=0)
-    sx, sy, sz = (_zero(sigma) for sigma in given)
-    along = np.hypot(c * sx, s * sy)
-    sigma_u = np.sqrt((tangential * along) ** 2 + (z * sz) ** 2) / u
-    sigma_gamma = np.degrees(np.hypot(z * along, tangential * sz) / u**2)
-    turn = np.where(moving, np.hypot(s * sx, c * sy) / length, 0.0)
-    return _Incoming(
-        u,
-        np.degrees(np.arctan2(tangential, z)),
-        tangential,
-        c,
-        s,
-        np.where(stated, sigma_u, np.nan),
-        np.where(stated, sigma_gamma, np.nan),
-        np.where(stated, turn, np.nan),
-    )
-
-
-def _require(layout: Layout, key: str, values: Array, holds: NDArray[np.bool_], rule: str) -> None:
-    bad = np.flatnonzero(~holds & ~np.isnan(values))
-    if bad.size:
-        row = int(bad[0])
-        raise DataError(
-            f"{layout.cells.at(row, layout.header(key))}: {values[row]:g}, but {rule}. Correct it."
-        )
+def _check_magnitudes(layout: Layout) -> None:
+    """Refuse what no instrument gives before it is squared and divided."""
+    for key in layout.columns:
+        if "raw:" in key:
+            values = layout.numbers(key)
+            size = np.abs(values)
+            possible = (size == 0) | ((size >= TINY) & (size <= _LARGEST))
+            require(layout, key, values, possible, f"a measurement is 0 or between {TINY:g} and {_LARGEST:g}")
+            if key.startswith("sigma:"):
+                require(layout, key, values, values >= 0, "a standard uncertainty is positive")
 
 
 def _radius(layout: Layout) -> tuple[Array, Array] | None:
@@ -241,7 +180,7 @@ def _radius(layout: Layout) -> tuple[Array, Array] | None:
             )
         return None
     radius = layout.numbers(key) * factor
-    _require(layout, key, radius, (radius > 1e-9) & (radius < 1e3), "a sphere has between 1e-9 and 1e3 m")
+    require(layout, key, radius, (radius > 1e-9) & (radius < 1e3), "a sphere has between 1e-9 and 1e3 m")
     if layout.has(f"sigma:{key}"):
         layout.notes.append(
             f"{layout.cells.name}: the uncertainty of the size is common to all impacts, but enters each "
@@ -251,7 +190,7 @@ def _radius(layout: Layout) -> tuple[Array, Array] | None:
 
 
 def _spins(
-    layout: Layout, incoming: _Incoming, radius: tuple[Array, Array] | None, when: str
+    layout: Layout, incoming: Incoming, radius: tuple[Array, Array] | None, when: str
 ) -> dict[str, tuple[Array, Array, str]]:
     """Return R omega/u in the paper's signs, its uncertainty and the header, by axis that is given."""
     keys = {axis: f"raw:omega_{axis}{when}" for axis in "xy"}
@@ -271,13 +210,13 @@ def _spins(
         if axis not in given and not np.any(incoming.s != 0.0):
             continue
         size, sigma_size = radius
-        spread = np.sqrt((size * sigma) ** 2 + _zero((rate * sigma_size) ** 2))
+        spread = np.sqrt((size * sigma) ** 2 + stated((rate * sigma_size) ** 2))
         value, uncertainty = incoming.per_speed(sign * size * rate, spread)
         result[axis] = (value, uncertainty, layout.header(keys[axis], layout.header(keys[given[0]])))
     return result
 
 
-def _velocities(layout: Layout, incoming: _Incoming) -> dict[str, tuple[Array, Array, str]]:
+def _velocities(layout: Layout, incoming: Incoming) -> dict[str, tuple[Array, Array, str]]:
     """Return v_x, v_y and v_n over u, with uncertainty and header, as far as they were measured."""
     result: dict[str, tuple[Array, Array, str]] = {}
     x, y = layout.numbers("raw:v_x"), layout.numbers("raw:v_y")
@@ -290,13 +229,13 @@ def _velocities(layout: Layout, incoming: _Incoming) -> dict[str, tuple[Array, A
             result[f"v_{axis}"] = (*incoming.per_speed(value, sigma), layout.header(f"raw:v_{axis}"))
     if layout.has("raw:v_z"):
         z = layout.numbers("raw:v_z")
-        _require(
+        require(
             layout, "raw:v_z", z, z <= 0, "z points into the wall, so a sphere that leaves has a negative v_z"
         )
         result["v_n"] = (*incoming.per_speed(-z, layout.numbers("sigma:raw:v_z")), layout.header("raw:v_z"))
     elif layout.has("raw:v_n"):
         normal = layout.numbers("raw:v_n")
-        _require(layout, "raw:v_n", normal, normal >= 0, "v_n is the magnitude of the normal velocity after")
+        require(layout, "raw:v_n", normal, normal >= 0, "v_n is the magnitude of the normal velocity after")
         result["v_n"] = (
             *incoming.per_speed(normal, layout.numbers("sigma:raw:v_n")),
             layout.header("raw:v_n"),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ifrfit.data.excluding import excluded
 from ifrfit.data.observations import Observations, Source
 from ifrfit.data.schema import OBSERVABLES
-from ifrfit.data.twice import counted_twice, shares_e_n
+from ifrfit.data.twice import count, counted_twice, shares_e_n
 from ifrfit.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -157,33 +157,31 @@ def _default_selection(
             dropped = list(dict.fromkeys(table.loc[here & keep & ~wanted, column]))
             keep &= ~here | wanted
             if dropped:
+                verb = "is" if len(default) == 1 else "are"
                 notes.append(
-                    f"{source.name}: by default only {', '.join(default)} "
-                    f"{'is' if len(default) == 1 else 'are'} used; {', '.join(dropped)} left out, being of "
-                    f"the same impacts. --{column} chooses otherwise."
+                    f"{source.name}: by default only {', '.join(default)} {verb} used, {', '.join(dropped)} "
+                    f"left out. --{column} chooses otherwise."
                 )
     return keep
 
 
 def _nothing_left(why: NDArray[np.object_], selection: Selection) -> str:
-    counts = Counter(why)
+    angles = _range(selection.gamma_min, selection.gamma_max)
+    speeds = _range(selection.speed_min, selection.speed_max)
     options = {
         "not selected": "--observable and --series together",
-        "outside gamma range": f"the angle range ({_range(selection.gamma_min, selection.gamma_max)} "
-        "degrees)",
-        "no speed given": "the speed range: no row that is left gives a speed",
-        "outside speed range": f"the speed range ({_range(selection.speed_min, selection.speed_max)} m/s)",
+        "outside gamma range": f"the angle range ({angles} degrees)",
+        "no speed given": f"the speed range ({speeds} m/s), as the speed is not given",
+        "outside speed range": f"the speed range ({speeds} m/s)",
         "excluded": "--exclude",
     }
-    what = "; ".join(
-        f"{options[reason]} ({count} row{'s' if count > 1 else ''})" for reason, count in counts.items()
-    )
-    return f"No row is left. Removed by {what}. Widen the selection."
+    what = "; ".join(f"{options[reason]} ({count(number)})" for reason, number in Counter(why).items())
+    return f"No row is left. Removed by {what}; choose a wider one."
 
 
 def _range(low: float | None, high: float | None) -> str:
     if low is None:
-        return f"up to {high:g}"
+        return "any" if high is None else f"up to {high:g}"
     return f"from {low:g}" if high is None else f"{low:g} to {high:g}"
 
 

@@ -145,7 +145,7 @@ def _split_quoted(lines: list[str], start: int, delimiter: str, file: str) -> _S
 
 def _rows(lines: list[str], start: int, delimiter: str, file: str) -> tuple[list[list[str]], list[int]]:
     """Return the rows that hold anything, and the line on which each begins."""
-    reader = csv.reader(lines[start:], delimiter=delimiter, skipinitialspace=delimiter != "\t")
+    reader = csv.reader(lines[start:], delimiter=delimiter, skipinitialspace=delimiter != "\t", strict=True)
     rows: list[list[str]] = []
     numbers: list[int] = []
     before = start
@@ -159,6 +159,8 @@ def _rows(lines: list[str], start: int, delimiter: str, file: str) -> tuple[list
         raise DataError(
             f"{file}, line {before + 1}: cannot be read ({error}). Check its quotation marks."
         ) from None
+    if not rows:
+        raise DataError(f"{file}: the file is empty. 'ifrfit template' prints a table to fill in.")
     return rows, numbers
 
 

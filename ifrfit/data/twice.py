@@ -147,10 +147,15 @@ def _notes(
         used, lost = here & ~twice, here & twice
         what = _words(names, labels, lost, used)
         notes.append(
-            f"{source}: {what[0]} used, {what[1]} left out ({int(lost.sum())} rows): they are of the same "
+            f"{source}: {what[0]} used, {what[1]} left out ({count(int(lost.sum()))}): they are of the same "
             "impacts and would count them twice. --observable or --series chooses otherwise."
         )
     return notes
+
+
+def count(rows: int) -> str:
+    """Return a number of rows in words."""
+    return f"{rows} row{'' if rows == 1 else 's'}"
 
 
 def _words(

@@ -281,7 +281,7 @@ def _global_optimum(found: LeastSquares) -> Fact:
     rivals = optimum.n_near - 1
     if optimum.certified:
         alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
-        return Fact(rivals == 0, f"global optimum certified, {alone}", figures, rule)
+        return Fact(optimum.n_same == 1, f"global optimum certified, {alone}", figures, rule)
     proof = "no bound is known for these observables" if optimum.gap is None else f"gap {optimum.gap:.1e}"
     return Fact(False, f"the optimum is not proven to be global ({optimum.road}; {proof})", figures, rule)
 
@@ -328,8 +328,7 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
     ]
     if ignored:
         said.append(
-            f"Not propagated by least squares: {' and '.join(ignored)}; "
-            "angles and spins are taken as exact."
+            f"Not propagated by least squares: {' and '.join(ignored)}; angles and spins are taken as exact."
         )
     return tuple(said)
 

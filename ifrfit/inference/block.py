@@ -65,8 +65,7 @@ class BlockOptimum:
     constants: Constants
     objective: float
     gap: float | None
-    n_same: int = 1
-    n_near: int = 1
+    minima: tuple[tuple[float, Constants], ...]
     road: str = "all partitions"
 
 

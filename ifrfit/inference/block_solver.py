@@ -19,19 +19,19 @@ def solve_block(block: Block) -> BlockOptimum | None:
         e_n, objective = normal_part(block)
         rest = without_normal(block, e_n)
         found = solve_block(rest)
-        return None if found is None else replace(found, objective=found.objective + objective)
+        return None if found is None else raised(found, objective)
     form = linear_form(block)
     if form is None:
         return solve_coupled(block)
     optimum = minimise(form.problem)
-    values = [value for value, _ in optimum.optima]
-    return BlockOptimum(
-        _middle_of_loose(block, form.to_constants(optimum.t)),
-        optimum.chi2,
-        optimum.gap,
-        sum(value <= values[0] + 1e-6 for value in values),
-        sum(value <= values[0] + 4.0 for value in values),
-    )
+    minima = tuple((value, _middle_of_loose(block, form.to_constants(t))) for value, t in optimum.optima)
+    return BlockOptimum(minima[0][1], optimum.chi2, optimum.gap, minima)
+
+
+def raised(found: BlockOptimum, by: float) -> BlockOptimum:
+    """The same optimum with something added to every objective."""
+    minima = tuple((value + by, constants) for value, constants in found.minima)
+    return replace(found, objective=found.objective + by, minima=minima)
 
 
 def _middle_of_loose(block: Block, constants: Constants) -> Constants:

@@ -70,7 +70,13 @@ def make_constants(
                 )
     default = {"e_n": (0.0, 1.0), "mu": (0.0, math.inf)}
     if closure.constant:
-        default[closure.constant] = closure.domain(inertia_factor)
+        low, high = closure.domain(inertia_factor)
+        if not low < high and closure.constant not in bounds and closure.constant not in fix:
+            raise UsageError(
+                f"--inertia-factor {inertia_factor:g}: the passive domain [{low:g}, {high:g}] of "
+                f"{closure.constant} is empty. Give --bounds {closure.constant}=LO,HI if you mean it."
+            )
+        default[closure.constant] = (low, high)
     made = []
     for name in closure.constants:
         lower, upper = bounds.get(name, default[name])

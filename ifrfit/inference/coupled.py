@@ -31,18 +31,14 @@ def solve_coupled(block: Block) -> BlockOptimum:
         return at(e_n).chi2 + _prior(block, e_n)
 
     found = dips(value, low, high)
-    objective, best = found[0]
-    constants = kappa_form(_held(block, best)).to_constants(at(best).t)
+    objective = found[0][0]
+    minima = tuple(
+        (v, kappa_form(_held(block, e)).to_constants(at(e).t)) for v, e in found if v <= objective + 4.0
+    )
+    constants = minima[0][1]
     bound = _dual_bound(block, constants)
     gap = None if bound is None else max(0.0, objective - bound)
-    return BlockOptimum(
-        constants,
-        objective,
-        gap,
-        sum(v <= objective + 1e-6 for v, _ in found),
-        sum(v <= objective + 4.0 for v, _ in found),
-        "all partitions at each e_n",
-    )
+    return BlockOptimum(constants, objective, gap, minima, "all partitions at each e_n")
 
 
 def _range_of_e_n(block: Block) -> tuple[float, float]:

@@ -54,16 +54,20 @@ def outliers(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
     if not known and fit.noise_dof <= 2.0:
         return Fact(True, "too few rows to tell an outlier", {"rows": [], "limit": None}, _OUTLIER_RULE)
     limit = float(special.ndtri(p) if known else special.stdtrit(fit.noise_dof - 1.0, p))
-    at = np.flatnonzero(np.abs(residuals.studentised) > limit)
+    beyond = np.flatnonzero(np.abs(residuals.studentised) > limit)
+    at = beyond[np.argsort(-np.abs(residuals.studentised[beyond]), kind="stable")]
     figures = {"rows": [_row_name(problem, i) for i in at], "limit": limit}
     if at.size == 0:
         return Fact(True, "no outlier", figures, _OUTLIER_RULE)
-    worst = at[np.argsort(-np.abs(residuals.studentised[at]))][:5]
+    worst = at[:5]
     named = "; ".join(f"{_row_name(problem, i)} at {residuals.studentised[i]:+.1f} sigma" for i in worst)
     more = f" and {at.size - worst.size} more" if at.size > worst.size else ""
-    remedy = "check it, or leave it out with" if at.size == 1 else "check them, or leave them out with"
-    rows = " ".join(f"--exclude {_exclude_name(problem, i)}" for i in worst)
-    says = f"{at.size} outlier{'' if at.size == 1 else 's'}: {named}{more}; {remedy} {rows}"
+    first = f"--exclude {_exclude_name(problem, at[0])}"
+    again = "check it, or leave it out"
+    if at.size > 1:
+        again = "one can drag others along, so check the first, or leave it out"
+    plural = "" if at.size == 1 else "s"
+    says = f"{at.size} outlier{plural}: {named}{more}; {again} with {first}"
     return Fact(False, says, figures, _OUTLIER_RULE)
 
 

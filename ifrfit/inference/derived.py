@@ -14,7 +14,7 @@ from ifrfit.inference.estimates import open_estimate
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import Estimate, Interval
-from ifrfit.inference.truncated import quantile
+from ifrfit.inference.truncated import half_width, quantile
 from ifrfit.physics.closures import rotational_share
 from ifrfit.physics.transition import transition_angles
 
@@ -63,19 +63,24 @@ def _kappa(problem: Problem, fit: LeastSquares, series: int) -> Estimate:
         entries[i_mu].upper * (1.0 + entries[i_e].upper),
     )
     sd = math.sqrt(fit.local.variance(functional, constant.prior_sd))
-    if sd < 0.5 * constant.prior_sd:
-        if value <= 1e-9:
-            pair = [(0.0, quantile(p, value, sd, 0.0, math.inf, fit.noise_dof)) for p in (0.68, 0.95)]
-            return Estimate(value, sd, pair[0], pair[1], "one_sided", "lies on its bound 0")
-        q = [
-            quantile(p, value, sd, constant.lower, constant.upper, fit.noise_dof)
-            for p in (0.16, 0.84, 0.025, 0.975)
-        ]
-        return Estimate(value, sd, (q[0], q[1]), (q[2], q[3]), "determined", "mu (1 + e_n)")
-    return _open_kappa(problem, fit, series, e_n, constant)
+    rivals = [float(theta[i_mu] * (1.0 + theta[i_e])) for _, theta in fit.optimum.minima[1:]]
+    reach = half_width(0.95, fit.noise_dof) * sd
+    if sd < 0.5 * constant.prior_sd and all(abs(rival - value) <= reach for rival in rivals):
+
+        def q(p: float) -> float:
+            return quantile(p, value, sd, constant.lower, constant.upper, fit.noise_dof)
+
+        if value - constant.lower <= reach:
+            reason = f"not told from its bound {constant.lower:g}"
+            low = constant.lower
+            return Estimate(value, sd, (low, q(0.68)), (low, q(0.95)), "one_sided", reason)
+        return Estimate(value, sd, (q(0.16), q(0.84)), (q(0.025), q(0.975)), "determined", "mu (1 + e_n)")
+    return _open_kappa(problem, fit, series, e_n, constant, seen=math.isfinite(sd))
 
 
-def _open_kappa(problem: Problem, fit: LeastSquares, series: int, e_n: float, kappa: Constant) -> Estimate:
+def _open_kappa(
+    problem: Problem, fit: LeastSquares, series: int, e_n: float, kappa: Constant, *, seen: bool
+) -> Estimate:
     """What kappa may be where the data do not fix it: the profile of mu with e_n held."""
     mu = next(c for c in problem.constants if c.name == "mu")
     if mu.fixed is not None:
@@ -84,10 +89,18 @@ def _open_kappa(problem: Problem, fit: LeastSquares, series: int, e_n: float, ka
     held = tuple(
         replace(c, fixed=e_n, prior=None, separate=False) if c.name == "e_n" else c for c in problem.constants
     )
-    value = float(fit.optimum.theta[problem.positions()["mu"][series]])
-    found = open_estimate(
-        replace(problem, constants=held), fit.sigma, mu, value, series if mu.separate else None
-    )
+    at_e_n = replace(problem, constants=held)
+    old, new = problem.positions(), at_e_n.positions()
+    minima = []
+    for objective, before in fit.optimum.minima:
+        theta = np.zeros(len(at_e_n.names))
+        for name, places in new.items():
+            theta[places] = before[old[name]]
+        theta[new["e_n"]] = e_n
+        minima.append((objective, theta))
+    moved = replace(fit, optimum=replace(fit.optimum, theta=minima[0][1], minima=tuple(minima)))
+    own_series = series if mu.separate else None
+    found = open_estimate(at_e_n, moved, mu, int(new["mu"][series]), own_series, seen=seen)
     return _times(found, 1.0 + e_n)
 
 

@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.local import local_picture
-from ifrfit.inference.optimum import Array
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.profile import CENTRAL, ONE_SIDED, crossing, profile_function, series_problem
 from ifrfit.inference.result import Estimate, Interval
-from ifrfit.inference.truncated import quantile
+from ifrfit.inference.truncated import half_width, quantile
 
 _AT_BOUND = 1e-9
 
@@ -57,25 +54,26 @@ def estimate(
     functional = fit.local.to_theta[position]
     sd = math.sqrt(fit.local.variance(functional, constant.prior_sd))
     half = 0.5 * constant.prior_sd
-    side = _side(constant, value)
-    if side and sd < half:
-        return _on_bound(problem, fit, constant, position, side, sd)
-    if sd < half:
-        intervals = _intervals(fit, constant, value, sd)
-        leans = _leans_on_prior(problem, fit, position, constant, sd)
-        if leans:
-            return Estimate(value, sd, *intervals, "prior", leans)
-        return Estimate(value, sd, *intervals, "determined")
-    return open_estimate(problem, fit.sigma, constant, value, series)
+    rivals = [float(theta[position]) for _, theta in fit.optimum.minima[1:]]
+    reach = half_width(0.95, fit.noise_dof) * sd
+    if not sd < half or any(abs(rival - value) > reach for rival in rivals):
+        return open_estimate(problem, fit, constant, position, series, seen=math.isfinite(sd))
+    side = _side(constant, value, reach)
+    if side:
+        return _one_sided(fit, constant, position, side, sd)
+    intervals = _intervals(fit, constant, value, sd)
+    leans = _leans_on_prior(problem, fit, position, constant, sd)
+    if leans:
+        return Estimate(value, sd, *intervals, "prior", leans)
+    return Estimate(value, sd, *intervals, "determined")
 
 
-def _side(constant: Constant, value: float) -> int:
-    """-1 on the lower bound, 1 on the upper, 0 between."""
-    if value - constant.lower <= _AT_BOUND * max(1.0, abs(constant.lower)):
-        return -1
-    if math.isfinite(constant.upper) and constant.upper - value <= _AT_BOUND * max(1.0, abs(constant.upper)):
-        return 1
-    return 0
+def _side(constant: Constant, value: float, reach: float) -> int:
+    """-1 if the 95 % interval reaches the lower bound, 1 for the upper, 0 if it closes on both sides."""
+    low, high = value - constant.lower, constant.upper - value
+    if min(low, high) > reach + _AT_BOUND * max(1.0, abs(value)):
+        return 0
+    return -1 if low <= high else 1
 
 
 def _intervals(fit: LeastSquares, constant: Constant, center: float, sd: float) -> tuple[Interval, Interval]:
@@ -87,20 +85,23 @@ def _intervals(fit: LeastSquares, constant: Constant, center: float, sd: float) 
     return (q(0.16), q(0.84)), (q(0.025), q(0.975))
 
 
-def _on_bound(
-    problem: Problem, fit: LeastSquares, constant: Constant, position: int, side: int, sd: float
-) -> Estimate:
-    """An optimum held back by its bound: the law's centre lies beyond, and is cut there."""
+def _one_sided(fit: LeastSquares, constant: Constant, position: int, side: int, sd: float) -> Estimate:
+    """An interval that runs from the bound to its quantile.
+
+    Where the bound holds the optimum back, the local law has its centre beyond, and is cut there.
+    """
     value = float(fit.optimum.theta[position])
-    variance = fit.local.variance(fit.local.to_theta[position], constant.prior_sd)
-    gradient = float(fit.local.gradient[position])
-    center = value - 0.5 * variance * gradient
     bound = constant.lower if side < 0 else constant.upper
-    ends = []
-    for p in (0.68, 0.95):
-        edge = quantile(p if side < 0 else 1.0 - p, center, sd, constant.lower, constant.upper, fit.noise_dof)
-        ends.append((bound, edge) if side < 0 else (edge, bound))
-    return Estimate(value, sd, ends[0], ends[1], "one_sided", f"lies on its bound {bound:g}")
+    held = abs(value - bound) <= _AT_BOUND * max(1.0, abs(bound))
+    center = value - 0.5 * sd * sd * float(fit.local.gradient[position]) if held else value
+
+    def edge(p: float) -> float:
+        at = p if side < 0 else 1.0 - p
+        return quantile(at, center, sd, constant.lower, constant.upper, fit.noise_dof)
+
+    ends = [(bound, edge(p)) if side < 0 else (edge(p), bound) for p in (0.68, 0.95)]
+    reason = f"lies on its bound {bound:g}" if held else f"not told from its bound {bound:g}"
+    return Estimate(value, sd, ends[0], ends[1], "one_sided", reason)
 
 
 def _leans_on_prior(problem: Problem, fit: LeastSquares, position: int, constant: Constant, sd: float) -> str:
@@ -116,37 +117,51 @@ def _leans_on_prior(problem: Problem, fit: LeastSquares, position: int, constant
 
 
 def open_estimate(
-    problem: Problem, sigma: Array, constant: Constant, value: float, series: int | None
+    problem: Problem,
+    fit: LeastSquares,
+    constant: Constant,
+    position: int,
+    series: int | None,
+    *,
+    seen: bool,
 ) -> Estimate:
-    """What the data allow where they do not fix a value: profile to both sides.
+    """What the data allow where a local law does not tell: the profile to both sides, over all optima.
 
-    A separate constant is profiled on its own series, with constants of its own: that allows no less than
-    the joint fit does.
+    A constant that leans on a direction the data do not see (`seen` false) is never called determined,
+    however short its profile: that is what the bounds of another constant leave of it. A separate constant
+    is profiled on its own series, with constants of its own: that allows no less than the joint fit does.
     """
+    optima = [theta for _, theta in fit.optimum.minima]
+    values = [float(theta[position]) for theta in optima]
+    sigma = fit.sigma
     if series is not None:
+        places = [at[series] for at in problem.positions().values()]
+        optima = [theta[places] for theta in optima]
         problem, sigma = series_problem(problem, sigma, series)
-        value = float(np.clip(value, constant.lower, constant.upper))
-    function = profile_function(problem, sigma, constant.name)
-    base = function(value)
-    step = 0.05 * constant.prior_sd
-    ends: dict[float, Interval] = {}
-    for level, rise in CENTRAL.items():
-        ends[level] = (
-            crossing(function, value, constant.lower, step, base + rise),
-            crossing(function, value, constant.upper, step, base + rise),
-        )
-    closed_low = ends[0.95][0] > constant.lower + _AT_BOUND
-    closed_high = ends[0.95][1] < constant.upper - _AT_BOUND
-    wide = ends[0.95][1] - ends[0.95][0] > 0.9 * math.sqrt(12.0) * constant.prior_sd
-    if closed_low != closed_high and not (wide and closed_high):
-        limit = constant.lower if closed_low else constant.upper
-        one = {
-            level: crossing(function, value, limit, step, base + rise) for level, rise in ONE_SIDED.items()
-        }
-        pair = [
-            (one[level], constant.upper) if closed_low else (constant.lower, one[level])
-            for level in (0.68, 0.95)
-        ]
-        reason = "only a lower limit" if closed_low else "only an upper limit"
+    function = profile_function(problem, sigma, constant.name, optima[0])
+    base = function(values[0])
+    step = 0.02 * constant.prior_sd
+
+    def ends(rises: Mapping[float, float], level: float) -> Interval:
+        target = base + rises[level]
+        within = [x for x in values if x == values[0] or function(x) <= target]
+        low = crossing(function, min(within), constant.lower, step, target)
+        return low, crossing(function, max(within), constant.upper, step, target)
+
+    central = ends(CENTRAL, 0.68), ends(CENTRAL, 0.95)
+    low, high = central[1]
+    closed = low > constant.lower + _AT_BOUND, high < constant.upper - _AT_BOUND
+    spread = (high - low) / (2.0 * half_width(0.95))
+    if all(closed) and seen and spread < 0.5 * constant.prior_sd:
+        reason = "several optima describe the data" if len(optima) > 1 else "by its profile"
+        return Estimate(values[0], spread, *central, "determined", reason)
+    wide = high - low > 0.9 * math.sqrt(12.0) * constant.prior_sd
+    if closed[0] != closed[1] and not (wide and closed[1]):
+        one = ends(ONE_SIDED, 0.68), ends(ONE_SIDED, 0.95)
+        if closed[0]:
+            pair = [(end[0], constant.upper) for end in one]
+        else:
+            pair = [(constant.lower, end[1]) for end in one]
+        reason = f"only {'a lower' if closed[0] else 'an upper'} limit"
         return Estimate(None, None, pair[0], pair[1], "one_sided", reason)
-    return Estimate(None, None, ends[0.68], ends[0.95], "not_determined", "the data do not fix a value")
+    return Estimate(None, None, *central, "not_determined", "the data do not fix a value")

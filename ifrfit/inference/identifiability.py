@@ -41,9 +41,10 @@ def _combination(names: tuple[str, ...], vector: np.ndarray) -> str:
         return names[named[0]]
     lead = float(vector[named[0]])
     parts = [names[named[0]]]
-    parts += [
-        f"{'+' if vector[i] / lead > 0 else '-'} {abs(vector[i] / lead):.2g} {names[i]}" for i in named[1:]
-    ]
+    for i in named[1:]:
+        factor = float(vector[i]) / lead
+        text = f"{abs(factor):.2g}"
+        parts.append(f"{'+' if factor > 0 else '-'} {'' if text == '1' else text + ' '}{names[i]}")
     return " ".join(parts)
 
 
@@ -78,7 +79,9 @@ def _advice(problem: Problem, fit: LeastSquares, loose: list[str], n_sticking: i
                 "all impacts have one slip ratio, which cannot tell the constants apart: vary the angle"
             )
         elif not says:
-            says.append(f"the combination {' and '.join(loose)} stays loose: add impacts at other angles")
+            kind = "the combination " if any(" " in name for name in loose) else ""
+            verb = "stays" if len(loose) == 1 else "stay"
+            says.append(f"{kind}{' and '.join(loose)} {verb} loose: add impacts at other angles")
     if not says:
         says.append(f"loose: {', '.join(loose)}")
     return "; ".join(says)

@@ -27,8 +27,8 @@ class Optimum:
         chi2 plus prior_chi2.
     gap : float or None
         objective minus a proven lower bound over everything else; None where no bound is known.
-    n_same, n_near : int
-        Local minima within 1e-6 and within 4 of the objective.
+    minima : tuple of (float, ndarray)
+        Objective and theta of the distinct local minima within 4, best first.
     road : str
         How it was found.
     """
@@ -36,9 +36,18 @@ class Optimum:
     theta: Array
     objective: float
     gap: float | None
-    n_same: int
-    n_near: int
+    minima: tuple[tuple[float, Array], ...]
     road: str
+
+    @property
+    def n_same(self) -> int:
+        """Local minima within 1e-6 of the objective."""
+        return sum(value <= self.objective + 1e-6 for value, _ in self.minima)
+
+    @property
+    def n_near(self) -> int:
+        """Local minima within 4 of the objective."""
+        return len(self.minima)
 
     @property
     def certified(self) -> bool:

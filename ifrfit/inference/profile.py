@@ -15,17 +15,19 @@ from ifrfit.inference.solve import solve
 CENTRAL = {0.68: 0.98894, 0.95: 3.84146}  # chi2 of one degree of freedom
 ONE_SIDED = {0.68: 0.21874, 0.95: 2.70554}  # the same for 36 and 90 %: one tail of 32 and 5 %
 _DOUBLINGS = 40
-_BISECTIONS = 60
 
 
-def profile_function(problem: Problem, sigma: Array, name: str) -> Callable[[float], float]:
-    """Objective with the constant held at a value and everything else at its best."""
+def profile_function(problem: Problem, sigma: Array, name: str, near: Array) -> Callable[[float], float]:
+    """Objective with the constant held at a value and everything else at its best; `near` is the optimum."""
+    own = next(c for c in problem.constants if c.name == name)
+    place = problem.names.index(name)
 
     def value(x: float) -> float:
-        held = tuple(replace(c, fixed=x, prior=None) if c.name == name else c for c in problem.constants)
-        own = [c.prior for c in problem.constants if c.name == name]
-        prior = 0.0 if own[0] is None else ((x - own[0][0]) / own[0][1]) ** 2
-        return solve(replace(problem, constants=held), sigma).objective + prior
+        held = tuple(replace(c, fixed=x, prior=None) if c is own else c for c in problem.constants)
+        start = near.copy()
+        start[place] = x
+        prior = 0.0 if own.prior is None else ((x - own.prior[0]) / own.prior[1]) ** 2
+        return solve(replace(problem, constants=held), sigma, start).objective + prior
 
     return value
 
@@ -33,34 +35,24 @@ def profile_function(problem: Problem, sigma: Array, name: str) -> Callable[[flo
 def crossing(
     function: Callable[[float], float], start: float, limit: float, step: float, target: float
 ) -> float:
-    """Outermost place between start and limit where the function is still at or below the target.
+    """Where the function rises through the target, going from start towards the limit.
 
-    `limit` if it never rises above it on the way there; infinite limits are followed by doubled steps.
+    The limit itself if it never does; an infinite one is approached in doubled steps.
     """
+    from scipy.optimize import brentq
+
     direction = 1.0 if limit > start else -1.0
-    inside, outside = start, math.nan
+    inside = start
     for _ in range(_DOUBLINGS):
         x = inside + direction * step
         if direction * (x - limit) >= 0.0:
             x = limit
         if function(x) > target:
-            outside = x
-            break
-        inside = x
+            return float(brentq(lambda y: function(y) - target, inside, x, xtol=1e-3 * step, rtol=1e-6))
         if x == limit:
             return limit
-        step *= 2.0
-    if math.isnan(outside):
-        return direction * math.inf
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (inside + outside)
-        if abs(outside - inside) <= 1e-9 * (1.0 + abs(middle)):
-            break
-        if function(middle) > target:
-            outside = middle
-        else:
-            inside = middle
-    return inside
+        inside, step = x, 2.0 * step
+    return direction * math.inf
 
 
 def series_problem(problem: Problem, sigma: Array, series: int) -> tuple[Problem, Array]:

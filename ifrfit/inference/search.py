@@ -10,12 +10,15 @@ import numpy as np
 from ifrfit.inference.optimum import Array, Optimum
 from ifrfit.inference.problem import Problem
 
-_TRANSITIONS = 5
-_SAME = 1e-6
+_TRANSITIONS = 9
+_REFINED = 8  # starts that are followed down to their minimum
 
 
-def multistart(problem: Problem, sigma: Array) -> Optimum:
-    """Run a bounded local least squares from a grid of constants and transitions, and keep the best."""
+def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
+    """Bounded local least squares from the best of a grid of constants and transitions.
+
+    With `near` only that start is followed: a profile moves along from one optimum to the next.
+    """
     from scipy.optimize import least_squares
 
     free = problem.free
@@ -38,9 +41,11 @@ def multistart(problem: Problem, sigma: Array) -> Optimum:
 
     if not free.any():
         value = float((residuals(np.empty(0)) ** 2).sum())
-        return Optimum(held, value, 0.0, 1, 1, "all constants fixed")
+        return Optimum(held, value, 0.0, ((value, held),), "all constants fixed")
+    chosen = [near] if near is not None else starts(problem)
+    chosen.sort(key=lambda theta: float((residuals(theta[free]) ** 2).sum()))
     found: list[tuple[float, Array]] = []
-    for start in starts(problem):
+    for start in chosen[:_REFINED]:
         x0 = np.clip(start[free], lower[free] + 1e-9, np.minimum(upper[free], 1e9) - 1e-9)
         result = least_squares(
             residuals, x0, jacobian, bounds=(lower[free], upper[free]), xtol=1e-14, ftol=1e-14, gtol=1e-14
@@ -48,15 +53,7 @@ def multistart(problem: Problem, sigma: Array) -> Optimum:
         found.append((float(2.0 * result.cost), full(result.x)))
     found.sort(key=lambda pair: pair[0])
     best, theta = found[0]
-    distinct = _distinct(found)
-    return Optimum(
-        theta,
-        best,
-        None,
-        sum(value <= best + _SAME for value in distinct),
-        sum(value <= best + 4.0 for value in distinct),
-        f"best of {len(found)} starts",
-    )
+    return Optimum(theta, best, None, _distinct(found), f"best of {len(chosen)} starts")
 
 
 def starts(problem: Problem) -> list[Array]:
@@ -95,13 +92,11 @@ def _prior_jacobian(problem: Problem) -> Array:
     return out
 
 
-def _distinct(found: list[tuple[float, Array]]) -> list[float]:
-    """Values of local minima at different places; starts that stopped on the way to a better one go along."""
+def _distinct(found: list[tuple[float, Array]]) -> tuple[tuple[float, Array], ...]:
+    """Local minima at different places within 4; starts that stopped on the way to a better one go along."""
+    best = found[0][0]
     kept: list[tuple[float, Array]] = []
     for value, theta in found:
-        if (
-            all(np.abs(theta - other).max() > 1e-3 and value > best + _SAME for best, other in kept)
-            or not kept
-        ):
+        if value <= best + 4.0 and all(np.abs(theta - other).max() > 1e-3 for _, other in kept):
             kept.append((value, theta))
-    return [value for value, _ in kept]
+    return tuple(kept)

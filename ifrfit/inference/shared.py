@@ -78,15 +78,19 @@ def _outer(
 
     low, high = _range(blocks, place)
     found = dips(total, low, high)
-    objective, x = found[0]
-    constants = [_constants(block, place, x) for block in blocks]
-    gap = None if prior is not None else max(0.0, objective - _lower_bound(blocks, constants, place))
+    objective = found[0][0]
+    minima = [
+        (value + base, [_constants(block, place, x) for block in blocks])
+        for value, x in found
+        if value <= objective + 4.0
+    ]
+    best = minima[0][1]
+    gap = None if prior is not None else max(0.0, objective - _lower_bound(blocks, best, place))
     return Optimum(
-        theta_of(problem, constants),
+        theta_of(problem, best),
         objective + base,
         gap,
-        sum(value <= objective + 1e-6 for value, _ in found),
-        sum(value <= objective + 4.0 for value, _ in found),
+        tuple((value, theta_of(problem, constants)) for value, constants in minima),
         "all partitions of each series at each shared value",
     )
 

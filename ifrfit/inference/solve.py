@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from ifrfit.inference.search import multistart
 from ifrfit.inference.shared import solve_shared
 
 
-def solve(problem: Problem, sigma: Array) -> Optimum:
+def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
     """Find the optimum.
 
     Parameters
@@ -24,6 +23,8 @@ def solve(problem: Problem, sigma: Array) -> Optimum:
     problem : Problem
     sigma : ndarray
         Standard uncertainty of each row.
+    near : ndarray, optional
+        theta of a neighbouring problem, where only a search can find the optimum.
 
     Returns
     -------
@@ -33,15 +34,15 @@ def solve(problem: Problem, sigma: Array) -> Optimum:
         block = whole_block(problem, sigma)
         found = solve_block(block)
         if found is None:
-            return multistart(problem, sigma)
-        return _optimum(problem, [found] * len(problem.series))
+            return multistart(problem, sigma, near)
+        return _optimum(problem, found)
     if all(c.separate or c.fixed is not None for c in problem.constants):
         parts = [solve_block(block) for block in series_blocks(problem, sigma)]
         if all(part is not None for part in parts):
             return _join(problem, [part for part in parts if part is not None])
-        return multistart(problem, sigma)
+        return multistart(problem, sigma, near)
     blocks = series_blocks(problem, sigma)
-    return solve_shared(problem, blocks, whole_block(problem, sigma)) or multistart(problem, sigma)
+    return solve_shared(problem, blocks, whole_block(problem, sigma)) or multistart(problem, sigma, near)
 
 
 def whole_block(problem: Problem, sigma: Array) -> Block:
@@ -67,20 +68,23 @@ def _specs(problem: Problem) -> tuple[Constant, Constant, Constant]:
     return by_name["e_n"], by_name.get(problem.closure.constant or "", none), by_name["mu"]
 
 
-def _optimum(problem: Problem, per_series: list[BlockOptimum]) -> Optimum:
-    first = per_series[0]
-    theta = theta_of(problem, [part.constants for part in per_series])
-    return Optimum(theta, first.objective, first.gap, first.n_same, first.n_near, first.road)
+def _optimum(problem: Problem, found: BlockOptimum) -> Optimum:
+    minima = tuple(
+        (value, theta_of(problem, [constants] * len(problem.series))) for value, constants in found.minima
+    )
+    return Optimum(minima[0][1], found.objective, found.gap, minima, found.road)
 
 
 def _join(problem: Problem, parts: list[BlockOptimum]) -> Optimum:
-    """Series that share nothing: gaps add, optima multiply."""
+    """Series that share nothing: objectives and gaps add; a rival of one series is a rival of the whole."""
+    best = [part.constants for part in parts]
+    objective = sum(part.objective for part in parts)
+    minima = [(objective, theta_of(problem, best))]
+    for i, part in enumerate(parts):
+        for value, constants in part.minima[1:]:
+            swapped = [*best[:i], constants, *best[i + 1 :]]
+            minima.append((objective + value - part.objective, theta_of(problem, swapped)))
+    minima.sort(key=lambda pair: pair[0])
     gaps = [part.gap for part in parts]
-    return Optimum(
-        theta_of(problem, [part.constants for part in parts]),
-        sum(part.objective for part in parts),
-        None if any(gap is None for gap in gaps) else sum(gap for gap in gaps if gap is not None),
-        math.prod(part.n_same for part in parts),
-        math.prod(part.n_near for part in parts),
-        "all partitions of each series",
-    )
+    gap = None if any(g is None for g in gaps) else sum(g for g in gaps if g is not None)
+    return Optimum(theta_of(problem, best), objective, gap, tuple(minima), "all partitions of each series")

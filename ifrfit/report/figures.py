@@ -10,8 +10,8 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.result import FitResult
 from ifrfit.report import style
 from ifrfit.report.legend import Legend
+from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import has_angle
-from ifrfit.report.words import is_stand_in
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

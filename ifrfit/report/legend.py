@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from ifrfit.inference.result import FitResult
 from ifrfit.report.panels import outlier_limit
+from ifrfit.report.provenance import provenance_words
 from ifrfit.report.shading import regime_key
 from ifrfit.report.style import GREY, Look
-from ifrfit.report.words import provenance_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,7 +76,7 @@ def _series(result: FitResult, look: dict[str, Look]) -> list[tuple[Any, str]]:
     entries = []
     for name, own in look.items():
         kinds = result.points["provenance"][result.points["series"] == name].unique()
-        provenance = ", ".join(provenance_words(str(kind)) for kind in kinds)
+        provenance = provenance_words(tuple(str(kind) for kind in kinds))
         label = textwrap.fill(f"{name} ({provenance})", LONGEST)
         # a leading underscore would hide the entry, dollars would be read as mathematics
         label = (f" {label}" if label.startswith("_") else label).replace("$", r"\$")

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.result import FitResult
 from ifrfit.physics import OBSERVABLES
+from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.regimes import has_angle, transitions
 from ifrfit.report.style import GREY, Look
-from ifrfit.report.words import STAND_IN
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -117,7 +117,8 @@ def draw_residuals(
     z = rows["standardised"].to_numpy(dtype=float)
     axes.axhline(0.0, color=GREY, lw=0.7, zorder=1)
     for level in (-2.0, 2.0):
-        axes.axhline(level, color=GREY, lw=0.7, ls=(0, (4, 3)), zorder=1)
+        # above the points where they would hide it
+        axes.axhline(level, color=GREY, lw=0.7, ls=(0, (4, 3)), zorder=5.5 if len(rows) > CROWD else 1)
     for series in names:
         own = (rows["series"] == series).to_numpy()
         _markers(axes, x[own], z[own], rows[own], look[series], marker_size(len(rows)) * 0.85, angled)

@@ -83,9 +83,7 @@ def regime_lines(result: FitResult, plus_minus: str = "+-") -> list[str]:
     return lines
 
 
-def transition_words(
-    result: FitResult, series: str, counts: tuple[int, int] | None, plus_minus: str
-) -> str:
+def transition_words(result: FitResult, series: str, counts: tuple[int, int] | None, plus_minus: str) -> str:
     """Say where the transition is, or why there is none; counts are (sticking, sliding) impacts."""
     angles = transitions(result, series)
     if transition_is_open(result, series):

@@ -70,20 +70,24 @@ def _kappa_words(estimate: Estimate) -> str:
 
 
 def _noise_rows(result: FitResult) -> Iterator[Row]:
+    """One row a value: series and observables that share a noise are named together."""
     if result.noise.policy == "known":
         return
-    # one row a value: series that share a noise are named together
-    groups: dict[tuple[str, str, float], list[str]] = {}
+    groups: dict[tuple[str, float, str], list[str]] = {}
     for key, sigma in result.noise.sigma.items():
         series, _, observable = key.rpartition("/")
         factor = _factor(result, series, observable) if result.noise.policy == "scaled" else None
-        meaning, value = ("of", sigma) if factor is None else ("times the given sigma of", factor)
-        groups.setdefault((observable, meaning, float(f"{value:.6g}")), []).append(series)
-    observables = [observable for observable, _, _ in groups]
-    for (observable, meaning, value), names in groups.items():
-        whose = f" in {joined(names)}" if observables.count(observable) > 1 else ""
+        if factor is not None:
+            groups.setdefault(("times the given sigma", float(f"{factor:.6g}"), ""), []).append(observable)
+        else:
+            groups.setdefault((f"of {observable}", float(f"{sigma:.6g}"), "series"), []).append(series)
+    meanings = [meaning for meaning, _, _ in groups]
+    for (meaning, value, kind), names in groups.items():
+        # names are worth the space only where the same words stand for several values
+        whose = f" {'in' if kind else 'of'} {joined(list(dict.fromkeys(names)))}"
+        remark = meaning + (whose if meanings.count(meaning) > 1 else "")
         places = decimals(value) if value > 0.0 and np.isfinite(value) else 0
-        yield Row("noise", "", None, fixed(value, places), f"{meaning} {observable}{whose}")
+        yield Row("noise", "", None, fixed(value, places), remark)
 
 
 def _factor(result: FitResult, series: str, observable: str) -> float | None:

@@ -12,6 +12,8 @@ from ifrfit.report.style import GREY, STICKING_SHADE, Look
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+NARROW = 4.0  # degrees; no room for a word, even an upright one
+
 # the transitions as (value, low, high) in degrees, ascending; or one word where there is none
 Regimes = tuple[tuple[float, float, float], ...] | str
 
@@ -57,8 +59,10 @@ def draw_regimes(axes: Axes, key: Regimes, *, labels: bool) -> None:
     for low, high, regime in spans(key):
         if regime == "sticking":
             axes.axvspan(low, high, color=STICKING_SHADE, lw=0.0, zorder=0)
-        # a word needs about 14 degrees of width
-        if labels and high - low > 14.0:
+        width = high - low
+        if labels and width > NARROW:
+            # a word takes about 15 degrees across
+            upright = width < 15.0
             axes.text(
                 (low + high) / 2.0,
                 0.975,
@@ -66,6 +70,7 @@ def draw_regimes(axes: Axes, key: Regimes, *, labels: bool) -> None:
                 transform=axes.get_xaxis_transform(),
                 ha="center",
                 va="top",
+                rotation=90.0 if upright else 0.0,
                 color=GREY,
                 style="italic",
                 zorder=1,

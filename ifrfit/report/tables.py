@@ -5,20 +5,19 @@ from __future__ import annotations
 from html import escape
 
 from ifrfit.inference.result import FitResult
+from ifrfit.report.provenance import (
+    contents,
+    is_stand_in,
+    kinds_of,
+    left_out,
+    provenance_sentences,
+    provenance_words,
+    reference,
+)
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.rounding import interval_text, places_of, spread, value_text
 from ifrfit.report.rows import Row, table_rows
-from ifrfit.report.words import (
-    contents,
-    findings,
-    headline,
-    is_stand_in,
-    left_out,
-    misfit_line,
-    model_line,
-    provenance_sentence,
-    provenance_words,
-)
+from ifrfit.report.words import findings, headline, misfit_line, model_line
 
 _LATEX_NAMES = {
     "e_n": "$e_n$",
@@ -74,7 +73,7 @@ def latex(result: FitResult) -> str:
         value = _plus_minus(row, r"\pm")
         cells = (name, "--" if value == "-" else f"${value}$", _latex_interval(row), _latex(row.remark))
         lines.append(" & ".join(cells) + r" \\")
-    data = ", ".join(f"{s.name} ({provenance_words(s.provenance)})" for s in result.inputs)
+    data = ", ".join(f"{s.name} ({provenance_words(kinds_of(result, s))})" for s in result.inputs)
     # inside the table, so that the provenance is pasted with it
     lines += [r"\hline", rf"\multicolumn{{4}}{{l}}{{data: {_latex(data)}}} \\", r"\end{tabular}", ""]
     notes = [f"{model_line(result)}.", *_provenance(result), *_regimes(result, "+-"), *_notes(result)]
@@ -128,9 +127,13 @@ def _latex_interval(row: Row) -> str:
 def _provenance(result: FitResult) -> list[str]:
     lines = []
     for source in result.inputs:
-        rest = left_out(source)
-        line = f"{source.name}: {contents(result, source)}. {provenance_sentence(source)}"
-        lines.append(f"{line} {rest}" if rest else line)
+        parts = [
+            f"{source.name}: {contents(result, source)}.",
+            *provenance_sentences(result, source),
+            reference(source, full=True),
+            left_out(source),
+        ]
+        lines.append(" ".join(part for part in parts if part))
     return lines
 
 

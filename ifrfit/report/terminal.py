@@ -7,20 +7,18 @@ from collections.abc import Callable, Sequence
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.result import FitResult
+from ifrfit.report.provenance import (
+    STAND_IN,
+    contents,
+    kinds_of,
+    left_out,
+    provenance_sentences,
+    reference,
+)
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.rounding import ends_text, interval_text, places_of, spread, value_text
 from ifrfit.report.rows import Row, table_rows
-from ifrfit.report.words import (
-    STAND_IN,
-    contents,
-    findings,
-    headline,
-    left_out,
-    misfit_line,
-    model_line,
-    provenance_sentence,
-    stand_in_sentence,
-)
+from ifrfit.report.words import findings, headline, misfit_line, model_line
 
 WIDTH = 100
 
@@ -84,11 +82,9 @@ def _source_lines(result: FitResult) -> list[str]:
     indent = min(max((len(source.name) for source in result.inputs), default=0), 30) + 3
     lines: list[str] = []
     for source in result.inputs:
-        sentences = [contents(result, source), provenance_sentence(source), left_out(source)]
-        if STAND_IN in source.provenance:
-            first = stand_in_sentence(source)
-            # said once, at the front
-            sentences = [first, sentences[0], sentences[1].removeprefix(first).strip(), sentences[2]]
+        kinds, about = provenance_sentences(result, source), contents(result, source)
+        first = [*kinds[:1], about, *kinds[1:]] if STAND_IN in kinds_of(result, source) else [about, *kinds]
+        sentences = [*first, reference(source), left_out(source)]
         paragraphs = [
             part for sentence in sentences if sentence for part in _wrapped(sentence, 0, WIDTH - indent)
         ]

@@ -41,6 +41,21 @@ def test_angle(read, text, convention, gamma):
     assert read(text, convention).table.gamma_deg[0] == pytest.approx(gamma, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("header", "gamma"),
+    [
+        ("incident_angle_from_normal_deg", 30),
+        ("angle from the wall [deg]", 60),
+        ("alpha_from_surface_deg", 60),
+        ("theta from wall (deg)", 60),
+    ],
+)
+def test_a_header_may_say_from_where(read, header, gamma):
+    obs = read(f"{header},beta\n30,1\n")
+    assert obs.table.gamma_deg[0] == gamma
+    assert bool(obs.notes) == (gamma == 60)
+
+
 def test_from_the_wall_keeps_degrees_exact_and_says_so(read):
     obs = read("alpha_deg,beta\n75.25,1\n", "angle=from-wall")
     assert obs.table.gamma_deg[0] == 14.75

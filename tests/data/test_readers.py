@@ -194,7 +194,7 @@ def test_parquet_wide(tmp_path):
     with pytest.raises(DataError, match=r"y\.parquet, row 2, column beta: 1e\+300 is impossible for beta"):
         data.read(tmp_path / "y.parquet")
     frame.assign(beta=[[1], [2], [3]]).to_parquet(tmp_path / "z.parquet")
-    with pytest.raises(DataError, match="column beta: holds list<.*neither numbers nor text"):
+    with pytest.raises(DataError, match=r"column beta: holds list<.*neither numbers nor text"):
         data.read(tmp_path / "z.parquet")
 
 

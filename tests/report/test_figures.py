@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.result import Fact
 from ifrfit.report import plot
 from ifrfit.report.panels import axis_label, outlier_limit
 from ifrfit.report.shading import regime_key, spans
@@ -109,7 +110,11 @@ def test_an_outlier_is_ringed_and_nothing_else(made):
 
 
 def test_the_outlier_limit_is_bonferroni_at_one_percent(made):
-    limit = outlier_limit(made.fine())
+    result = made.fine()
+    assert outlier_limit(result) == 3.6, "the fit's own limit goes first"
+    open_limit = {**result.facts, "outliers": Fact(True, "Too few rows.", {"limit": None}, "")}
+    assert outlier_limit(replace(result, facts=open_limit)) == math.inf
+    limit = outlier_limit(replace(result, facts={}))
     assert 34 * math.erfc(limit / math.sqrt(2.0)) == pytest.approx(0.01)
 
 
@@ -224,3 +229,10 @@ def test_horizontal_error_bars_where_the_angle_has_one(made):
     count = [len(panels_of(plot(r))[0][0].collections) for r in (with_bars, made.fine())]
     assert count[0] == count[1] + 1
     assert np.isfinite(panels_of(plot(with_bars))[0][0].get_ylim()).all()
+
+
+def test_a_narrow_regime_is_named_upright(made):
+    result = made.build(truth={"mu": 0.045})
+    (data, _), *_ = panels_of(plot(result))
+    turned = {text.get_text(): text.get_rotation() for text in data.texts}
+    assert turned == {"sticking": 90.0, "sliding": 0.0}

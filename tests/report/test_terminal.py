@@ -9,7 +9,8 @@ from ifrfit.data import Source
 from ifrfit.errors import UsageError
 from ifrfit.inference.result import Estimate, Noise
 from ifrfit.report import summary
-from ifrfit.report.words import findings, headline, provenance_sentence, stand_in_sentence
+from ifrfit.report.provenance import provenance_sentences, reference, stand_in_sentence
+from ifrfit.report.words import findings, headline
 
 FINE = """\
 impacts.csv   34 impacts, beta, measured, no sigma given
@@ -36,7 +37,7 @@ STAND_IN = """\
 cross-2019   STAND-IN, generated from the constants the paper prints. This fit shows that the tool
              works, not what steel on granite does.
              51 impacts, beta, stand-in, sigma given
-             Source: a paper's printed constants.
+             Steel ball on granite.
              2 of 53 rows left out: 2 not measured.
 closure IFR, least squares, known noise
 
@@ -94,8 +95,8 @@ MARKDOWN = """\
 
 - closure IFR, least squares, known noise.
 - cross-2019: 51 impacts, beta, stand-in, sigma given. STAND-IN, generated from the constants the paper \
-prints. This fit shows that the tool works, not what steel on granite does. Source: a paper's printed \
-constants. 2 of 53 rows left out: 2 not measured.
+prints. This fit shows that the tool works, not what steel on granite does. Steel ball on granite. \
+Source: a paper's printed constants. 2 of 53 rows left out: 2 not measured.
 - no spin: 6 impacts stick, 11 slide; transition at 30.20 ± 0.80 degrees.
 - spin 0.225: 4 impacts stick, 13 slide; transition at 18.99 ± 0.80 degrees.
 - spin 0.833: 0 impacts stick, 17 slide; no transition: all slide.
@@ -165,7 +166,8 @@ def test_a_failing_stand_in_shows_both_at_once(made):
 
 def test_scaled_noise_states_the_factor_and_digitised_data_their_kind(made):
     text = summary(made.two_observables())
-    assert "  noise       1.8       -                      times the given sigma of beta_cm" in text
+    assert "  noise       1.8       -                      times the given sigma\n" in text
+    assert text.count("noise  ") == 1
     assert "Read off a published figure, whose reading errors are part of the scatter." in text
     assert "40 impacts (80 rows), beta_cm and delta_deg, digitised" in text
 
@@ -174,7 +176,7 @@ def test_scaled_noise_without_points_states_sigma_itself(made):
     result = made.two_observables()
     text = summary(replace(result, points=result.points.iloc[:0]))
     assert "of beta_cm" in text
-    assert "times" not in text
+    assert "times the given" not in text
     assert "80 rows, digitised" in text
 
 
@@ -208,7 +210,8 @@ def test_values_without_an_angle_are_not_counted_as_impacts(made):
 @pytest.mark.parametrize(
     ("status", "reason", "words"),
     [
-        ("prior", "0.98 +- 0.01", "set by your prior: 0.98 +- 0.01"),
+        ("prior", "rests on your prior of e_n", "prior: rests on your prior of e_n"),
+        ("fixed", "fixed by you", "fixed by you"),
         ("fixed", "closure F", "fixed: closure F"),
         ("determined", "", "determined"),
     ],
@@ -226,18 +229,73 @@ def test_stand_in_without_conditions_uses_a_general_sentence(made):
 
 
 @pytest.mark.parametrize(
-    ("provenance", "sentence"),
+    ("provenance", "sentences"),
     [
-        ("simulated", "Computed by a simulation, not measured."),
-        ("", "Where these values come from is not stated: add a column provenance."),
+        ("simulated", ["Computed by a simulation, not measured."]),
+        ("", ["Where these values come from is not stated: add a column provenance."]),
         (
             "measured, simulated",
-            "Values as their authors measured them; Computed by a simulation, not measured.",
+            ["Values as their authors measured them.", "Computed by a simulation, not measured."],
+        ),
+        (
+            "measured, stand-in",
+            [
+                "STAND-IN, generated from the constants the paper prints. This fit shows that the tool "
+                "works, not what real spheres and walls do.",
+                "Values as their authors measured them.",
+            ],
         ),
     ],
 )
-def test_provenance_sentences(provenance, sentence):
-    assert provenance_sentence(Source("x", "", 1, 1, {}, provenance)) == sentence
+def test_provenance_sentences(made, provenance, sentences):
+    result = made.fine()
+    source = Source("x", "", 1, 1, {}, provenance)
+    assert provenance_sentences(replace(result, points=result.points.iloc[:0]), source) == sentences
+
+
+def test_only_the_rows_used_count_for_the_provenance(made):
+    result = made.fine()
+    source = replace(result.inputs[0], provenance="measured, simulated")
+    text = summary(replace(result, inputs=(source,)))
+    assert "34 impacts, beta, measured, no sigma given" in text
+    assert "simulation" not in text
+
+
+def test_conditions_that_say_where_they_stand_are_understood(made):
+    conditions = {"material": {"value": "glass", "where": "Fig. 7"}, "wall": {"value": "steel", "where": ""}}
+    source = Source("x", "", 1, 1, {}, "stand-in", "", replace(made.CROSS, conditions=conditions))
+    assert stand_in_sentence(source).endswith("not what glass on steel does.")
+
+
+def test_reference_of_a_dataset_and_of_a_file(made):
+    source = Source("x", "", 1, 1, {}, "stand-in", "", made.CROSS)
+    assert reference(source) == "Steel ball on granite."
+    assert reference(source, full=True) == "Steel ball on granite. Source: a paper's printed constants."
+    assert reference(replace(source, descriptor=None)) == ""
+
+
+def test_what_the_top_says_of_a_stand_in_is_not_said_again(made):
+    warning = "cross-2019 is a STAND-IN, generated from the constants the paper prints: ..."
+    result = replace(made.stand_in(), warnings=(warning, "another"))
+    assert findings(result)[-1] == ("note", "another")
+    assert summary(result).count("STAND-IN") == 1
+
+
+def test_scaled_noise_with_several_factors_names_the_observables(made):
+    result = made.two_observables()
+    points = result.points
+    points.loc[points["observable"] == "delta_deg", "sigma"] *= 0.5
+    text = summary(replace(result, points=points))
+    assert "1.8       -                      times the given sigma of beta_cm" in text
+    assert "3.6       -                      times the given sigma of delta_deg" in text
+
+
+def test_an_open_kappa_is_not_called_no_transition(made):
+    result = made.all_sticking()
+    derived = {**result.derived, "transition_angle_deg": {"run 1": None}}
+    assert "12 impacts stick, 0 slide; transition not determined\n" in summary(
+        replace(result, derived=derived)
+    )
 
 
 def test_selection_is_told(made):

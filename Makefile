@@ -1,0 +1,35 @@
+# Everything works from a fresh clone: the environment is made on first use.
+PYTHON ?= python3
+VENV ?= .venv
+BIN = $(VENV)/bin
+READY = $(VENV)/ready
+
+.PHONY: reproduce test lint types calibrate benchmark clean
+
+reproduce: $(READY)
+	$(BIN)/python scripts/reproduce_paper.py --out figures
+
+test: lint types
+	$(BIN)/python -m pytest
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(READY)
+	$(BIN)/mypy
+
+calibrate: $(READY)
+	$(BIN)/python scripts/calibrate.py
+
+benchmark: $(READY)
+	$(BIN)/python benchmarks/least_squares.py
+	$(BIN)/python benchmarks/cli_start.py
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[dev]"
+	touch $(READY)
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -1,0 +1,91 @@
+"""What the benchmarks share: one thread, paired timing, and the machine in generic words."""
+
+from __future__ import annotations
+
+import os
+
+# one thread for every library, so that ratios compare work and not the number of cores
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
+
+import csv
+import importlib.metadata
+import platform
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+RESULTS = Path(__file__).parent / "results"
+
+
+def machine() -> str:
+    """Processor count and versions: enough to judge the figures, nothing that identifies the machine."""
+    parts = [f"{os.cpu_count()} cores ({platform.machine()}, {platform.system()})"]
+    parts.append(f"Python {platform.python_version()}")
+    parts += [f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "scipy", "lmfit", "pandas")]
+    return ", ".join(parts)
+
+
+def seconds_of(call: Callable[[], object]) -> float:
+    """Wall time of one call."""
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def rounds_of(
+    calls: Mapping[str, Callable[[], object]], budget: float, least: int = 3, most: int = 31
+) -> dict[str, list[float]]:
+    """Time the calls in turns, so that whatever else the machine does meets all of them alike.
+
+    Parameters
+    ----------
+    calls : mapping of str to callable
+    budget : float
+        Seconds after which no further round begins.
+    least, most : int
+        Rounds.
+
+    Returns
+    -------
+    dict of str to list of float
+        Seconds of each round.
+    """
+    for call in calls.values():
+        call()  # imports and caches are not what is measured
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    begin = time.perf_counter()
+    for number in range(most):
+        if number >= least and time.perf_counter() - begin > budget:
+            break
+        for name, call in calls.items():
+            times[name].append(seconds_of(call))
+    return times
+
+
+def ratio_of(times: Sequence[float], reference: Sequence[float]) -> float:
+    """Median over the rounds of the ratio within a round."""
+    return statistics.median(a / b for a, b in zip(times, reference, strict=True))
+
+
+def verdict(met: bool) -> str:
+    """Word for a goal."""
+    return "met" if met else "NOT MET"
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
+    """Write rows of one shape."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def print_table(rows: Sequence[Sequence[str]]) -> None:
+    """Print rows under the first one, columns aligned to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    for number, row in enumerate(rows):
+        print("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
+        if number == 0:
+            print("  ".join("-" * width for width in widths))

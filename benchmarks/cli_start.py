@@ -1,0 +1,97 @@
+"""Wall time of the command line in fresh processes, beside an interpreter that does nothing.
+
+``python benchmarks/cli_start.py [--repeats 7] [--out DIR]``
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from _common import RESULTS, machine, print_table, seconds_of, verdict, write_csv
+
+# isort: split
+
+import numpy as np
+
+import ifrfit
+
+N_ROWS = 100
+
+
+def write_impacts(path: Path) -> None:
+    """Write 100 rows of beta with sigma."""
+    rng = np.random.default_rng(20230101)
+    gamma = np.linspace(5.0, 85.0, N_ROWS)
+    beta = ifrfit.rebound(gamma, e_n=0.9, e_t=-0.75, mu=0.2, degrees=True).beta + rng.normal(0, 0.03, N_ROWS)
+    lines = [f"{g:.3f},beta,{b:.5f},0.03" for g, b in zip(gamma, beta, strict=True)]
+    path.write_text("\n".join(["gamma_deg,observable,value,sigma", *lines, ""]), encoding="utf-8")
+
+
+def runner(arguments: list[str], folder: Path | None = None) -> Callable[[], None]:
+    """Run a command that must succeed, after removing what an earlier run wrote."""
+
+    def run() -> None:
+        subprocess.run(arguments, check=True, capture_output=True, timeout=120)
+
+    if folder is None:
+        return run
+
+    def run_afresh() -> None:
+        shutil.rmtree(folder, ignore_errors=True)
+        run()
+
+    return run_afresh
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV")
+    options = parser.parse_args()
+    script = Path(sys.executable).with_name("ifrfit")
+    ifr = [str(script)] if script.exists() else [sys.executable, "-m", "ifrfit"]
+    with tempfile.TemporaryDirectory() as temporary:
+        data, folder = Path(temporary) / "impacts.csv", Path(temporary) / "out"
+        write_impacts(data)
+        fit = [*ifr, "fit", str(data), "--fix", "e_n=0.9"]
+        cases = [
+            ("python -c pass", runner([sys.executable, "-c", "pass"]), None),
+            ("import numpy, scipy.optimize, pandas", runner(_imports()), None),
+            ("ifrfit --help", runner([*ifr, "--help"]), 0.3),
+            (f"ifrfit fit CSV({N_ROWS} rows) --json", runner([*fit, "--json"]), 1.5),
+            (f"ifrfit fit CSV({N_ROWS} rows) --out DIR", runner([*fit, "--out", str(folder)], folder), 3.0),
+        ]
+        times: dict[str, list[float]] = {name: [] for name, _, _ in cases}
+        for number in range(options.repeats + 1):
+            for name, run, _ in cases:
+                seconds = seconds_of(run)
+                if number:  # the first round only fills the disk cache
+                    times[name].append(seconds)
+    medians = {name: statistics.median(seconds) for name, seconds in times.items()}
+    bare = medians[cases[0][0]]
+    print(machine())
+    print(f"median of {options.repeats}, fresh processes\n")
+    shown = [["command", "time", "over bare python", "goal", ""]]
+    rows = []
+    for name, _, goal in cases:
+        t = medians[name]
+        judged = "" if goal is None else verdict(t <= goal)
+        shown.append([name, f"{t:.3f} s", f"{t / bare:.1f}", "" if goal is None else f"{goal:g} s", judged])
+        rows.append({"command": name, "time_s": f"{t:.4g}", "goal_s": goal or "", "goal": judged})
+    print_table(shown)
+    write_csv(options.out / "cli_start.csv", rows)
+
+
+def _imports() -> list[str]:
+    return [sys.executable, "-c", "import numpy, scipy.optimize, pandas"]
+
+
+if __name__ == "__main__":
+    main()

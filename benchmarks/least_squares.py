@@ -1,0 +1,251 @@
+"""Certified least squares against local least squares: time and what is found, in one run.
+
+``python benchmarks/least_squares.py [--quick] [--out DIR]``
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import statistics
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+# first: it sets the number of threads
+from _common import RESULTS, machine, print_table, ratio_of, rounds_of, seconds_of, verdict, write_csv
+
+# isort: split
+import lmfit
+import numpy as np
+from scipy.optimize import least_squares as scipy_least_squares
+
+import ifrfit
+from ifrfit.data.observations import Observations, make_table
+from ifrfit.inference.constants import make_constants
+from ifrfit.inference.least_squares import least_squares
+from ifrfit.inference.problem import Problem, make_problem
+from ifrfit.inference.solve import solve
+from ifrfit.physics.closures import get_closure
+
+J = 0.4
+SHARE = J / (1.0 + J)
+E_N, E_T, MU, SIGMA = 0.9, -0.75, 0.2, 0.03
+START = (-0.7, 0.3)  # e_t in the middle of its domain, an ordinary guess of mu
+N_STARTS = 40
+SEED = 20230101
+MISSED = 1e-6  # in chi2 above the best found
+
+OURS, WHOLE, ONE, MANY, TRF = (
+    "certified",
+    "certified + covariance",
+    "lmfit, 1 start",
+    f"lmfit, {N_STARTS} starts",
+    "scipy trf, 1 start",
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """The same impacts as our problem and as the arrays of somebody who writes the model by hand."""
+
+    problem: Problem
+    cot: np.ndarray
+    beta: np.ndarray
+    starts: np.ndarray
+
+    def residual(self, e_t: float, mu: float) -> np.ndarray:
+        k = SHARE * (1.0 + e_t) + np.minimum(J, mu * (1.0 + E_N) * self.cot)
+        return (k / SHARE - 1.0 - self.beta) / SIGMA
+
+    def chi2(self, e_t: float, mu: float) -> float:
+        r = self.residual(e_t, mu)
+        return float(r @ r)
+
+    def ours(self) -> tuple[float, float]:
+        theta = solve(self.problem, self.problem.sigma).theta
+        return float(theta[1]), float(theta[2])
+
+    def lmfit_from(self, start: np.ndarray | tuple[float, float]) -> tuple[float, float]:
+        params = lmfit.Parameters()
+        params.add("e_t", value=start[0], min=-1.0, max=-J)
+        params.add("mu", value=start[1], min=0.0)
+
+        def residual(p: lmfit.Parameters) -> np.ndarray:
+            return self.residual(p["e_t"].value, p["mu"].value)
+
+        found = lmfit.minimize(residual, params, method="leastsq")
+        return float(found.params["e_t"].value), float(found.params["mu"].value)
+
+    def lmfit_from_many(self, count: int) -> list[tuple[float, float]]:
+        return [self.lmfit_from(start) for start in self.starts[:count]]
+
+    def trf(self) -> tuple[float, float]:
+        found = scipy_least_squares(
+            lambda x: self.residual(x[0], x[1]), START, bounds=([-1.0, 0.0], [-J, np.inf]), method="trf"
+        )
+        return float(found.x[0]), float(found.x[1])
+
+
+def make_case(n: int) -> Case:
+    """n values of beta over all angles; e_n fixed, e_t and mu sought."""
+    rng = np.random.default_rng([SEED, n])
+    gamma = rng.uniform(2.0, 88.0, n)
+    exact = ifrfit.rebound(gamma, e_n=E_N, e_t=E_T, mu=MU, degrees=True).beta
+    beta = exact + rng.normal(0.0, SIGMA, n)
+    table = make_table(
+        {"series": "a", "observable": "beta", "gamma_deg": gamma, "value": beta, "sigma": np.full(n, SIGMA)}
+    )
+    closure = get_closure("ifr")
+    constants = make_constants(closure, J, fix={"e_n": E_N})
+    problem = make_problem(Observations(table), closure, J, constants, "known")
+    starts = np.column_stack((rng.uniform(-1.0, -J, N_STARTS), rng.uniform(0.0, 1.0, N_STARTS)))
+    # cot is worked out once, outside the clock: the most favourable hand-written residual
+    return Case(problem, 1.0 / np.tan(np.radians(gamma)), beta, starts)
+
+
+def measure(n: int, budget: float) -> list[dict[str, object]]:
+    """All methods at one size."""
+    case = make_case(n)
+    calls: dict[str, Callable[[], object]] = {
+        OURS: case.ours,
+        WHOLE: lambda: least_squares(case.problem),
+        ONE: lambda: case.lmfit_from(START),
+        TRF: case.trf,
+    }
+    times = rounds_of(calls, budget)
+    single = statistics.median(times[ONE])
+    count = int(np.clip(2.0 * budget / single, 2, N_STARTS))
+    tried: list[tuple[float, float]] = []
+    several = seconds_of(lambda: tried.extend(case.lmfit_from_many(count))) * N_STARTS / count
+    reached = [case.chi2(*at) for at in tried]
+    chi2 = {
+        OURS: case.chi2(*case.ours()),
+        ONE: case.chi2(*case.lmfit_from(START)),
+        TRF: case.chi2(*case.trf()),
+        MANY: min(reached),
+    }
+    chi2[WHOLE] = chi2[OURS]
+    best = min(chi2.values())
+    optimum = solve(case.problem, case.problem.sigma)
+    rows = []
+    for name in (OURS, WHOLE, ONE, MANY, TRF):
+        median = several if name == MANY else statistics.median(times[name])
+        ratio = several / single if name == MANY else ratio_of(times[name], times[ONE])
+        rows.append(
+            {
+                "n": n,
+                "method": name,
+                "time_s": f"{median:.6g}",
+                "over_lmfit_1": f"{ratio:.4g}",
+                "chi2_above_best": f"{chi2[name] - best:.3g}",
+                "certified": str(optimum.certified).lower() if name in (OURS, WHOLE) else "",
+                "gap": f"{optimum.gap:.3g}" if name in (OURS, WHOLE) and optimum.gap is not None else "",
+                "rounds": 1 if name == MANY else len(times[name]),
+                "starts_measured": count if name == MANY else 1,
+                "starts_missed": sum(value > best + MISSED for value in reached) if name == MANY else "",
+            }
+        )
+    order = statistics.median(seconds_of(lambda: np.argsort(case.cot)) for _ in range(3))
+    rows.append(
+        dict.fromkeys(rows[0], "") | {"n": n, "method": "argsort", "time_s": f"{order:.6g}", "rounds": 3}
+    )
+    return rows
+
+
+def exponent(sizes: list[int], seconds: list[float]) -> float:
+    """Power p of time ~ (N log N)^p."""
+    work = [math.log(n * math.log(n)) for n in sizes]
+    return float(np.polyfit(work, np.log(seconds), 1)[0])
+
+
+def seconds_by_size(
+    rows: list[dict[str, object]], method: str, least: int = 0
+) -> tuple[list[int], list[float]]:
+    """Sizes and times of one method."""
+    chosen = [row for row in rows if row["method"] == method and int(str(row["n"])) >= least]
+    return [int(str(row["n"])) for row in chosen], [float(str(row["time_s"])) for row in chosen]
+
+
+def report(rows: list[dict[str, object]]) -> None:
+    """Print the table and the goals."""
+    shown = [["N", "method", "time", "over lmfit-1", "chi2 - best", "missed", "certified"]]
+    for row in rows:
+        if row["method"] == "argsort":
+            continue
+        scaled = row["method"] == MANY and row["starts_measured"] != N_STARTS
+        shown.append(
+            [
+                f"{row['n']}",
+                f"{row['method']}" + (f" (from {row['starts_measured']}, scaled)" if scaled else ""),
+                f"{1e3 * float(str(row['time_s'])):.2f} ms",
+                f"{row['over_lmfit_1']}",
+                f"{row['chi2_above_best']}",
+                f"{row['starts_missed']} of {row['starts_measured']}" if row["method"] == MANY else "",
+                f"{row['certified']}",
+            ]
+        )
+    print_table(shown)
+    print()
+    for row in rows:
+        if row["method"] == OURS:
+            n, ratio = int(str(row["n"])), float(str(row["over_lmfit_1"]))
+            goal = 1.0 if n <= 10_000 else 1.5
+            print(
+                f"goal: certificate <= {goal:g} x lmfit-1 at N = {n}: {ratio:.2f}  {verdict(ratio <= goal)}"
+            )
+    for row in rows:
+        if row["method"] == OURS:
+            print(
+                f"goal: certified at N = {row['n']}, and nothing lower found: "
+                f"{verdict(row['certified'] == 'true' and float(str(row['chi2_above_best'])) <= MISSED)}"
+            )
+    sizes, seconds = seconds_by_size(rows, OURS, 10_000)
+    if len(sizes) > 1:
+        power = exponent(sizes, seconds)
+        sort = exponent(*seconds_by_size(rows, "argsort", 10_000))
+        print(
+            f"goal: time ~ (N log N)^p from N = 10000 on, p <= 1.1: p = {power:.2f} "
+            f"(numpy's argsort alone: {sort:.2f})  {verdict(power <= 1.1)}"
+        )
+
+
+def draw(rows: list[dict[str, object]], path: Path) -> None:
+    """Time against N, both logarithmic."""
+    import matplotlib as mpl
+
+    mpl.use("svg")
+    import matplotlib.pyplot as plt
+
+    with plt.rc_context({"svg.fonttype": "none", "svg.hashsalt": "ifrfit", "font.size": 9}):
+        figure, axes = plt.subplots(figsize=(5.2, 3.8), layout="constrained")
+        for method, marker in zip((OURS, WHOLE, ONE, MANY, TRF), "osv^D", strict=True):
+            axes.loglog(*seconds_by_size(rows, method), marker=marker, markersize=4, label=method)
+        sizes, seconds = seconds_by_size(rows, OURS)
+        n = np.geomspace(min(sizes), max(sizes), 50)
+        scale = seconds[-1] / (sizes[-1] * math.log(sizes[-1]))
+        axes.loglog(n, scale * n * np.log(n), color="0.6", linestyle=":", label="N log N")
+        axes.set_xlabel("values of beta, N")
+        axes.set_ylabel("time (s)")
+        axes.legend(frameon=False)
+        figure.savefig(path, metadata={"Date": None})
+        plt.close(figure)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="up to 10,000 values, fewer rounds")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV and the plot")
+    options = parser.parse_args()
+    sizes = [40, 1000, 10_000] if options.quick else [40, 1000, 10_000, 100_000, 1_000_000]
+    print(machine())
+    print(f"beta with sigma {SIGMA}, IFR, e_n fixed; one thread; ratios are medians within rounds\n")
+    rows = [row for n in sizes for row in measure(n, 1.0 if options.quick else 8.0)]
+    report(rows)
+    write_csv(options.out / "least_squares.csv", rows)
+    draw(rows, options.out / "least_squares.svg")
+    print(f"\nwritten: least_squares.csv, least_squares.svg in {options.out.name}/")
+
+
+if __name__ == "__main__":
+    main()

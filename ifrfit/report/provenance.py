@@ -1,0 +1,114 @@
+"""What a report says about the data: where they come from, how many they are, what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from ifrfit.data import Source
+from ifrfit.inference.result import FitResult
+from ifrfit.report.regimes import count_impacts, has_angle, joined
+from ifrfit.report.words import sigma_words
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PROVENANCE = {
+    "measured": "Values as their authors measured them",
+    "digitised": "Read off a published figure, whose reading errors are part of the scatter",
+    "simulated": "Computed by a simulation, not measured",
+    "": "Where these values come from is not stated: add a column provenance",
+}
+STAND_IN = "stand-in"
+
+
+def is_stand_in(result: FitResult) -> bool:
+    """Whether any of the data were generated instead of observed."""
+    return any(STAND_IN in kinds_of(result, source) for source in result.inputs)
+
+
+def kinds_of(result: FitResult, source: Source) -> tuple[str, ...]:
+    """Provenances of the rows used of a source; of the whole source where the result holds no points."""
+    rows = rows_of(result, source)
+    if len(rows):
+        return tuple(str(kind) for kind in rows["provenance"].unique())
+    return tuple(kind.strip() for kind in source.provenance.split(","))
+
+
+def rows_of(result: FitResult, source: Source) -> pd.DataFrame:
+    """The points that come from a source."""
+    points = result.points
+    return points[points["source"] == source.name] if len(points) else points
+
+
+def provenance_words(kinds: tuple[str, ...]) -> str:
+    """A word or two for a legend or a headline."""
+    return ", ".join(kind or "provenance not stated" for kind in kinds)
+
+
+def stand_in_sentence(source: Source) -> str:
+    """Say what a stand-in is and what a fit to it does not show."""
+    conditions: Mapping[str, object] = source.descriptor.conditions if source.descriptor else {}
+    ball, wall = _condition(conditions, "material"), _condition(conditions, "wall")
+    what = f"what {ball} on {wall} does" if ball and wall else "what real spheres and walls do"
+    return (
+        "STAND-IN, generated from the constants the paper prints. "
+        f"This fit shows that the tool works, not {what}."
+    )
+
+
+def _condition(conditions: Mapping[str, object], name: str) -> str:
+    """A condition given as text, or as an object with a value and where it stands."""
+    value = conditions.get(name)
+    value = value.get("value") if isinstance(value, Mapping) else value
+    return value if isinstance(value, str) else ""
+
+
+def provenance_sentences(result: FitResult, source: Source) -> list[str]:
+    """Say where the values of a source come from; a stand-in first and in capitals."""
+    kinds = sorted(kinds_of(result, source), key=lambda kind: kind != STAND_IN)
+    return [
+        stand_in_sentence(source) if kind == STAND_IN else f"{PROVENANCE.get(kind, kind)}." for kind in kinds
+    ]
+
+
+def reference(source: Source, *, full: bool = False) -> str:
+    """Title of a dataset, with its references where `full`; empty for a file."""
+    if source.descriptor is None:
+        return ""
+    title, origin = source.descriptor.title.rstrip("."), source.descriptor.source.rstrip(".")
+    parts = [title, f"Source: {origin}" if origin and (full or not title) else ""]
+    return ". ".join(part for part in parts if part) + "." if any(parts) else ""
+
+
+def contents(result: FitResult, source: Source) -> str:
+    """Say how many impacts of what a source gave, of which kind, and what sigma meant."""
+    rows = rows_of(result, source)
+    if len(rows):
+        observables = [str(name) for name in rows["observable"].unique()]
+        text = f"{_amount(rows)}, {joined(observables)}"
+        readings = int(rows["n_repeats"].sum())
+        if readings > len(rows):
+            text += f" (means of {readings} readings)"
+    else:
+        text = f"{source.rows_used} rows"
+    return f"{text}, {provenance_words(kinds_of(result, source))}, {sigma_words(result)}"
+
+
+def left_out(source: Source) -> str:
+    """Say what was selected and skipped; empty where all of it was used."""
+    parts = [f"Selection: {source.selection}"] if source.selection else []
+    skipped = {reason: count for reason, count in source.rows_skipped.items() if count}
+    if skipped:
+        reasons = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
+        parts.append(f"{sum(skipped.values())} of {source.rows} rows left out: {reasons}")
+    return ". ".join(parts) + "." if parts else ""
+
+
+def _amount(rows: pd.DataFrame) -> str:
+    impacts, count = count_impacts(rows), len(rows)
+    angles = any(has_angle(str(name)) for name in rows["observable"].unique())
+    if not angles:
+        return f"{count} value{'s' if count != 1 else ''}"
+    words = f"{impacts} impact{'s' if impacts != 1 else ''}"
+    return words if impacts == count else f"{words} ({count} rows)"

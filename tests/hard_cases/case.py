@@ -1,0 +1,80 @@
+"""What a hard case is: what is fed, what must come out, and how to run and check it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from typer.testing import CliRunner
+
+FILE = "impacts.csv"
+GROUPS = ("rebound", "data refused", "identifiability", "numerics")
+
+
+@dataclass(frozen=True)
+class HardCase:
+    """One row of the table of hard cases.
+
+    Attributes
+    ----------
+    name : str
+        Unique, a few words.
+    group : str
+        One of `GROUPS`.
+    what : str
+        One sentence: what is fed.
+    answer : str
+        One sentence: what must come out.
+    run : callable
+        From an empty folder to the outcome.
+    check : callable
+        Asserts about the outcome.
+    """
+
+    name: str
+    group: str
+    what: str
+    answer: str
+    run: Callable[[Path], Any]
+    check: Callable[[Any], None]
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a command did.
+
+    Attributes
+    ----------
+    status : int
+    out, err : str
+    left : tuple of str
+        What lies in the folder afterwards, less what was put there.
+    """
+
+    status: int
+    out: str
+    err: str
+    left: tuple[str, ...]
+
+
+def command(folder: Path, arguments: Sequence[str]) -> Told:
+    """Run the command line in a folder, in this process."""
+    from ifrfit.cli import app
+
+    before = set(folder.iterdir())
+    with contextlib.chdir(folder):
+        result = CliRunner().invoke(app, list(arguments))
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    left = tuple(sorted(p.name for p in set(folder.iterdir()) - before))
+    return Told(result.exit_code, result.stdout, result.stderr, left)
+
+
+def put(folder: Path, content: str | bytes, name: str = FILE) -> Path:
+    """Write a data file into the folder."""
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path

@@ -1,0 +1,8 @@
+"""The table of hard cases: the tests run it, and docs/hard-cases.md is written from it."""
+
+from __future__ import annotations
+
+from hard_cases import identifiable, numerics, rebounds, refusals
+from hard_cases.case import HardCase
+
+CASES: tuple[HardCase, ...] = (*rebounds.CASES, *refusals.CASES, *identifiable.CASES, *numerics.CASES)

@@ -1,0 +1,227 @@
+"""Hard cases of numerics: exact data, kinks, repeated rows, wide weights, outliers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hard_cases.case import HardCase, put
+from hard_cases.exact import FR, IFR, Law, best_chi2
+from hard_cases.identifiable import KNOWN, fitted, statuses, within
+from hard_cases.synthetic import FAN, HEADER, TRUTH, noise, rows, table, values
+
+from ifrfit import fit
+from ifrfit.inference import FitResult
+
+# 5/2 mu (1 + e_n) = 1: the transition lies at 45 degrees exactly
+KINK = {"e_n": 0.6, "e_t": -0.9, "mu": 0.25}
+_TIGHT = 1e-9
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A fit beside the optimum of the brute-force solver."""
+
+    result: FitResult
+    chi2: float
+    c: float
+    kappa: float
+
+
+def _judged(
+    gamma: Any, beta: Any, sigma: Any, *, e_n: float, closure: str = "ifr", law: Law = IFR
+) -> Callable[[Path], Judged]:
+    """Fit with e_n fixed and solve the same by brute force."""
+    gamma, beta, sigma = (tuple(float(x) for x in column) for column in (gamma, beta, sigma))
+
+    def run(folder: Path) -> Judged:
+        path = put(folder, HEADER + rows(gamma, np.array(beta), sigma))
+        result = fit(path, fix={"e_n": e_n}, closure=closure)
+        chi2, c, kappa = best_chi2(gamma, beta, sigma, law)
+        return Judged(result, float(chi2), float(c), float(kappa))
+
+    return run
+
+
+def _certified(judged: Judged) -> None:
+    """The certificate says what the brute force says."""
+    chi2 = judged.result.fit.chi2
+    assert abs(chi2 - judged.chi2) <= _TIGHT * max(judged.chi2, 1e-3), (chi2, judged.chi2)
+    gap = judged.result.facts["global_optimum"].figures["gap"]
+    assert gap is not None
+    assert gap <= _TIGHT * max(1.0, chi2)
+    assert "global optimum certified" in judged.result.facts["global_optimum"].says
+
+
+def _all_certified(several: list[Judged]) -> None:
+    for judged in several:
+        _certified(judged)
+
+
+def _several(runs: list[Callable[[Path], Judged]]) -> Callable[[Path], list[Judged]]:
+    return lambda folder: [run(folder) for run in runs]
+
+
+def _exactly(truth: dict[str, float]) -> Callable[[FitResult], None]:
+    def check(result: FitResult) -> None:
+        assert result.fit.chi2 < 1e-15
+        for name in ("e_t", "mu"):
+            assert result.constants[name].status == "determined"
+            assert abs(result.constants[name].value - truth[name]) <= 1e-10
+        assert all(result.facts[x].ok for x in ("global_optimum", "identifiable", "lack_of_fit", "outliers"))
+
+    return check
+
+
+def _on_kink(sigma: float, seed: int) -> Callable[[Path], Judged]:
+    gamma = (*FAN, 45.0, 45.0)
+    beta = values(gamma, "beta", **KINK) + noise(len(gamma), sigma, seed)
+    return _judged(gamma, beta, [sigma] * len(gamma), e_n=KINK["e_n"])
+
+
+def _repeated(seed: int) -> Callable[[Path], tuple[Judged, FitResult]]:
+    gamma, sigma = FAN[::2], [0.05] * len(FAN[::2])
+    beta = values(gamma, "beta") + noise(len(gamma), 0.05, seed)
+    once = _judged(gamma, beta, sigma, e_n=TRUTH["e_n"])
+    thrice = _judged(gamma * 3, [*beta] * 3, sigma * 3, e_n=TRUTH["e_n"])
+    return lambda folder: (thrice(folder), once(folder).result)
+
+
+def _same_constants(pair: tuple[Judged, FitResult]) -> None:
+    thrice, once = pair
+    _certified(thrice)
+    assert abs(thrice.result.fit.chi2 - 3.0 * once.fit.chi2) <= _TIGHT * thrice.result.fit.chi2
+    for name in ("e_t", "mu"):
+        assert abs(thrice.result.constants[name].value - once.constants[name].value) <= 1e-9
+        ratio = once.constants[name].stderr / thrice.result.constants[name].stderr
+        assert abs(ratio - np.sqrt(3.0)) <= 1e-6
+
+
+def _wide(decades: float, seed: int, **other: Any) -> Callable[[Path], Judged]:
+    """Weights 1/sigma^2 that span so many decades, in an order that has nothing to do with the angle."""
+    rng = np.random.default_rng(seed)
+    gamma = np.sort(rng.uniform(3.0, 87.0, 12))
+    sigma = rng.permutation(np.logspace(-0.5 * decades, 0.0, 12))
+    closure = other.get("closure", "ifr")
+    truth = {"beta0": 0.45, "e_t": None} if closure == "fr" else {}
+    return _judged(
+        gamma,
+        values(gamma, "beta", closure=closure, **truth) + noise(12, sigma, seed + 100),
+        sigma,
+        e_n=TRUTH["e_n"],
+        **other,
+    )
+
+
+OUTLIER_LINE = 14
+_DENSE = tuple(float(g) for g in range(5, 86, 2))
+
+
+def _with_outlier(sigma: float | None) -> str:
+    """One value 50 sigma too high, in line 14 of the file."""
+    value = values(_DENSE, "beta") + noise(len(_DENSE), 0.01, 1)
+    value[OUTLIER_LINE - 2] += 50 * 0.01
+    return HEADER + rows(_DENSE, value, sigma)
+
+
+def _outlier(text: str) -> Callable[[Path], tuple[FitResult, FitResult]]:
+    def run(folder: Path) -> tuple[FitResult, FitResult]:
+        path = put(folder, text)
+        return fit(path, fix=KNOWN), fit(path, fix=KNOWN, exclude=OUTLIER_LINE)
+
+    return run
+
+
+def _named_and_repaired(pair: tuple[FitResult, FitResult]) -> None:
+    bad, good = pair
+    fact = bad.facts["outliers"]
+    assert not fact.ok
+    assert fact.figures["rows"] == [f"impacts.csv line {OUTLIER_LINE} (beta)"]
+    assert f"--exclude {OUTLIER_LINE}" in fact.says
+    assert good.facts["outliers"].ok
+    assert good.facts["lack_of_fit"].ok
+    assert good.fit.n == bad.fit.n - 1
+    assert good.inputs[0].rows_skipped == {"excluded": 1}
+    assert statuses(good) == {"e_n": "fixed", "e_t": "determined", "mu": "determined"}
+    within(good, e_t=TRUTH["e_t"], mu=TRUTH["mu"])
+
+
+def _case(
+    name: str, what: str, answer: str, run: Callable[[Path], Any], check: Callable[[Any], None]
+) -> HardCase:
+    return HardCase(name, "numerics", what, answer, run, check)
+
+
+_CERTIFICATE = (
+    "The optimum is certified, with a gap of at most 1e-9, and its chi2 is that of a brute-force solver in "
+    "80-digit arithmetic to 1e-9."
+)
+_REPAIRED = (
+    "The fact outliers fails and names the row; --exclude with that row gives the right constants and no "
+    "outlier."
+)
+
+CASES = (
+    _case(
+        "no noise at all",
+        "beta from 5 to 85 degrees exactly as the law has it, with a known sigma of 0.05.",
+        "e_t and mu are recovered to 1e-10 and determined, chi2 is below 1e-15.",
+        fitted(table(sigma=0.05, e_t=-0.9)),
+        _exactly({**TRUTH, "e_t": -0.9}),
+    ),
+    _case(
+        "no noise, a point on the kink",
+        "Exact data with a point at the transition itself (45 degrees, where 5/2 kappa = 1).",
+        "e_t and mu are recovered to 1e-10 and determined, chi2 is below 1e-15.",
+        fitted(table((*FAN, 45.0), sigma=0.05, **KINK), fix={"e_n": KINK["e_n"]}),
+        _exactly(KINK),
+    ),
+    _case(
+        "points on the kink",
+        "Noisy data, three rows of which lie at the transition itself; four draws of the noise.",
+        _CERTIFICATE,
+        _several([_on_kink(0.05, seed) for seed in (1, 2)] + [_on_kink(0.3, seed) for seed in (1, 2)]),
+        _all_certified,
+    ),
+    _case(
+        "duplicated rows",
+        "Every row of a table three times.",
+        _CERTIFICATE + " The constants are those of the rows once, their sd smaller by the root of 3.",
+        _repeated(1),
+        _same_constants,
+    ),
+    *(
+        _case(
+            f"weights over 1e{decades}",
+            f"Weights 1/sigma^2 that span {decades} decades over twelve angles; three draws.",
+            _CERTIFICATE,
+            _several([_wide(decades, seed) for seed in (1, 2, 3)]),
+            _all_certified,
+        )
+        for decades in (12, 16)
+    ),
+    _case(
+        "weights over 1e12, closure FR",
+        "The same for closure FR, whose kink lines depend on both constants.",
+        _CERTIFICATE,
+        _several([_wide(12, seed, closure="fr", law=FR) for seed in (1, 2, 3)]),
+        _all_certified,
+    ),
+    _case(
+        "outlier at 50 sigma",
+        "One of 41 values of beta is 50 sigma too high; sigma is known.",
+        _REPAIRED,
+        _outlier(_with_outlier(0.01)),
+        _named_and_repaired,
+    ),
+    _case(
+        "outlier at 50 sigma, sigma unknown",
+        "The same without a sigma, where the outlier feigns a large noise.",
+        _REPAIRED,
+        _outlier(_with_outlier(None)),
+        _named_and_repaired,
+    ),
+)

@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hard_cases.case import GROUPS, HardCase
+from hard_cases.cases import CASES
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_hard_case(case: HardCase, tmp_path: Path) -> None:
+    with warnings.catch_warnings(), np.errstate(all="warn", under="ignore"):
+        warnings.simplefilter("error")
+        case.check(case.run(tmp_path))
+
+
+def test_every_case_is_told_in_a_sentence() -> None:
+    assert len({case.name for case in CASES}) == len(CASES)
+    for case in CASES:
+        assert case.group in GROUPS
+        for sentence in (case.what, case.answer):
+            assert sentence.endswith(".")
+            assert "|" not in sentence.replace("|U_t|", "")
+            assert "\n" not in sentence
+
+
+def test_the_page_of_hard_cases_is_up_to_date() -> None:
+    script = ROOT / "scripts" / "write_hard_cases.py"
+    done = subprocess.run([sys.executable, script, "--check"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

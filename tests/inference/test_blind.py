@@ -1,0 +1,241 @@
+"""Data whose maker the fit does not know: other laws must be refuted, IFR must not; and a hollow ball.
+
+Every rate is over fixed seeds 0, 1, 2, ..., none left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import bdtrc
+
+import ifrfit
+from ifrfit.data import Observations, Source
+from ifrfit.data.observations import make_table
+from ifrfit.inference import fit
+from ifrfit.physics import rebound
+
+N = 60
+NOISE = 0.02
+SEEDS = 40
+# of 40 data sets from another law this many must be refuted: a power of at least 95 %
+REFUTED = 38
+GAMMA = np.linspace(2.0, 85.0, N)
+TRUTH = {"e_n": 0.9, "e_t": -0.95, "mu": 0.15}
+SPINS = {"none": np.zeros(N), "three": np.resize([0.0, 0.3, -0.15], N)}
+
+
+def ifr(spin, j, **changed):
+    return rebound(GAMMA, spin_y=spin, inertia_factor=j, degrees=True, **(TRUTH | changed)).beta
+
+
+def walton(beta0):
+    """FR: beta of sticking impacts is free, where IFR has e_t + 1 + J with e_t >= -1, so at least J."""
+
+    def law(spin, j):
+        return rebound(
+            GAMMA, spin_y=spin, e_n=0.9, beta0=beta0, mu=0.15, closure="fr", inertia_factor=j, degrees=True
+        ).beta
+
+    return law
+
+
+def weakening(spin, j):
+    """Friction that grows from 0.08 at normal to 0.20 at grazing incidence."""
+    return ifr(spin, j, mu=0.08 + 0.12 * GAMMA / 90.0)
+
+
+def microslip(spin, j):
+    """Restitution that falls linearly, by 0.65 in all, from 20 degrees to the normal.
+
+    That is the manner of tangential compliance: Maw, Barber & Fawcett (1976) have 0.42 fall to -0.23.
+    """
+    return ifr(spin, j) - 0.65 * np.clip(1.0 - GAMMA / 20.0, 0.0, None)
+
+
+def observed(law, spins, j, noise, seed):
+    rng = np.random.default_rng([seed, 2023])
+    value = law(SPINS[spins], j) + NOISE * rng.standard_normal(N)
+    columns = {
+        "series": "run",
+        "observable": "beta",
+        "gamma_deg": GAMMA,
+        "spin_y": SPINS[spins],
+        "value": value,
+        "sigma": NOISE if noise == "known" else np.nan,
+        "provenance": "simulated",
+        "source": "blind",
+    }
+    return Observations(make_table(columns), (Source("blind", "0" * 64, N, N, {}, "simulated", ""),), ())
+
+
+def fits(law, spins, j, noise, seeds=SEEDS, closure="ifr"):
+    for seed in range(seeds):
+        data = observed(law, spins, j, noise, seed)
+        yield fit(data, closure=closure, noise=noise, fix={"e_n": 0.9}, inertia_factor=j)
+
+
+def refuted(results):
+    return sum(not result.facts["lack_of_fit"].ok for result in results)
+
+
+def at_most(n, p, tail=1e-3):
+    """Most events of probability p among n that chance gives, but for a tail of 1e-3."""
+    return next(k for k in range(n + 1) if bdtrc(k, n, p) < tail)
+
+
+OTHERS = [
+    pytest.param(walton(0.0), "none", 0.4, id="walton-0.0"),
+    pytest.param(walton(0.1), "three", 0.4, id="walton-0.1-spins"),
+    pytest.param(walton(0.2), "three", 2.0 / 3.0, id="walton-0.2-spins-hollow"),
+    pytest.param(weakening, "none", 0.4, id="friction-by-angle"),
+    pytest.param(microslip, "three", 0.4, id="microslip-spins"),
+    pytest.param(microslip, "none", 2.0 / 3.0, id="microslip-hollow"),
+]
+
+
+@pytest.mark.parametrize("noise", ["known", "unknown"])
+@pytest.mark.parametrize(("law", "spins", "j"), OTHERS)
+def test_data_of_another_law_are_refuted(law, spins, j, noise):
+    assert refuted(fits(law, spins, j, noise)) >= REFUTED
+
+
+# "unknown" takes the smaller p of two tests, so its threshold of 0.001 is reached twice as often at most
+@pytest.mark.parametrize(("noise", "p"), [("known", 0.001), ("unknown", 0.002)])
+@pytest.mark.parametrize(("spins", "j"), [("none", 0.4), ("three", 2.0 / 3.0)])
+def test_data_of_ifr_itself_are_not(spins, j, noise, p):
+    seeds = 100
+    assert refuted(fits(ifr, spins, j, noise, seeds)) <= at_most(seeds, p)
+
+
+def test_the_p_value_of_known_noise_is_uniform_for_ifr():
+    p = np.sort([r.facts["lack_of_fit"].figures["p"] for r in fits(ifr, "three", 0.4, "known", 100)])
+    steps = np.arange(1, p.size + 1) / p.size
+    distance = max(np.max(steps - p), np.max(p - steps + 1.0 / p.size))
+    # Kolmogorov: exp(-2 n d^2) twice is 1e-3
+    assert distance < np.sqrt(np.log(2.0 / 1e-3) / (2.0 * p.size))
+
+
+@pytest.mark.parametrize("noise", ["known", "unknown"])
+def test_walton_with_beta0_of_two_fifths_is_ifr_on_its_bound(noise):
+    """The one FR law that IFR holds: e_t = -1. It must not be refuted, and 0.2 less must."""
+    found = list(fits(walton(0.4), "three", 0.4, noise))
+    assert refuted(found) <= at_most(SEEDS, 0.002)
+    near = [min(abs(end + 1.0) for end in r.constants["e_t"].interval95) for r in found]
+    assert np.mean(np.array(near) < 1e-9) >= 0.9
+
+
+@pytest.mark.parametrize("noise", ["known", "unknown"])
+def test_the_right_closure_describes_what_ifr_could_not(noise):
+    """The refutation is of the closure, not of the data."""
+    assert refuted(fits(walton(0.1), "three", 0.4, noise, closure="fr")) <= at_most(SEEDS, 0.002)
+
+
+def test_microslip_is_found_where_it_is():
+    for result in fits(microslip, "none", 0.4, "known", 10):
+        says = result.facts["lack_of_fit"].says
+        edge = float(says.partition(" up to ")[2].partition(" degrees")[0])
+        assert 4.0 < edge < 25.0, says
+        assert "residuals negative" in says
+
+
+# ------------------------------------------------------------------------------------------ a hollow ball
+
+SHELL = 2.0 / 3.0
+HOLLOW = {"e_n": 0.85, "e_t": -0.90, "mu": 0.25}
+RADIUS = 0.02
+HEADER = "u_x_m_s,u_z_m_s,omega_y_rad_s,v_x_m_s,v_z_m_s,omega_y_after_rad_s,radius_mm"
+
+
+def hollow_csv(path, noise, rng):
+    """Write raw velocities of a hollow ball, with `noise` in m/s on the velocities after."""
+    n = 50
+    gamma, speed = rng.uniform(5.0, 80.0, n), rng.uniform(2.0, 6.0, n)
+    spin = rng.choice([0.0, 0.25, -0.1], n)
+    state = rebound(gamma, spin_y=spin, inertia_factor=SHELL, degrees=True, **HOLLOW)
+    off = noise * rng.standard_normal((3, n))
+    columns = [
+        speed * np.sin(np.radians(gamma)),
+        speed * np.cos(np.radians(gamma)),
+        speed * spin / RADIUS,
+        speed * state.v_x + off[0],
+        -(speed * state.v_n + off[1]),
+        (speed * state.spin_y + off[2]) / RADIUS,
+        np.full(n, 1e3 * RADIUS),
+        np.full(n, max(noise, 0.01)),
+        np.full(n, max(noise, 0.01)),
+        np.full(n, max(noise, 0.01) / RADIUS),
+    ]
+    header = f"{HEADER},sigma_v_x_m_s,sigma_v_z_m_s,sigma_omega_y_after_rad_s"
+    rows = [",".join(repr(float(x)) for x in row) for row in zip(*columns, strict=True)]
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+def test_raw_velocities_of_a_hollow_ball_give_back_what_was_put_in(tmp_path):
+    path = hollow_csv(tmp_path / "shell.csv", 0.0, np.random.default_rng(1))
+    found = ifrfit.fit(path, inertia_factor=SHELL)
+    assert found.inertia_factor == SHELL
+    assert set(found.points["observable"]) == {"v_x", "v_n", "spin_y_after"}
+    for name, value in HOLLOW.items():
+        assert found.constants[name].status == "determined"
+        assert found.constants[name].value == pytest.approx(value, abs=1e-9)
+    assert found.fit.chi2 < 1e-15
+    (note,) = (w for w in found.warnings if "angular momentum" in w)
+    assert "inertia factor 0.6667)." in note
+    assert "Check" not in note
+
+
+def test_noise_widens_the_hollow_balls_intervals_as_it_should(tmp_path):
+    held = []
+    for seed in range(30):
+        path = hollow_csv(tmp_path / f"shell{seed}.csv", 0.05, np.random.default_rng([seed, 3]))
+        found = ifrfit.fit(path, inertia_factor=SHELL)
+        assert found.noise.policy == "known"
+        assert found.facts["lack_of_fit"].ok
+        for name, value in HOLLOW.items():
+            lo, hi = found.constants[name].interval95
+            held.append(lo <= value <= hi)
+    assert len(held) - sum(held) <= at_most(len(held), 0.05)
+    assert sum(held) < len(held)
+
+
+def test_a_solid_balls_inertia_factor_is_warned_of(tmp_path):
+    path = hollow_csv(tmp_path / "shell.csv", 0.01, np.random.default_rng(2))
+    found = ifrfit.fit(path, inertia_factor=0.4)
+    (note,) = (w for w in found.warnings if "angular momentum" in w)
+    assert note.startswith("shell.csv: angular momentum about the contact closes to ")
+    assert "inertia factor 0.4); " in note
+    assert "The velocities themselves ask for an inertia factor of 0.66" in note
+    assert note.endswith("Check signs, size and inertia factor.")
+    assert not found.facts["lack_of_fit"].ok
+
+
+def test_lateral_spin_and_any_direction_along_the_wall(tmp_path):
+    """Impacts from the impulse balance in right-handed vectors (Newton and Euler), not from our formula."""
+    rng, n = np.random.default_rng(5), 80
+    speed, gamma, turn = rng.uniform(2.0, 6.0, n), rng.uniform(0.1, 1.4, n), rng.uniform(-3.0, 3.0, n)
+    u = np.column_stack((np.sin(gamma) * np.cos(turn), np.sin(gamma) * np.sin(turn), np.cos(gamma)))
+    u *= speed[:, None]
+    omega = rng.normal(0.0, 0.3, (n, 3)) * speed[:, None] / RADIUS
+    arm = np.array([0.0, 0.0, RADIUS])
+    slip = (u + np.cross(omega, arm)) * [1.0, 1.0, 0.0]
+    kappa = HOLLOW["mu"] * (1.0 + HOLLOW["e_n"])
+    friction = np.minimum(SHELL, kappa * u[:, 2] / np.linalg.norm(slip, axis=1))
+    k = SHELL / (1.0 + SHELL) * (1.0 + HOLLOW["e_t"]) + friction
+    impulse = -k[:, None] * slip - (1.0 + HOLLOW["e_n"]) * u[:, 2:] * [0.0, 0.0, 1.0]
+    v = u + impulse
+    after = omega + np.cross(arm, impulse) / (SHELL * RADIUS**2)
+    names = [f"{q}_{axis}_m_s" for q in "uv" for axis in "xyz"]
+    names += [f"omega_{axis}{when}_rad_s" for when in ("", "_after") for axis in "xy"]
+    sigmas = [f"sigma_v_{axis}_m_s" for axis in "xyz"] + [f"sigma_omega_{a}_after_rad_s" for a in "xy"]
+    columns = np.column_stack(
+        (u, v, omega[:, :2], after[:, :2], np.full((n, 3), 0.01), np.full((n, 2), 0.5), np.full(n, 20.0))
+    )
+    path = tmp_path / "lateral.csv"
+    lines = [",".join(repr(float(x)) for x in row) for row in columns]
+    path.write_text("\n".join([",".join([*names, *sigmas, "radius_mm"]), *lines]))
+    found = ifrfit.fit(path, inertia_factor=SHELL)
+    assert {"v_x", "v_y", "spin_x_after", "spin_y_after"} <= set(found.points["observable"])
+    for name, value in HOLLOW.items():
+        assert found.constants[name].value == pytest.approx(value, abs=1e-9)

@@ -1,0 +1,233 @@
+"""What `fit` says: statuses, intervals, facts, noise, selection of a whole result."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import ifrfit
+from ifrfit import DataError, UsageError
+
+GAMMA = np.linspace(4.0, 86.0, 34)
+
+
+def test_the_covariance_agrees_with_lmfit(impacts):
+    path = impacts(gamma=GAMMA, observables=("beta", "e_n"), noise=0.03, sigma=0.03, c=-0.8, seed=1)
+    found = ifrfit.fit(path)
+    theirs = found.lmfit_result
+    assert theirs.chisqr == pytest.approx(found.fit.chi2, rel=1e-9)
+    for name in ("e_n", "e_t", "mu"):
+        assert found.constants[name].value == pytest.approx(theirs.params[name].value, abs=1e-7)
+        assert found.constants[name].stderr == pytest.approx(theirs.params[name].stderr, rel=1e-4)
+    names, matrix = found.correlation
+    at = names.index("e_t"), names.index("mu")
+    assert matrix[at] == pytest.approx(theirs.params["e_t"].correl["mu"], abs=1e-4)
+
+
+def test_intervals_are_those_of_the_normal_law_far_from_bounds(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.7), fix={"e_n": 0.94})
+    mu = found.constants["mu"]
+    low, high = mu.interval(0.95)
+    assert (low, high) == pytest.approx(
+        (mu.value - 1.959964 * mu.stderr, mu.value + 1.959964 * mu.stderr), rel=1e-6
+    )
+    low, high = mu.interval(0.68)
+    assert high - low == pytest.approx(2.0 * stats.norm.ppf(0.84) * mu.stderr, rel=1e-6)
+    with pytest.raises(UsageError, match=r"kept at 0\.68 and 0\.95"):
+        mu.interval(0.9)
+
+
+def test_unknown_noise_uses_students_law_and_finds_the_noise(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.05, sigma=None, c=-0.7, seed=3), fix={"e_n": 0.94})
+    assert found.noise.policy == "unknown"
+    assert found.noise.sigma["run/beta"] == pytest.approx(0.05, rel=0.35)
+    e_t = found.constants["e_t"]
+    half = (e_t.interval95[1] - e_t.interval95[0]) / 2.0
+    assert half == pytest.approx(stats.t.ppf(0.975, 32) * e_t.stderr, rel=1e-6)
+
+
+def test_scaled_noise_multiplies_the_errors_by_one_factor(impacts):
+    path = impacts(gamma=GAMMA, noise=0.05, sigma=0.01, c=-0.7, seed=3)
+    known = ifrfit.fit(path, fix={"e_n": 0.94}, noise="known")
+    scaled = ifrfit.fit(path, fix={"e_n": 0.94}, noise="scaled")
+    factor = math.sqrt(known.fit.chi2 / known.fit.dof)
+    assert scaled.constants["mu"].value == pytest.approx(known.constants["mu"].value, rel=1e-12)
+    assert scaled.constants["mu"].stderr == pytest.approx(factor * known.constants["mu"].stderr, rel=1e-9)
+    assert not known.facts["lack_of_fit"].ok  # sigma is five times too small
+    assert scaled.facts["lack_of_fit"].ok
+
+
+def test_two_groups_of_unknown_noise_are_told_apart(impacts):
+    quiet = {"gamma": GAMMA, "noise": 0.01, "sigma": None, "c": -0.7, "series": "quiet", "seed": 1}
+    loud = {"gamma": GAMMA, "noise": 0.1, "sigma": None, "c": -0.7, "series": "loud", "seed": 2}
+    found = ifrfit.fit(impacts(quiet, loud), fix={"e_n": 0.94})
+    assert found.noise.sigma["quiet/beta"] == pytest.approx(0.01, rel=0.35)
+    assert found.noise.sigma["loud/beta"] == pytest.approx(0.1, rel=0.35)
+    assert found.facts["converged"].ok
+
+
+def test_beta_alone_does_not_determine_friction_and_says_what_would(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8))
+    assert found.constants["e_t"].status == "determined"
+    for name in ("e_n", "mu"):
+        assert found.constants[name].status == "not_determined"
+        assert found.constants[name].value is None
+    low, high = found.constants["mu"].interval95
+    assert low < 0.12 < high
+    kappa = found.derived["kappa"]
+    assert kappa.status == "determined"
+    assert abs(kappa.value - 0.12 * 1.94) < 4 * kappa.stderr
+    fact = found.facts["identifiable"]
+    assert not fact.ok
+    assert fact.figures["rank"] == 2
+    assert "never e_n and mu apart" in fact.says
+    assert "--fix e_n=" in fact.says
+
+
+def test_sticking_alone_gives_friction_a_lower_limit_only(impacts):
+    found = ifrfit.fit(
+        impacts(gamma=np.linspace(3, 28, 12), noise=0.02, sigma=0.02, mu=0.4, c=-0.8), fix={"e_n": 0.94}
+    )
+    mu = found.constants["mu"]
+    assert (mu.status, mu.value) == ("one_sided", None)
+    assert math.isinf(mu.interval95[1])
+    assert 0.1 < mu.interval95[0] < 0.4
+    assert found.fit.n_sliding == 0
+    assert found.derived["transition_angle_deg"]["run"] is None
+    assert "no impact slides" in found.facts["identifiable"].says
+    assert "beyond 28 degrees" in found.facts["identifiable"].says
+
+
+def test_one_angle_cannot_tell_the_constants_apart(impacts):
+    found = ifrfit.fit(impacts(gamma=np.full(12, 60.0), noise=0.02, sigma=0.02), fix={"e_n": 0.94})
+    assert "one slip ratio" in found.facts["identifiable"].says
+    assert found.constants["e_t"].value is None
+
+
+def test_a_constant_on_its_bound_is_one_sided(impacts):
+    statuses = []
+    for seed in range(40):
+        path = impacts(gamma=GAMMA, noise=0.02, sigma=0.02, c=-1.0, seed=seed)
+        e_t = ifrfit.fit(path, fix={"e_n": 0.94}).constants["e_t"]
+        statuses.append(e_t.status)
+        if e_t.status == "one_sided":
+            assert e_t.interval95[0] == -1.0
+            assert -1.0 < e_t.interval95[1] < -0.95
+    # by chance 2.5 % lie more than 1.96 sd above the bound; 6 or more of 40 would have p < 1e-3
+    assert statuses.count("one_sided") >= 35
+
+
+def test_a_prior_supplies_what_the_data_lack_and_is_named(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), prior={"e_n": (0.94, 0.01)})
+    assert found.constants["e_n"].status == "prior"
+    assert found.constants["mu"].status == "prior"
+    assert "prior of e_n" in found.constants["mu"].reason
+    assert found.constants["e_t"].status == "determined"
+    assert found.fit.prior_chi2 == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_useless_prior_changes_nothing(impacts):
+    path = impacts(gamma=GAMMA, observables=("beta", "e_n"), noise=0.03, sigma=0.03, c=-0.8)
+    found = ifrfit.fit(path, prior={"e_n": (0.5, 10.0)})
+    assert found.constants["e_n"].status == "determined"
+
+
+def test_an_outlier_is_named_and_can_be_excluded(impacts):
+    path = impacts(gamma=GAMMA, noise=0.02, sigma=0.02, c=-0.8, seed=2)
+    lines = path.read_text().splitlines()
+    cells = lines[20].split(",")
+    cells[5] = repr(float(cells[5]) + 1.0)  # 50 sigma
+    lines[20] = ",".join(cells)
+    path.write_text("\n".join(lines) + "\n")
+    found = ifrfit.fit(path, fix={"e_n": 0.94})
+    fact = found.facts["outliers"]
+    assert not fact.ok
+    assert fact.figures["rows"][0] == "impacts.csv line 21 (beta)"  # the worst first: it drags others along
+    assert "--exclude 21" in fact.says
+    mended = ifrfit.fit(path, fix={"e_n": 0.94}, exclude=21)
+    assert mended.facts["outliers"].ok
+    assert mended.fit.n == found.fit.n - 1
+
+
+def test_information_criteria_count_rank_and_free_noise(impacts):
+    path = impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8)
+    known = ifrfit.fit(path)
+    assert known.fit.rank == 2  # three names, two combinations
+    assert known.fit.aic == pytest.approx(2 * 2 - 2 * known.fit.log_likelihood)
+    log_l = stats.norm.logpdf(known.points["residual"], scale=0.03).sum()
+    assert known.fit.log_likelihood == pytest.approx(log_l)
+    unknown = ifrfit.fit(path, noise="unknown")
+    assert unknown.fit.aic == pytest.approx(2 * 3 - 2 * unknown.fit.log_likelihood)
+    assert unknown.fit.bic == pytest.approx(3 * math.log(34) - 2 * unknown.fit.log_likelihood)
+
+
+def test_transition_and_sticking_restitution_follow_from_the_constants(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, c=-0.8), fix={"e_n": 0.94})
+    assert found.derived["beta_sticking"].value == pytest.approx(0.6, abs=1e-9)
+    angle = found.derived["transition_angle_deg"]["run"]
+    assert angle.value == pytest.approx(math.degrees(math.atan(2.5 * 0.12 * 1.94)), abs=1e-7)
+
+
+def test_top_spin_has_two_transitions(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, c=-0.8, mu=0.062, spin_y=-0.5), fix={"e_n": 0.94})
+    first, second = found.derived["transition_angle_deg"]["run"]
+    assert 0.0 < first.value < 30.0 < second.value < 90.0
+    assert first.interval95[0] <= first.value <= first.interval95[1]
+
+
+@pytest.mark.parametrize("policy", ["unknown", "scaled"])
+def test_too_few_points_need_a_sigma(policy, impacts):
+    path = impacts(gamma=np.array([20.0, 60.0]), sigma=None if policy == "unknown" else 0.05)
+    with pytest.raises(DataError, match=r"2 values of beta .* need a sigma\. Add a column sigma"):
+        ifrfit.fit(path, fix={"e_n": 0.94}, noise=policy)
+
+
+def test_a_noise_policy_that_lacks_sigmas_names_the_row(impacts):
+    with pytest.raises(DataError, match=r"impacts\.csv, line 2: no sigma, but --noise known needs one"):
+        ifrfit.fit(impacts(gamma=GAMMA, sigma=None), noise="known")
+
+
+USAGE = [
+    ({"method": "magic"}, r"There is no method 'magic'"),
+    ({"closure": "magic"}, r"There is no closure 'magic'\. Choose one of f, fr, ifr, ifr-contact"),
+    ({"fix": {"beta0": 0.4}}, r"--fix beta0: closure IFR has no such constant\. It has e_n, e_t, mu"),
+    ({"fix": {"e_t": -2.0}}, r"--fix e_t=-2: outside the domain \[-1, -0\.4\]"),
+    ({"bounds": {"mu": (0.3, 0.1)}}, r"--bounds mu: the lower end 0\.3 must lie below the upper end 0\.1"),
+    ({"bounds": {"mu": (-0.3, 0.1)}}, r"mu cannot be negative"),
+    ({"prior": {"mu": (0.3, 0.0)}}, r"--prior mu: the standard deviation must be positive"),
+    ({"fix": {"e_n": 0.9}, "prior": {"e_n": (0.9, 0.1)}}, r"--fix e_n contradicts --prior e_n: keep one"),
+    ({"noise": "loud"}, r"--noise loud: choose known, scaled or unknown"),
+    ({"inertia_factor": 2.0}, r"the passive domain \[-1, -2\] of e_t is empty"),
+    ({"inertia_factor": -1.0}, r"must be positive, not -1"),
+]
+
+
+@pytest.mark.parametrize(("choices", "text"), USAGE)
+def test_wrong_choices_are_refused_in_words(choices, text, impacts):
+    with pytest.raises(UsageError, match=text):
+        ifrfit.fit(impacts(gamma=GAMMA), **choices)
+
+
+def test_nothing_to_fit_is_refused():
+    with pytest.raises(UsageError, match="nothing to fit"):
+        ifrfit.fit([])
+
+
+def test_several_files_share_constants_by_default(impacts):
+    one = impacts({"gamma": GAMMA, "noise": 0.03, "seed": 1, "series": "a"}, name="a.csv")
+    two = impacts({"gamma": GAMMA, "noise": 0.03, "seed": 2, "series": "b"}, name="b.csv")
+    both = ifrfit.fit([one, two], fix={"e_n": 0.94})
+    alone = ifrfit.fit(one, fix={"e_n": 0.94})
+    assert both.fit.n == 2 * alone.fit.n
+    assert both.constants["mu"].stderr < alone.constants["mu"].stderr
+    assert [source.name for source in both.inputs] == ["a.csv", "b.csv"]
+
+
+def test_the_observations_are_not_changed_by_a_fit(impacts):
+    data = ifrfit.read(impacts(gamma=GAMMA))
+    before = data.table
+    ifrfit.fit(data, fix={"e_n": 0.94})
+    assert data.table.equals(before)

@@ -1,0 +1,290 @@
+"""What holds for every impact, whatever the closure: properties over the whole domain."""
+
+from __future__ import annotations
+
+import math
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from ifrfit.physics import CLOSURES, Rebound, rebound, transition_tau
+from ifrfit.physics.closures import rotational_share
+
+LAWS = ("f", "fr", "ifr", "ifr-contact")
+
+gammas = st.one_of(st.floats(0.0, 90.0), st.sampled_from([0.0, 30.0, 60.0, 90.0 - 1e-9, 90.0]))
+spins = st.one_of(st.floats(-2.0, 2.0), st.floats(-1e6, 1e6), st.sampled_from([0.0, -0.5, -1.0]))
+SPEEDS = ("v_x", "v_y", "v_n", "spin_x", "spin_y", "contact_x", "contact_y")
+
+
+@st.composite
+def laws(draw: st.DrawFn) -> dict[str, Any]:
+    """Closure, its constants within the passive domain, and the inertia, as keywords of `rebound`."""
+    closure = CLOSURES[draw(st.sampled_from(LAWS))]
+    j = draw(st.floats(0.05, 1.0))
+    call: dict[str, Any] = {
+        "closure": closure.name,
+        "inertia_factor": j,
+        "e_n": draw(st.floats(0.0, 1.0)),
+        "mu": draw(st.one_of(st.floats(0.0, 2.0), st.floats(0.0, 1e6), st.just(0.0))),
+        "degrees": True,
+    }
+    if closure.constant:
+        low, high = closure.domain(j)
+        call[closure.constant] = min(max(low + draw(st.floats(0.0, 1.0)) * (high - low), low), high)
+    return call
+
+
+def scale_of(spin_x: float, spin_y: float) -> float:
+    return 1.0 + abs(spin_x) + abs(spin_y)
+
+
+def friction_bound(call: dict[str, Any]) -> tuple[float, float]:
+    """(a, b) of k = a + min(b, ...) for these constants."""
+    closure = CLOSURES[call["closure"]]
+    linear = closure.coefficients(call["inertia_factor"])
+    c = call.get(closure.constant or "", 0.0)
+    return linear.a0 + linear.a1 * c, linear.b0 + linear.b1 * c
+
+
+@given(gammas, spins, spins, laws())
+@settings(max_examples=300, deadline=None)
+def test_angular_momentum_about_the_contact_is_kept(
+    gamma: float, spin_x: float, spin_y: float, call: dict[str, Any]
+) -> None:
+    r = rebound(gamma, spin_x, spin_y, **call)
+    j, tolerance = call["inertia_factor"], 1e-13 * scale_of(spin_x, spin_y)
+    assert abs((r.v_x - j * r.spin_y) - (r.incidence.sine - j * spin_y)) <= tolerance
+    assert abs((r.v_y - j * r.spin_x) - (0.0 - j * spin_x)) <= tolerance
+
+
+@given(gammas, spins, spins, laws())
+@settings(max_examples=300, deadline=None)
+def test_contact_velocity_is_that_of_centre_and_spin_and_stays_along_the_slip(
+    gamma: float, spin_x: float, spin_y: float, call: dict[str, Any]
+) -> None:
+    r = rebound(gamma, spin_x, spin_y, **call)
+    scale = scale_of(spin_x, spin_y)
+    assert abs(r.contact_x - (r.v_x + r.spin_y)) <= 1e-13 * scale
+    assert abs(r.contact_y - (r.v_y + r.spin_x)) <= 1e-13 * scale
+    across = r.contact_x * r.incidence.slip_y - r.contact_y * r.incidence.slip_x
+    assert abs(across) <= 1e-13 * scale * float(r.incidence.slip)
+
+
+@given(gammas, spins, spins, laws())
+@settings(max_examples=300, deadline=None)
+def test_impulse_factor_is_finite_and_within_its_bounds(
+    gamma: float, spin_x: float, spin_y: float, call: dict[str, Any]
+) -> None:
+    r = rebound(gamma, spin_x, spin_y, **call)
+    a, b = friction_bound(call)
+    assert math.isfinite(float(r.impulse_factor))
+    assert a - 1e-15 <= r.impulse_factor <= a + b + 1e-15
+    assert all(math.isfinite(float(getattr(r, name))) for name in SPEEDS)
+    assert float(r.v_n) == call["e_n"] * float(r.incidence.cosine)
+
+
+@given(spins, spins, st.floats(-math.pi, math.pi), laws())
+@settings(max_examples=200, deadline=None)
+def test_turning_the_spin_about_the_normal_turns_the_rebound(
+    spin_x: float, spin_y: float, turn: float, call: dict[str, Any]
+) -> None:
+    """At normal incidence only the spin has a direction; (spin_y, spin_x) is the vector along (x, y)."""
+    cosine, sine = math.cos(turn), math.sin(turn)
+
+    def turned(x: Any, y: Any) -> tuple[Any, Any]:
+        return cosine * x - sine * y, sine * x + cosine * y
+
+    one = rebound(0.0, spin_x, spin_y, **call)
+    new_y, new_x = turned(spin_y, spin_x)
+    two = rebound(0.0, new_x, new_y, **call)
+    tolerance = 1e-12 * scale_of(spin_x, spin_y)
+    for x, y in (("v_x", "v_y"), ("spin_y", "spin_x"), ("contact_x", "contact_y")):
+        expected = turned(getattr(one, x), getattr(one, y))
+        assert abs(getattr(two, x) - expected[0]) <= tolerance
+        assert abs(getattr(two, y) - expected[1]) <= tolerance
+
+
+@given(
+    gammas,
+    st.floats(-3.0, 3.0),
+    st.floats(-3.0, 3.0),
+    laws(),
+    st.floats(1e-3, 1e3),
+    st.floats(1e-3, 1e3),
+    st.floats(1e-3, 1e3),
+    st.integers(0, 2**32 - 1),
+)
+@settings(max_examples=150, deadline=None)
+def test_does_not_depend_on_speed_size_mass_or_the_walls_direction(
+    oracle: ModuleType,
+    gamma: float,
+    spin_x: float,
+    spin_y: float,
+    call: dict[str, Any],
+    speed: float,
+    radius: float,
+    mass: float,
+    seed: int,
+) -> None:
+    frame, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    frame[:, 2] *= np.linalg.det(frame)
+    closure = CLOSURES[call["closure"]]
+    r = rebound(gamma, spin_x, spin_y, **call)
+    state = oracle.impact(
+        gamma,
+        spin_x,
+        spin_y,
+        law=closure.name,
+        constant=call.get(closure.constant or "", 0.0),
+        e_n=call["e_n"],
+        mu=call["mu"],
+        inertia_factor=call["inertia_factor"],
+        speed=speed,
+        radius=radius,
+        mass=mass,
+        frame=frame,
+    )
+    # near grazing a huge mu multiplies the rounding of u.n in the turned frame
+    tolerance = 1e-13 * scale_of(spin_x, spin_y) * (1.0 + 10.0 * call["mu"])
+    for name in SPEEDS:
+        assert abs(getattr(r, name) - state[name]) <= tolerance, name
+
+
+def energy_after_minus_before(r: Rebound, spin_x: float, spin_y: float) -> float:
+    """From velocities and spins, over m u^2/2."""
+    after = r.v_x**2 + r.v_y**2 + r.v_n**2 + r.inertia_factor * (r.spin_x**2 + r.spin_y**2)
+    return float(after - 1.0 - r.inertia_factor * (spin_x**2 + spin_y**2))
+
+
+@given(gammas, spins, spins, laws())
+@settings(max_examples=400, deadline=None)
+def test_energy_change_is_that_of_the_velocities_and_never_positive(
+    gamma: float, spin_x: float, spin_y: float, call: dict[str, Any]
+) -> None:
+    r = rebound(gamma, spin_x, spin_y, **call)
+    change = float(r.energy_change)
+    expected = energy_after_minus_before(r, spin_x, spin_y)
+    assert abs(change - expected) <= 1e-13 * scale_of(spin_x, spin_y) ** 2
+    assert change <= 1e-14 * (1.0 + float(r.incidence.slip) ** 2)
+
+
+@given(gammas, spins, spins, laws())
+@settings(max_examples=200, deadline=None)
+def test_tangential_energy_follows_from_beta(
+    gamma: float, spin_x: float, spin_y: float, call: dict[str, Any]
+) -> None:
+    r = rebound(gamma, spin_x, spin_y, **call)
+    slip = float(r.incidence.slip)
+    assume(slip > 0.0)
+    j = call["inertia_factor"]
+    normal = (call["e_n"] ** 2 - 1.0) * float(r.incidence.cosine) ** 2
+    expected = normal + rotational_share(j) * slip**2 * (float(r.beta) ** 2 - 1.0)
+    assert abs(float(r.energy_change) - expected) <= 1e-13 * (1.0 + slip**2)
+
+
+@pytest.mark.parametrize("inertia_factor", [0.05, 0.4, 2.0 / 3.0])
+@pytest.mark.parametrize("law", ["ifr", "ifr-contact", "fr"])
+@pytest.mark.parametrize("beyond", ["below", "above"])
+def test_just_outside_the_passive_range_energy_is_created(
+    law: str, inertia_factor: float, beyond: str
+) -> None:
+    """Negative control: the limits are sharp, an impact outside them gains energy."""
+    closure = CLOSURES[law]
+    assert closure.constant is not None
+    low, high = closure.domain(inertia_factor)
+    constant = {closure.constant: low - 0.01 if beyond == "below" else high + 0.01}
+    gamma, spin = np.linspace(0.0, 90.0, 181)[:, None], np.array([-3.0, 0.0, 3.0, 100.0])
+
+    def gain(c: dict[str, float]) -> float:
+        found = [
+            rebound(
+                gamma,
+                0.0,
+                spin,
+                e_n=1.0,
+                mu=mu,
+                closure=law,
+                inertia_factor=inertia_factor,
+                degrees=True,
+                **c,  # type: ignore[arg-type]
+            ).energy_change.max()
+            for mu in (0.0, 0.1, 10.0)
+        ]
+        return float(max(found))
+
+    assert gain(constant) > 1e-3
+    assert gain({closure.constant: low}) <= 1e-10
+    assert gain({closure.constant: high}) <= 1e-10
+
+
+@given(st.floats(0.0, 89.0), spins, spins, laws())
+@settings(max_examples=300, deadline=None)
+def test_continuous_at_the_transition(
+    gamma: float, spin_x: float, spin_y: float, call: dict[str, Any]
+) -> None:
+    """Mu that puts the impact on the transition: a little more sticks, a little less slides, alike."""
+    _, b = friction_bound(call)
+    still = rebound(gamma, spin_x, spin_y, **call)
+    assume(float(still.incidence.slip) > 1e-3)
+    assume(b > 1e-3)
+    mu = b * float(still.incidence.tau) / (1.0 + call["e_n"])
+    h = 1e-9
+    more = rebound(gamma, spin_x, spin_y, **{**call, "mu": mu * (1.0 + h)})
+    less = rebound(gamma, spin_x, spin_y, **{**call, "mu": mu * (1.0 - h)})
+    assert bool(more.sticking)
+    assert not bool(less.sticking)
+    slip = float(still.incidence.slip)
+    j = call["inertia_factor"]
+    for name in SPEEDS:
+        jump = abs(float(getattr(more, name) - getattr(less, name)))
+        assert jump <= 2.0 * h * b * slip * (1.0 + 1.0 / j) + 1e-14 * scale_of(spin_x, spin_y)
+
+
+@given(laws(), spins, spins)
+@settings(max_examples=200, deadline=None)
+def test_sticking_is_below_the_transition_ratio(call: dict[str, Any], spin_x: float, spin_y: float) -> None:
+    closure = CLOSURES[call["closure"]]
+    c = call.get(closure.constant or "", 0.0)
+    tau = transition_tau(closure, c, call["mu"] * (1.0 + call["e_n"]), call["inertia_factor"])
+    gamma = np.linspace(0.0, 89.99, 400)
+    r = rebound(gamma, spin_x, spin_y, **call)
+    clear = np.abs(r.incidence.tau - tau) > 1e-9 * (1.0 + tau)
+    assert (r.sticking == (r.incidence.tau < tau))[clear].all()
+
+
+@given(
+    st.floats(0.0, 89.0),
+    st.floats(-1e-3, 1e-3),
+    st.floats(-1e-3, 1e-3),
+    st.floats(-1e-3, 1e-3),
+    st.floats(-1e-3, 1e-3),
+    laws(),
+)
+@settings(max_examples=300, deadline=None)
+def test_lipschitz_through_no_slip(
+    gamma: float, x1: float, y1: float, x2: float, y2: float, call: dict[str, Any]
+) -> None:
+    """Slips around zero, in any directions: impulses differ by at most (a + b) times what the slips do."""
+    sine = float(rebound(gamma, **call).incidence.sine)
+    one = rebound(gamma, y1, x1 - sine, **call)
+    two = rebound(gamma, y2, x2 - sine, **call)
+    slips = math.hypot(
+        float(one.incidence.slip_x - two.incidence.slip_x), float(one.incidence.slip_y - two.incidence.slip_y)
+    )
+    impulses = math.hypot(float(one.v_x - two.v_x), float(one.v_y - two.v_y))
+    assert impulses <= sum(friction_bound(call)) * slips + 1e-15
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("slip", [5e-324, 1e-310, 1e-200, 1e-17])
+def test_vanishing_slip_is_a_vanishing_impulse(law: str, slip: float) -> None:
+    closure = CLOSURES[law]
+    constant = {closure.constant: closure.domain(0.4)[0]} if closure.constant else {}
+    r = rebound(0.0, slip, -slip, e_n=0.9, mu=0.1, closure=law, **constant)  # type: ignore[arg-type]
+    assert math.isfinite(float(r.impulse_factor))
+    assert math.hypot(float(r.v_x), float(r.v_y)) <= 4.0 * slip
