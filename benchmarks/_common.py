@@ -82,6 +82,21 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
         writer.writerows(rows)
 
 
+def put_into_readme(mark: str, lines: Sequence[str]) -> None:
+    """Replace what stands between ``<!-- mark -->`` and ``<!-- end mark -->`` in the README here."""
+    path = Path(__file__).parent / "README.md"
+    before, rest = path.read_text(encoding="utf-8").split(f"<!-- {mark} -->\n")
+    _, after = rest.split(f"<!-- end {mark} -->\n")
+    middle = "\n".join(["", *lines, "", ""])
+    path.write_text(f"{before}<!-- {mark} -->\n{middle}<!-- end {mark} -->\n{after}", encoding="utf-8")
+
+
+def markdown_table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows under the first one, as Markdown."""
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    return [lines[0], "|" + "---|" * len(rows[0]), *lines[1:]]
+
+
 def print_table(rows: Sequence[Sequence[str]]) -> None:
     """Print rows under the first one, columns aligned to the right."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]

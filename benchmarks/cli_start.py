@@ -1,6 +1,6 @@
 """Wall time of the command line in fresh processes, beside an interpreter that does nothing.
 
-``python benchmarks/cli_start.py [--repeats 7] [--out DIR]``
+``python benchmarks/cli_start.py [--repeats 7] [--out DIR] [--readme]``
 """
 
 from __future__ import annotations
@@ -14,7 +14,16 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from _common import RESULTS, machine, print_table, seconds_of, verdict, write_csv
+from _common import (
+    RESULTS,
+    machine,
+    markdown_table,
+    print_table,
+    put_into_readme,
+    seconds_of,
+    verdict,
+    write_csv,
+)
 
 # isort: split
 
@@ -54,6 +63,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV")
+    parser.add_argument("--readme", action="store_true", help="put the table into the README, too")
     options = parser.parse_args()
     script = Path(sys.executable).with_name("ifrfit")
     ifr = [str(script)] if script.exists() else [sys.executable, "-m", "ifrfit"]
@@ -78,7 +88,7 @@ def main() -> None:
     bare = medians[cases[0][0]]
     print(machine())
     print(f"median of {options.repeats}, fresh processes\n")
-    shown = [["command", "time", "over bare python", "goal", ""]]
+    shown = [["command", "time", "over bare python", "goal", "verdict"]]
     rows = []
     for name, _, goal in cases:
         t = medians[name]
@@ -87,6 +97,8 @@ def main() -> None:
         rows.append({"command": name, "time_s": f"{t:.4g}", "goal_s": goal or "", "goal": judged})
     print_table(shown)
     write_csv(options.out / "cli_start.csv", rows)
+    if options.readme:
+        put_into_readme("command line", [machine(), "", *markdown_table(shown)])
 
 
 def _imports() -> list[str]:

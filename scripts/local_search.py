@@ -130,10 +130,16 @@ class Local:
                 theta[i] = low + math.exp(rng.uniform(math.log(5e-3), math.log(2.0)))
         return theta
 
-    def search(self, theta: Array) -> Array:
-        """Constants where Levenberg-Marquardt ends from a start."""
-        x0 = self.unknowns(theta)
-        found = leastsq(
-            self.residuals, x0, Dfun=self.jacobian, xtol=1e-11, ftol=1e-11, maxfev=150, full_output=True
+    def search(self, theta: Array) -> tuple[float, Array]:
+        """Sum of squares and constants where Levenberg-Marquardt ends from a start."""
+        x, *_ = leastsq(
+            self.residuals,
+            self.unknowns(theta),
+            Dfun=self.jacobian,
+            xtol=1e-11,
+            ftol=1e-11,
+            maxfev=150,
+            full_output=True,
         )
-        return self.theta(found[0])
+        r = self.residuals(x)
+        return float(r @ r), self.theta(x)

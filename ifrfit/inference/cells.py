@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.piecewise import Array, PiecewiseProblem, View
+from ifrfit.inference.piecewise import Array, PiecewiseProblem
 
-_RELATIVE_PIVOT = 1e-14  # below this share of its diagonal a pivot counts as zero
+_FLAT = 1e-14  # below this share of its diagonal a pivot counts as zero
+_DOUBTFUL = 1e-9  # below this share the sums have too few digits left to solve the cell from them
 _FEASIBLE = 1e-11  # slack of a constraint, relative to its terms
-_ROUNDING = 64.0 * np.finfo(float).eps  # of a sum of squares, relative to its largest partial sum
+_STEP = 1e-10  # slack of a constraint in standard deviations
 _FIRST = 8  # cells solved to get a first value
 _CHUNK = 65536  # cells solved at once
 _MOST = 4096  # cells solved beyond need, to count local minima
@@ -28,16 +30,33 @@ class Cells:
     count: NDArray[np.intp]  # rows that stick
     low: Array  # tau of the last sticking row (0 for none)
     high: Array  # tau of the first sliding row (inf for none)
-    rounding: float  # of any sum of squares here
+    rounding: float  # relative error of a sum
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Constrained minima of some cells.
+
+    Attributes
+    ----------
+    values, errors : ndarray
+        Minima, and their rounding errors.
+    points : ndarray
+        Where they are, (m, q).
+    """
+
+    values: Array
+    errors: Array
+    points: Array
 
 
 @dataclass(frozen=True)
 class Branched:
-    """Cells solved exactly, and a lower bound of every cell."""
+    """Cells solved, and a lower bound of every cell."""
 
     values: Array
+    errors: Array
     points: Array
-    held: NDArray[np.intp]  # walls that each point touches, -1 for none, (solved, q)
     solved: NDArray[np.intp]
     bounds: Array
 
@@ -57,40 +76,34 @@ class Branched:
         return np.asarray(self.points[self.best])
 
     @property
-    def walls(self) -> NDArray[np.intp]:
-        """Walls that hold it."""
-        held = self.held[self.best]
-        return np.asarray(held[held >= 0])
-
-    @property
     def cell(self) -> int:
         """In which cell."""
         return int(self.solved[self.best])
 
-    def lowest_bound_elsewhere(self, rounding: float) -> float:
+    def lowest_bound_elsewhere(self) -> float:
         """Least bound over all cells but those that hold the least value."""
         rest = np.ones(self.bounds.size, dtype=bool)
-        rest[self.solved[self.values <= self.value + rounding]] = False
+        same = self.values <= self.value + self.errors + self.errors[self.best]
+        rest[self.solved[same]] = False
         return float(self.bounds[rest].min(initial=np.inf))
 
 
-def build(problem: PiecewiseProblem, view: View) -> Cells:
-    """Sum up the quadratics of all cells in the view's coordinates; rows of equal tau change together."""
+def build(problem: PiecewiseProblem) -> Cells:
+    """Sum up the quadratics of all cells; rows of equal tau change together."""
     tau, q = problem.tau, problem.kappa.size
     change = np.empty(tau.size + 1, dtype=bool)
     change[0] = change[-1] = True
     np.greater(tau[1:], tau[:-1], out=change[1:-1])
     count = np.flatnonzero(change)
-    stick, slide, rest = (view.of(rows) for rows in (problem.stick, problem.slide, problem.always))
-    stick_columns = [*np.ascontiguousarray(stick.design.T), stick.target]
-    slide_columns = [*np.ascontiguousarray(slide.design.T), slide.target]
-    always = np.column_stack((rest.design, rest.target))
+    stick = [*np.ascontiguousarray(problem.stick.design.T), problem.stick.target]
+    slide = [*np.ascontiguousarray(problem.slide.design.T), problem.slide.target]
+    always = np.column_stack((problem.always.design, problem.always.target))
     constant = always.T @ always
     prefix, suffix = np.zeros(tau.size + 1), np.zeros(tau.size + 1)
 
     def total(i: int, j: int) -> Array:
-        np.cumsum(stick_columns[i] * stick_columns[j], out=prefix[1:])
-        np.cumsum((slide_columns[i] * slide_columns[j])[::-1], out=suffix[-2::-1])
+        np.cumsum(stick[i] * stick[j], out=prefix[1:])
+        np.cumsum((slide[i] * slide[j])[::-1], out=suffix[-2::-1])
         return np.asarray((prefix + suffix + constant[i, j])[change])
 
     gram = np.empty((q, q, count.size))
@@ -100,38 +113,40 @@ def build(problem: PiecewiseProblem, view: View) -> Cells:
     square = total(q, q)
     return Cells(
         gram,
-        slope - (view.frame.T @ problem.slope0)[:, None],
+        slope - problem.slope0[:, None],
         square,
         count,
         np.concatenate(([0.0], tau))[change],
         np.concatenate((tau, [np.inf]))[change],
-        _ROUNDING * float(square.max(initial=0.0)),
+        4.0 * np.finfo(float).eps * max(16.0, math.sqrt(tau.size)),
     )
 
 
 def _unconstrained(cells: Cells) -> tuple[Array, NDArray[np.bool_]]:
-    """Unconstrained minimum of every cell, and where a pivot vanished.
+    """Lower bound of every cell from its unconstrained minimum, and which cells the sums leave in doubt.
 
-    Elimination on the Jacobi-scaled matrices, all cells at once. A cell with a vanished pivot has no
-    unique minimiser; its minimum is not trusted as a bound.
+    Elimination on the Jacobi-scaled matrices, all cells at once. A vanishing pivot means that the minimum
+    lies along a line, which is no harm; a small one that its part has lost its digits.
     """
     q = cells.slope.shape[0]
     size = [_size(cells.gram[i, i]) for i in range(q)]
     a = [[cells.gram[i, j] / (size[i] * size[j]) for j in range(q)] for i in range(q)]
     z = [cells.slope[i] / size[i] for i in range(q)]
-    singular = np.zeros(cells.square.size, dtype=bool)
-    minimum = cells.square.copy()
+    doubtful = np.zeros(cells.square.size, dtype=bool)
+    minimum, error = cells.square.copy(), cells.square.copy()
     for k in range(q):
-        flat = ~(a[k][k] > _RELATIVE_PIVOT)
-        singular |= flat
-        pivot = np.where(flat, np.inf, a[k][k])
-        minimum -= z[k] * z[k] / pivot
+        empty = cells.gram[k, k] == 0.0
+        doubtful |= ~empty & (a[k][k] < _DOUBTFUL)
+        pivot = np.where(empty | ~(a[k][k] > _FLAT), np.inf, a[k][k])
+        part = z[k] * z[k] / pivot
+        minimum -= part
+        error += part / np.minimum(pivot, 1.0)
         for i in range(k + 1, q):
             factor = a[i][k] / pivot
             z[i] = z[i] - factor * z[k]
             for j in range(k + 1, q):
                 a[i][j] = a[i][j] - factor * a[k][j]
-    return minimum, singular
+    return minimum - cells.rounding * error, doubtful
 
 
 def _size(diagonal: Array) -> Array:
@@ -146,54 +161,59 @@ def constraints(problem: PiecewiseProblem, cells: Cells, which: NDArray[np.intp]
     limits = np.broadcast_to(problem.limits, (m, problem.limits.size))
     low = cells.low[which, None]
     high = cells.high[which, None]
-    open_end = np.isinf(high)
+    # no kink below the first cell and above the last one: such walls are void
+    open_start, open_end = low == 0.0, np.isinf(high)
     high = np.where(open_end, 0.0, high)
-    low_wall = low * problem.bound - problem.kappa
+    low_wall = np.where(open_start, 0.0, low * problem.bound - problem.kappa)
     high_wall = np.where(open_end, 0.0, problem.kappa - high * problem.bound)
-    low_limit = problem.kappa0 - low * problem.bound0
+    low_limit = np.where(open_start, 1.0, problem.kappa0 - low * problem.bound0)
     high_limit = np.where(open_end, 1.0, high * problem.bound0 - problem.kappa0)
     walls = np.concatenate((walls, low_wall[:, None], high_wall[:, None]), axis=1)
     return walls, np.concatenate((limits, low_limit, high_limit), axis=1)
 
 
-def _inside(t: Array, walls: Array, limits: Array, active: tuple[int, ...]) -> NDArray[np.bool_]:
+def _inside(
+    t: Array, walls: Array, limits: Array, slack: Array, active: tuple[int, ...]
+) -> NDArray[np.bool_]:
     """Whether t obeys all constraints, up to rounding; the active ones hold by construction."""
     terms = walls * t[:, None, :]
     size = np.abs(terms).sum(axis=2) + np.abs(limits)
-    obeyed = terms.sum(axis=2) - limits <= _FEASIBLE * size
+    obeyed = terms.sum(axis=2) - limits <= _FEASIBLE * size + slack
     obeyed[:, active] = True
     return np.asarray(obeyed.all(axis=1))
 
 
-def _solve(
-    problem: PiecewiseProblem, view: View, cells: Cells, which: NDArray[np.intp]
-) -> tuple[Array, Array, NDArray[np.intp]]:
+def solve_cells(
+    problem: PiecewiseProblem, cells: Cells, which: NDArray[np.intp], sd: Array | None = None
+) -> Solved:
     """Constrained minimum of each chosen cell, exactly: the best stationary point over all its faces.
 
     Faces on which the quadratic is flat are passed over: then a face of lower dimension has the same value.
-    Whether a point lies in its cell is judged in the problem's own coordinates.
+    `sd` is the size of a standard deviation of each unknown, by default from the cell's own matrix.
     """
     walls, limits = constraints(problem, cells, which)
-    local_walls, local_limits = walls @ view.frame, limits - walls @ view.center
     gram = np.moveaxis(cells.gram[:, :, which], -1, 0)
     slope, square = cells.slope[:, which].T, cells.square[which]
     m, n_walls, q = walls.shape
-    best = np.full(m, np.inf)
-    points, held = np.zeros((m, q)), np.full((m, q), -1)
+    # so small a part of a standard deviation moves no sum of squares; it matters where several walls meet
+    if sd is None:
+        diagonal = gram[:, range(q), range(q)]
+        sd = np.where(diagonal > 0.0, 1.0 / _size(diagonal), 0.0)
+    slack = _STEP * (np.abs(walls) * sd[:, None, :]).sum(axis=2)
+    best, errors, points = np.full(m, np.inf), np.zeros(m), np.zeros((m, q))
     for n_active in range(q + 1):
         for active in itertools.combinations(range(n_walls), n_active):
-            u, good = _stationary(gram, slope, local_walls[:, active], local_limits[:, active])
+            t, good = _stationary(gram, slope, walls[:, active], limits[:, active])
             if not good.any():
                 continue
-            t = view.center + u @ view.frame.T
-            good &= _inside(t, walls, limits, active)
-            value = ((gram @ u[:, :, None])[:, :, 0] * u - 2.0 * slope * u).sum(axis=1) + square
+            good &= _inside(t, walls, limits, slack, active)
+            curved = (gram @ t[:, :, None])[:, :, 0] * t
+            value = (curved - 2.0 * slope * t).sum(axis=1) + square
             better = good & (value < best)
-            best[better] = value[better]
-            points[better] = t[better]
-            held[better] = -1
-            held[better, :n_active] = active
-    return best, points, held
+            best[better], points[better] = value[better], t[better]
+            size = (np.abs(curved) + 2.0 * np.abs(slope * t)).sum(axis=1) + square
+            errors[better] = cells.rounding * size[better]
+    return Solved(best, errors, points)
 
 
 def _stationary(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -209,33 +229,35 @@ def _stationary(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple
     system[:, q:, :q] = scaled
     system[:, :q, q:] = np.swapaxes(scaled, 1, 2)
     right = np.concatenate((slope / size, limits / norm), axis=1)
-    good = np.abs(np.linalg.det(system)) > _RELATIVE_PIVOT
+    good = np.abs(np.linalg.det(system)) > _FLAT
     system[~good] = np.eye(q + n_active)
     t = np.linalg.solve(system, right[:, :, None])[:, :q, 0] / size
     return t, good
 
 
-def branch(problem: PiecewiseProblem, view: View, cells: Cells) -> Branched:
+def branch(problem: PiecewiseProblem, cells: Cells) -> Branched:
     """Solve every cell whose bound does not lie above the best value, and those within 4 of it.
 
     The cells with the lowest bounds give a first value; all that its bound admits follow. The value only
-    falls, so nothing that could hold the minimum is left out.
+    falls, so nothing that could hold the minimum is left out. A cell that the sums leave in doubt keeps the
+    bound that needs no sums.
     """
-    minimum, singular = _unconstrained(cells)
-    bounds = np.where(singular, 0.0 if problem.pull is None else -np.inf, minimum)
+    bounds, doubtful = _unconstrained(cells)
+    nothing = 0.0 if problem.pull is None else -np.inf
+    bounds = np.where(doubtful, nothing, bounds if problem.pull is not None else np.maximum(bounds, 0.0))
     first = np.argpartition(bounds, min(_FIRST, bounds.size) - 1)[:_FIRST]
-    chunks = [_solve(problem, view, cells, first)]
-    best = float(chunks[0][0].min())
-    admitted = bounds <= best + cells.rounding
+    parts = [solve_cells(problem, cells, first)]
+    best = float((parts[0].values + parts[0].errors).min())
+    admitted = bounds <= best
     near = np.flatnonzero(~admitted & (bounds <= best + 4.0))
     if near.size > _MOST:
         near = near[np.argpartition(bounds[near], _MOST)[:_MOST]]
     admitted[near] = True
     admitted[first] = False
     more = np.flatnonzero(admitted)
-    for part in np.array_split(more, 1 + more.size // _CHUNK):
-        chunks.append(_solve(problem, view, cells, part))
-    values, points, held = (np.concatenate(parts) for parts in zip(*chunks, strict=True))
+    parts += [solve_cells(problem, cells, part) for part in np.array_split(more, 1 + more.size // _CHUNK)]
     solved = np.concatenate((first, more))
-    bounds[solved] = values
-    return Branched(values, points, held, solved, bounds)
+    values = np.concatenate([part.values for part in parts])
+    errors = np.concatenate([part.errors for part in parts])
+    bounds[solved] = np.where(doubtful[solved], nothing, values - errors)
+    return Branched(values, errors, np.concatenate([part.points for part in parts]), solved, bounds)

@@ -18,7 +18,7 @@ def local_minima(problem: PiecewiseProblem, cells: Cells, found: Branched) -> li
     near = found.values <= found.value + 4.0
     order = np.argsort(found.solved[near])
     number, value, point = found.solved[near][order], found.values[near][order], found.points[near][order]
-    tolerance = max(1e-9 * abs(found.value), cells.rounding, 1e-12)
+    tolerance = max(1e-9 * abs(found.value), float(found.errors[found.best]), 1e-12)
     kappa, bound = point @ problem.kappa + problem.kappa0, point @ problem.bound + problem.bound0
     neighbours = np.diff(number) == 1
     kink = cells.high[number[:-1]]

@@ -4,7 +4,8 @@ Sort the rows by tau. Between two neighbouring values of tau the transition leav
 so the sum of squares is one convex quadratic there (a cell). Prefix sums of the sticking rows and suffix
 sums of the sliding rows give the quadratics of all cells in O(N). A cell's unconstrained minimum bounds it
 from below; only cells whose bound lies under the best value found are solved exactly. What remains is
-proven: no cell holds a lower value.
+proven: no cell holds a lower value. Bounds and values are taken less their rounding error, and a cell that
+rounding leaves in doubt is solved again from its own rows.
 """
 
 from __future__ import annotations
@@ -72,18 +73,6 @@ class PiecewiseProblem:
 
 
 @dataclass(frozen=True)
-class View:
-    """Coordinates u with t = center + frame @ u, in which sums of squares keep their digits."""
-
-    center: Array
-    frame: Array
-
-    def of(self, rows: Rows) -> Rows:
-        """Restate rows in u."""
-        return Rows(rows.design @ self.frame, rows.residuals(self.center))
-
-
-@dataclass(frozen=True)
 class PiecewiseOptimum:
     """The minimum, and what is proven about it.
 
@@ -123,28 +112,15 @@ def minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
     """
     from ifrfit.inference.cells import branch, build
     from ifrfit.inference.minima import local_minima
-    from ifrfit.inference.polish import polish
+    from ifrfit.inference.settle import settle
 
     problem = _sorted(problem)
-    q = problem.kappa.size
-    t, view = np.zeros(q), View(np.zeros(q), np.eye(q))
-    for _ in range(4):
-        cells = build(problem, view)
-        found = branch(problem, view, cells)
-        before, (t, frame) = t, polish(problem, cells, found)
-        # sums about a far centre lose digits to cancellation: look again from the optimum
-        if cells.rounding <= 1e-10 * abs(found.value) or np.array_equal(t, before):
-            break
-        view = View(t, frame)
-    chi2 = problem.value(t)
-    # values of cells are seen from the centre: what pull @ centre adds is common to all of them
-    shift = 0.0 if problem.pull is None else float(problem.pull @ view.center)
-    gap = chi2 - shift - found.lowest_bound_elsewhere(cells.rounding)
-    optima = [(chi2, t)]
-    optima += [(value + shift, point) for value, point in local_minima(problem, cells, found)[1:]]
-    return PiecewiseOptimum(
-        t, chi2, gap if gap > cells.rounding else 0.0, tuple(optima), found.bounds.size, found.solved.size
-    )
+    cells = build(problem)
+    found = settle(problem, cells, branch(problem, cells))
+    chi2 = problem.value(found.point)
+    gap = max(0.0, chi2 - found.lowest_bound_elsewhere())
+    optima = [(chi2, found.point), *local_minima(problem, cells, found)[1:]]
+    return PiecewiseOptimum(found.point, chi2, gap, tuple(optima), found.bounds.size, found.solved.size)
 
 
 def _sorted(problem: PiecewiseProblem) -> PiecewiseProblem:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,6 +58,12 @@ class Incidence:
     slip_x: Array
     slip_y: Array
 
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+
     @classmethod
     def of(
         cls, gamma: ArrayLike, spin_x: ArrayLike = 0.0, spin_y: ArrayLike = 0.0, *, degrees: bool = False
@@ -67,7 +73,8 @@ class Incidence:
         parts = np.broadcast_arrays(
             sine, cosine, np.asarray(spin_x, dtype=float), np.asarray(spin_y, dtype=float)
         )
-        sine, cosine, s_x, s_y = parts
+        # copies: the caller's arrays stay his own
+        sine, cosine, s_x, s_y = (np.array(part) for part in parts)
         return cls(sine, cosine, s_x, s_y, sine + s_y, s_x)
 
     @property

@@ -36,15 +36,24 @@ def transition_angles(tau: float, spin_x: float = 0.0, spin_y: float = 0.0) -> t
     """
     if not math.isfinite(tau) or tau < 0.0:
         return ()
-    spin2 = spin_x * spin_x + spin_y * spin_y
-    # divided by tau^2 where that is large, so that nothing overflows and no digits are lost
-    scale = 1.0 / (1.0 + tau * tau)
-    half, constant = spin_y * scale, (spin2 - tau * tau) * scale
-    discriminant = half * half - constant
-    if discriminant < 0.0:
+    # all divided by n^2 = 1 + tau^2, and squares kept as products: nothing overflows, underflows or cancels
+    n = math.hypot(1.0, tau)
+    p, spin, lateral = tau / n, math.hypot(spin_x, spin_y) / n, abs(spin_x) / n / n
+    if spin > 1.0:
         return ()
-    root = math.sqrt(discriminant)
+    reach = p * math.sqrt((1.0 - spin) * (1.0 + spin))
+    if reach < lateral:
+        return ()
+    half, root = spin_y / n / n, math.sqrt(reach - lateral) * math.sqrt(reach + lateral)
     first = -half - math.copysign(root, half)
-    second = constant / first if first != 0.0 else 0.0
-    sines = sorted({first, second})
-    return tuple(math.degrees(math.asin(s)) for s in sines if 0.0 <= s <= 1.0)
+    second = (spin - p) / first * (spin + p) if first != 0.0 else 0.0
+    # rounding may lift the sine of an angle at 90 degrees over 1
+    sines = [min(abs(s), 1.0) for s in (first, second) if 0.0 <= s <= 1.0 + 1e-15]
+    return tuple(sorted({_degrees(s, tau, spin_x, spin_y) for s in sines}))
+
+
+def _degrees(sine: float, tau: float, spin_x: float, spin_y: float) -> float:
+    """Angle of a sine; near 90 degrees from the cosine |U_t|/tau, because there the sine says little."""
+    if math.sqrt((1.0 - sine) * (1.0 + sine)) >= tau:
+        return math.degrees(math.asin(sine))
+    return math.degrees(math.atan2(sine, math.hypot(sine + spin_y, spin_x) / tau))

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import re
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +14,7 @@ from typing import Any
 from typer.testing import CliRunner
 
 FILE = "impacts.csv"
+OUT = "results"
 GROUPS = ("rebound", "data refused", "identifiability", "numerics")
 
 
@@ -78,3 +82,35 @@ def put(folder: Path, content: str | bytes, name: str = FILE) -> Path:
     path = folder / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
+
+
+def in_a_process(content: str | bytes | None) -> Callable[[Path], Told]:
+    """Run the program itself, as a shell does."""
+
+    def run(folder: Path) -> Told:
+        if content is not None:
+            put(folder, content)
+        words = [sys.executable, "-W", "error::RuntimeWarning", "-m", "ifrfit", "fit", FILE, "--out", OUT]
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+        left = tuple(p.name for p in folder.iterdir() if p.name != FILE)
+        return Told(done.returncode, done.stdout, done.stderr, left)
+
+    return run
+
+
+def refused(*words: str) -> Callable[[Told], None]:
+    """Exit status 3, one or two sentences with these words, no traceback, nothing written."""
+
+    def check(told: Told) -> None:
+        assert told.status == 3, told
+        for word in words:
+            assert word in told.err, (word, told.err)
+        assert "Traceback" not in told.err
+        assert told.err.startswith(f"ifrfit: {FILE}")
+        assert told.err.count("\n") == 1
+        assert len(told.err) < 500
+        assert 1 <= len(re.findall(r"[.!?](?=\s+[A-Z'-]|\s*$)", told.err)) <= 2, told.err
+        assert told.out == ""
+        assert told.left == ()
+
+    return check

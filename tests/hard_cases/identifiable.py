@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from hard_cases.case import FILE, HardCase, Told, command, put
-from hard_cases.refusals import refused
-from hard_cases.synthetic import FAN, GRAZING, STEEP, TRUTH, rows, table, values
+import numpy as np
+from hard_cases.case import FILE, OUT, HardCase, Told, command, put, refused
+from hard_cases.synthetic import FAN, GRAZING, HEADER, STEEP, TRUTH, rows, table, values
 
 from ifrfit import fit
 from ifrfit.inference import FitResult
@@ -72,7 +72,8 @@ def _sliding_wholly_free(result: FitResult) -> None:
 
 def _open(result: FitResult) -> None:
     """Nothing is determined, nothing has a value, and the truth is among what is compatible."""
-    assert not result.facts["identifiable"].ok
+    # either a combination is loose, or another optimum explains the data as well
+    assert not (result.facts["identifiable"].ok and result.facts["global_optimum"].ok)
     for name in ("e_t", "mu"):
         found = result.constants[name]
         assert found.status in ("not_determined", "one_sided"), (name, found)
@@ -83,10 +84,32 @@ def _open(result: FitResult) -> None:
     assert any(result.constants[name].status == "not_determined" for name in ("e_t", "mu"))
 
 
+def _silent(result: FitResult) -> None:
+    assert statuses(result) == {"e_n": "fixed", "e_t": "not_determined", "mu": "not_determined"}
+    assert result.constants["e_t"].interval95 == (-1.0, -0.4)
+    assert result.constants["mu"].interval95 == (0.0, math.inf)
+    assert result.facts["identifiable"].figures["rank"] == 0
+
+
+def _single(result: FitResult) -> None:
+    assert statuses(result) == {
+        "e_n": "fixed",
+        "e_t[run]": "determined",
+        "e_t[single]": "not_determined",
+        "mu[run]": "determined",
+        "mu[single]": "not_determined",
+    }
+    flat = result.flat_constants()
+    for name in ("e_t", "mu"):
+        low, high = flat[f"{name}[single]"].interval95
+        assert low <= TRUTH[name] <= high
+        assert abs(flat[f"{name}[run]"].value - TRUTH[name]) <= 5.0 * flat[f"{name}[run]"].stderr
+
+
 def _refusal(text: str, *options: str) -> Callable[[Path], Told]:
     def run(folder: Path) -> Told:
         put(folder, text)
-        return command(folder, ["fit", FILE, *options, "--out", "results"])
+        return command(folder, ["fit", FILE, *options, "--out", OUT])
 
     return run
 
@@ -187,6 +210,23 @@ CASES = (
         "Nothing is determined; the compatible intervals hold the truth.",
         fitted(table((20.0, 60.0), sigma=0.01), fix={}),
         _open,
+    ),
+    _case(
+        "rows that say nothing",
+        "v_x at normal incidence without spin, where nothing moves along the wall whatever the constants.",
+        "Nothing is determined; the compatible intervals are the whole domain.",
+        fitted(HEADER + rows((0.0,) * 3, np.zeros(3), 0.01, "v_x")),
+        _silent,
+    ),
+    _case(
+        "one point in its own series",
+        "A full series and a series of one sliding point, e_t and mu separate by series.",
+        "The full series has its constants; those of the single point are not determined.",
+        fitted(
+            table(sigma=0.01, seed=1) + rows((45.0,), values((45.0,), "beta"), 0.01, series="single"),
+            separate=("e_t", "mu"),
+        ),
+        _single,
     ),
     _needs_sigma(
         "one point, sigma unknown",

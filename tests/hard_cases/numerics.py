@@ -116,6 +116,41 @@ def _wide(decades: float, seed: int, **other: Any) -> Callable[[Path], Judged]:
     )
 
 
+def _random(seed: int) -> Callable[[Path], Judged]:
+    """A random problem of one to seven rows; the law may or may not hold, angles may repeat."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 8))
+    gamma = rng.uniform(0.5, 89.5, n)
+    if seed % 3 == 0:
+        gamma = np.clip(np.round(gamma / 15.0) * 15.0, 15.0, 75.0)
+    sigma = 10.0 ** rng.uniform(-rng.choice([0.0, 3.0, 6.0]), 0.0, n)
+    closure, law = ("fr", FR) if seed % 2 else ("ifr", IFR)
+    own = {"e_t": None, "beta0": rng.uniform(-1.0, 1.0)} if seed % 2 else {"e_t": rng.uniform(-1.0, -0.4)}
+    beta = values(gamma, "beta", closure=closure, mu=float(10.0 ** rng.uniform(-3.0, 1.0)), **own)
+    beta = rng.normal(0.0, 3.0, n) if seed % 5 == 0 else beta + rng.normal(0.0, 1.0, n) * sigma
+    return _judged(gamma, beta, sigma, e_n=TRUTH["e_n"], closure=closure, law=law)
+
+
+_ON_A_WALL = _judged(
+    (7.785361739874544, 19.764368619915796),
+    (-0.770645627714175, -0.5078478743580739),
+    (0.024531274313359372, 0.45036496140631394),
+    e_n=0.94,
+)
+_FLAT = (
+    ((45.83336890044357,), (-2.4493066231601186,), (0.9343784940111839,)),
+    ((57.58978165816252,), (0.7920073128007523,), (0.04683408881561234,)),
+    ((32.677179360930715,), (0.8355554392723159,), (0.011912771247432627,)),
+    ((50.190713122508306,), (-0.613421677360849,), (2.1880558537941664e-07,)),
+    ((60.0, 60.0), (-0.12402910066027852, -0.2508904097734972), (0.07854007969574729, 0.7278469778506573)),
+)
+_ONE_HEAVY_ROW = _judged(
+    (28.35389947290638, 44.51289919858475, 18.123876276591673),
+    (0.2914836512337662, -0.06538431578069273, 0.8607459009773053),
+    (0.008641457683062775, 0.008530038168870668, 4.831301679157932e-07),
+    e_n=0.94,
+)
+
 OUTLIER_LINE = 14
 _DENSE = tuple(float(g) for g in range(5, 86, 2))
 
@@ -208,6 +243,35 @@ CASES = (
         "The same for closure FR, whose kink lines depend on both constants.",
         _CERTIFICATE,
         _several([_wide(12, seed, closure="fr", law=FR) for seed in (1, 2, 3)]),
+        _all_certified,
+    ),
+    _case(
+        "two rows, optimum at mu = 0",
+        "Two sliding rows whose best constants lie where the bound of mu and a kink line fall together.",
+        _CERTIFICATE,
+        _ON_A_WALL,
+        _certified,
+    ),
+    _case(
+        "one row, one angle",
+        "Four tables of one row and one of two rows at one angle: sums of squares with a flat direction.",
+        _CERTIFICATE,
+        _several([_judged(*columns, e_n=0.94) for columns in _FLAT]),
+        _all_certified,
+    ),
+    _case(
+        "three rows, one of them heavy",
+        "Three rows, one with a weight 3e8 times that of the others.",
+        _CERTIFICATE,
+        _ONE_HEAVY_ROW,
+        _certified,
+    ),
+    _case(
+        "random small problems",
+        "Twenty-four random problems of one to seven rows: closures IFR and FR, repeated angles, weights "
+        "over up to 1e12, laws that do not hold.",
+        _CERTIFICATE,
+        _several([_random(seed) for seed in range(24)]),
         _all_certified,
     ),
     _case(

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import json
-import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from hard_cases.case import FILE, HardCase, Told, command, put
+from hard_cases.case import FILE, OUT, HardCase, Told, command, in_a_process, put, refused
 from hard_cases.synthetic import FAN, HEADER, values
 
-OUT = "results"
 _GOOD = "gamma_deg,beta,sigma\n10,0.42,0.05\n20,0.43,0.05\n50,-0.3,0.05\n"
 
 
@@ -23,38 +19,6 @@ def _fit(content: str | bytes | None) -> Callable[[Path], Told]:
         return command(folder, ["fit", FILE, "--fix", "e_n=0.94", "--out", OUT])
 
     return run
-
-
-def _in_a_process(content: str | bytes | None) -> Callable[[Path], Told]:
-    """Run the program itself, as a shell does."""
-
-    def run(folder: Path) -> Told:
-        if content is not None:
-            put(folder, content)
-        words = [sys.executable, "-W", "error::RuntimeWarning", "-m", "ifrfit", "fit", FILE, "--out", OUT]
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-        left = tuple(p.name for p in folder.iterdir() if p.name != FILE)
-        return Told(done.returncode, done.stdout, done.stderr, left)
-
-    return run
-
-
-def refused(*words: str) -> Callable[[Told], None]:
-    """Exit status 3, one or two sentences with these words, no traceback, nothing written."""
-
-    def check(told: Told) -> None:
-        assert told.status == 3, told
-        for word in words:
-            assert word in told.err, (word, told.err)
-        assert "Traceback" not in told.err
-        assert told.err.startswith(f"ifrfit: {FILE}")
-        assert told.err.count("\n") == 1
-        assert len(told.err) < 500
-        assert 1 <= len(re.findall(r"[.!?](?=\s+[A-Z'-]|\s*$)", told.err)) <= 2, told.err
-        assert told.out == ""
-        assert told.left == ()
-
-    return check
 
 
 def _case(name: str, what: str, content: str | bytes | None, *words: str, remedy: str) -> HardCase:
@@ -283,7 +247,7 @@ CASES = (
         "data refused",
         "A file of no bytes.",
         "Refused with exit status 3, nothing written: ifrfit template prints a table to fill in.",
-        _in_a_process(""),
+        in_a_process(""),
         refused("the file is empty", "ifrfit template"),
     ),
     HardCase(
@@ -291,7 +255,7 @@ CASES = (
         "data refused",
         "A file that is not there.",
         "Refused with exit status 3, nothing written: neither a file nor a dataset has that name.",
-        _in_a_process(None),
+        in_a_process(None),
         refused(FILE, "dataset"),
     ),
     *_FORM,

@@ -83,7 +83,7 @@ def test_one_local_search_that_calls_itself_certified_is_caught(problems):
 
     def only_here(problem, sigma):
         local = Local(problem)
-        theta = local.search(local.start(np.random.default_rng(7)))
+        _, theta = local.search(local.start(np.random.default_rng(7)))
         return replace(template, theta=theta, objective=objective_at(problem, sigma, theta), gap=0.0)
 
     found = [compare(p, 20, np.random.default_rng(i), only_here) for i, p in enumerate(problems)]

@@ -5,6 +5,7 @@ import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def oracle() -> ModuleType:
 
 
 @pytest.fixture(scope="session")
-def impacts() -> dict[str, NDArray]:
+def impacts() -> dict[str, NDArray[Any]]:
     """Columns of tests/reference/impacts.csv; numbers as float, the rest as text."""
     path = Path(__file__).parents[1] / "reference" / "impacts.csv"
     with path.open(encoding="utf-8", newline="") as handle:

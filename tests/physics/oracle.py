@@ -46,8 +46,9 @@ def impact(
 ) -> dict[str, float]:
     """State after, per speed, components along the frame's columns (x, y, into the wall), paper's signs."""
     x, y, normal = frame.T
-    gamma = math.radians(gamma_deg)
-    velocity = speed * (math.sin(gamma) * x + math.cos(gamma) * normal)
+    # from 90 - gamma, because cos(radians(90)) is not zero and a huge mu would make friction of it
+    approach = math.sin(math.radians(90.0 - gamma_deg))
+    velocity = speed * (math.sin(math.radians(gamma_deg)) * x + approach * normal)
     # the paper's omega_x is minus the right-handed component
     turn = speed / radius * (spin_y * y - spin_x * x)
     arm = radius * normal
@@ -71,8 +72,3 @@ def impact(
         "contact_x": float(contact_after @ x) / speed,
         "contact_y": float(contact_after @ y) / speed,
     }
-
-
-def kinetic_energy(spin_squared: float, speed_squared: float, inertia_factor: float) -> float:
-    """Over m u^2/2."""
-    return speed_squared + inertia_factor * spin_squared

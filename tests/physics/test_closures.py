@@ -76,8 +76,7 @@ def test_agrees_with_the_impulse_balance(
         mu=mu,
         inertia_factor=inertia_factor,
     )
-    # cos(90 degrees) is 6e-17 in the oracle; times a huge mu that is a little friction
-    assert_same_state(got, expected, 1.0 + abs(spin_x) + abs(spin_y) + 1e-3 * mu)
+    assert_same_state(got, expected, 1.0 + abs(spin_x) + abs(spin_y))
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -111,7 +110,7 @@ def test_identities_between_closures(
     one = rebound(gamma, 0.1, spin, closure=law, **constant(inertia_factor), **common)
     two = rebound(gamma, 0.1, spin, closure=other, **other_constant(inertia_factor), **common)
     assert one.sticking.any()
-    assert (~one.sticking).any()
+    assert not one.sticking.all()
     assert (one.sticking == two.sticking).all()
     for name in STATE:
         np.testing.assert_allclose(getattr(one, name), getattr(two, name), rtol=0.0, atol=2e-14)
@@ -143,10 +142,15 @@ def test_sticking_restitution(inertia_factor: float, law: str, constant: float |
     assert float(r.beta) == pytest.approx(beta(constant, inertia_factor), abs=1e-14)
 
 
+def test_a_tie_of_the_two_frictions_sticks() -> None:
+    r = rebound(0.0, 0.0, 1.0, e_n=0.0, e_t=-1.0, mu=0.5, inertia_factor=0.5, degrees=True)
+    assert bool(r.sticking)
+
+
 @pytest.mark.parametrize("law", ["f", "fr"])
 def test_sliding_of_f_and_fr_is_coulomb(law: str) -> None:
     constant = {"beta0": 0.4} if law == "fr" else {}
-    r = rebound(80.0, 0.2, e_n=0.7, mu=0.1, closure=law, degrees=True, **constant)  # type: ignore[arg-type]
+    r = rebound(80.0, 0.2, e_n=0.7, mu=0.1, closure=law, degrees=True, **constant)
     assert not bool(r.sticking)
     assert float(r.mu_app_magnitude) == pytest.approx(0.1, rel=1e-13)
 

@@ -211,7 +211,7 @@ def test_just_outside_the_passive_range_energy_is_created(
                 closure=law,
                 inertia_factor=inertia_factor,
                 degrees=True,
-                **c,  # type: ignore[arg-type]
+                **c,
             ).energy_change.max()
             for mu in (0.0, 0.1, 10.0)
         ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from ifrfit.physics import Rebound, rebound
 
-Columns = dict[str, NDArray]
+Columns = dict[str, NDArray[Any]]
 
 
 @pytest.fixture(scope="module")
@@ -26,20 +27,22 @@ def result(impacts: Columns) -> Rebound:
     )
 
 
-def spin_scale(impacts: Columns) -> NDArray:
-    return 1.0 + np.abs(impacts["spin_x"]) + np.abs(impacts["spin_y"])
+def spin_scale(impacts: Columns) -> NDArray[Any]:
+    return np.asarray(1.0 + np.abs(impacts["spin_x"]) + np.abs(impacts["spin_y"]))
 
 
-def cancelling(impacts: Columns) -> NDArray:
+def cancelling(impacts: Columns) -> NDArray[Any]:
     """The one row where the slip cancels to the last bits."""
-    return (impacts["gamma_deg"] == 89.999999) & (impacts["spin_y"] == -1.0)
+    return np.asarray((impacts["gamma_deg"] == 89.999999) & (impacts["spin_y"] == -1.0))
 
 
-def cosine(impacts: Columns) -> NDArray:
-    return np.sin(np.radians(90.0 - impacts["gamma_deg"]))
+def cosine(impacts: Columns) -> NDArray[Any]:
+    return np.asarray(np.sin(np.radians(90.0 - impacts["gamma_deg"])))
 
 
-def rows_off(impacts: Columns, got: NDArray, expected: NDArray, tolerance: NDArray | float) -> list[str]:
+def rows_off(
+    impacts: Columns, got: NDArray[Any], expected: NDArray[Any], tolerance: NDArray[Any] | float
+) -> list[str]:
     """Line numbers and numbers of the rows that do not hold, nan required where the reference is nan."""
     off = np.isnan(got) != np.isnan(expected)
     off |= np.nan_to_num(np.abs(got - expected)) > tolerance
@@ -104,8 +107,8 @@ def test_angles(
     impacts: Columns,
     result: Rebound,
     name: str,
-    opposite: Callable[[Columns], NDArray],
-    adjacent: Callable[[Columns], NDArray],
+    opposite: Callable[[Columns], NDArray[Any]],
+    adjacent: Callable[[Columns], NDArray[Any]],
 ) -> None:
     y, x = opposite(impacts), adjacent(impacts)
     expected = np.where((y == 0.0) & (x == 0.0), np.nan, np.arctan2(y, x))

@@ -1,0 +1,119 @@
+"""The last digits: the best cell from its own rows, and every cell that rounding leaves in doubt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ifrfit.inference.cells import Branched, Cells, solve_cells
+from ifrfit.inference.piecewise import Array, PiecewiseProblem, Rows
+
+_WELL = 1e-6  # reciprocal condition of a Gram matrix that needs no orthogonalisation of the rows
+_FLAT = 1e-8
+_TOLERANCE = 1e-10  # relative; a bound that lies lower than this below the value leaves doubt
+_MOST = 256  # cells that are solved again at the most
+_LOOKS = 3  # at a cell, each from where the last one led
+
+
+def settle(problem: PiecewiseProblem, cells: Cells, found: Branched) -> Branched:
+    """Solve the best cell again from its own rows, then whatever its value does not exclude.
+
+    What is still in doubt after that keeps its bound, and so shows in the gap.
+    """
+    values, errors, points = found.values.copy(), found.errors.copy(), found.points.copy()
+    bounds, solved = found.bounds.copy(), found.solved
+    place = {int(cell): i for i, cell in enumerate(solved)}
+    settled: set[int] = set()
+    cell = found.cell
+    while True:
+        value, error, point = _from_rows(problem, cells, cell, points[place[cell]])
+        i = place[cell]
+        values[i], errors[i], points[i], bounds[cell] = value, error, point, value - error
+        settled.add(cell)
+        settled_places = [place[c] for c in settled]
+        best = float(values[settled_places].min())
+        below = np.flatnonzero(bounds < best - _TOLERANCE * max(1.0, abs(best)))
+        doubtful = [int(c) for c in below[np.argsort(bounds[below])] if int(c) not in settled]
+        if not doubtful or len(settled) >= _MOST:
+            break
+        cell = doubtful[0]
+    # values that were never confirmed must not pass for the best
+    confirmed = np.isin(solved, list(settled))
+    values = np.where(confirmed | (values >= best), values, best + errors)
+    known = np.isfinite(values)
+    return Branched(values[known], errors[known], points[known], solved[known], bounds)
+
+
+def _from_rows(problem: PiecewiseProblem, cells: Cells, cell: int, t: Array) -> tuple[float, float, Array]:
+    """Constrained minimum of one cell, in coordinates about t in which its Gram matrix is the identity."""
+    count = int(cells.count[cell])
+    parts = (problem.stick.take(slice(None, count)), problem.slide.take(slice(count, None)), problem.always)
+    q = t.size
+    gram = sum((part.design.T @ part.design for part in parts), start=np.zeros((q, q)))
+    frame = _frame_of_gram(gram)
+    if frame is None:
+        frame = _frame_of_rows(np.concatenate([part.design for part in parts]))
+    value, error = np.inf, 0.0
+    for _ in range(_LOOKS):
+        seen = [Rows(part.design @ frame, part.residuals(t)) for part in parts]
+        gram = sum((part.design.T @ part.design for part in seen), start=np.zeros((q, q)))
+        slope = sum((part.design.T @ part.target for part in seen), start=-(frame.T @ problem.slope0))
+        square = float(sum(part.target @ part.target for part in seen))
+        flat = np.diag(gram) < _FLAT  # in this frame a direction is round or it is nothing but rounding
+        gram[flat] = gram[:, flat] = slope[flat] = 0.0
+        local = replace(
+            problem,
+            kappa=problem.kappa @ frame,
+            kappa0=problem.kappa0 + float(problem.kappa @ t),
+            bound=problem.bound @ frame,
+            bound0=problem.bound0 + float(problem.bound @ t),
+            walls=problem.walls @ frame,
+            limits=problem.limits - problem.walls @ t,
+        )
+        at = slice(cell, cell + 1)
+        alone = Cells(
+            gram[:, :, None],
+            slope[:, None],
+            np.array([square]),
+            cells.count[at],
+            cells.low[at],
+            cells.high[at],
+            cells.rounding,
+        )
+        solved = solve_cells(local, alone, np.array([0]), np.ones((1, q)))
+        if not np.isfinite(solved.values[0]):
+            break
+        shift = 0.0 if problem.pull is None else float(problem.pull @ t)
+        value, error = float(solved.values[0]) + shift, float(solved.errors[0])
+        t = t + frame @ solved.points[0]
+    return value, error, t
+
+
+def _frame_of_gram(gram: Array) -> Array | None:
+    """Matrix F with F' G F = 1 from a Gram matrix; None where it is too ill conditioned for that."""
+    if gram.size == 0:
+        return np.eye(gram.shape[0])
+    size = np.sqrt(np.diag(gram))
+    if size.min() <= 0.0:
+        return None
+    value, vector = np.linalg.eigh(gram / np.outer(size, size))
+    if value[0] < _WELL:
+        return None
+    return np.asarray(vector / np.sqrt(value) / size[:, None])
+
+
+def _frame_of_rows(design: Array) -> Array:
+    """Matrix F with (A F)'(A F) = 1 from the rows A themselves; flat directions keep their unit."""
+    n, q = design.shape
+    if q == 0 or n == 0:
+        return np.eye(q)
+    # heavy rows first: without it orthogonalisation would drown the light ones
+    order = np.argsort(-np.abs(design).max(axis=1), kind="stable")
+    triangle: Array = np.asarray(np.linalg.qr(design[order], mode="r"))
+    size = np.sqrt((triangle * triangle).sum(axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    _, singular, rows = np.linalg.svd(triangle / size)
+    singular = np.concatenate((singular, np.zeros(q - singular.size)))
+    singular = np.where(singular > 1e-14 * max(singular[0], 1e-300), singular, 1.0)
+    return np.asarray((rows.T / singular) / size[:, None])
