@@ -47,7 +47,9 @@ def runner(arguments: list[str], folder: Path | None = None) -> Callable[[], Non
     """Run a command that must succeed, after removing what an earlier run wrote."""
 
     def run() -> None:
-        subprocess.run(arguments, check=True, capture_output=True, timeout=120)
+        done = subprocess.run(arguments, check=False, capture_output=True, text=True, timeout=120)
+        if done.returncode:
+            sys.exit(f"{' '.join(arguments[-5:])}: exit status {done.returncode}\n{done.stderr}")
 
     if folder is None:
         return run

@@ -66,9 +66,9 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _pairs(option: str, given: Sequence[str], numbers: int) -> dict[str, Any]:
-    """NAME=VALUE or NAME=A,B as a dictionary."""
-    form = "NAME=VALUE" if numbers == 1 else "NAME=A,B"
+def _pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
+    """NAME=VALUE, or NAME=A,B, as a dictionary."""
+    numbers = form.count(",") + 1
     found: dict[str, Any] = {}
     for text in given:
         name, equals, rest = text.partition("=")
@@ -77,9 +77,7 @@ def _pairs(option: str, given: Sequence[str], numbers: int) -> dict[str, Any]:
         except ValueError:
             values = []
         if not equals or len(values) != numbers:
-            raise UsageError(
-                f"{option} {text}: write it as {form} with {numbers} number{'s'[: numbers - 1]}."
-            )
+            raise UsageError(f"{option} {text}: write it as {form}, with decimal points.")
         if name in found:
             raise UsageError(f"{option} {name} is given twice.")
         found[name] = values[0] if numbers == 1 else tuple(values)
@@ -116,7 +114,7 @@ def fit(
         Repeated, typer.Option(metavar="NAME=MEAN,SD", help="A constant that you measured before.")
     ] = [],  # noqa: B006
     bounds: Annotated[
-        Repeated, typer.Option(metavar="NAME=LO,HI", help="Other bounds than the passive domain.")
+        Repeated, typer.Option(metavar="NAME=LO,HI", help="Bounds in the place of the physical ones.")
     ] = [],  # noqa: B006
     separate: Annotated[
         Repeated, typer.Option(metavar="NAME", help="This constant has a value of its own in each series.")
@@ -126,10 +124,12 @@ def fit(
     ] = None,
     observable: Annotated[Repeated, typer.Option(metavar="NAME", help="Use only this observable.")] = [],  # noqa: B006
     series: Annotated[Repeated, typer.Option(metavar="NAME", help="Use only this series.")] = [],  # noqa: B006
-    gamma_min: Annotated[float | None, typer.Option(metavar="DEG", help="Steepest angle not used.")] = None,
-    gamma_max: Annotated[float | None, typer.Option(metavar="DEG")] = None,
-    speed_min: Annotated[float | None, typer.Option(metavar="M_S")] = None,
-    speed_max: Annotated[float | None, typer.Option(metavar="M_S")] = None,
+    gamma_min: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Use only impacts at this angle or more.")
+    ] = None,
+    gamma_max: Annotated[float | None, typer.Option(metavar="DEG", help="Or at this angle or less.")] = None,
+    speed_min: Annotated[float | None, typer.Option(metavar="M_S", help="Or at this speed or more.")] = None,
+    speed_max: Annotated[float | None, typer.Option(metavar="M_S", help="Or at this speed or less.")] = None,
     exclude: Annotated[
         Repeated,
         typer.Option(metavar="ROW|ID", help="Leave out a line of the file, FILE:LINE, or an impact."),
@@ -152,14 +152,14 @@ def fit(
     as_json: Annotated[
         bool, typer.Option("--json", help="result.json on standard output, nothing else.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Of the bands' draws.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the random draws behind the bands.", min=0)] = 0,
     quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
     strict: Annotated[
         bool,
         typer.Option("--strict", help="Exit with 4 if a constant is not determined or nothing converged."),
     ] = False,
 ) -> None:
-    """Recover one set of constants from a table of impacts, sticking and sliding together."""
+    """Constants from tables of impacts, with uncertainties."""
     from ifrfit.inference import fit as run
 
     if out is not None and not force:
@@ -171,9 +171,9 @@ def fit(
             data,
             closure=closure,
             method=method,
-            fix=_pairs("--fix", fix, 1),
-            prior=_pairs("--prior", prior, 2),
-            bounds=_pairs("--bounds", bounds, 2),
+            fix=_pairs("--fix", fix, "NAME=VALUE"),
+            prior=_pairs("--prior", prior, "NAME=MEAN,SD"),
+            bounds=_pairs("--bounds", bounds, "NAME=LO,HI"),
             separate=separate,
             noise=noise,
             observable=observable,
@@ -278,7 +278,7 @@ def template(
 def reproduce(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where figures and table go.")] = Path("figures"),
 ) -> None:
-    """Fit the bundled datasets, draw them, and print the table of constants."""
+    """Fit and draw every bundled dataset."""
     from ifrfit.report.reproduce import reproduce as run
 
     typer.echo(run(out, progress=sys.stderr.isatty()), nl=False)

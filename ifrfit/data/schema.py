@@ -8,11 +8,11 @@ PROVENANCES = ("measured", "digitised", "simulated", "stand-in")
 _PROVENANCE_SPELLINGS = {"digitized": "digitised", "simulation": "simulated", "standin": "stand-in"}
 
 # Ranges that a measurement, a digitisation or a simulation can have. They are wide on purpose: they catch
-# slipped units, slipped exponents and placeholder numbers (1e300, -9999 in an angle), not bad measurements. -
+# slipped units, slipped exponents and placeholder numbers (1e300, -9999 in an angle), not bad measurements.
 # RATIO: quantities over |U_t|, sin gamma or cos gamma. Where the denominator is a rounding error (1e-12 is
-# refused   as undefined, see validate.py) a ratio of ordinary velocities cannot exceed 1e12. - FREE:
-# velocities and spins per incoming speed. A sphere of 1 m spinning at 1e5 rad/s that drifts at 0.1 m/s has
-# 1e6.
+# refused as undefined, see validate.py) a ratio of ordinary velocities cannot exceed 1e12.
+# FREE: velocities and spins per incoming speed. A sphere of 1 m that spins at 1e5 rad/s and drifts at
+# 0.1 m/s has 1e6.
 RATIO = 1e12
 FREE = 1e6
 # Nothing that was measured or computed in double precision lies below 1e-60 without being 0: rounding leaves

@@ -15,12 +15,13 @@ from ifrfit._version import __version__
 from ifrfit.data import Observations, Selection, combine, resolve, select
 from ifrfit.errors import UsageError
 from ifrfit.inference.constants import make_constants
-from ifrfit.inference.criticism import Residuals, lack_of_fit, outliers, residuals_of
+from ifrfit.inference.criticism import Residuals, lack_of_fit, residuals_of
 from ifrfit.inference.derived import derived_of
 from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.identifiability import identifiable
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.optimum import GAP_TOLERANCE
+from ifrfit.inference.outliers import outliers
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.result import Estimate, Fact, FitResult, FitStatistics, Noise, State
 from ifrfit.physics.closures import get_closure
@@ -109,7 +110,7 @@ def fit(
         For data that are refused.
     """
     if method not in METHODS:
-        raise UsageError(f"There is no method '{method}'. Choose one of {', '.join(METHODS)}.")
+        raise UsageError(f"There is no method '{method}'. This version has {', '.join(METHODS)}.")
     chosen = get_closure(closure)
     observations = _gather(data, convention, inertia_factor)
     selection = Selection(
@@ -124,8 +125,10 @@ def fit(
     )
     observations = select(observations, selection)
     j = inertia_factor if inertia_factor is not None else _inertia_factor(observations)
-    if not j > 0.0:
+    if not 0.0 < j < math.inf:
         raise UsageError(f"--inertia-factor {j:g}: it must be positive (2/5 for a solid sphere).")
+    if seed < 0:
+        raise UsageError(f"--seed {seed}: it must be 0 or more.")
     choices: dict[str, Any] = {"fix": dict(fix or {}), "bounds": dict(bounds or {})}
     if params is not None:
         from ifrfit.inference.lmfit_bridge import constants_from
@@ -287,16 +290,20 @@ def _global_optimum(found: LeastSquares) -> Fact:
 
 
 def _at_bound(constants: Mapping[str, Any]) -> Fact:
-    at = []
+    """Constants that lie on a bound, and those that the data do not tell from it."""
+    on: list[str] = []
+    near: list[str] = []
     for name, found in constants.items():
         each = {"": found} if isinstance(found, Estimate) else found
-        at += [
-            f"{name}[{s}]" if s else name
-            for s, e in each.items()
-            if e.status == "one_sided" and e.value is not None
-        ]
-    says = f"{', '.join(at)} on the bound of the domain" if at else "no constant lies on a bound"
-    return Fact(not at, says, {"constants": at}, "no determined constant lies on its bound")
+        for series, estimate in each.items():
+            label = f"{name}[{series}]" if series else name
+            if estimate.status == "one_sided" and estimate.value is not None:
+                (on if "lies on" in estimate.reason else near).append(label)
+    parts = [f"{', '.join(on)} on the bound of the domain"] if on else []
+    parts += [f"{', '.join(near)} not told from the bound of the domain"] if near else []
+    says = "; ".join(parts) or "no constant lies on a bound"
+    rule = "no determined constant lies on its bound or has it in its 95 % interval"
+    return Fact(not parts, says, {"on": on, "near": near}, rule)
 
 
 def _state(problem: Problem, found: LeastSquares, constants: Mapping[str, Any]) -> State:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from ifrfit.errors import UsageError
 from ifrfit.physics.closures import Closure
 
+_LARGEST = 1e6  # of a number that can be meant seriously
+_SMALLEST_SD = 1e-12
 _PRIOR_MU = 2.0  # upper end of the default prior of mu; matters only where the data do not determine mu
 
 
@@ -84,17 +86,26 @@ def make_constants(
         fixed = fix.get(name)
         if fixed is not None:
             _check_fixed(name, fixed, lower, upper, name in prior, name in separate)
-        if name in prior and not (math.isfinite(prior[name][0]) and 0.0 < prior[name][1] < math.inf):
-            raise UsageError(
-                f"--prior {name}: the standard deviation must be positive, as in {name}=0.1,0.02."
-            )
+        if name in prior:
+            _check_prior(name, *prior[name])
         made.append(Constant(name, lower, upper, fixed, prior.get(name), name in separate))
     return tuple(made)
+
+
+def _check_prior(name: str, mean: float, sd: float) -> None:
+    if not _SMALLEST_SD <= sd <= _LARGEST:
+        raise UsageError(
+            f"--prior {name}: the standard deviation must be positive and sensible, as in {name}=0.1,0.02."
+        )
+    if not abs(mean) <= _LARGEST:
+        raise UsageError(f"--prior {name}: no impact has a mean of {mean:g}.")
 
 
 def _check_bounds(name: str, lower: float, upper: float) -> None:
     if math.isnan(lower) or math.isnan(upper) or not lower < upper:
         raise UsageError(f"--bounds {name}: the lower end {lower:g} must lie below the upper end {upper:g}.")
+    if abs(lower) > _LARGEST or (abs(upper) > _LARGEST and not (name == "mu" and math.isinf(upper))):
+        raise UsageError(f"--bounds {name}: both ends must be finite and at most {_LARGEST:g} in size.")
     physical = {"e_n": (0.0, math.inf), "mu": (0.0, math.inf)}.get(name)
     if physical and lower < physical[0]:
         raise UsageError(f"--bounds {name}: {name} cannot be negative, so the lower end must be 0 or more.")
@@ -103,6 +114,8 @@ def _check_bounds(name: str, lower: float, upper: float) -> None:
 def _check_fixed(
     name: str, value: float, lower: float, upper: float, has_prior: bool, is_separate: bool
 ) -> None:
+    if abs(value) > _LARGEST:
+        raise UsageError(f"--fix {name}={value:g}: no impact has such a value.")
     if not lower <= value <= upper:
         raise UsageError(
             f"--fix {name}={value:g}: outside the domain [{lower:g}, {upper:g}]. "

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.local import local_picture
@@ -12,6 +14,7 @@ from ifrfit.inference.problem import Problem
 from ifrfit.inference.profile import CENTRAL, ONE_SIDED, crossing, profile_function, series_problem
 from ifrfit.inference.result import Estimate, Interval
 from ifrfit.inference.truncated import half_width, quantile
+from ifrfit.physics.observables import OBSERVABLES
 
 _AT_BOUND = 1e-9
 
@@ -56,16 +59,30 @@ def estimate(
     half = 0.5 * constant.prior_sd
     rivals = [float(theta[position]) for _, theta in fit.optimum.minima[1:]]
     reach = half_width(0.95, fit.noise_dof) * sd
-    if not sd < half or any(abs(rival - value) > reach for rival in rivals):
-        return open_estimate(problem, fit, constant, position, series, seen=math.isfinite(sd))
+    seen = math.isfinite(sd) and not _too_few(problem, constant)
+    if not sd < half or not seen or any(abs(rival - value) > reach for rival in rivals):
+        return open_estimate(problem, fit, constant, position, series, seen=seen)
     side = _side(constant, value, reach)
     if side:
         return _one_sided(fit, constant, position, side, sd)
-    intervals = _intervals(fit, constant, value, sd)
     leans = _leans_on_prior(problem, fit, position, constant, sd)
     if leans:
-        return Estimate(value, sd, *intervals, "prior", leans)
-    return Estimate(value, sd, *intervals, "determined")
+        # the width of a prior is known, whatever the noise of the rows
+        dof = math.inf if constant.prior is not None else fit.noise_dof
+        return Estimate(value, sd, *_intervals(constant, value, sd, dof), "prior", leans)
+    return Estimate(value, sd, *_intervals(constant, value, sd, fit.noise_dof), "determined")
+
+
+def _too_few(problem: Problem, constant: Constant) -> bool:
+    """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
+    kinds = np.array([OBSERVABLES[name].kind for name in problem.rows.names])[problem.rows.which]
+    oblique = int(np.isin(kinds, ("tangential", "curved")).sum())
+    direct = {"e_n": "normal", "mu": "friction"}
+    if oblique == 0 or constant.prior is not None or direct.get(constant.name) in kinds:
+        return False
+    known = {name for name, kind in direct.items() if kind in kinds}
+    unknown = [c for c in problem.entries() if c.fixed is None and c.prior is None and c.name not in known]
+    return oblique <= len(unknown)
 
 
 def _side(constant: Constant, value: float, reach: float) -> int:
@@ -76,11 +93,11 @@ def _side(constant: Constant, value: float, reach: float) -> int:
     return -1 if low <= high else 1
 
 
-def _intervals(fit: LeastSquares, constant: Constant, center: float, sd: float) -> tuple[Interval, Interval]:
+def _intervals(constant: Constant, center: float, sd: float, dof: float) -> tuple[Interval, Interval]:
     """Central 68 and 95 % intervals of the local law, cut at the bounds."""
 
     def q(p: float) -> float:
-        return quantile(p, center, sd, constant.lower, constant.upper, fit.noise_dof)
+        return quantile(p, center, sd, constant.lower, constant.upper, dof)
 
     return (q(0.16), q(0.84)), (q(0.025), q(0.975))
 
@@ -152,7 +169,7 @@ def open_estimate(
     low, high = central[1]
     closed = low > constant.lower + _AT_BOUND, high < constant.upper - _AT_BOUND
     spread = (high - low) / (2.0 * half_width(0.95))
-    if all(closed) and seen and spread < 0.5 * constant.prior_sd:
+    if all(closed) and seen and fit.optimum.n_same == 1 and spread < 0.5 * constant.prior_sd:
         reason = "several optima describe the data" if len(optima) > 1 else "by its profile"
         return Estimate(values[0], spread, *central, "determined", reason)
     wide = high - low > 0.9 * math.sqrt(12.0) * constant.prior_sd
@@ -164,4 +181,7 @@ def open_estimate(
             pair = [(constant.lower, end[1]) for end in one]
         reason = f"only {'a lower' if closed[0] else 'an upper'} limit"
         return Estimate(None, None, pair[0], pair[1], "one_sided", reason)
-    return Estimate(None, None, *central, "not_determined", "the data do not fix a value")
+    reason = (
+        "two optima are equally good" if seen and fit.optimum.n_same > 1 else "the data do not fix a value"
+    )
+    return Estimate(None, None, *central, "not_determined", reason)

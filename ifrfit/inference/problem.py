@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,6 +179,16 @@ class Problem:
             ]
         )
 
+    def with_rows(self, rows: Index) -> Problem:
+        """The same question of some of the rows."""
+        table = self.observations.table.iloc[rows]
+        return replace(
+            self,
+            observations=replace(self.observations, table=table),
+            rows=self.rows.take(rows),
+            sigma=self.sigma[rows],
+        )
+
     def groups(self) -> dict[str, Index]:
         """Rows of each "series/observable", the groups that share an unknown noise."""
         code = self.rows.series * len(self.rows.names) + self.rows.which
@@ -205,7 +215,8 @@ def make_problem(
     inertia_factor : float
     constants : tuple of Constant
     noise : {"known", "scaled", "unknown"} or None
-        None: the descriptor's policy if there is one, else known where every row has a sigma, else unknown.
+        None: unknown where a row has no sigma; else the most careful policy that a dataset states, and known
+        where none states one.
 
     Raises
     ------
@@ -242,13 +253,9 @@ def _noise_policy(observations: Observations, sigma: Array, noise: str | None) -
     has_all = bool(np.isfinite(sigma).all())
     if noise is None:
         stated = {s.descriptor.noise for s in observations.sources if s.descriptor and s.descriptor.noise}
-        if len(stated) == 1 and len(observations.sources) == sum(
-            1 for s in observations.sources if s.descriptor and s.descriptor.noise
-        ):
-            noise = stated.pop()
-            if noise == "unknown" or has_all:
-                return str(noise)
-        return "known" if has_all else "unknown"
+        # where sources differ the most careful policy holds: a sigma that is not the whole noise never is
+        careful = next((policy for policy in ("unknown", "scaled") if policy in stated), "known")
+        return careful if has_all else "unknown"
     if noise not in ("known", "scaled", "unknown"):
         raise UsageError(f"--noise {noise}: choose known, scaled or unknown.")
     if noise != "unknown" and not has_all:

@@ -58,12 +58,11 @@ def crossing(
 def series_problem(problem: Problem, sigma: Array, series: int) -> tuple[Problem, Array]:
     """The rows of one series alone, with constants of its own."""
     rows = np.flatnonzero(problem.rows.series == series)
+    part = problem.with_rows(rows)
     part = replace(
-        problem,
-        observations=replace(problem.observations, table=problem.observations.table.iloc[rows]),
+        part,
         constants=tuple(replace(c, separate=False) for c in problem.constants),
         series=(problem.series[series],),
-        rows=replace(problem.rows.take(rows), series=np.zeros(rows.size, dtype=np.intp)),
-        sigma=problem.sigma[rows],
+        rows=replace(part.rows, series=np.zeros(rows.size, dtype=np.intp)),
     )
     return part, sigma[rows]

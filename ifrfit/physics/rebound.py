@@ -5,23 +5,29 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.angles import Array, Incidence
 from ifrfit.physics.closures import Closure, get_closure, rotational_share
 
 
+def _plain(x: ArrayLike) -> Array:
+    """An array as it is, a scalar as a numpy float (an array without dimension is neither)."""
+    found: Array = np.asarray(x, dtype=float)[()]
+    return found
+
+
 def _ratio(numerator: Array, denominator: Array) -> Array:
     """Quotient that is nan where the denominator vanishes: undefined, never a silent number."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return np.asarray(np.where(denominator == 0.0, np.nan, numerator / denominator))
+        return _plain(np.where(denominator == 0.0, np.nan, numerator / denominator))
 
 
 def _angle(opposite: Array, adjacent: Array) -> Array:
     """Arc tangent with its quadrant (radians), nan where both sides vanish."""
     both_zero = (opposite == 0.0) & (adjacent == 0.0)
-    return np.asarray(np.where(both_zero, np.nan, np.arctan2(opposite, adjacent)))
+    return _plain(np.where(both_zero, np.nan, np.arctan2(opposite, adjacent)))
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,7 @@ class Rebound:
     spin_y: Array
     contact_x: Array
     contact_y: Array
-    sticking: Array
+    sticking: NDArray[np.bool_]
     impulse_factor: Array
     incidence: Incidence
     e_n: Array
@@ -72,7 +78,7 @@ class Rebound:
     def beta(self) -> Array:
         """Tangential restitution of the contact point, -V_t/U_t; nan without slip (Eq. (25), signed)."""
         factor = self.impulse_factor / rotational_share(self.inertia_factor) - 1.0
-        return np.asarray(np.where(self.incidence.slip == 0.0, np.nan, factor))
+        return _plain(np.where(self.incidence.slip == 0.0, np.nan, factor))
 
     @property
     def beta_cm(self) -> Array:
@@ -82,7 +88,7 @@ class Rebound:
     @property
     def beta_tot(self) -> Array:
         """Speed after over speed before, of the centre."""
-        return np.asarray(np.hypot(np.hypot(self.v_x, self.v_y), self.v_n))
+        return _plain(np.hypot(np.hypot(self.v_x, self.v_y), self.v_n))
 
     @property
     def mu_app(self) -> Array:
@@ -135,10 +141,12 @@ class Rebound:
         """
         k = self.impulse_factor
         tangential = k * (k / rotational_share(self.inertia_factor) - 2.0) * self.incidence.slip**2
-        return np.asarray((self.e_n**2 - 1.0) * self.incidence.cosine**2 + tangential)
+        return _plain((self.e_n**2 - 1.0) * self.incidence.cosine**2 + tangential)
 
 
-def impulse_factor(incidence: Incidence, a: ArrayLike, b: ArrayLike, kappa: ArrayLike) -> tuple[Array, Array]:
+def impulse_factor(
+    incidence: Incidence, a: ArrayLike, b: ArrayLike, kappa: ArrayLike
+) -> tuple[Array, NDArray[np.bool_]]:
     """Evaluate k = a + min(b, kappa U_n/|U_t|), and whether the impact sticks.
 
     The smaller of the two frictions acts, so k is continuous at the transition and finite without slip.
@@ -157,12 +165,14 @@ def rebound_of(
     linear = closure.coefficients(j)
     c = np.asarray(c, dtype=float)
     with np.errstate(over="ignore"):
-        kappa = np.asarray(mu, dtype=float) * (1.0 + e_n)
+        kappa = np.minimum(np.asarray(mu, dtype=float) * (1.0 + e_n), np.finfo(float).max)
     k, sticking = impulse_factor(incidence, linear.a0 + linear.a1 * c, linear.b0 + linear.b1 * c, kappa)
     return rebound_with(incidence, k, sticking, e_n, j)
 
 
-def rebound_with(incidence: Incidence, k: Array, sticking: Array, e_n: Array, j: float) -> Rebound:
+def rebound_with(
+    incidence: Incidence, k: Array, sticking: NDArray[np.bool_], e_n: Array, j: float
+) -> Rebound:
     """Rebound whose tangential impulse per mass is -k U_t, whatever closure gave k."""
     push_x, push_y = k * incidence.slip_x, k * incidence.slip_y
     share = rotational_share(j)
@@ -253,7 +263,7 @@ def rebound(
     """
     chosen = get_closure(closure)
     c = closure_constant(chosen, {"e_t": e_t, "beta0": beta0, "chi": chi})
-    if not inertia_factor > 0.0:
+    if not 0.0 < inertia_factor < np.inf:
         raise UsageError(f"inertia_factor is {inertia_factor}: it must be positive (2/5 for a solid sphere).")
     incidence = Incidence.of(gamma, spin_x, spin_y, degrees=degrees)
     return rebound_of(incidence, chosen, e_n, c, mu, inertia_factor)

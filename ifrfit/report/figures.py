@@ -7,7 +7,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result import Estimate, FitResult
 from ifrfit.report import style
 from ifrfit.report.legend import Legend
 from ifrfit.report.provenance import is_stand_in
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.gridspec import SubplotSpec
 
 MOST_COLUMNS = 3
+NON_BREAKING = "\u00a0"
 
 
 def plot(result: FitResult) -> Figure:
@@ -64,7 +65,16 @@ def plot(result: FitResult) -> Figure:
         if title:
             figure.suptitle(title, fontsize=8.5, weight="bold")
         legend.draw(figure)
+        _settle(figure)
     return figure
+
+
+def _settle(figure: Figure) -> None:
+    """Fix the layout: the last bit of its solver depends on addresses, and ids in an svg on that bit."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.set_position(tuple(round(x, 6) for x in axes.get_position().bounds))
 
 
 def _draw_panel(
@@ -115,8 +125,23 @@ def _strip_rows(result: FitResult, observable: str) -> int:
 
 
 def _title(result: FitResult, width: float) -> str:
-    if not is_stand_in(result):
-        return ""
-    words = "STAND-IN DATA, generated from the constants a paper prints: not an experiment"
+    """What nobody may overlook, wrapped to the width (inches); empty where there is nothing of the kind."""
+    sentences = []
+    if is_stand_in(result):
+        sentences.append("STAND-IN DATA, generated from the constants a paper prints: not an experiment")
+    lack = result.facts.get("lack_of_fit")
+    if lack is not None and not lack.ok:
+        sentences.append(_contradiction(result, lack.figures.get("p")))
     # about 13 bold characters an inch at this size
-    return textwrap.fill(words, int(13.0 * width))
+    lines = [textwrap.fill(sentence, int(13.0 * width)) for sentence in sentences]
+    return "\n".join(lines).replace(NON_BREAKING, " ")
+
+
+def _contradiction(result: FitResult, p: float | None) -> str:
+    separate = any(not isinstance(entry, Estimate) for entry in result.constants.values())
+    words = f"The data contradict one set of constants{' a series' if separate else ''}"
+    if p is None:
+        return words
+    # the number stays in one piece when lines are broken
+    number = "(p < 1e-99)" if p < 1e-99 else f"(p = {p:.0e})"
+    return f"{words} {number.replace(' ', NON_BREAKING)}"

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from ifrfit.inference.result import FitResult
 from ifrfit.report.panels import outlier_limit
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.shading import regime_key
-from ifrfit.report.style import GREY, Look
+from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look
+from ifrfit.report.words import METHODS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,12 +45,8 @@ class Legend:
     def of(cls, result: FitResult, look: dict[str, Look], width: float) -> Legend:
         """Legend of a result in a figure `width` inches wide."""
         entries = (*_series(result, look), *_marks(result))
-        longest = max(len(line) for _, label in entries for line in label.split("\n"))
-        columns = max(1, min(len(entries), int(width / (CHARACTER * longest + HANDLE))))
-        # the entries fill one column after the other; the tallest counts
-        per_column = math.ceil(len(entries) / columns)
-        tall = [label.count("\n") + 1 for _, label in entries]
-        lines = max(sum(tall[i : i + per_column]) for i in range(0, len(tall), per_column))
+        columns = next(n for n in range(len(entries), 0, -1) if n == 1 or _wide(entries, n) <= width)
+        lines = max(sum(label.count("\n") + 1 for label in part) for part in _columns(entries, columns))
         return cls(entries, columns, LINE * lines + 0.1)
 
     def draw(self, figure: Figure) -> None:
@@ -68,6 +66,21 @@ class Legend:
             labelspacing=0.35,
             borderaxespad=0.2,
         )
+
+
+def _columns(entries: Sequence[tuple[Any, str]], count: int) -> list[list[str]]:
+    """Labels of each column: matplotlib fills one after the other, the first ones with one more."""
+    least, extra = divmod(len(entries), count)
+    labels = iter(label for _, label in entries)
+    return [list(islice(labels, least + (i < extra))) for i in range(count)]
+
+
+def _wide(entries: Sequence[tuple[Any, str]], count: int) -> float:
+    """Inches that so many columns take."""
+    longest = [
+        max(len(line) for label in part for line in label.split("\n")) for part in _columns(entries, count)
+    ]
+    return sum(CHARACTER * characters + HANDLE for characters in longest)
 
 
 def _series(result: FitResult, look: dict[str, Look]) -> list[tuple[Any, str]]:
@@ -93,17 +106,28 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
 
     points = result.points
     angled = points["gamma_deg"].notna()
-    sticking = points["sticking"].map(bool).astype(bool) & angled
+    keys = [regime_key(result, str(name)) for name in points["series"][angled].unique()]
     entries: list[tuple[Any, str]] = []
-    if sticking.any():
-        entries.append((mark("o", 4.2, "white"), "open: sticking"))
-    if (~sticking & angled).any():
-        entries.append((mark("o", 4.2, GREY), "filled: sliding"))
+    sticking = points["sticking"][angled].map(bool).astype(bool)
+    stick, slide = mark("o", 4.2, "white"), mark("o", 4.2, GREY)
+    if sticking.any() and not sticking.all():
+        entries += [(stick, "open: sticking"), (slide, "filled: sliding")]
+    elif len(sticking) and None in keys:
+        # of one kind, and no word in the panel names it
+        entries.append((stick, "all impacts stick") if sticking.all() else (slide, "all impacts slide"))
     light, dark = (Patch(fc=GREY, alpha=alpha, lw=0) for alpha in (0.16, 0.35))
-    entries.append(((light, dark, light), "68, 95 % credible bands"))
-    if any(isinstance(regime_key(result, str(name)), tuple) for name in points["series"][angled].unique()):
+    entries.append(((light, dark, light), f"68, 95 % {_bands(result)}"))
+    if any(isinstance(key, tuple) for key in keys):
         shade = Patch(fc="0.5", alpha=0.3, lw=0)
         entries.append(((shade, mark("|", 8.0, GREY), shade), "transition, 95 % interval"))
+    entries.append((Line2D([], [], color=GREY, lw=0.7, ls=RESIDUAL_DASHES), "residuals of ±2 σ"))
     if (points["standardised"].abs() > outlier_limit(result)).any():
         entries.append((mark("o", 8.0, "none", "black"), "ringed: outlier"))
     return entries
+
+
+def _bands(result: FitResult) -> str:
+    """Only a posterior has credible bands."""
+    if result.method in ("exact", "mcmc"):
+        return "credible bands"
+    return f"bands ({METHODS.get(result.method, result.method)})"

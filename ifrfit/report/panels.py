@@ -13,7 +13,7 @@ from ifrfit.inference.result import FitResult
 from ifrfit.physics import OBSERVABLES
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.regimes import has_angle, transitions
-from ifrfit.report.style import GREY, Look
+from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,6 +26,7 @@ GRID = np.concatenate([[0.01], np.arange(0.5, 90.0, 0.5), [89.99]])
 LONGEST_LABEL = 34
 FEW = 8
 CROWD = 200
+BEHIND, IN_FRONT = 2.0, 5.5  # drawing order: points are at 5
 MANY = 2000  # from here on points are pixels in the svg too, or it would be huge
 
 
@@ -80,11 +81,13 @@ def draw_data(
     found = curves(result, observable, names)
     angled = has_angle(observable)
     x = rows["gamma_deg"].to_numpy(dtype=float) if angled else np.arange(1.0, len(rows) + 1.0)
-    size = marker_size(len(rows))
+    size = marker_size(len(rows)) * (1.0 if angled else 0.75)
     for curve in found:
         own = (rows["series"] == curve.series).to_numpy()
-        span = None if angled else _span(x[own])
-        _draw_curve(axes, curve, look[curve.series], span, crowded=len(rows) > CROWD)
+        if angled:
+            _draw_curve(axes, curve, look[curve.series], crowded=len(rows) > CROWD)
+        else:
+            _draw_level(axes, curve, look[curve.series], _span(x[own]))
         _draw_points(axes, x[own], rows[own], look[curve.series], size, angled)
     _ring(axes, x, rows["value"].to_numpy(dtype=float), rows, outlier_limit(result))
     axes.set_ylim(*value_limits(rows, found, x if angled else None))
@@ -102,7 +105,7 @@ def draw_data(
             fontsize=34,
             weight="bold",
             color="0.55",
-            alpha=0.35,
+            alpha=0.2,
             zorder=0.6,
         )
 
@@ -118,7 +121,9 @@ def draw_residuals(
     axes.axhline(0.0, color=GREY, lw=0.7, zorder=1)
     for level in (-2.0, 2.0):
         # above the points where they would hide it
-        axes.axhline(level, color=GREY, lw=0.7, ls=(0, (4, 3)), zorder=5.5 if len(rows) > CROWD else 1)
+        axes.axhline(
+            level, color=GREY, lw=0.7, ls=RESIDUAL_DASHES, zorder=IN_FRONT if len(rows) > CROWD else 1
+        )
     for series in names:
         own = (rows["series"] == series).to_numpy()
         _markers(axes, x[own], z[own], rows[own], look[series], marker_size(len(rows)) * 0.85, angled)
@@ -200,45 +205,64 @@ def _span(x: Array) -> Array:
     return np.array([x.min() - 0.5, x.max() + 0.5])
 
 
-def _draw_curve(axes: Axes, curve: Curve, look: Look, span: Array | None, *, crowded: bool) -> None:
+def _draw_curve(axes: Axes, curve: Curve, look: Look, *, crowded: bool) -> None:
     """Draw a curve with its bands; where points crowd it lies above them, with a white edge."""
-    columns = {
-        name: curve.table[name].to_numpy(dtype=float) for name in ("value", "lo68", "hi68", "lo95", "hi95")
-    }
-    x = curve.x
-    if span is not None:
-        x, columns = span, {name: np.repeat(y[:1], 2) for name, y in columns.items()}
-    # edges are drawn too: in grey print two overlapping bands stay two
     for level, alpha in (("95", 0.16), ("68", 0.22)):
         axes.fill_between(
-            x, columns[f"lo{level}"], columns[f"hi{level}"], color=look.colour, alpha=alpha, lw=0.0, zorder=2
+            curve.x, *_band(curve, level), color=look.colour, alpha=alpha, lw=0.0, zorder=BEHIND
         )
-    (line,) = axes.plot(x, columns["value"], color=look.colour, ls=look.line, zorder=3)
+    (line,) = axes.plot(
+        curve.x, curve.table["value"].to_numpy(dtype=float), color=look.colour, ls=look.line, zorder=3
+    )
     if crowded:
         from matplotlib.patheffects import Normal, Stroke
 
-        line.set(zorder=5.5, path_effects=[Stroke(linewidth=3.2, foreground="white"), Normal()])
+        line.set(zorder=IN_FRONT, path_effects=[Stroke(linewidth=3.2, foreground="white"), Normal()])
+
+
+def _draw_level(axes: Axes, curve: Curve, look: Look, span: Array) -> None:
+    """Draw a constant with its bands above the values it is the mean of: it is far narrower than they are."""
+    for level, alpha in (("95", 0.35), ("68", 0.45)):
+        low, high = _band(curve, level)
+        axes.fill_between(
+            span, low[0], high[0], color=look.colour, alpha=alpha, lw=0.0, zorder=IN_FRONT - 0.1
+        )
+    value = float(curve.table["value"].iloc[0])
+    axes.plot(span, [value, value], color=look.colour, lw=1.0, ls=look.line, zorder=IN_FRONT)
+
+
+def _band(curve: Curve, level: str) -> tuple[Array, Array]:
+    low, high = (curve.table[f"{end}{level}"].to_numpy(dtype=float) for end in ("lo", "hi"))
+    return low, high
 
 
 def _draw_points(axes: Axes, x: Array, rows: pd.DataFrame, look: Look, size: float, angled: bool) -> None:
     y, error = rows["value"].to_numpy(dtype=float), rows["sigma_used"].to_numpy(dtype=float)
     across = rows["sigma_gamma_deg"].to_numpy(dtype=float) if angled else np.full(len(rows), np.nan)
+    few = len(rows) <= 60
     bars: dict[str, Any] = {
         "fmt": "none",
         "ecolor": look.colour,
-        "elinewidth": 0.8 if len(rows) <= 60 else 0.5,
-        "alpha": 0.9 if len(rows) <= 60 else 0.45,
+        "elinewidth": 0.8 if few else 0.5,
+        "alpha": (0.9 if few else 0.45) * (1.0 if angled else 0.5),
         "zorder": 4,
         "rasterized": len(rows) > MANY,
     }
     axes.errorbar(x, y, yerr=np.where(np.isfinite(error), error, 0.0), **bars)
     if np.isfinite(across).any():
         axes.errorbar(x, y, xerr=np.where(np.isfinite(across), across, 0.0), **bars)
-    _markers(axes, x, y, rows, look, size, angled)
+    _markers(axes, x, y, rows, look, size, angled, alpha=1.0 if angled else 0.4)
 
 
 def _markers(
-    axes: Axes, x: Array, y: Array, rows: pd.DataFrame, look: Look, size: float, angled: bool
+    axes: Axes,
+    x: Array,
+    y: Array,
+    rows: pd.DataFrame,
+    look: Look,
+    size: float,
+    angled: bool,
+    alpha: float = 1.0,
 ) -> None:
     sticking = rows["sticking"].map(bool).to_numpy(dtype=bool) & angled
     for chosen, face in ((sticking, "white"), (~sticking, look.colour)):
@@ -251,6 +275,7 @@ def _markers(
             mfc=face,
             mec=look.colour,
             mew=0.9 if size > 2.5 else 0.6,
+            alpha=alpha,
             rasterized=len(rows) > MANY,
             zorder=5,
         )

@@ -8,7 +8,6 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.result import Estimate, FitResult
@@ -17,11 +16,8 @@ from ifrfit.report.figures import plot
 from ifrfit.report.provenance import contents
 from ifrfit.report.regimes import joined
 from ifrfit.report.rounding import alone, interval_text, places_of, spread, value_text
-from ifrfit.report.style import drawing, save_figure
+from ifrfit.report.style import save_figure
 from ifrfit.report.words import QUIET_FACTS
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TABLE = "constants.csv"
 FORMATS = ("svg", "png")
@@ -91,7 +87,7 @@ def _run(folder: Path, progress: bool) -> list[Done]:
             bar.update(task, description=case.name)
             found = fit_case(case)
             if found.result is not None:
-                figure = _settled(plot(found.result))
+                figure = plot(found.result)
                 for suffix in FORMATS:
                     save_figure(figure, folder / f"{case.name}.{suffix}")
             done.append(found)
@@ -101,16 +97,6 @@ def _run(folder: Path, progress: bool) -> list[Done]:
         writer.writerow(_header())
         writer.writerows([_cell(getattr(line, name)) for name in _header()] for d in done for line in d.lines)
     return done
-
-
-def _settled(figure: Figure) -> Figure:
-    """Fix the layout: the last bit of its solver depends on addresses, and ids in an svg on that bit."""
-    with drawing():
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    for axes in figure.axes:
-        axes.set_position(tuple(round(x, 6) for x in axes.get_position().bounds))
-    return figure
 
 
 def _cell(value: object) -> str:

@@ -21,6 +21,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "h")
 LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 STICKING_SHADE = "#0000000D"
 GREY = "0.35"
+RESIDUAL_DASHES = (0, (4, 3))
 
 _STYLE = {
     "font.family": "DejaVu Sans",

@@ -7,12 +7,14 @@ import hashlib
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ifrfit.data import catalogue, finding, installing
+from ifrfit.data.describing import listing_lines
 from ifrfit.data.descriptor import FIELD_NAMES, package_provenance
 from ifrfit.data.observations import SCHEMA
 from ifrfit.errors import DataError, UsageError
@@ -227,7 +229,9 @@ def test_listing():
 def test_describe_tells_what_there_is(name):
     described = catalogue.describe(name)
     assert sum(described.rows.values()) == len(raw_rows(name))
-    text = "\n".join(described.lines())
+    lines = described.lines()
+    assert max(map(len, lines)) <= 88
+    text = " ".join(" ".join(lines).split())
     for part in (name, described.descriptor.provenance, described.sha256, described.descriptor.licence):
         assert part in text
     for sentence in (*described.descriptor.assumptions, *described.notes):
@@ -235,13 +239,39 @@ def test_describe_tells_what_there_is(name):
 
 
 def test_describe_gives_constants_and_reasons():
-    text = "\n".join(catalogue.describe("cross-2019").lines())
-    assert "printed       spin 0.225: e_n = 0.94, e_t = -0.98, mu = 0.14" in text
-    assert "rows            17  no spin / mu_app" in text
-    assert "The paper prints mu = 0.12 for the balls without spin" in text
+    lines = catalogue.describe("cross-2019").lines()
+    assert "printed       no spin: e_n = 0.94, e_t = -0.98, mu = 0.12" in lines
+    assert "              spin 0.225: e_n = 0.94, e_t = -0.98, mu = 0.14" in lines
+    assert "rows          no spin: 17 beta, 17 psi_after_deg, 17 mu_app" in lines
+    assert "diameter (mm) 20 (captions of Figs 3, 6, 8 and 9)" in lines
+    text = " ".join(" ".join(lines).split())
+    assert "default beta of no spin. The paper prints mu = 0.12 for the balls without spin" in text
+    assert "ifrfit datasets install cross-2019 FILE puts your own digitisation in its place" in text
     assert "faces         kratos, mfix: the same impacts" in "\n".join(
         catalogue.describe("kharaz-2001").lines()
     )
+
+
+def test_describe_states_the_place_of_all_conditions_once():
+    text = "\n".join(catalogue.describe("kharaz-2001").lines())
+    assert "speed (m/s)   3.9\n" in text
+    assert text.count("as restated with the readings") == 1
+    assert "stated in     Kharaz, Gorham & Salman (2001), as restated with the readings\n" in text
+    assert "replace it" not in text
+
+
+def test_the_list_fits_a_terminal_and_says_what_a_stand_in_is():
+    lines = listing_lines(catalogue.listing())
+    assert max(map(len, lines)) <= 88
+    assert "hashemnia-2019      stand-in   Steel ball on a steel plate (Hashemnia & Askari 2019)" in lines
+    at = next(i for i, line in enumerate(lines) if line.startswith("kharaz-2001 "))
+    assert lines[at + 1] == " " * 31 + "Gorham & Salman 2001): two readings"
+    text = " ".join(lines)
+    assert "A stand-in is generated from the constants a paper prints" in text
+    real = [entry for entry in catalogue.listing() if entry.provenance != "stand-in"]
+    assert "install" not in " ".join(listing_lines(real))
+    mine = listing_lines([replace(real[0], installed=True)])
+    assert mine[0].startswith("kharaz-2001  digitised (yours)  Aluminium")
 
 
 @pytest.mark.parametrize(

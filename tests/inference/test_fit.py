@@ -145,7 +145,7 @@ def test_an_outlier_is_named_and_can_be_excluded(impacts):
     found = ifrfit.fit(path, fix={"e_n": 0.94})
     fact = found.facts["outliers"]
     assert not fact.ok
-    assert fact.figures["rows"][0] == "impacts.csv line 21 (beta)"  # the worst first: it drags others along
+    assert fact.figures["rows"] == ["impacts.csv line 21 (beta)"]  # and none of those that it drags along
     assert "--exclude 21" in fact.says
     mended = ifrfit.fit(path, fix={"e_n": 0.94}, exclude=21)
     assert mended.facts["outliers"].ok
@@ -197,10 +197,15 @@ USAGE = [
     ({"fix": {"e_t": -2.0}}, r"--fix e_t=-2: outside the domain \[-1, -0\.4\]"),
     ({"bounds": {"mu": (0.3, 0.1)}}, r"--bounds mu: the lower end 0\.3 must lie below the upper end 0\.1"),
     ({"bounds": {"mu": (-0.3, 0.1)}}, r"mu cannot be negative"),
-    ({"prior": {"mu": (0.3, 0.0)}}, r"--prior mu: the standard deviation must be positive"),
+    ({"prior": {"mu": (0.3, 0.0)}}, r"--prior mu: the standard deviation must be positive and sensible"),
     ({"fix": {"e_n": 0.9}, "prior": {"e_n": (0.9, 0.1)}}, r"--fix e_n contradicts --prior e_n: keep one"),
     ({"noise": "loud"}, r"--noise loud: choose known, scaled or unknown"),
     ({"inertia_factor": 2.0}, r"the passive domain \[-1, -2\] of e_t is empty"),
+    ({"seed": -1}, r"--seed -1: it must be 0 or more"),
+    ({"fix": {"mu": 1e300}}, r"--fix mu=1e\+300: no impact has such a value"),
+    ({"prior": {"mu": (1e300, 1.0)}}, r"--prior mu: no impact has a mean of 1e\+300"),
+    ({"prior": {"mu": (0.1, 1e-300)}}, r"must be positive and sensible"),
+    ({"bounds": {"e_t": (-np.inf, np.inf)}}, r"--bounds e_t: both ends must be finite"),
     ({"inertia_factor": -1.0}, r"must be positive, not -1"),
 ]
 
