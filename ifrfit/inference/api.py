@@ -20,10 +20,10 @@ from ifrfit.inference.derived import derived_of
 from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.identifiability import identifiable
 from ifrfit.inference.least_squares import LeastSquares, least_squares
-from ifrfit.inference.optimum import GAP_TOLERANCE
 from ifrfit.inference.outliers import outliers
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.result import Estimate, Fact, FitResult, FitStatistics, Noise, State
+from ifrfit.inference.rules import FACTS
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -262,7 +262,7 @@ def _facts(
             found.converged,
             "the noise has come to rest" if found.converged else "the noise has not come to rest",
             {"change": found.change},
-            "last relative change of the noise <= 1e-6",
+            FACTS["converged"],
         ),
         "global_optimum": _global_optimum(found),
         "identifiable": identifiable(problem, found, statistics.n_sticking, statistics.n_sliding),
@@ -280,7 +280,7 @@ def _global_optimum(found: LeastSquares) -> Fact:
         "n_optima_near": optimum.n_near,
         "road": optimum.road,
     }
-    rule = f"gap <= {GAP_TOLERANCE:g} of the objective"
+    rule = FACTS["global_optimum"]
     rivals = optimum.n_near - 1
     if optimum.certified:
         alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
@@ -302,8 +302,7 @@ def _at_bound(constants: Mapping[str, Any]) -> Fact:
     parts = [f"{', '.join(on)} on the bound of the domain"] if on else []
     parts += [f"{', '.join(near)} not told from the bound of the domain"] if near else []
     says = "; ".join(parts) or "no constant lies on a bound"
-    rule = "no determined constant lies on its bound or has it in its 95 % interval"
-    return Fact(not parts, says, {"on": on, "near": near}, rule)
+    return Fact(not parts, says, {"on": on, "near": near}, FACTS["at_bound"])
 
 
 def _state(problem: Problem, found: LeastSquares, constants: Mapping[str, Any]) -> State:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.piecewise import Array, PiecewiseProblem
 
 _FLAT = 1e-14  # below this share of its diagonal a pivot counts as zero
+_PARALLEL = 1e-12  # below this determinant walls do not meet in one point
 _DOUBTFUL = 1e-9  # below this share the sums have too few digits left to solve the cell from them
 _FEASIBLE = 1e-11  # slack of a constraint, relative to its terms
 _STEP = 1e-10  # slack of a constraint in standard deviations
@@ -219,6 +220,8 @@ def solve_cells(
 def _stationary(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Stationary points of the quadratics on the faces where the given walls are touched."""
     m, n_active, q = walls.shape
+    if n_active == q:
+        return _corners(walls, limits)
     size = _size(gram[:, range(q), range(q)])
     scaled = walls / size[:, None, :]
     norm = np.sqrt((scaled * scaled).sum(axis=2))
@@ -233,6 +236,21 @@ def _stationary(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple
     system[~good] = np.eye(q + n_active)
     t = np.linalg.solve(system, right[:, :, None])[:, :q, 0] / size
     return t, good
+
+
+def _corners(walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Points where q walls meet; the quadratic has no say there, so its scale does not enter."""
+    q = walls.shape[2]
+    columns = np.abs(walls).max(axis=1, initial=0.0)
+    columns = np.where(columns > 0.0, columns, 1.0)
+    system = walls / columns[:, None, :]
+    rows = np.abs(system).max(axis=2, initial=0.0)
+    rows = np.where(rows > 0.0, rows, 1.0)
+    system = system / rows[:, :, None]
+    good = np.abs(np.linalg.det(system)) > _PARALLEL
+    system[~good] = np.eye(q)
+    corner = np.linalg.solve(system, (limits / rows)[:, :, None])[:, :, 0]
+    return corner / columns, good
 
 
 def branch(problem: PiecewiseProblem, cells: Cells) -> Branched:

@@ -12,11 +12,11 @@ from scipy import special
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Index, Problem
 from ifrfit.inference.result import Fact
+from ifrfit.inference.rules import FACTS, REFUTED
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 
-_REFUTED = 0.001
 _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
 _SPLINE_KNOTS = 4  # three degrees of freedom beside the constant
 _SMALLEST = 8  # rows of an observable below which no smooth departure is looked for
@@ -55,16 +55,17 @@ def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fa
     r = residuals.standardised
     dof = r.size - round(float(fit.local.leverage.sum()))
     runs = _runs(problem, r)
+    rule = FACTS["lack_of_fit"]
     figures: dict[str, object] = {"dof": dof, "p_runs": runs}
     if problem.noise == "known":
-        test, rule = "chi2", "p >= 0.001 of chi2"
+        test = "chi2"
         p = float(special.chdtrc(dof, float(r @ r))) if dof > 0 else math.nan
     else:
         pure = _pure_error(problem, r, dof)
         if pure is not None:
-            test, rule, p = "pure error", "p >= 0.001 of the F test against repeats", pure
+            test, p = "pure error", pure
         else:
-            test, rule = "smooth departure", "p >= 0.001 of a smooth departure in tau, and of the runs"
+            test = "smooth departure"
             smooth = _smooth(problem, fit, r)
             known = [x for x in (smooth, runs) if x is not None]
             p = min(known) if known else math.nan
@@ -74,7 +75,7 @@ def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fa
         oblique = any(rows.size for rows in _oblique_groups(problem))
         says = "too few rows to test the fit" if oblique else "nothing to test: repeats of single values"
         return Fact(True, says, figures, rule)
-    if p >= _REFUTED:
+    if p >= REFUTED:
         return Fact(True, f"no lack of fit (p = {_p(p)}, {test})", figures, rule)
     where, signs, remedy = misfit(problem, r)
     figures["where"] = where

@@ -13,6 +13,7 @@ from ifrfit.inference.local import local_picture
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.profile import CENTRAL, ONE_SIDED, crossing, profile_function, series_problem
 from ifrfit.inference.result import Estimate, Interval
+from ifrfit.inference.rules import HALF
 from ifrfit.inference.truncated import half_width, quantile
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -56,7 +57,7 @@ def estimate(
         return Estimate(value, None, (value, value), (value, value), "fixed", "fixed by you")
     functional = fit.local.to_theta[position]
     sd = math.sqrt(fit.local.variance(functional, constant.prior_sd))
-    half = 0.5 * constant.prior_sd
+    half = HALF * constant.prior_sd
     rivals = [float(theta[position]) for _, theta in fit.optimum.minima[1:]]
     reach = half_width(0.95, fit.noise_dof) * sd
     seen = math.isfinite(sd) and not _too_few(problem, constant)
@@ -128,7 +129,7 @@ def _leans_on_prior(problem: Problem, fit: LeastSquares, position: int, constant
         return ""
     bare = local_picture(problem, fit.sigma, fit.optimum.theta, with_priors=False)
     without = math.sqrt(bare.variance(bare.to_theta[position], constant.prior_sd))
-    if sd < 0.5 * without:
+    if sd < HALF * without:
         return f"rests on your prior of {' and '.join(named)}"
     return ""
 
@@ -169,7 +170,7 @@ def open_estimate(
     low, high = central[1]
     closed = low > constant.lower + _AT_BOUND, high < constant.upper - _AT_BOUND
     spread = (high - low) / (2.0 * half_width(0.95))
-    if all(closed) and seen and fit.optimum.n_same == 1 and spread < 0.5 * constant.prior_sd:
+    if all(closed) and seen and fit.optimum.n_same == 1 and spread < HALF * constant.prior_sd:
         reason = "several optima describe the data" if len(optima) > 1 else "by its profile"
         return Estimate(values[0], spread, *central, "determined", reason)
     wide = high - low > 0.9 * math.sqrt(12.0) * constant.prior_sd

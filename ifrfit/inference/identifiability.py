@@ -9,10 +9,10 @@ import numpy as np
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import Fact
+from ifrfit.inference.rules import FACTS
 from ifrfit.physics.observables import OBSERVABLES
 
 _SHARE = 0.1  # of the largest loading below which a constant is not named in a combination
-_RULE = "rank of the scaled Jacobian equals the number of free constants"
 
 
 def identifiable(problem: Problem, fit: LeastSquares, n_sticking: int, n_sliding: int) -> Fact:
@@ -25,8 +25,8 @@ def identifiable(problem: Problem, fit: LeastSquares, n_sticking: int, n_sliding
     ]
     figures = {"rank": local.rank, "free": n_free, "loose": loose}
     if local.rank == n_free:
-        return Fact(True, "the data determine every free constant", figures, _RULE)
-    return Fact(False, _advice(problem, fit, loose, n_sticking, n_sliding), figures, _RULE)
+        return Fact(True, "the data determine every free constant", figures, FACTS["identifiable"])
+    return Fact(False, _advice(problem, fit, loose, n_sticking, n_sliding), figures, FACTS["identifiable"])
 
 
 def _prior_scale(problem: Problem) -> np.ndarray:

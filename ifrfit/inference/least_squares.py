@@ -12,6 +12,7 @@ from ifrfit.errors import DataError
 from ifrfit.inference.local import Local, local_picture
 from ifrfit.inference.optimum import Array, Optimum
 from ifrfit.inference.problem import Index, Problem
+from ifrfit.inference.rules import AT_REST
 from ifrfit.inference.solve import solve
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -47,7 +48,7 @@ class LeastSquares:
     @property
     def converged(self) -> bool:
         """Whether the iteration over the noise has come to rest."""
-        return self.change <= 1e-6
+        return self.change <= AT_REST
 
 
 def least_squares(problem: Problem) -> LeastSquares:

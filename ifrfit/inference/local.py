@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.problem import Problem
+from ifrfit.inference.rules import HALF, RANK
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-_RANK = 1e-6  # singular values below this share of the largest count as zero
-_HALF = 2.0  # a combination is loose if its sd exceeds half its prior sd: singular value below 2
+_HALF = 1.0 / HALF  # singular value (prior sd over sd) at which a combination counts as determined
 _LOADED = 1e-7  # share of the prior sd below which a constant does not take part in a combination
 
 
@@ -52,12 +52,12 @@ class Local:
     def tight(self) -> Bool:
         """Directions that the data (with auxiliary measurements) determine."""
         largest = self.singular.max(initial=0.0)
-        return np.asarray((self.singular > _RANK * largest) & (self.singular > _HALF))
+        return np.asarray((self.singular > RANK * largest) & (self.singular > _HALF))
 
     @property
     def seen(self) -> Bool:
         """Directions that the data see at all, however weakly."""
-        return np.asarray(self.singular > _RANK * self.singular.max(initial=0.0))
+        return np.asarray(self.singular > RANK * self.singular.max(initial=0.0))
 
     @property
     def rank(self) -> int:
@@ -117,7 +117,7 @@ def local_picture(problem: Problem, sigma: Array, theta: Array, *, with_priors: 
         singular = np.concatenate((singular, np.zeros(p - singular.size)))
     vectors = np.zeros((theta.size, p))
     vectors[free] = scale[free, None] * right.T
-    seen = singular[: left.shape[1]] > _RANK * singular.max(initial=0.0)
+    seen = singular[: left.shape[1]] > RANK * singular.max(initial=0.0)
     leverage = (left[: problem.rows.value.size, seen] ** 2).sum(axis=1)
     return Local(names, phi, to_theta, vectors, singular, -2.0 * (by_phi.T @ residual), leverage)
 

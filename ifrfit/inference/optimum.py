@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.block import Constants
 from ifrfit.inference.problem import Problem
+from ifrfit.inference.rules import GAP
 
 Array = NDArray[np.float64]
-
-GAP_TOLERANCE = 1e-9  # relative; beyond it an optimum is not called global
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class Optimum:
     @property
     def certified(self) -> bool:
         """Whether the optimum is proven to be global."""
-        return self.gap is not None and self.gap <= GAP_TOLERANCE * max(1.0, abs(self.objective))
+        return self.gap is not None and self.gap <= GAP * max(1.0, abs(self.objective))
 
 
 def theta_of(problem: Problem, per_series: list[Constants]) -> Array:

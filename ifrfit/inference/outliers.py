@@ -12,10 +12,9 @@ from ifrfit.inference.criticism import Residuals, residuals_of
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import Fact
+from ifrfit.inference.rules import FACTS, OUTLIER
 
-_RATE = 0.01  # of fits without outliers in which one is named
 _MOST = 8  # outliers that are looked for
-_RULE = "studentised residual within the Bonferroni limit at 1 %"
 
 
 def outliers(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
@@ -48,7 +47,7 @@ def outliers(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
 
 def _limit(fit: LeastSquares, n: int) -> float | None:
     """The Bonferroni limit; None where the noise rests on too few rows."""
-    p = 1.0 - 0.5 * _RATE / n
+    p = 1.0 - 0.5 * OUTLIER / n
     if math.isinf(fit.noise_dof):
         return float(special.ndtri(p))
     return float(special.stdtrit(fit.noise_dof - 1.0, p)) if fit.noise_dof > 2.0 else None
@@ -57,9 +56,9 @@ def _limit(fit: LeastSquares, n: int) -> float | None:
 def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None) -> Fact:
     figures = {"rows": [_row_name(problem, i) for i, _ in found], "limit": limit}
     if limit is None and not found:
-        return Fact(True, "too few rows to tell an outlier", figures, _RULE)
+        return Fact(True, "too few rows to tell an outlier", figures, FACTS["outliers"])
     if not found:
-        return Fact(True, "no outlier", figures, _RULE)
+        return Fact(True, "no outlier", figures, FACTS["outliers"])
     named = "; ".join(f"{_row_name(problem, i)} at {z:+.1f} sigma" for i, z in found)
     many = len(found) > 1
     count = f"{len(found)} outlier{'s' if many else ''}{' or more' if len(found) == _MOST else ''}"
@@ -67,9 +66,9 @@ def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None)
     them = "them" if many else "it"
     if len(found) == _MOST and problem.noise == "known":
         remedy = "with so many, sigma is rather too small for the scatter: --noise scaled or unknown"
-        return Fact(False, f"{count}: {named}; {remedy}", figures, _RULE)
+        return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
     says = f"{count}: {named}; check {them}, or leave {them} out with {remedy}"
-    return Fact(False, says, figures, _RULE)
+    return Fact(False, says, figures, FACTS["outliers"])
 
 
 def _row_name(problem: Problem, i: int) -> str:

@@ -11,8 +11,9 @@ from ifrfit.inference.piecewise import Array, PiecewiseProblem, Rows
 
 _WELL = 1e-6  # reciprocal condition of a Gram matrix that needs no orthogonalisation of the rows
 _FLAT = 1e-8
-_TOLERANCE = 1e-10  # relative; a bound that lies lower than this below the value leaves doubt
+_TOLERANCE = 5e-10  # relative; a bound that lies lower than this below the value leaves doubt
 _MOST = 256  # cells that are solved again at the most
+_AT_REST = 1e-12  # of a standard deviation
 _LOOKS = 3  # at a cell, each from where the last one led
 
 
@@ -48,46 +49,65 @@ def settle(problem: PiecewiseProblem, cells: Cells, found: Branched) -> Branched
 def _from_rows(problem: PiecewiseProblem, cells: Cells, cell: int, t: Array) -> tuple[float, float, Array]:
     """Constrained minimum of one cell, in coordinates about t in which its Gram matrix is the identity."""
     count = int(cells.count[cell])
-    parts = (problem.stick.take(slice(None, count)), problem.slide.take(slice(count, None)), problem.always)
+    parts = [problem.stick.take(slice(None, count)), problem.slide.take(slice(count, None)), problem.always]
     q = t.size
     gram = sum((part.design.T @ part.design for part in parts), start=np.zeros((q, q)))
     frame = _frame_of_gram(gram)
     if frame is None:
         frame = _frame_of_rows(np.concatenate([part.design for part in parts]))
-    value, error = np.inf, 0.0
+        parts = [Rows(part.design @ frame, part.residuals(t)) for part in parts]
+        gram = sum((part.design.T @ part.design for part in parts), start=np.zeros((q, q)))
+        flat = np.asarray(
+            np.diag(gram) < _FLAT
+        )  # in this frame a direction is round or it is nothing but rounding
+        gram[flat] = gram[:, flat] = 0.0
+        start: Array = t
+        to_rows, u = np.eye(q), np.zeros(q)
+    else:
+        gram, flat = np.asarray(frame.T @ gram @ frame), np.zeros(q, dtype=bool)
+        start, to_rows, u = np.zeros(q), frame, np.linalg.solve(frame, t)
+    value, error, point = np.inf, 0.0, t
+    at = slice(cell, cell + 1)
     for _ in range(_LOOKS):
-        seen = [Rows(part.design @ frame, part.residuals(t)) for part in parts]
-        gram = sum((part.design.T @ part.design for part in seen), start=np.zeros((q, q)))
-        slope = sum((part.design.T @ part.target for part in seen), start=-(frame.T @ problem.slope0))
-        square = float(sum(part.target @ part.target for part in seen))
-        flat = np.diag(gram) < _FLAT  # in this frame a direction is round or it is nothing but rounding
-        gram[flat] = gram[:, flat] = slope[flat] = 0.0
-        local = replace(
-            problem,
-            kappa=problem.kappa @ frame,
-            kappa0=problem.kappa0 + float(problem.kappa @ t),
-            bound=problem.bound @ frame,
-            bound0=problem.bound0 + float(problem.bound @ t),
-            walls=problem.walls @ frame,
-            limits=problem.limits - problem.walls @ t,
+        residuals = [part.residuals(to_rows @ u) for part in parts]
+        downhill = sum(
+            (part.design.T @ r for part, r in zip(parts, residuals, strict=True)), start=np.zeros(q)
         )
-        at = slice(cell, cell + 1)
+        slope = to_rows.T @ downhill - frame.T @ problem.slope0
+        slope[flat] = 0.0
+        square = np.array([sum(float(r @ r) for r in residuals)])
         alone = Cells(
             gram[:, :, None],
             slope[:, None],
-            np.array([square]),
+            square,
             cells.count[at],
             cells.low[at],
             cells.high[at],
             cells.rounding,
         )
-        solved = solve_cells(local, alone, np.array([0]), np.ones((1, q)))
+        solved = solve_cells(_seen_from(problem, point, frame), alone, np.array([0]), np.ones((1, q)))
         if not np.isfinite(solved.values[0]):
             break
-        shift = 0.0 if problem.pull is None else float(problem.pull @ t)
+        shift = 0.0 if problem.pull is None else float(problem.pull @ point)
         value, error = float(solved.values[0]) + shift, float(solved.errors[0])
-        t = t + frame @ solved.points[0]
-    return value, error, t
+        u = u + solved.points[0]
+        point = start + frame @ u
+        if float(np.abs(solved.points[0]).max(initial=0.0)) <= _AT_REST:
+            break
+    return value, error, point
+
+
+def _seen_from(problem: PiecewiseProblem, center: Array, frame: Array) -> PiecewiseProblem:
+    """The problem's walls in u, with t = center + frame @ u."""
+    return replace(
+        problem,
+        kappa=problem.kappa @ frame,
+        kappa0=problem.kappa0 + float(problem.kappa @ center),
+        bound=problem.bound @ frame,
+        bound0=problem.bound0 + float(problem.bound @ center),
+        walls=problem.walls @ frame,
+        limits=problem.limits - problem.walls @ center,
+    )
 
 
 def _frame_of_gram(gram: Array) -> Array | None:

@@ -9,8 +9,8 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from ifrfit.inference.result import FitResult
-from ifrfit.report.panels import outlier_limit
 from ifrfit.report.provenance import provenance_words
+from ifrfit.report.ringed import ringed
 from ifrfit.report.shading import regime_key
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look
 from ifrfit.report.words import METHODS
@@ -121,7 +121,7 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
         shade = Patch(fc="0.5", alpha=0.3, lw=0)
         entries.append(((shade, mark("|", 8.0, GREY), shade), "transition, 95 % interval"))
     entries.append((Line2D([], [], color=GREY, lw=0.7, ls=RESIDUAL_DASHES), "residuals of ±2 σ"))
-    if (points["standardised"].abs() > outlier_limit(result)).any():
+    if ringed(result, points).any():
         entries.append((mark("o", 8.0, "none", "black"), "ringed: outlier"))
     return entries
 

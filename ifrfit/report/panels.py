@@ -13,6 +13,7 @@ from ifrfit.inference.result import FitResult
 from ifrfit.physics import OBSERVABLES
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.regimes import has_angle, transitions
+from ifrfit.report.ringed import ringed
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look
 
 if TYPE_CHECKING:
@@ -62,17 +63,6 @@ def curves(result: FitResult, observable: str, names: list[str]) -> list[Curve]:
     return found
 
 
-def outlier_limit(result: FitResult) -> float:
-    """Largest standardised residual that chance allows: the fit's own limit, else Bonferroni at 1 %."""
-    fact = result.facts.get("outliers")
-    if fact is not None and "limit" in fact.figures:
-        limit = fact.figures["limit"]
-        return np.inf if limit is None else float(limit)
-    from scipy.special import ndtri
-
-    return float(-ndtri(0.005 / max(len(result.points), 1)))
-
-
 def draw_data(
     axes: Axes, result: FitResult, observable: str, names: list[str], look: dict[str, Look]
 ) -> None:
@@ -89,7 +79,7 @@ def draw_data(
         else:
             _draw_level(axes, curve, look[curve.series], _span(x[own]))
         _draw_points(axes, x[own], rows[own], look[curve.series], size, angled)
-    _ring(axes, x, rows["value"].to_numpy(dtype=float), rows, outlier_limit(result))
+    _ring(axes, x, rows["value"].to_numpy(dtype=float), ringed(result, rows))
     axes.set_ylim(*value_limits(rows, found, x if angled else None))
     _set_x(axes, len(rows), angled)
     axes.set_ylabel(axis_label(observable))
@@ -127,7 +117,7 @@ def draw_residuals(
     for series in names:
         own = (rows["series"] == series).to_numpy()
         _markers(axes, x[own], z[own], rows[own], look[series], marker_size(len(rows)) * 0.85, angled)
-    _ring(axes, x, z, rows, outlier_limit(result))
+    _ring(axes, x, z, ringed(result, rows))
     finite = np.abs(z[np.isfinite(z)])
     top = max(3.5, 1.35 * float(finite.max()) if finite.size else 0.0)
     axes.set_ylim(-top, top)
@@ -281,8 +271,7 @@ def _markers(
         )
 
 
-def _ring(axes: Axes, x: Array, y: Array, rows: pd.DataFrame, limit: float) -> None:
-    out = np.abs(rows["standardised"].to_numpy(dtype=float)) > limit
+def _ring(axes: Axes, x: Array, y: Array, out: NDArray[np.bool_]) -> None:
     if out.any():
         axes.plot(
             x[out],

@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -10,8 +13,9 @@ import pytest
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.result import Fact
-from ifrfit.report import plot
-from ifrfit.report.panels import axis_label, outlier_limit
+from ifrfit.report import legend, plot
+from ifrfit.report.panels import axis_label
+from ifrfit.report.ringed import outlier_limit, ringed
 from ifrfit.report.shading import regime_key, spans
 from ifrfit.report.style import looks, save_figure
 
@@ -109,13 +113,24 @@ def test_an_outlier_is_ringed_and_nothing_else(made):
     assert "ringed: outlier" not in texts(plot(made.fine()))
 
 
-def test_the_outlier_limit_is_bonferroni_at_one_percent(made):
+def test_the_rows_that_the_fit_names_are_ringed_whatever_their_residuals(made):
     result = made.fine()
-    assert outlier_limit(result) == 3.6, "the fit's own limit goes first"
-    open_limit = {**result.facts, "outliers": Fact(True, "Too few rows.", {"limit": None}, "")}
-    assert outlier_limit(replace(result, facts=open_limit)) == math.inf
-    limit = outlier_limit(replace(result, facts={}))
-    assert 34 * math.erfc(limit / math.sqrt(2.0)) == pytest.approx(0.01)
+    points = result.points
+    row = points.iloc[3]
+    name = f"{row['source']} line {row['row']} ({row['observable']})"
+    fact = Fact(False, "", {"rows": [name], "limit": 3.6}, "")
+    marked = ringed(replace(result, facts={"outliers": fact}), points)
+    assert list(np.flatnonzero(marked)) == list(np.flatnonzero(points["row"] == row["row"]))
+    assert abs(row["standardised"]) < 3.6
+    none = Fact(True, "Too few rows.", {"rows": [], "limit": None}, "")
+    loud = made.contradicted()
+    assert not ringed(replace(loud, facts={"outliers": none}), loud.points).any()
+
+
+def test_rows_are_ringed_by_bonferroni_at_one_percent_where_the_fit_does_not_judge(made):
+    result = replace(made.contradicted(), facts={})
+    assert 34 * math.erfc(outlier_limit(result) / math.sqrt(2.0)) == pytest.approx(0.01)
+    assert list(np.flatnonzero(ringed(result, result.points))) == [20]
 
 
 def test_provenance_is_in_the_legend(made):
@@ -203,6 +218,103 @@ def test_two_runs_give_the_same_bytes_and_text_stays_text(made, tmp_path):
     words = {node.text for node in svg.iter("{http://www.w3.org/2000/svg}text")}
     assert {"STAND-IN", "no spin (stand-in)", "residual (σ)"} <= words
     assert "<dc:date>" not in (tmp_path / "a.svg").read_text(encoding="utf-8")
+
+
+def test_two_fits_in_two_processes_write_the_same_figures(tmp_path):
+    options = ("kharaz-2001", "--prior", "e_n=0.98,0.01", "--quiet")
+    for run, seed in (("a", "1"), ("b", "2")):
+        subprocess.run(
+            [sys.executable, "-m", "ifrfit", "fit", *options, "--out", tmp_path / run],
+            env={**os.environ, "PYTHONHASHSEED": seed, "IFRFIT_DATA_DIR": str(tmp_path / "none")},
+            check=True,
+            capture_output=True,
+        )
+    for name in ("fit.svg", "fit.png"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_the_layout_is_settled_to_six_digits(made):
+    figure = plot(made.two_observables())
+    before = [axes.get_position().bounds for axes in figure.axes]
+    assert all(x == round(x, 6) for bounds in before for x in bounds[:2])
+    figure.draw_without_rendering()
+    assert [axes.get_position().bounds for axes in figure.axes] == before
+
+
+def test_a_refuted_fit_says_so_in_the_picture(made):
+    assert plot(made.fine())._suptitle is None
+    result = made.contradicted()
+    title = plot(result)._suptitle.get_text()
+    assert " ".join(title.split()) == "The data contradict one set of constants (p = 2e-09)"
+    assert title.endswith("(p = 2e-09)"), "the number stays in one piece"
+
+    def with_p(p, of=result):
+        fact = Fact(False, "", {"p": p}, "")
+        return " ".join(plot(replace(of, facts={"lack_of_fit": fact}))._suptitle.get_text().split())
+
+    assert with_p(0.0) == "The data contradict one set of constants (p < 1e-99)"
+    assert with_p(None) == "The data contradict one set of constants"
+    separate = with_p(7e-4, made.separate())
+    assert separate == "The data contradict one set of constants a series (p = 7e-04)"
+    both = with_p(7e-4, made.stand_in())
+    assert both.startswith("STAND-IN DATA")
+    assert both.endswith("The data contradict one set of constants (p = 7e-04)")
+
+
+def test_the_legend_names_bands_by_what_they_are(made):
+    for method, words in (
+        ("lsq", "68, 95 % bands (least squares)"),
+        ("bootstrap", "68, 95 % bands (bootstrap)"),
+        ("exact", "68, 95 % credible bands"),
+        ("mcmc", "68, 95 % credible bands"),
+    ):
+        found = texts(plot(replace(made.fine(), method=method)))
+        assert [text for text in found if "68, 95 %" in text] == [words]
+    assert "residuals of ±2 σ" in found
+
+
+def test_open_and_filled_are_explained_only_where_both_occur(made):
+    def explained(result):
+        return [t for t in texts(plot(result)) if t.startswith(("open", "filled", "all"))]
+
+    assert explained(made.fine()) == ["open: sticking", "filled: sliding"]
+    # the panel itself says "sliding"
+    assert explained(made.build((made.Run("fast", spin_y=0.833),))) == []
+    assert explained(made.build((made.Run("oblique", gamma=(50.0, 80.0)),))) == []
+    # no word in the panel where the transition is open
+    assert explained(made.all_sticking()) == ["all impacts stick"]
+    assert explained(made.build(observables=("e_n",))) == []
+
+
+def test_the_estimate_lies_on_top_of_values_that_have_no_angle(made):
+    (data, _), *_ = panels_of(plot(made.restitution()))
+    level = next(line for line in data.lines if len(set(line.get_ydata())) == 1)
+    marks = [line for line in data.lines if line.get_marker() == "o" and line.get_markersize() < 9.0]
+    assert marks
+    for line in marks:
+        assert line.get_zorder() < level.get_zorder()
+        assert line.get_alpha() <= 0.5
+    bands = [part for part in data.collections if part.get_zorder() > marks[0].get_zorder()]
+    assert len(bands) == 4, "two for each of the two series"
+    (angled, _), *_ = panels_of(plot(made.fine()))
+    small, usual = (max(x.get_markersize() for x in a.lines if x.get_marker() == "o") for a in (data, angled))
+    assert small < usual
+
+
+def test_legend_columns_are_filled_as_matplotlib_fills_them():
+    entries = [(None, str(i)) for i in range(7)]
+    for count in range(1, 8):
+        expected = [list(part) for part in np.array_split([label for _, label in entries], count)]
+        assert legend._columns(entries, count) == expected
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_legend_fits_the_width(made, name):
+    figure = plot(getattr(made, name)())
+    entries = figure.legends[0].get_texts()
+    renderer = figure.canvas.get_renderer()
+    right = max(text.get_window_extent(renderer).x1 for text in entries)
+    assert right <= figure.bbox.x1
 
 
 def test_drawing_leaves_the_settings_of_matplotlib_alone(made, tmp_path):

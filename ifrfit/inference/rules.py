@@ -1,0 +1,32 @@
+"""The rules behind statuses and facts: one table, which the documentation repeats word for word."""
+
+from __future__ import annotations
+
+RANK = 1e-6
+HALF = 0.5
+GAP = 1e-9
+REFUTED = 0.001
+OUTLIER = 0.01
+AT_REST = 1e-6
+
+STATUSES = {
+    "determined": "sd below half the sd of the default prior, and none of the rows below",
+    "one_sided": "the optimum lies on a bound, or the 95 % interval does not close on one side within the "
+    "domain: the interval runs from the bound to its 95 % quantile",
+    "prior": "your own prior narrows it: sd with the prior below half of the sd without",
+    "not_determined": "otherwise; no value, the compatible interval kept, the reason in words",
+    "fixed": "by you",
+}
+
+FACTS = {
+    "converged": f"last relative change of the noise <= {AT_REST:g} (nothing to iterate where sigma is known)",
+    "global_optimum": f"gap between chi2 and a proven lower bound over everything else <= {GAP:g} relative, "
+    "and no second optimum within 1e-6; those within 4 are counted",
+    "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
+    "combination's sd below half its prior sd) equals the number of free constants",
+    "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
+    "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; else of a "
+    "smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
+    "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, judged one by one",
+    "angular_momentum": "velocities and spins close within 5 % (raw velocities with spin after only)",
+}

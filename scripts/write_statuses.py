@@ -1,0 +1,28 @@
+"""Write docs/statuses.md from the package's own table of rules."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ifrfit.inference.rules import FACTS, STATUSES
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "statuses.md"
+
+
+def page() -> str:
+    """The page's text."""
+    lines = [
+        "# Statuses and facts",
+        "",
+        "Written by `scripts/write_statuses.py` from the rules in the code.",
+        "",
+    ]
+    for title, rules in (("status of a constant", STATUSES), ("fact of a fit", FACTS)):
+        lines += [f"| {title} | rule |", "|---|---|"]
+        lines += [f"| `{name}` | {rule} |" for name, rule in rules.items()]
+        lines.append("")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
