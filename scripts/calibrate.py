@@ -23,12 +23,13 @@ from local_search import Array, Local
 from random_problems import random_problem
 
 from ifrfit.inference.constants import Constant
-from ifrfit.inference.optimum import GAP_TOLERANCE, Optimum, objective_at
+from ifrfit.inference.optimum import Optimum, objective_at
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.solve import solve
 
 Solver = Callable[[Problem, Array], Optimum]
 
+TOLERANCE = 1e-9  # of a certificate, relative to max(1, chi2)
 MISSED = 1e-6  # a local start this far above the best, relative to max(1, chi2), missed it
 
 
@@ -64,7 +65,7 @@ class Comparison:
     @property
     def slack(self) -> float:
         """What the claim itself allows: the tolerance of the certificate."""
-        return GAP_TOLERANCE * max(1.0, abs(self.best))
+        return TOLERANCE * max(1.0, abs(self.best))
 
     @property
     def worse(self) -> bool:

@@ -11,12 +11,8 @@ PAGE = Path(__file__).resolve().parent.parent / "docs" / "statuses.md"
 
 def page() -> str:
     """The page's text."""
-    lines = [
-        "# Statuses and facts",
-        "",
-        "Written by `scripts/write_statuses.py` from the rules in the code.",
-        "",
-    ]
+    written = "Written by `scripts/write_statuses.py` from the rules in the code."
+    lines = ["# Statuses and facts", "", written, ""]
     for title, rules in (("status of a constant", STATUSES), ("fact of a fit", FACTS)):
         lines += [f"| {title} | rule |", "|---|---|"]
         lines += [f"| `{name}` | {rule} |" for name, rule in rules.items()]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ifrfit.data.catalogue import load_dataset, resolve
+from ifrfit.data.momentum import MomentumCheck
 from ifrfit.data.observations import Descriptor, Observations, Source, combine
 from ifrfit.data.readers import read
 from ifrfit.data.replicates import average_replicates
@@ -11,6 +12,7 @@ from ifrfit.data.template import template_text
 
 __all__ = [
     "Descriptor",
+    "MomentumCheck",
     "Observations",
     "Selection",
     "Source",

@@ -202,21 +202,12 @@ def _load(folder: Path, remedy: str) -> Observations:
     data = read(path, inertia_factor=descriptor.inertia_factor)
     table = data.table
     table["source"] = descriptor.name
-    read_source = data.sources[0]
-    source = Source(
-        name=descriptor.name,
-        sha256=digest,
-        rows=read_source.rows,
-        rows_used=read_source.rows_used,
-        rows_skipped=read_source.rows_skipped,
-        provenance=read_source.provenance,
-        selection=read_source.selection,
-        descriptor=descriptor,
-    )
+    source = replace(data.sources[0], name=descriptor.name, sha256=digest, descriptor=descriptor)
+    momentum = tuple(replace(check, source=descriptor.name) for check in data.momentum)
     notes = tuple(note.replace(path.name, descriptor.name) for note in data.notes)
     if descriptor.provenance == "stand-in":
         notes = (stand_in_note(descriptor.name, package["ifrfit"].get("materials", "the experiment")), *notes)
-    return replace(data, table=table, sources=(source,), notes=notes)
+    return replace(data, table=table, sources=(source,), notes=notes, momentum=momentum)
 
 
 def stand_in_note(name: str, materials: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,27 +11,107 @@ from numpy.typing import NDArray
 
 from ifrfit.data.cells import Cells
 
-TOLERANCE = 0.05
+LIMIT = 0.05
+# A suggested inertia factor that closes no better than this share of the miss explains nothing.
+_EXPLAINS = 0.5
+# What is measured is rarely sharper: within this share of a known body, that body is meant.
+_SAME_BODY = 0.025
+_BODIES = {2 / 5: "homogeneous ball", 2 / 3: "thin hollow ball", 1 / 2: "disc on its edge"}
 
 Array = NDArray[np.float64]
 
 
-def momentum_note(
+@dataclass(frozen=True)
+class MomentumCheck:
+    """How well v_t - J R Omega is conserved over the impacts of one source.
+
+    The impulse acts at the contact point, so it changes v_t by p and R Omega by p/J: the difference stays,
+    whatever the closure. A wrong inertia factor, size, sign or time of reading shows here.
+
+    Attributes
+    ----------
+    n : int
+        Impacts with velocity and spin after.
+    rms : float
+        Root mean square of the miss over that of the incoming contact speed.
+    n_violating : int
+        Impacts that miss by more than `limit` of their own contact speed.
+    limit : float
+        Largest `rms` that is taken as closing.
+    inertia_factor : float
+        J = I/(m R^2) that the check assumed.
+    suggested : float or None
+        The inertia factor that the velocities themselves ask for (least squares of the changes), where it is
+        possible and would explain the miss; None otherwise.
+    source : str
+        Name of the source.
+    where : str
+        The first of the violating lines, in words.
+    """
+
+    n: int
+    rms: float
+    n_violating: int
+    limit: float
+    inertia_factor: float
+    suggested: float | None
+    source: str
+    where: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether angular momentum closes within the limit, over all impacts."""
+        return self.rms <= self.limit
+
+    @property
+    def says(self) -> str:
+        """The check in a sentence or two, with the remedy where it fails."""
+        closes = f"closes to {100 * self.rms:.2g} % of the contact speed"
+        over = f"rms over {self.n} impact{'s' if self.n > 1 else ''}"
+        beyond = f"{self.n_violating} of {self.n} miss by more than {100 * self.limit:g} % ({self.where})"
+        if self.ok:
+            text = (
+                f"{self.source}: angular momentum about the contact {closes} "
+                f"({over}, inertia factor {self.inertia_factor:.4g})"
+            )
+            return text + (f"; {beyond}." if self.n_violating else ".")
+        # scatter of the contact speeds: the rms may be beyond the limit where no single impact is
+        rest = f"angular momentum about the contact only {closes} ({over})"
+        rest += f"; {beyond}" if self.n_violating else ""
+        if self.suggested is None:
+            return (
+                f"{self.source}: {rest}. Check the signs of the spins, the size, and the inertia factor "
+                f"{self.inertia_factor:.4g} (--inertia-factor)."
+            )
+        factor, body = _body(self.suggested)
+        return (
+            f"{self.source}: the velocities contradict the inertia factor {self.inertia_factor:.4g}; try "
+            f"--inertia-factor {factor:.3g}{body}, or check size and signs. With {self.inertia_factor:.4g} "
+            f"{rest}."
+        )
+
+
+def _body(suggested: float) -> tuple[float, str]:
+    """Return the factor to try and what it stands for: that of a known body where one is near."""
+    for factor, body in _BODIES.items():
+        if abs(suggested / factor - 1.0) <= _SAME_BODY:
+            return factor, f" ({body}; the velocities ask for {suggested:.3f})"
+    return suggested, ""
+
+
+def check_momentum(
     cells: Cells,
     before: Mapping[str, Any],
     after: Mapping[str, Array],
     tangential: Array,
     inertia_factor: float,
-) -> str | None:
-    """Say how well v_t - J R Omega is conserved, in the paper's signs.
-
-    The impulse acts at the contact point, so it changes v_t by p and R Omega by p/J: the difference stays,
-    whatever the closure. A wrong inertia factor, size, sign or time of reading shows here.
+) -> MomentumCheck | None:
+    """Check that v_t - J R Omega is conserved, in the paper's signs.
 
     Parameters
     ----------
     cells : Cells
-        For the names of lines.
+        For the names of file and lines.
     before : mapping
         ``spin_x``, ``spin_y``: R omega/u.
     after : mapping
@@ -42,10 +123,10 @@ def momentum_note(
 
     Returns
     -------
-    str or None
-        None if no impact has both.
+    MomentumCheck or None
+        None if no impact has both velocity and spin after.
     """
-    if "v_x" not in after:
+    if "v_x" not in after or "spin_y_after" not in after:
         return None
     dv, ds = _changes(before, after, tangential)
     miss = np.sqrt(np.sum((dv - inertia_factor * ds) ** 2, axis=0))
@@ -53,19 +134,20 @@ def momentum_note(
     known = ~np.isnan(miss) & ~np.isnan(contact)
     if not np.any(contact[known] > 0):
         return None
-    rms = float(np.sqrt(np.mean(miss[known] ** 2) / np.mean(contact[known] ** 2)))
-    count = int(known.sum())
-    text = (
-        f"{cells.name}: angular momentum about the contact closes to {100 * rms:.2g} % of the contact speed "
-        f"(rms over {count} impact{'s' if count > 1 else ''}, inertia factor {inertia_factor:.4g})"
-    )
-    beyond = np.flatnonzero(known & (miss > TOLERANCE * contact))
-    if not beyond.size:
-        return text + "."
+    scale = float(np.mean(contact[known] ** 2))
+    rms = float(np.sqrt(np.mean(miss[known] ** 2) / scale))
+    beyond = np.flatnonzero(known & (miss > LIMIT * contact))
     lines = ", ".join(str(cells.lines[row]) for row in beyond[:3]) + (", ..." if beyond.size > 3 else "")
-    plural = "" if beyond.size == 1 else "s"
-    text += f"; {beyond.size} of {count} miss by more than 5 % ({cells.word}{plural} {lines})."
-    return text if rms <= TOLERANCE else text + _advice(dv[:, known], ds[:, known])
+    return MomentumCheck(
+        n=int(known.sum()),
+        rms=rms,
+        n_violating=int(beyond.size),
+        limit=LIMIT,
+        inertia_factor=inertia_factor,
+        suggested=_suggested(dv[:, known], ds[:, known], scale, rms) if rms > LIMIT else None,
+        source=cells.name,
+        where=f"{cells.word}{'' if beyond.size == 1 else 's'} {lines}" if beyond.size else "",
+    )
 
 
 def _changes(before: Mapping[str, Any], after: Mapping[str, Array], tangential: Array) -> tuple[Array, Array]:
@@ -80,14 +162,11 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Array], tangential: 
     return np.array(dv), np.array(ds)
 
 
-def _advice(dv: Array, ds: Array) -> str:
-    """Name the inertia factor that fits best (least squares of dv = J ds) if it could be one."""
+def _suggested(dv: Array, ds: Array, scale: float, rms: float) -> float | None:
+    """Return the J of the least squares of dv = J ds, if a body can have it and it explains the miss."""
     change = float(np.sum(ds**2))
-    own = float(np.sum(dv * ds)) / change if change > 0 else float("nan")
-    text = " Check signs, size and inertia factor."
-    if 0.0 < own <= 1.0:
-        return (
-            f" The velocities themselves ask for an inertia factor of {own:.3f} (2/5 is a homogeneous ball, "
-            f"2/3 a thin hollow one).{text}"
-        )
-    return text
+    own = float(np.sum(dv * ds)) / change if change > 0 else 0.0
+    if not 0.0 < own <= 1.0:
+        return None
+    left = float(np.sqrt(np.mean(np.sum((dv - own * ds) ** 2, axis=0)) / scale))
+    return own if left <= _EXPLAINS * rms else None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ifrfit.data.momentum import MomentumCheck
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -112,6 +113,8 @@ class Source:
         What was chosen from the source, in words; empty where all of it is used.
     descriptor : Descriptor or None
         For bundled or installed datasets.
+    headers : mapping of str to tuple of str
+        Columns of the file that a column of the schema comes from, for the uncertainties of angle and spin.
     """
 
     name: str
@@ -122,6 +125,7 @@ class Source:
     provenance: str = ""
     selection: str = ""
     descriptor: Descriptor | None = None
+    headers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 class _Frame:
@@ -156,11 +160,14 @@ class Observations:
     sources : tuple of Source
     notes : tuple of str
         Sentences for the user.
+    momentum : tuple of MomentumCheck
+        One for each source of raw velocities with spin after; not repeated in the notes.
     """
 
     table: pd.DataFrame = _Frame()  # type: ignore[assignment]
     sources: tuple[Source, ...] = ()
     notes: tuple[str, ...] = ()
+    momentum: tuple[MomentumCheck, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -175,6 +182,18 @@ class Observations:
         """Return the same observations with further notes."""
         return replace(self, notes=(*self.notes, *(n for n in notes if n not in self.notes)))
 
+    def called(self, column: str) -> str:
+        """Return what an uncertainty of angle or spin is, with the columns of the files it comes from.
+
+        Parameters
+        ----------
+        column : str
+            ``sigma_gamma_deg``, ``sigma_spin_x`` or ``sigma_spin_y``.
+        """
+        headers = dict.fromkeys(h for source in self.sources for h in source.headers.get(column, ()))
+        what = _UNCERTAINTIES.get(column, column)
+        return f"{what} (from {_joined(list(headers) or [column])})"
+
     def __repr__(self) -> str:
         """Return one line: how many rows of what from where."""
         return f"Observations({self._headline()})"
@@ -184,7 +203,8 @@ class Observations:
         from html import escape
 
         body = self.table.dropna(axis="columns", how="all").head(10).to_html(index=False)
-        notes = "".join(f"<li>{escape(n)}</li>" for n in self.notes)
+        said = (*self.notes, *(check.says for check in self.momentum))
+        notes = "".join(f"<li>{escape(n)}</li>" for n in said)
         return f"<p>{escape(self._headline())}</p>{body}" + (f"<ul>{notes}</ul>" if notes else "")
 
     def _headline(self) -> str:
@@ -193,6 +213,17 @@ class Observations:
         observables = ", ".join(str(o) for o in table["observable"].unique())
         provenance = ", ".join(p or "provenance not stated" for p in self.provenance)
         return f"{names}: {len(table)} rows of {observables or 'nothing'}; {provenance or 'empty'}"
+
+
+_UNCERTAINTIES = {
+    "sigma_gamma_deg": "the uncertainty of the angle",
+    "sigma_spin_x": "the uncertainty of the spin about x",
+    "sigma_spin_y": "the uncertainty of the spin",
+}
+
+
+def _joined(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def make_table(columns: Mapping[str, Any]) -> pd.DataFrame:
@@ -257,17 +288,21 @@ def combine(parts: Sequence[Observations]) -> Observations:
     tables: list[pd.DataFrame] = []
     sources: list[Source] = []
     notes: list[str] = []
+    momentum: list[MomentumCheck] = []
     for part in parts:
-        table = part.table
+        table, checks = part.table, part.momentum
         for source in part.sources:
             _refuse_twice(source, sources)
             name = _free_name(source.name, {s.name for s in sources})
             if name != source.name:
                 table["source"] = table["source"].replace(source.name, name)
+                checks = tuple(replace(c, source=name) if c.source == source.name else c for c in checks)
             sources.append(replace(source, name=name))
         tables.append(table)
         notes.extend(n for n in part.notes if n not in notes)
-    return Observations(pd.concat(tables, ignore_index=True), tuple(sources), tuple(notes))
+        momentum.extend(checks)
+    table = pd.concat(tables, ignore_index=True)
+    return Observations(table, tuple(sources), tuple(notes), tuple(momentum))
 
 
 def _refuse_twice(source: Source, before: Sequence[Source]) -> None:

@@ -66,7 +66,7 @@ def average_replicates(obs: Observations, *, across_impacts: bool = False) -> Ob
         f"{int(count[many].sum())} repeated rows were averaged to {int(many.sum())} means; their uncertainty "
         "is the standard error s/sqrt(n)."
     )
-    return Observations(means, tuple(sources), obs.notes).with_note(note)
+    return replace(obs, table=means, sources=tuple(sources)).with_note(note)
 
 
 def _new_ids(columns: dict[str, np.ndarray]) -> np.ndarray:

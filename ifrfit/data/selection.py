@@ -96,7 +96,7 @@ def select(obs: Observations, selection: Selection) -> Observations:
     kept = table.loc[keep].reset_index(drop=True)
     notes.extend(shares_e_n(kept) if not selection.independent else [])
     sources = tuple(_update(source, table, why, selection) for source in obs.sources)
-    return Observations(kept, sources, obs.notes).with_note(*notes)
+    return replace(obs, table=kept, sources=sources).with_note(*notes)
 
 
 def _check(table: pd.DataFrame, selection: Selection) -> None:

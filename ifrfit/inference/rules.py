@@ -19,14 +19,14 @@ STATUSES = {
 }
 
 FACTS = {
-    "converged": f"last relative change of the noise <= {AT_REST:g} (nothing to iterate where sigma is known)",
+    "converged": f"last relative change of the noise <= {AT_REST:g} (none where sigma is known)",
     "global_optimum": f"gap between chi2 and a proven lower bound over everything else <= {GAP:g} relative, "
     "and no second optimum within 1e-6; those within 4 are counted",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
     "combination's sd below half its prior sd) equals the number of free constants",
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
-    "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; else of a "
-    "smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
-    "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, judged one by one",
+    "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
+    "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
+    "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
     "angular_momentum": "velocities and spins close within 5 % (raw velocities with spin after only)",
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.inference.cells import Branched, Cells, solve_cells
 from ifrfit.inference.piecewise import Array, PiecewiseProblem, Rows
@@ -53,19 +54,18 @@ def _from_rows(problem: PiecewiseProblem, cells: Cells, cell: int, t: Array) -> 
     q = t.size
     gram = sum((part.design.T @ part.design for part in parts), start=np.zeros((q, q)))
     frame = _frame_of_gram(gram)
+    start: Array = np.zeros(q)
     if frame is None:
         frame = _frame_of_rows(np.concatenate([part.design for part in parts]))
         parts = [Rows(part.design @ frame, part.residuals(t)) for part in parts]
         gram = sum((part.design.T @ part.design for part in parts), start=np.zeros((q, q)))
-        flat = np.asarray(
-            np.diag(gram) < _FLAT
-        )  # in this frame a direction is round or it is nothing but rounding
+        # in this frame a direction is round or it is nothing but rounding
+        flat: NDArray[np.bool_] = np.diag(gram) < _FLAT
         gram[flat] = gram[:, flat] = 0.0
-        start: Array = t
-        to_rows, u = np.eye(q), np.zeros(q)
+        start, to_rows, u = t, np.eye(q), np.zeros(q)
     else:
-        gram, flat = np.asarray(frame.T @ gram @ frame), np.zeros(q, dtype=bool)
-        start, to_rows, u = np.zeros(q), frame, np.linalg.solve(frame, t)
+        flat = np.zeros(q, dtype=bool)
+        gram, to_rows, u = frame.T @ gram @ frame, frame, np.linalg.solve(frame, t)
     value, error, point = np.inf, 0.0, t
     at = slice(cell, cell + 1)
     for _ in range(_LOOKS):

@@ -12,8 +12,8 @@ from ifrfit.data.catalogue import load_dataset, printed_constants
 from ifrfit.data.finding import entry
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.api import fit
-from ifrfit.inference.optimum import GAP_TOLERANCE
 from ifrfit.inference.result import FitResult
+from ifrfit.inference.rules import GAP
 from ifrfit.report.provenance import STAND_IN, provenance_words
 
 LEVEL = 0.95
@@ -169,7 +169,7 @@ def _lines(case: Case, result: FitResult, printed: Mapping[str, float]) -> list[
             identifiable=result.facts["identifiable"].ok,
             lack_of_fit_ok=lack.ok,
             lack_of_fit_p=lack.figures["p"],
-            certified=gap is not None and gap <= GAP_TOLERANCE * max(1.0, objective),
+            certified=gap is not None and gap <= GAP * max(1.0, objective),
             provenance=provenance,
             figure=case.name,
             note=note,
