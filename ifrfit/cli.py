@@ -57,7 +57,7 @@ def _command(function: Callable[..., None]) -> Callable[..., None]:
             if os.environ.get("IFRFIT_DEBUG"):
                 raise
             typer.echo(
-                f"ifrfit: internal error, {type(error).__name__}: {error}. Nothing was written. "
+                f"ifrfit: internal error, {type(error).__name__}: {error}. "
                 "This is a bug; IFRFIT_DEBUG=1 shows where it happened.",
                 err=True,
             )
@@ -127,9 +127,15 @@ def fit(
     gamma_min: Annotated[
         float | None, typer.Option(metavar="DEG", help="Use only impacts at this angle or more.")
     ] = None,
-    gamma_max: Annotated[float | None, typer.Option(metavar="DEG", help="Or at this angle or less.")] = None,
-    speed_min: Annotated[float | None, typer.Option(metavar="M_S", help="Or at this speed or more.")] = None,
-    speed_max: Annotated[float | None, typer.Option(metavar="M_S", help="Or at this speed or less.")] = None,
+    gamma_max: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Use only impacts at this angle or less.")
+    ] = None,
+    speed_min: Annotated[
+        float | None, typer.Option(metavar="M_S", help="Use only impacts at this speed or more.")
+    ] = None,
+    speed_max: Annotated[
+        float | None, typer.Option(metavar="M_S", help="Use only impacts at this speed or less.")
+    ] = None,
     exclude: Annotated[
         Repeated,
         typer.Option(metavar="ROW|ID", help="Leave out a line of the file, FILE:LINE, or an impact."),
@@ -289,12 +295,10 @@ def reproduce(
 def datasets_list() -> None:
     """Every dataset with its provenance."""
     from ifrfit.data.catalogue import listing
+    from ifrfit.data.describing import listing_lines
 
-    found = listing()
-    width = max(len(entry.name) for entry in found)
-    for entry in found:
-        mark = " (yours)" if entry.installed else ""
-        typer.echo(f"{entry.name:<{width}}  {entry.provenance + mark:<18}  {entry.title}")
+    for line in listing_lines(listing()):
+        typer.echo(line)
 
 
 @datasets.command("show")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from ifrfit.data.catalogue import load_dataset, resolve
+from ifrfit.data.combining import combine
 from ifrfit.data.momentum import MomentumCheck
-from ifrfit.data.observations import Descriptor, Observations, Source, combine
+from ifrfit.data.observations import Descriptor, Observations, Source
 from ifrfit.data.readers import read
 from ifrfit.data.replicates import average_replicates
 from ifrfit.data.selection import Selection, select

@@ -11,7 +11,7 @@ from ifrfit.data.describing import Description, numbers
 from ifrfit.data.descriptor import read_package, to_descriptor, verified_data
 from ifrfit.data.finding import Entry, dataset_names, entry, meant
 from ifrfit.data.installing import install, remove
-from ifrfit.data.observations import Observations, Source
+from ifrfit.data.observations import Observations
 from ifrfit.data.readers import read
 from ifrfit.errors import DataError, UsageError
 

@@ -32,7 +32,7 @@ class Cells:
     lines : (n,) int array
         Line of each row in a text file, number of the row in a Parquet file; from 1.
     columns : list
-        Per header a sequence of n strings, or a float array (Parquet).
+        Per header a sequence of n strings, a float array (Parquet), or the error to raise if it is used.
     decimal_commas : bool
         Whether numbers may have decimal commas.
     word : str
@@ -71,10 +71,16 @@ class Cells:
 
     def texts(self, column: int) -> list[str]:
         """Return the cells of a column as stripped text."""
-        cells = self.columns[column]
+        cells = self._cells(column)
         if isinstance(cells, np.ndarray):
             return ["" if math.isnan(x) else str(int(x)) if x == int(x) else repr(float(x)) for x in cells]
         return [cell.strip() for cell in cells]
+
+    def _cells(self, column: int) -> Any:
+        cells = self.columns[column]
+        if isinstance(cells, DataError):
+            raise cells
+        return cells
 
     def numbers(self, column: int) -> NDArray[np.float64]:
         """Return the cells of a column as numbers, NaN where nothing was measured.
@@ -84,7 +90,7 @@ class Cells:
         DataError
             Text, infinity, or decimal commas and points in one file.
         """
-        cells = self.columns[column]
+        cells = self._cells(column)
         if isinstance(cells, np.ndarray):
             values = cells.astype(np.float64)
         else:

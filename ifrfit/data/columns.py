@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from ifrfit.data.schema import OBSERVABLES
@@ -71,6 +71,8 @@ _MAGNITUDES = ("abs_beta", "beta_abs", "abs(beta)", "|beta|", "beta_magnitude", 
 OPEN = {"e_t": "number", "et": "number", "psi": "angle", "tan_psi": "number"}
 _IGNORED = ("note", "comment", "remark")
 _BOOKKEEPING = ("source", "row")
+# Names that often number the impacts: suggested, never assumed.
+_NUMBERING = ("shot", "impact", "nr", "no", "no.", "number", "event", "hit", "bounce", "trial", "#")
 
 
 @dataclass(frozen=True)
@@ -162,6 +164,36 @@ def role_of(text: str) -> Role:
     return Role("unknown", header.name, unit=header.unit)
 
 
+def named_role(name: str, header: str, stated: str | None) -> Role:
+    """Return what a column holds that the user named, or whose unit the user stated.
+
+    Parameters
+    ----------
+    name : str
+        Name of the schema, of an observable or of a raw velocity, with or without a unit (``v_x``,
+        ``v_x_m_s``).
+    header : str
+        As it stands in the file; the unit in its brackets or at its end holds unless one is stated.
+    stated : str or None
+        Unit that the user stated.
+    """
+    target, own = parse_header(name), parse_header(header)
+    if target.name.startswith(_IGNORED) or target.name in _BOOKKEEPING:
+        return Role("ignored", target.name)
+    short, suffix = target.without_suffix(), own.without_suffix()
+    names = [h.name for h in (target, short) if h is not None]
+    # A unit at the end of a name may be no unit at all (sigma_m): it counts where it fits.
+    sure = stated or own.unit or target.unit
+    perhaps = [sure] if sure else [h.unit for h in (suffix, short) if h is not None]
+    for unit in perhaps:
+        for role in (r for n in names for r in _meanings(Header(header, n, unit))):
+            if unit in UNITS and UNITS[unit][0] == role.dimension:
+                return role
+    for role in (r for n in names for r in _meanings(Header(header, n, sure))):
+        return role
+    return Role("unknown", target.name, unit=sure)
+
+
 def is_known(text: str) -> bool:
     """Tell whether a cell reads like a header."""
     return role_of(text).kind != "unknown"
@@ -169,6 +201,12 @@ def is_known(text: str) -> bool:
 
 def closest(name: str) -> str | None:
     """Return the known column name that `name` resembles most, None if it resembles none."""
+    plain = parse_header(name).name
+    return "impact_id" if plain in _NUMBERING else next(iter(close_names(plain)), None)
+
+
+def close_names(name: str, most: int = 1, also: Iterable[str] = ()) -> list[str]:
+    """Return up to `most` of the known column names and `also` that resemble `name`, the closest first."""
     names = [
         *schema_names(),
         *OBSERVABLES,
@@ -177,8 +215,8 @@ def closest(name: str) -> str | None:
         *OPEN,
         *_ANGLES,
     ]
-    found = difflib.get_close_matches(parse_header(name).name, names, n=1, cutoff=0.6)
-    return found[0] if found else None
+    plain = parse_header(name).name
+    return difflib.get_close_matches(plain, dict.fromkeys([*names, *also]), n=most, cutoff=0.6)
 
 
 def schema_names() -> list[str]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ifrfit.data.columns import COMMON, RAW
-from ifrfit.data.schema import OBSERVABLES
+from ifrfit.data.columns import RAW, close_names, named_role
+from ifrfit.data.schema import OBSERVABLES, PROVENANCES, provenance_name
 from ifrfit.data.units import UNITS, unit_name
 from ifrfit.errors import UsageError
 
@@ -17,8 +18,11 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "beta": ("contact", "opposite-sign", "centre"),
     "e_t": ("centre",),
     "psi": ("over-incoming", "over-outgoing"),
+    "z": ("into-wall", "out-of-wall"),
+    "provenance": tuple(p for p in PROVENANCES if p != "stand-in"),
     "column:NAME": ("HEADER",),
     "unit:HEADER": tuple(UNITS),
+    "ignore": ("HEADER[,HEADER...]",),
 }
 _MEANING = {
     ("beta", "contact"): ("beta", 1.0),
@@ -50,11 +54,15 @@ class Conventions:
     angle_column, angle_from, angle_unit : str or None
         Which column is the incidence angle, from where it is measured, and in what.
     choices : mapping of str to str
-        Of ``beta``, ``e_t`` and ``psi``.
+        Of ``beta``, ``e_t``, ``psi`` and ``z``.
     columns : mapping of str to str
         Header in the file to the name of the schema.
     units : mapping of str to str
         Header in the file to its unit.
+    ignored : tuple of str
+        Headers to pass over, or lists of them separated by commas; the file tells which.
+    provenance : str
+        Of the rows that do not state theirs; empty if the user said nothing.
     """
 
     angle_column: str | None = None
@@ -63,12 +71,50 @@ class Conventions:
     choices: Mapping[str, str] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    ignored: tuple[str, ...] = ()
+    provenance: str = ""
 
     @property
     def headers(self) -> tuple[str, ...]:
-        """Return the headers that the user named."""
+        """Return the headers that the user named for what they hold."""
         angle = (self.angle_column,) if self.angle_column else ()
         return (*angle, *self.columns, *self.units)
+
+    @property
+    def mentioned(self) -> set[str]:
+        """Every text that could be a header which the user named."""
+        parts = (part.strip() for text in self.ignored for part in text.split(","))
+        return {*self.headers, *self.ignored, *parts}
+
+    @property
+    def out_of_wall(self) -> bool:
+        """Whether z points out of the wall."""
+        return self.choices.get("z") == "out-of-wall"
+
+    def ignores(self, there: Collection[str]) -> set[str]:
+        """Return the headers of a file to pass over.
+
+        A text that is a header stands for itself, commas and all; else its parts must be headers.
+
+        Raises
+        ------
+        UsageError
+            One of them is not there, or is also given a meaning.
+        """
+        found: set[str] = set()
+        for text in self.ignored:
+            parts = [text] if text in there else [part.strip() for part in text.split(",") if part.strip()]
+            missing = [part for part in parts if part not in there]
+            if missing:
+                raise UsageError(
+                    f"--convention ignore={text}: there is no column '{missing[0]}'. The columns are "
+                    f"{', '.join(there)}."
+                )
+            found.update(parts)
+        for header in self.headers:
+            if header in found:
+                raise UsageError(f"--convention: the column '{header}' is both named and ignored. Keep one.")
+        return found
 
     def observable(self, name: str) -> tuple[str, float] | None:
         """Return the observable and the sign that a name stands for, None if it leaves a choice open."""
@@ -85,7 +131,11 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
     ----------
     convention : sequence of str or mapping of str to str
         ``angle=from-wall``, ``angle=COLUMN:from-wall:rad``, ``beta=opposite-sign``, ``beta=centre``,
-        ``e_t=centre``, ``psi=over-outgoing``, ``column:beta=HEADER``, ``unit:HEADER=mm/s``.
+        ``e_t=centre``, ``psi=over-outgoing``, ``column:beta=HEADER``, ``unit:HEADER=mm/s``,
+        ``ignore=HEADER`` or ``ignore=HEADER,HEADER``, ``provenance=measured``, and
+        ``z=out-of-wall``: z points out of the wall, in a frame that is right-handed all the same. Such a
+        frame is turned half round about x, so y and z components of velocities and of right-handed spins
+        change sign; x components stay.
 
     Raises
     ------
@@ -99,21 +149,45 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
     choices: dict[str, str] = {}
     columns: dict[str, str] = {}
     units: dict[str, str] = {}
+    ignored: list[str] = []
     for name, choice in pairs:
         kind, _, of = name.partition(":")
         if name == "angle":
             _update(angle, _angle(choice), name)
-        elif name in ("beta", "e_t", "psi"):
-            if choice not in CHOICES[name]:
-                raise UsageError(f"--convention {name}={choice}: the choices are {', '.join(CHOICES[name])}.")
-            _update(choices, {name: choice}, name)
+        elif name in ("beta", "e_t", "psi", "z", "provenance"):
+            _update(choices, {name: _choice(name, choice)}, name)
         elif kind == "column" and of:
             _update(columns, {choice: _column(of, choice)}, name)
         elif kind == "unit" and of:
             _update(units, {of: _unit(of, choice)}, name)
+        elif name == "ignore":
+            ignored.append(choice)
         else:
             raise UsageError(f"--convention {name}={choice}: unknown name. {_list_choices()}.")
-    return Conventions(angle.get("column"), angle.get("from"), angle.get("unit"), choices, columns, units)
+    provenance = choices.pop("provenance", "")
+    return Conventions(
+        angle.get("column"),
+        angle.get("from"),
+        angle.get("unit"),
+        choices,
+        columns,
+        units,
+        tuple(ignored),
+        provenance,
+    )
+
+
+def _choice(name: str, choice: str) -> str:
+    meant = (provenance_name(choice) or choice) if name == "provenance" else choice
+    if meant not in CHOICES[name]:
+        why = " A stand-in says so in the file itself." if meant == "stand-in" else ""
+        raise UsageError(f"--convention {name}={choice}: the choices are {', '.join(CHOICES[name])}.{why}")
+    return meant
+
+
+def suggest(convention: str) -> str:
+    """Return the option as it can be pasted into a shell."""
+    return f"--convention {shlex.quote(convention)}"
 
 
 def _split(text: str) -> tuple[str, str]:
@@ -148,13 +222,15 @@ def _angle(choice: str) -> dict[str, str]:
 
 
 def _column(name: str, header: str) -> str:
-    known = [*COMMON, *RAW, *OBSERVABLES, *(f"sigma_{o}" for o in OBSERVABLES)]
-    plain = {"gamma_deg": "gamma", "sigma_gamma_deg": "sigma_gamma", "speed_m_s": "speed"}.get(name, name)
-    if plain not in known:
+    if named_role(name, name, None).kind == "unknown":
+        close = close_names(name, 3, RAW)
+        near = f"; close are {', '.join(close)}" if close else ""
         raise UsageError(
-            f"--convention column:{name}={header}: '{name}' is no column. Known are {', '.join(known)}."
+            f"--convention column:{name}={header}: '{name}' is no column{near}. A column is one of the "
+            "common schema, an observable or a raw velocity; see 'ifrfit template' and 'ifrfit template "
+            "--raw'."
         )
-    return plain
+    return name
 
 
 def _unit(header: str, text: str) -> str:

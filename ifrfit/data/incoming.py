@@ -74,7 +74,7 @@ def read_incoming(layout: Layout) -> Incoming:
         return Incoming(u, gamma, u * sine, np.ones(n), np.zeros(n), none, sigma_gamma, none)
     x, z = layout.numbers("raw:u_x"), layout.numbers("raw:u_z")
     y = layout.numbers("raw:u_y") if layout.has("raw:u_y") else np.zeros(n)
-    require(layout, "raw:u_z", z, z > 0, "z points into the wall, so a sphere that comes has a positive u_z")
+    require(layout, "raw:u_z", z, z > 0, z_rule(layout, "comes", "u_z"), z_remedy(layout))
     tangential = np.hypot(x, y)
     u = np.hypot(tangential, z)
     moving = tangential > 0.0
@@ -99,11 +99,33 @@ def read_incoming(layout: Layout) -> Incoming:
     )
 
 
-def require(layout: Layout, key: str, values: Array, holds: NDArray[np.bool_], rule: str) -> None:
+def z_rule(layout: Layout, does: str, name: str) -> str:
+    """Say which sign a normal velocity has: of a sphere that ``comes`` or ``leaves``."""
+    out = layout.conventions.out_of_wall
+    sign = "positive" if (does == "comes") != out else "negative"
+    way = "points out of the wall by --convention z=out-of-wall" if out else "points into the wall"
+    return f"z {way}, so a sphere that {does} has a {sign} {name}"
+
+
+def z_remedy(layout: Layout) -> str:
+    """Say what to do about a normal velocity of the wrong sign."""
+    if layout.conventions.out_of_wall:
+        return "Correct it."
+    return "Correct it, or say --convention z=out-of-wall if z points out of the wall in this table."
+
+
+def require(
+    layout: Layout,
+    key: str,
+    values: Array,
+    holds: NDArray[np.bool_],
+    rule: str,
+    remedy: str = "Correct it.",
+) -> None:
     """Refuse the first row where a rule does not hold; what was not measured breaks none."""
     bad = np.flatnonzero(~holds & ~np.isnan(values))
     if bad.size:
         row = int(bad[0])
-        raise DataError(
-            f"{layout.cells.at(row, layout.header(key))}: {values[row]:g}, but {rule}. Correct it."
-        )
+        column = layout.columns.get(key)
+        value = values[row] * (column.sign if column else 1.0)  # with the sign that the file has
+        raise DataError(f"{layout.cells.at(row, layout.header(key))}: {value:g}, but {rule}. {remedy}")

@@ -86,7 +86,7 @@ class MomentumCheck:
         factor, body = _body(self.suggested)
         return (
             f"{self.source}: the velocities contradict the inertia factor {self.inertia_factor:.4g}; try "
-            f"--inertia-factor {factor:.3g}{body}, or check size and signs. With {self.inertia_factor:.4g} "
+            f"--inertia-factor {factor:.3g}{body}, or check size and signs. With {self.inertia_factor:.4g}, "
             f"{rest}."
         )
 

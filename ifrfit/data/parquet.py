@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import shlex
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,15 @@ import numpy as np
 from ifrfit.errors import DataError
 
 
-def read_parquet(raw: bytes, file: str) -> tuple[list[str], list[Any]]:
-    """Return the names and the columns of a Parquet file: float arrays, or sequences of text.
+def read_parquet(raw: bytes, file: str) -> tuple[list[str], list[Any], int]:
+    """Return the names, the columns and the number of rows of a Parquet file.
+
+    A column is a float array, a sequence of text, or the error that its use raises.
 
     Raises
     ------
     DataError
-        The file is damaged, or a column holds neither numbers nor text.
+        The file is damaged.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -27,10 +30,11 @@ def read_parquet(raw: bytes, file: str) -> tuple[list[str], list[Any]]:
         reason = str(error).splitlines()[0] if str(error) else "damaged"
         raise DataError(f"{file}: not a readable Parquet file ({reason:.100}). Write it again.") from None
     names = [str(name).strip() for name in table.column_names if not str(name).startswith("__index_level_")]
-    return names, [_column(table.column(name), name, file, pa) for name in names]
+    return names, [_column(table.column(name), name, file, pa) for name in names], table.num_rows
 
 
 def _column(column: Any, name: str, file: str, pa: Any) -> Any:
+    """Return numbers or texts; what is neither comes as the error to raise when somebody wants to use it."""
     kind = column.type
     if pa.types.is_dictionary(kind):
         column = column.cast(kind.value_type)
@@ -44,6 +48,7 @@ def _column(column: Any, name: str, file: str, pa: Any) -> Any:
         return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
     if pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind):
         return [cell if cell is not None else "" for cell in column.to_pylist()]
-    raise DataError(
-        f"{file}, column {name}: holds {kind}, neither numbers nor text. Convert it or remove it."
+    return DataError(
+        f"{file}, column {name}: holds {kind}, neither numbers nor text. Convert it, or leave it out: "
+        f"--convention {shlex.quote(f'ignore={name}')}."
     )

@@ -65,6 +65,22 @@ def common_columns(layout: Layout) -> tuple[dict[str, Any], dict[str, str]]:
     return columns, headers
 
 
+def uncertainty_headers(layout: Layout) -> dict[str, tuple[str, ...]]:
+    """Return the columns of the file that the uncertainties of angle and spins come from."""
+    keys = {"sigma_gamma_deg": ("sigma_gamma", *(f"sigma:raw:u_{axis}" for axis in "xyz"))}
+    for axis, other in ("xy", "yx"):
+        # the other axis counts too where the impact is turned until it runs along x
+        size = ("sigma:raw:radius", "sigma:raw:diameter")
+        keys[f"sigma_spin_{axis}"] = (
+            f"sigma_spin_{axis}",
+            f"sigma:raw:omega_{axis}",
+            f"sigma:raw:omega_{other}",
+            *size,
+        )
+    found = {name: tuple(layout.header(k) for k in of if layout.has(k)) for name, of in keys.items()}
+    return {name: headers for name, headers in found.items() if headers}
+
+
 def uncertainty(layout: Layout, sigma: str, sd: str) -> tuple[Array, str]:
     """Return standard uncertainties, as given or from sample deviations of n repeats; and the header.
 

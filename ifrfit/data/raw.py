@@ -2,7 +2,8 @@
 
 Frame of the file: z points into the wall, x along the incoming tangential velocity, y completes a
 right-handed frame; spins are right-handed. If the tangential velocity is not along x, everything is rotated
-about z until it is. In the paper's signs omega_x is minus the right-handed one and omega_y is the same.
+about z until it is. In the paper's signs omega_x is minus the right-handed one and omega_y is the same. A
+file whose z points out of the wall is first turned half round about x (see `ifrfit.data.identify`).
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.columns import RAW
-from ifrfit.data.incoming import Incoming, read_incoming, require, stated
+from ifrfit.data.conventions import suggest
+from ifrfit.data.incoming import Incoming, read_incoming, require, stated, z_remedy, z_rule
 from ifrfit.data.layout import Layout
-from ifrfit.data.momentum import momentum_note
+from ifrfit.data.momentum import check_momentum
 from ifrfit.data.pieces import Piece
 from ifrfit.data.schema import OBSERVABLES, TINY
 from ifrfit.data.wide import impact_ids
@@ -23,6 +25,7 @@ from ifrfit.errors import DataError
 
 Array = NDArray[np.float64]
 
+_NOT_RAW = ("spin_", "sd:", *(f"sigma:{name}" for name in OBSERVABLES))
 _LARGEST = 1e9  # m/s, rad/s or m: beyond anything that hits a wall, far from overflow when squared
 
 
@@ -35,7 +38,7 @@ def read_raw(layout: Layout, inertia_factor: float) -> list[Piece]:
     """Return the measured velocities and spins after each impact, per incoming speed.
 
     Quantities computed from both (beta and the like) are left out: they would count the impact twice. The
-    note on angular momentum (v_t - J R Omega is conserved whatever the closure) is added to the layout.
+    check of angular momentum (v_t - J R Omega is conserved whatever the closure) is added to the layout.
 
     Parameters
     ----------
@@ -96,12 +99,12 @@ def _check_momentum(
     *,
     spinning: bool,
 ) -> None:
-    """Add notes on angular momentum and on an assumed spin before, where spin after was measured."""
+    """Check angular momentum and note an assumed spin before, where spin after was measured."""
     if "spin_y_after" not in results:
         return
     values = {name: value for name, (value, _, _) in results.items()}
-    note = momentum_note(layout.cells, before, values, incoming.tangential / incoming.u, inertia_factor)
-    layout.notes.extend([note] if note else [])
+    check = check_momentum(layout.cells, before, values, incoming.tangential / incoming.u, inertia_factor)
+    layout.momentum.extend([check] if check else [])
     if not spinning:
         layout.notes.append(f"{layout.cells.name}: no spin before the impact is given; it was taken as 0.")
 
@@ -127,9 +130,9 @@ def _check_columns(layout: Layout) -> None:
         if key in RAW:
             raise DataError(
                 f"{cells.at(header=column.header)}: no unit. Among raw velocities it needs one, for example "
-                f"{key}_m_s."
+                f"{key}_m_s, or say {suggest(f'unit:{column.header}=m/s')}."
             )
-        if key in OBSERVABLES or key.startswith("spin_") or key in ("value", "observable", "sigma", "sd"):
+        if key in OBSERVABLES or key.startswith(_NOT_RAW) or key in ("value", "observable", "sigma", "sd"):
             raise DataError(
                 f"{cells.at(header=column.header)}: does not go with raw velocities such as "
                 f"{next(c.header for k, c in layout.columns.items() if k.startswith('raw:'))}. Keep the "
@@ -183,8 +186,8 @@ def _radius(layout: Layout) -> tuple[Array, Array] | None:
     require(layout, key, radius, (radius > 1e-9) & (radius < 1e3), "a sphere has between 1e-9 and 1e3 m")
     if layout.has(f"sigma:{key}"):
         layout.notes.append(
-            f"{layout.cells.name}: the uncertainty of the size is common to all impacts, but enters each "
-            "spin as if it were independent."
+            f"{layout.cells.name}: the uncertainty of the size ({layout.header(f'sigma:{key}')}) is common "
+            "to all impacts, but enters each spin as if it were independent."
         )
     return radius, layout.numbers(f"sigma:{key}") * factor
 
@@ -229,9 +232,7 @@ def _velocities(layout: Layout, incoming: Incoming) -> dict[str, tuple[Array, Ar
             result[f"v_{axis}"] = (*incoming.per_speed(value, sigma), layout.header(f"raw:v_{axis}"))
     if layout.has("raw:v_z"):
         z = layout.numbers("raw:v_z")
-        require(
-            layout, "raw:v_z", z, z <= 0, "z points into the wall, so a sphere that leaves has a negative v_z"
-        )
+        require(layout, "raw:v_z", z, z <= 0, z_rule(layout, "leaves", "v_z"), z_remedy(layout))
         result["v_n"] = (*incoming.per_speed(-z, layout.numbers("sigma:raw:v_z")), layout.header("raw:v_z"))
     elif layout.has("raw:v_n"):
         normal = layout.numbers("raw:v_n")

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ifrfit.data.cells import Cells, show
+from ifrfit.data.cells import show
 from ifrfit.data.columns import is_known
 from ifrfit.data.conventions import Conventions, parse_conventions
-from ifrfit.data.layout import Layout, identify
+from ifrfit.data.identify import identify
+from ifrfit.data.layout import Layout
 from ifrfit.data.long import read_long
 from ifrfit.data.observations import Observations, Source, make_table
-from ifrfit.data.pieces import Piece
+from ifrfit.data.pieces import Piece, uncertainty_headers
 from ifrfit.data.raw import is_raw, read_raw
 from ifrfit.data.schema import OBSERVABLES, PROVENANCES, provenance_name
 from ifrfit.data.tabular import read_cells
@@ -38,8 +40,8 @@ def read(
     ----------
     path : str or Path
     convention : sequence of ``NAME=CHOICE`` or mapping, optional
-        ``angle``, ``beta``, ``e_t``, ``psi``, ``column:NAME``, ``unit:HEADER``; see
-        `ifrfit.data.conventions.parse_conventions`.
+        ``angle``, ``beta``, ``e_t``, ``psi``, ``z``, ``column:NAME``, ``unit:HEADER``, ``ignore``,
+        ``provenance``; see `ifrfit.data.conventions.parse_conventions`.
     inertia_factor : float
         J = I/(m R^2), used by the check of angular momentum of raw velocities.
 
@@ -59,7 +61,7 @@ def read(
     if not (math.isfinite(inertia_factor) and inertia_factor > 0):
         raise UsageError(f"The inertia factor J = I/(m R^2) must be positive, not {inertia_factor:g}.")
     path = Path(path)
-    named = set(conventions.headers)
+    named = conventions.mentioned
     cells = read_cells(path, lambda text: text.strip() in named or is_known(text))
     layout = identify(cells, conventions)
     pieces = _read_form(layout, conventions, inertia_factor)
@@ -110,26 +112,39 @@ def _assemble(
     columns: dict[str, Any] = {}
     for name in pieces[0].columns:
         columns[name] = np.concatenate([np.asarray(piece.columns[name]) for piece in pieces])[order]
-    series = [text or path.stem for text in layout.texts("series")]
-    columns["series"] = np.array(series, dtype=object)[rows]
-    provenance = np.array(_provenances(layout), dtype=object)[rows]
+    columns["series"] = _labels(layout, "series", path.stem)[rows]
+    provenance = _provenances(layout)[rows]
     columns |= {"provenance": provenance, "source": path.name, "row": cells.lines[rows]}
     notes = list(layout.notes)
     if reasons:
         notes.append(f"{cells.name}: {total - len(rows)} of {total} observations were skipped: {reasons}.")
     stated = ", ".join(str(p) for p in dict.fromkeys(provenance) if p)
-    source = Source(path.name, cells.sha256, total, len(rows), dict(skipped), stated)
-    return Observations(make_table(columns), (source,), tuple(notes))
+    headers = uncertainty_headers(layout)
+    source = Source(path.name, cells.sha256, total, len(rows), dict(skipped), stated, headers=headers)
+    return Observations(make_table(columns), (source,), tuple(notes), tuple(layout.momentum))
 
 
-def _provenances(layout: Layout) -> list[str]:
-    cells: Cells = layout.cells
-    texts = layout.texts("provenance")
+def _labels(layout: Layout, key: str, default: str) -> NDArray[np.object_]:
+    """Return a column of text with the default in its empty cells."""
+    if not layout.has(key):
+        return np.full(len(layout.cells), default, dtype=object)
+    return np.array([text or default for text in layout.texts(key)], dtype=object)
+
+
+def _provenances(layout: Layout) -> NDArray[np.object_]:
+    """Return the provenance of each row; what the user said holds for rows that do not state theirs."""
+    cells, said = layout.cells, layout.conventions.provenance
+    texts = _labels(layout, "provenance", "")
     names = {text: provenance_name(text) for text in dict.fromkeys(texts)}
     for text, name in names.items():
         if name is None:
+            row = int(np.argmax(texts == text))
             raise DataError(
-                f"{cells.at(texts.index(text), layout.header('provenance'))}: {show(text)} is no provenance. "
+                f"{cells.at(row, layout.header('provenance'))}: {show(text)} is no provenance. "
                 f"Known are {', '.join(PROVENANCES)}; empty means not stated."
             )
-    return [names[text] or "" for text in texts]
+    if said and "" not in names.values():
+        layout.notes.append(f"{cells.name}: convention provenance={said} found nothing to apply to.")
+    if len(names) == 1:
+        return np.full(len(texts), names[str(texts[0])] or said, dtype=object)
+    return np.array([names[text] or said for text in texts], dtype=object)

@@ -51,8 +51,7 @@ def read_cells(path: Path, is_header: Callable[[str], bool]) -> Cells:
     if raw[:4] == b"PAR1":
         from ifrfit.data.parquet import read_parquet
 
-        headers, columns = read_parquet(raw, file)
-        n = len(columns[0]) if columns else 0
+        headers, columns, n = read_parquet(raw, file)
         cells = Cells(file, sha256, headers, 1, np.arange(1, n + 1), columns, word="row")
     else:
         cells = _parse(decode(raw, file), file, sha256, is_header)
@@ -97,7 +96,8 @@ def decode(raw: bytes, file: str) -> str:
 
 def _parse(text: str, file: str, sha256: str, is_header: Callable[[str], bool]) -> Cells:
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    lines = ["" if line.lstrip().startswith("#") else line for line in lines]
+    if "#" in text:
+        lines = ["" if line.lstrip().startswith("#") else line for line in lines]
     start, delimiter = _find_header(lines, is_header, file)
     _refuse_long_cells(lines, start, delimiter, file)
     commas = delimiter != "," and any("," in line for line in lines[start + 1 :])

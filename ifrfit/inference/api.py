@@ -15,17 +15,15 @@ from ifrfit._version import __version__
 from ifrfit.data import Observations, Selection, combine, resolve, select
 from ifrfit.errors import UsageError
 from ifrfit.inference.constants import make_constants
-from ifrfit.inference.criticism import Residuals, lack_of_fit, residuals_of
+from ifrfit.inference.criticism import residuals_of
 from ifrfit.inference.derived import derived_of
 from ifrfit.inference.estimates import constants_of
-from ifrfit.inference.identifiability import identifiable
+from ifrfit.inference.facts import facts_of
 from ifrfit.inference.least_squares import LeastSquares, least_squares
-from ifrfit.inference.outliers import outliers
 from ifrfit.inference.problem import Problem, make_problem
-from ifrfit.inference.result import Estimate, Fact, FitResult, FitStatistics, Noise, State
-from ifrfit.inference.rules import FACTS
+from ifrfit.inference.result import FitResult, Noise
+from ifrfit.inference.statistics import state_of, statistics_of
 from ifrfit.physics.closures import get_closure
-from ifrfit.physics.observables import OBSERVABLES
 
 METHODS = ("lsq",)
 
@@ -176,7 +174,7 @@ def _result(problem: Problem, found: LeastSquares, method: str, seed: int, comma
     e_n, c, mu = problem.per_row(theta)
     _, sticks = problem.impulse(e_n, c, mu)
     residuals = residuals_of(problem, found)
-    statistics = _statistics(problem, found, residuals, sticks)
+    statistics = statistics_of(problem, found, residuals, sticks)
     constants = constants_of(problem, found)
     free = problem.free
     capped = found.local.to_theta @ found.local.covariance(capped=True) @ found.local.to_theta.T
@@ -199,9 +197,9 @@ def _result(problem: Problem, found: LeastSquares, method: str, seed: int, comma
         derived=derived_of(problem, found, constants),
         correlation=(names, capped[np.ix_(free, free)] / np.outer(size, size)),
         fit=statistics,
-        facts=_facts(problem, found, residuals, constants, statistics),
+        facts=facts_of(problem, found, residuals, constants, statistics),
         warnings=_warnings(problem),
-        state=_state(problem, found, constants),
+        state=state_of(problem, found),
         points=points,
         seed=seed,
         command=command,
@@ -209,119 +207,6 @@ def _result(problem: Problem, found: LeastSquares, method: str, seed: int, comma
         versions=_versions(),
         problem=problem,
     )
-
-
-def _statistics(
-    problem: Problem, found: LeastSquares, residuals: Residuals, sticks: np.ndarray
-) -> FitStatistics:
-    r = residuals.raw
-    n = r.size
-    dof = n - round(float(found.local.leverage.sum()))
-    yardstick = problem.sigma if problem.noise == "scaled" else found.sigma
-    chi2 = float(((r / yardstick) ** 2).sum())
-    prior = problem.prior_residuals(found.optimum.theta)
-    likely, n_noise = found.sigma, 0
-    if problem.noise != "known":
-        groups = {"": np.arange(n)} if problem.noise == "scaled" else problem.groups()
-        n_noise = len(groups)
-        likely = found.sigma.copy()  # the most likely noise, without the correction for the constants
-        for rows in groups.values():
-            likely[rows] *= math.sqrt(float(((r[rows] / likely[rows]) ** 2).mean()))
-    log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
-    k = found.local.rank + n_noise
-    oblique = np.array([OBSERVABLES[x].kind in ("tangential", "curved") for x in problem.rows.names])
-    regime = oblique[problem.rows.which]
-    from scipy.special import chdtrc
-
-    return FitStatistics(
-        n=n,
-        n_sliding=int((regime & ~sticks).sum()),
-        n_sticking=int((regime & sticks).sum()),
-        rank=found.local.rank,
-        prior_chi2=float(prior @ prior),
-        chi2=chi2,
-        dof=dof,
-        reduced_chi2=chi2 / dof if dof > 0 and problem.noise != "unknown" else None,
-        p_value=float(chdtrc(dof, chi2)) if dof > 0 and problem.noise == "known" else None,
-        rmse=float(np.sqrt((r * r).mean())),
-        log_likelihood=log_l,
-        aic=2.0 * k - 2.0 * log_l,
-        bic=k * math.log(n) - 2.0 * log_l,
-    )
-
-
-def _facts(
-    problem: Problem,
-    found: LeastSquares,
-    residuals: Residuals,
-    constants: Mapping[str, Any],
-    statistics: FitStatistics,
-) -> dict[str, Fact]:
-    return {
-        "converged": Fact(
-            found.converged,
-            "the noise has come to rest" if found.converged else "the noise has not come to rest",
-            {"change": found.change},
-            FACTS["converged"],
-        ),
-        "global_optimum": _global_optimum(found),
-        "identifiable": identifiable(problem, found, statistics.n_sticking, statistics.n_sliding),
-        "at_bound": _at_bound(constants),
-        "lack_of_fit": lack_of_fit(problem, found, residuals),
-        "outliers": outliers(problem, found, residuals),
-    }
-
-
-def _global_optimum(found: LeastSquares) -> Fact:
-    optimum = found.optimum
-    figures = {
-        "gap": optimum.gap,
-        "n_optima_same": optimum.n_same,
-        "n_optima_near": optimum.n_near,
-        "road": optimum.road,
-    }
-    rule = FACTS["global_optimum"]
-    rivals = optimum.n_near - 1
-    if optimum.certified:
-        alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
-        return Fact(optimum.n_same == 1, f"global optimum certified, {alone}", figures, rule)
-    proof = "no bound is known for these observables" if optimum.gap is None else f"gap {optimum.gap:.1e}"
-    return Fact(False, f"the optimum is not proven to be global ({optimum.road}; {proof})", figures, rule)
-
-
-def _at_bound(constants: Mapping[str, Any]) -> Fact:
-    """Constants that lie on a bound, and those that the data do not tell from it."""
-    on: list[str] = []
-    near: list[str] = []
-    for name, found in constants.items():
-        each = {"": found} if isinstance(found, Estimate) else found
-        for series, estimate in each.items():
-            label = f"{name}[{series}]" if series else name
-            if estimate.status == "one_sided" and estimate.value is not None:
-                (on if "lies on" in estimate.reason else near).append(label)
-    parts = [f"{', '.join(on)} on the bound of the domain"] if on else []
-    parts += [f"{', '.join(near)} not told from the bound of the domain"] if near else []
-    says = "; ".join(parts) or "no constant lies on a bound"
-    return Fact(not parts, says, {"on": on, "near": near}, FACTS["at_bound"])
-
-
-def _state(problem: Problem, found: LeastSquares, constants: Mapping[str, Any]) -> State:
-    """Coordinates for predictions; a centre beyond a bound only where the bound holds the optimum back."""
-    local = found.local
-    covariance = local.covariance(capped=True)
-    lower, upper = problem.bounds()
-    entries = problem.entries()
-    gradient = np.zeros(local.phi.size)
-    low, high = lower.copy(), upper.copy()
-    for i, (name, constant) in enumerate(zip(local.names, entries, strict=True)):
-        if name.startswith("kappa"):
-            e_n = float(problem.per_row(found.optimum.theta)[0][0])
-            low[i], high[i] = lower[i] * (1.0 + e_n), upper[i] * (1.0 + e_n)
-        value = local.phi[i]
-        if constant.fixed is None and (value - low[i] <= 1e-9 or high[i] - value <= 1e-9):
-            gradient[i] = local.gradient[i]
-    shift = -0.5 * covariance @ gradient
-    return State(local.names, local.phi, local.phi + shift, covariance, low, high)
 
 
 def _warnings(problem: Problem) -> tuple[str, ...]:

@@ -66,6 +66,7 @@ class BlockOptimum:
     objective: float
     gap: float | None
     minima: tuple[tuple[float, Constants], ...]
+    extremes: tuple[Constants, ...] = ()
     road: str = "all partitions"
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from ifrfit.inference.block import Block, BlockOptimum, Constants, is_separable, normal_part, without_normal
 from ifrfit.inference.coupled import solve_coupled
-from ifrfit.inference.linear import linear_form
-from ifrfit.inference.piecewise import minimise
+from ifrfit.inference.linear import LinearForm, linear_form
+from ifrfit.inference.piecewise import PiecewiseOptimum, minimise
 
 
 def solve_block(block: Block) -> BlockOptimum | None:
@@ -25,7 +25,18 @@ def solve_block(block: Block) -> BlockOptimum | None:
         return solve_coupled(block)
     optimum = minimise(form.problem)
     minima = tuple((value, _middle_of_loose(block, form.to_constants(t))) for value, t in optimum.optima)
-    return BlockOptimum(minima[0][1], optimum.chi2, optimum.gap, minima)
+    return BlockOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(block, form, optimum))
+
+
+def _extremes(block: Block, form: LinearForm, optimum: PiecewiseOptimum) -> tuple[Constants, ...]:
+    """Outlying constants that describe the data as well; infinite where no impact sets a limit."""
+    found = [form.to_constants(t) for t in optimum.extremes]
+    e_n, c, mu = form.to_constants(optimum.t)
+    if optimum.all_stick and block.mu.fixed is None:
+        found.append((e_n, c, math.inf))
+    if optimum.all_slide and block.coefficients.a1 == 0.0 and block.c.fixed is None:
+        found.append((e_n, math.inf, mu))  # a constant that shows in sticking only
+    return tuple(found)
 
 
 def raised(found: BlockOptimum, by: float) -> BlockOptimum:

@@ -17,7 +17,7 @@ _DOUBTFUL = 1e-9  # below this share the sums have too few digits left to solve 
 _FEASIBLE = 1e-11  # slack of a constraint, relative to its terms
 _STEP = 1e-10  # slack of a constraint in standard deviations
 _FIRST = 8  # cells solved to get a first value
-_CHUNK = 65536  # cells solved at once
+_CHUNK = 4096  # cells solved at once
 _MOST = 4096  # cells solved beyond need, to count local minima
 
 
@@ -96,16 +96,23 @@ def build(problem: PiecewiseProblem) -> Cells:
     change[0] = change[-1] = True
     np.greater(tau[1:], tau[:-1], out=change[1:-1])
     count = np.flatnonzero(change)
-    stick = [*np.ascontiguousarray(problem.stick.design.T), problem.stick.target]
-    slide = [*np.ascontiguousarray(problem.slide.design.T), problem.slide.target]
+    stick, slide = ([*rows.columns, rows.target] for rows in (problem.stick, problem.slide))
     always = np.column_stack((problem.always.design, problem.always.target))
     constant = always.T @ always
     prefix, suffix = np.zeros(tau.size + 1), np.zeros(tau.size + 1)
+    distinct = count.size == change.size
 
     def total(i: int, j: int) -> Array:
-        np.cumsum(stick[i] * stick[j], out=prefix[1:])
-        np.cumsum((slide[i] * slide[j])[::-1], out=suffix[-2::-1])
-        return np.asarray((prefix + suffix + constant[i, j])[change])
+        found = np.full(tau.size + 1, constant[i, j])
+        first, second = stick[i], stick[j]
+        if first is not None and second is not None:
+            np.cumsum(first * second, out=prefix[1:])
+            found += prefix
+        first, second = slide[i], slide[j]
+        if first is not None and second is not None:
+            np.cumsum((first * second)[::-1], out=suffix[-2::-1])
+            found += suffix
+        return found if distinct else found[change]
 
     gram = np.empty((q, q, count.size))
     for i, j in itertools.combinations_with_replacement(range(q), 2):
@@ -174,14 +181,16 @@ def constraints(problem: PiecewiseProblem, cells: Cells, which: NDArray[np.intp]
 
 
 def _inside(
-    t: Array, walls: Array, limits: Array, slack: Array, active: tuple[int, ...]
+    t: Array, walls: Array, limits: Array, slack: Array, active: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
-    """Whether t obeys all constraints, up to rounding; the active ones hold by construction."""
-    terms = walls * t[:, None, :]
-    size = np.abs(terms).sum(axis=2) + np.abs(limits)
-    obeyed = terms.sum(axis=2) - limits <= _FEASIBLE * size + slack
-    obeyed[:, active] = True
-    return np.asarray(obeyed.all(axis=1))
+    """Whether points t (m, faces, q) obey all constraints; the active ones hold by construction."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        terms = walls[:, None] * t[:, :, None, :]
+        size = np.abs(terms).sum(axis=3) + np.abs(limits)[:, None]
+        obeyed = terms.sum(axis=3) - limits[:, None] <= _FEASIBLE * size + slack[:, None]
+    if active.shape[1]:
+        obeyed[:, np.arange(active.shape[0])[:, None], active] = True
+    return np.asarray(obeyed.all(axis=2))
 
 
 def solve_cells(
@@ -203,53 +212,61 @@ def solve_cells(
     slack = _STEP * (np.abs(walls) * sd[:, None, :]).sum(axis=2)
     best, errors, points = np.full(m, np.inf), np.zeros(m), np.zeros((m, q))
     for n_active in range(q + 1):
-        for active in itertools.combinations(range(n_walls), n_active):
-            t, good = _stationary(gram, slope, walls[:, active], limits[:, active])
-            if not good.any():
-                continue
-            good &= _inside(t, walls, limits, slack, active)
-            curved = (gram @ t[:, :, None])[:, :, 0] * t
-            value = (curved - 2.0 * slope * t).sum(axis=1) + square
-            better = good & (value < best)
-            best[better], points[better] = value[better], t[better]
-            size = (np.abs(curved) + 2.0 * np.abs(slope * t)).sum(axis=1) + square
-            errors[better] = cells.rounding * size[better]
+        faces = list(itertools.combinations(range(n_walls), n_active))
+        active = np.array(faces, dtype=np.intp).reshape(len(faces), n_active)
+        t, good = _stationary(gram, slope, walls[:, active], limits[:, active])  # (m, faces, q)
+        good &= _inside(t, walls, limits, slack, active)
+        curved = (gram[:, None] @ t[..., None])[..., 0] * t
+        linear = slope[:, None, :] * t
+        value = np.where(good, (curved - 2.0 * linear).sum(axis=2) + square[:, None], np.inf)
+        face = value.argmin(axis=1)
+        cell = np.arange(m)
+        better = value[cell, face] < best
+        best = np.where(better, value[cell, face], best)
+        points[better] = t[cell, face][better]
+        size = (np.abs(curved) + 2.0 * np.abs(linear)).sum(axis=2)[cell, face] + square
+        errors = np.where(better, cells.rounding * size, errors)
     return Solved(best, errors, points)
 
 
 def _stationary(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Stationary points of the quadratics on the faces where the given walls are touched."""
-    m, n_active, q = walls.shape
+    """Stationary points of the quadratics on faces, each where some walls are touched.
+
+    walls (m, faces, active, q) and limits (m, faces, active); gives points (m, faces, q).
+    """
+    m, n_faces, n_active, q = walls.shape
     if n_active == q:
         return _corners(walls, limits)
     size = _size(gram[:, range(q), range(q)])
-    scaled = walls / size[:, None, :]
-    norm = np.sqrt((scaled * scaled).sum(axis=2))
+    scaled = walls / size[:, None, None, :]
+    norm = np.sqrt((scaled * scaled).sum(axis=3))
     norm = np.where(norm > 0.0, norm, 1.0)
-    scaled = scaled / norm[:, :, None]
-    system = np.zeros((m, q + n_active, q + n_active))
-    system[:, :q, :q] = gram / (size[:, :, None] * size[:, None, :])
-    system[:, q:, :q] = scaled
-    system[:, :q, q:] = np.swapaxes(scaled, 1, 2)
-    right = np.concatenate((slope / size, limits / norm), axis=1)
+    scaled = scaled / norm[..., None]
+    system = np.zeros((m, n_faces, q + n_active, q + n_active))
+    system[:, :, :q, :q] = (gram / (size[:, :, None] * size[:, None, :]))[:, None]
+    system[:, :, q:, :q] = scaled
+    system[:, :, :q, q:] = np.swapaxes(scaled, 2, 3)
+    right = np.zeros((m, n_faces, q + n_active))
+    right[:, :, :q] = (slope / size)[:, None]
+    right[:, :, q:] = limits / norm
     good = np.abs(np.linalg.det(system)) > _FLAT
     system[~good] = np.eye(q + n_active)
-    t = np.linalg.solve(system, right[:, :, None])[:, :q, 0] / size
+    t = np.linalg.solve(system, right[..., None])[..., :q, 0] / size[:, None]
     return t, good
 
 
 def _corners(walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Points where q walls meet; the quadratic has no say there, so its scale does not enter."""
-    q = walls.shape[2]
-    columns = np.abs(walls).max(axis=1, initial=0.0)
+    q = walls.shape[3]
+    columns = np.abs(walls).max(axis=2, initial=0.0)
     columns = np.where(columns > 0.0, columns, 1.0)
-    system = walls / columns[:, None, :]
-    rows = np.abs(system).max(axis=2, initial=0.0)
+    system = walls / columns[:, :, None, :]
+    rows = np.abs(system).max(axis=3, initial=0.0)
     rows = np.where(rows > 0.0, rows, 1.0)
-    system = system / rows[:, :, None]
+    system = system / rows[..., None]
     good = np.abs(np.linalg.det(system)) > _PARALLEL
     system[~good] = np.eye(q)
-    corner = np.linalg.solve(system, (limits / rows)[:, :, None])[:, :, 0]
+    corner = np.linalg.solve(system, (limits / rows)[..., None])[..., 0]
     return corner / columns, good
 
 

@@ -30,7 +30,9 @@ def solve_coupled(block: Block) -> BlockOptimum:
     def value(e_n: float) -> float:
         return at(e_n).chi2 + _prior(block, e_n)
 
-    found = dips(value, low, high)
+    # over the outgoing velocity the scale is 1/e_n: small values need a closer look
+    seeds = np.geomspace(low, high, 40).tolist() if block.of_scale("rebound").any() else []
+    found = dips(value, low, high, seeds)
     objective = found[0][0]
     minima = tuple(
         (v, kappa_form(_held(block, e)).to_constants(at(e).t)) for v, e in found if v <= objective + 4.0
@@ -38,13 +40,13 @@ def solve_coupled(block: Block) -> BlockOptimum:
     constants = minima[0][1]
     bound = _dual_bound(block, constants)
     gap = None if bound is None else max(0.0, objective - bound)
-    return BlockOptimum(constants, objective, gap, minima, "all partitions at each e_n")
+    return BlockOptimum(constants, objective, gap, minima, road="all partitions at each e_n")
 
 
 def _range_of_e_n(block: Block) -> tuple[float, float]:
     lower = block.e_n.lower
     if block.of_scale("rebound").any():
-        lower = max(lower, 1e-6)  # tan_psi_out has no value at e_n = 0
+        lower = max(lower, 1e-3)  # tan_psi_out has no value at e_n = 0
     if math.isfinite(block.e_n.upper):
         return lower, block.e_n.upper
     return lower, max(1.0, 2.0 * lower)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.least_squares import LeastSquares
+from ifrfit.errors import DataError
+from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Index, Problem
 from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS, REFUTED
@@ -17,6 +18,8 @@ from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 
+_TRIALS = 12  # angles at which the near-normal impacts are cut off, to see whether that mends the fit
+_COMFORTABLE = 0.05
 _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
 _SPLINE_KNOTS = 4  # three degrees of freedom beside the constant
 _SMALLEST = 8  # rows of an observable below which no smooth departure is looked for
@@ -46,7 +49,7 @@ def residuals_of(problem: Problem, fit: LeastSquares) -> Residuals:
     return Residuals(raw, standardised, internal * np.sqrt((fit.noise_dof - 1.0) / rest))
 
 
-def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
+def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals, *, remedy: bool = True) -> Fact:
     """Test whether constants can describe the data.
 
     With known sigma by chi2; without by pure error where inputs repeat; else by a smooth departure in tau,
@@ -77,13 +80,31 @@ def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fa
         return Fact(True, says, figures, rule)
     if p >= REFUTED:
         return Fact(True, f"no lack of fit (p = {_p(p)}, {test})", figures, rule)
-    where, signs, remedy = misfit(problem, r)
+    where, signs, near_normal = misfit(problem, r)
     figures["where"] = where
     says = (
-        f"the data contradict one set of constants (p = {_p(p)}, {test}); "
-        f"the misfit sits {where}: {signs}{remedy}"
+        f"the data contradict one set of constants (p = {_p(p)}, {test}); the misfit sits {where}: {signs}"
+        f"{_oblique_remedy(problem) if near_normal and remedy else ''}"
     )
     return Fact(False, says, figures, rule)
+
+
+def _oblique_remedy(problem: Problem) -> str:
+    """Whether the oblique impacts alone can be described, found by trying."""
+    says = ". Microslip does this near the normal, and no constant closure has it"
+    gamma = problem.observations.table["gamma_deg"].to_numpy(dtype=float)
+    angles = np.unique(gamma[gamma < _NEAR_NORMAL])
+    for angle in angles[:: 1 + angles.size // _TRIALS]:
+        cut = math.floor(float(angle)) + 1
+        part = problem.with_rows(np.flatnonzero(~(gamma < cut)))
+        try:
+            fit = least_squares(part)
+        except DataError:  # too few rows are left to tell their noise
+            break
+        found = lack_of_fit(part, fit, residuals_of(part, fit), remedy=False)
+        if found.figures["p"] is not None and found.figures["p"] >= _COMFORTABLE:
+            return f"{says}: with --gamma-min {cut} there is no lack of fit (p = {_p(found.figures['p'])})"
+    return says
 
 
 def _p(p: float) -> str:
@@ -184,13 +205,14 @@ def _runs(problem: Problem, r: Array) -> float | None:
     return float(2.0 * special.ndtr(-z))
 
 
-def misfit(problem: Problem, r: Array) -> tuple[str, str, str]:
+def misfit(problem: Problem, r: Array) -> tuple[str, str, bool]:
     """Where the excess of squares sits: the head or tail along tau that stands out most.
 
     Returns
     -------
-    where, signs, remedy : str
-        The remedy is empty where nothing simple would help.
+    where, signs : str
+    near_normal : bool
+        Whether it sits at the impacts nearest to the normal.
     """
     best, place = -math.inf, (np.empty(0, dtype=np.intp), "")
     for rows in _oblique_groups(problem):
@@ -206,20 +228,14 @@ def misfit(problem: Problem, r: Array) -> tuple[str, str, str]:
                 place = (rows[: i + 1] if part == "below" else rows[rows.size - i - 1 :], part)
     rows, part = place
     if rows.size == 0:
-        return "in no one place", "all rows take part", ""
+        return "in no one place", "all rows take part", False
     gamma = problem.observations.table["gamma_deg"].to_numpy(dtype=float)[rows]
     observable = problem.rows.names[problem.rows.which[rows[0]]]
     if part == "below":
         where = f"in {observable} up to {gamma.max():.3g} degrees"
     else:
         where = f"in {observable} from {gamma.min():.3g} degrees on"
-    remedy = ""
-    if part == "below" and gamma.max() < _NEAR_NORMAL:
-        remedy = (
-            ". Microslip does this near the normal, and no constant closure has it: "
-            f"--gamma-min {math.floor(gamma.max()) + 1} fits the oblique impacts alone"
-        )
-    return where, _signs(r, rows), remedy
+    return where, _signs(r, rows), part == "below" and float(gamma.max()) < _NEAR_NORMAL
 
 
 def _signs(r: Array, rows: Index) -> str:

@@ -8,10 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from ifrfit.inference.constants import Constant
+from ifrfit.inference.identifiability import only_kappa_is_seen
+from ifrfit.inference.kappa import kappa_of
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.local import local_picture
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.profile import CENTRAL, ONE_SIDED, crossing, profile_function, series_problem
+from ifrfit.inference.profiled import is_local, open_estimate, outlying
 from ifrfit.inference.result import Estimate, Interval
 from ifrfit.inference.rules import HALF
 from ifrfit.inference.truncated import half_width, quantile
@@ -58,20 +60,40 @@ def estimate(
     functional = fit.local.to_theta[position]
     sd = math.sqrt(fit.local.variance(functional, constant.prior_sd))
     half = HALF * constant.prior_sd
-    rivals = [float(theta[position]) for _, theta in fit.optimum.minima[1:]]
-    reach = half_width(0.95, fit.noise_dof) * sd
+    rivals = [float(theta[position]) for theta in outlying(fit.optimum)]
+    leans = _leans_on_prior(problem, fit, position, constant, sd)
+    # the width of a prior is known, whatever the noise of the rows
+    dof = math.inf if leans and constant.prior is not None else fit.noise_dof
+    reach = half_width(0.95, dof) * sd
+    if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
+        return _through_kappa(problem, fit, constant, series or 0)
     seen = math.isfinite(sd) and not _too_few(problem, constant)
-    if not sd < half or not seen or any(abs(rival - value) > reach for rival in rivals):
+    if not sd < half or not seen or not is_local(value, reach, rivals):
         return open_estimate(problem, fit, constant, position, series, seen=seen)
     side = _side(constant, value, reach)
     if side:
         return _one_sided(fit, constant, position, side, sd)
-    leans = _leans_on_prior(problem, fit, position, constant, sd)
-    if leans:
-        # the width of a prior is known, whatever the noise of the rows
-        dof = math.inf if constant.prior is not None else fit.noise_dof
-        return Estimate(value, sd, *_intervals(constant, value, sd, dof), "prior", leans)
-    return Estimate(value, sd, *_intervals(constant, value, sd, fit.noise_dof), "determined")
+    intervals = _intervals(constant, value, sd, dof)
+    return Estimate(value, sd, *intervals, "prior" if leans else "determined", leans)
+
+
+def _through_kappa(problem: Problem, fit: LeastSquares, constant: Constant, series: int) -> Estimate:
+    """e_n is anywhere in its domain, and mu is what kappa leaves of it."""
+    by_name = {c.name: c for c in problem.constants}
+    e_n = by_name["e_n"]
+    if constant.name == "e_n":
+        everything = (e_n.lower, e_n.upper)
+        return Estimate(None, None, everything, everything, "not_determined", "the data do not fix a value")
+    kappa = kappa_of(problem, fit, series)
+
+    def shared_out(interval: Interval) -> Interval:
+        return interval[0] / (1.0 + e_n.upper), interval[1] / (1.0 + e_n.lower)
+
+    ends = shared_out(kappa.interval68), shared_out(kappa.interval95)
+    if kappa.status == "one_sided":
+        reason = "only a lower limit" if math.isinf(ends[1][1]) else "only an upper limit"
+        return Estimate(None, None, *ends, "one_sided", reason)
+    return Estimate(None, None, *ends, "not_determined", "the data fix kappa = mu (1 + e_n) only")
 
 
 def _too_few(problem: Problem, constant: Constant) -> bool:
@@ -132,57 +154,3 @@ def _leans_on_prior(problem: Problem, fit: LeastSquares, position: int, constant
     if sd < HALF * without:
         return f"rests on your prior of {' and '.join(named)}"
     return ""
-
-
-def open_estimate(
-    problem: Problem,
-    fit: LeastSquares,
-    constant: Constant,
-    position: int,
-    series: int | None,
-    *,
-    seen: bool,
-) -> Estimate:
-    """What the data allow where a local law does not tell: the profile to both sides, over all optima.
-
-    A constant that leans on a direction the data do not see (`seen` false) is never called determined,
-    however short its profile: that is what the bounds of another constant leave of it. A separate constant
-    is profiled on its own series, with constants of its own: that allows no less than the joint fit does.
-    """
-    optima = [theta for _, theta in fit.optimum.minima]
-    values = [float(theta[position]) for theta in optima]
-    sigma = fit.sigma
-    if series is not None:
-        places = [at[series] for at in problem.positions().values()]
-        optima = [theta[places] for theta in optima]
-        problem, sigma = series_problem(problem, sigma, series)
-    function = profile_function(problem, sigma, constant.name, optima[0])
-    base = function(values[0])
-    step = 0.02 * constant.prior_sd
-
-    def ends(rises: Mapping[float, float], level: float) -> Interval:
-        target = base + rises[level]
-        within = [x for x in values if x == values[0] or function(x) <= target]
-        low = crossing(function, min(within), constant.lower, step, target)
-        return low, crossing(function, max(within), constant.upper, step, target)
-
-    central = ends(CENTRAL, 0.68), ends(CENTRAL, 0.95)
-    low, high = central[1]
-    closed = low > constant.lower + _AT_BOUND, high < constant.upper - _AT_BOUND
-    spread = (high - low) / (2.0 * half_width(0.95))
-    if all(closed) and seen and fit.optimum.n_same == 1 and spread < HALF * constant.prior_sd:
-        reason = "several optima describe the data" if len(optima) > 1 else "by its profile"
-        return Estimate(values[0], spread, *central, "determined", reason)
-    wide = high - low > 0.9 * math.sqrt(12.0) * constant.prior_sd
-    if closed[0] != closed[1] and not (wide and closed[1]):
-        one = ends(ONE_SIDED, 0.68), ends(ONE_SIDED, 0.95)
-        if closed[0]:
-            pair = [(end[0], constant.upper) for end in one]
-        else:
-            pair = [(constant.lower, end[1]) for end in one]
-        reason = f"only {'a lower' if closed[0] else 'an upper'} limit"
-        return Estimate(None, None, pair[0], pair[1], "one_sided", reason)
-    reason = (
-        "two optima are equally good" if seen and fit.optimum.n_same > 1 else "the data do not fix a value"
-    )
-    return Estimate(None, None, *central, "not_determined", reason)

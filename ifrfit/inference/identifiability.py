@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +17,9 @@ from ifrfit.physics.observables import OBSERVABLES
 _SHARE = 0.1  # of the largest loading below which a constant is not named in a combination
 
 
-def identifiable(problem: Problem, fit: LeastSquares, n_sticking: int, n_sliding: int) -> Fact:
+def identifiable(
+    problem: Problem, fit: LeastSquares, constants: Mapping[str, Any], n_sticking: int, n_sliding: int
+) -> Fact:
     """Whether the data determine every free constant; names the loose combinations and the remedy."""
     local = fit.local
     n_free = int(problem.free.sum())
@@ -25,8 +29,31 @@ def identifiable(problem: Problem, fit: LeastSquares, n_sticking: int, n_sliding
     ]
     figures = {"rank": local.rank, "free": n_free, "loose": loose}
     if local.rank == n_free:
-        return Fact(True, "the data determine every free constant", figures, FACTS["identifiable"])
+        limits = _limits(problem, constants)
+        says = limits or "the data determine every free constant"
+        return Fact(not limits, says, figures, FACTS["identifiable"])
     return Fact(False, _advice(problem, fit, loose, n_sticking, n_sliding), figures, FACTS["identifiable"])
+
+
+def _limits(problem: Problem, constants: Mapping[str, Any]) -> str:
+    """What to say where the optimum looks determined, but the data go on beyond it nearly as well."""
+    says = []
+    for name, found in constants.items():
+        each = found if isinstance(found, Mapping) else {"": found}
+        for series, estimate in each.items():
+            if estimate.value is not None:
+                continue
+            label = f"{name}[{series}]" if series else name
+            if name == "mu" and math.isinf(estimate.interval95[1]):
+                says.append(
+                    f"no impact surely slides, so the data set only a lower limit to {label}: "
+                    f"measure beyond {_steepest(problem):.0f} degrees"
+                )
+            else:
+                says.append(
+                    f"{label}: {estimate.reason}; add impacts at other angles, or a sigma that is smaller"
+                )
+    return "; ".join(says)
 
 
 def _prior_scale(problem: Problem) -> np.ndarray:
@@ -54,7 +81,7 @@ def _advice(problem: Problem, fit: LeastSquares, loose: list[str], n_sticking: i
     says = []
     alone = {name.split("[")[0] for name in loose if " " not in name}
     own = problem.closure.constant
-    if "e_n" in alone and _sees_only_kappa(problem):
+    if "e_n" in alone and only_kappa_is_seen(problem):
         mu = "" if n_sliding == 0 else " to get mu"
         says.append(
             f"{observed} alone determine{'s' if len(problem.rows.names) == 1 else ''} "
@@ -87,13 +114,16 @@ def _advice(problem: Problem, fit: LeastSquares, loose: list[str], n_sticking: i
     return "; ".join(says)
 
 
-def _sees_only_kappa(problem: Problem) -> bool:
-    """Whether every row is tangential and free of e_n, so that friction enters through kappa alone."""
-    return all(
+def only_kappa_is_seen(problem: Problem) -> bool:
+    """Whether friction enters through kappa alone: tangential rows, and nothing that knows e_n or mu."""
+    rows = all(
         (OBSERVABLES[name].kind == "tangential" and OBSERVABLES[name].scale == "one")
         or name in ("lambda_deg", "psi_after_deg")
         for name in problem.rows.names
     )
+    free = all(c.fixed is None and c.prior is None for c in problem.constants if c.name in ("e_n", "mu"))
+    mu = next(c for c in problem.constants if c.name == "mu")
+    return rows and free and mu.lower == 0.0 and math.isinf(mu.upper)
 
 
 def _steepest(problem: Problem) -> float:

@@ -140,9 +140,10 @@ def _needs_sigma(problem: Problem, name: str, rows: Index) -> str:
     table = problem.observations.table.iloc[rows]
     what = ", ".join(dict.fromkeys(table["observable"]))
     where = table["source"].iloc[0] + (f", series {table['series'].iloc[0]}" if name else "")
-    count = f"{rows.size} value{'' if rows.size == 1 else 's'} of {what}"
+    own, needs = ("its own", "it needs") if rows.size == 1 else ("their own", "they need")
     return (
-        f"{where}: {count} cannot tell their own noise from the constants, so they need a sigma. "
+        f"{where}: {rows.size} value{'' if rows.size == 1 else 's'} of {what} cannot tell {own} noise "
+        f"from the constants, so {needs} a sigma. "
         "Add a column sigma (and --noise known), or more impacts at other angles."
     )
 

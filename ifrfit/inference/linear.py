@@ -27,6 +27,7 @@ from ifrfit.inference.constants import Constant
 from ifrfit.inference.piecewise import PiecewiseProblem, Rows
 
 _TINY = 1e-300
+_LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
 
 
 @dataclass(frozen=True)
@@ -68,11 +69,11 @@ def kappa_form(block: Block) -> LinearForm:
     k = block.coefficients
     tangential = block.of_kind("tangential")
     forms = _Forms(block, tangential)
-    forms.stick[:, 1] = (slope * factor * (k.a1 + k.b1))[tangential]
-    forms.stick0[:] = (factor * (offset + slope * (k.a0 + k.b0)))[tangential]
-    forms.slide[:, 1] = (slope * factor * k.a1)[tangential]
-    forms.slide[:, 2] = _over_tau(slope * factor, block.rows.tau)[tangential]
-    forms.slide0[:] = (factor * (offset + slope * k.a0))[tangential]
+    forms.stick[1] = forms.of(slope * factor * (k.a1 + k.b1))
+    forms.stick0 = forms.of(factor * (offset + slope * (k.a0 + k.b0)))
+    forms.slide[1] = forms.of(slope * factor * k.a1)
+    forms.slide[2] = forms.of(_over_tau(slope * factor, block.rows.tau))
+    forms.slide0 = forms.of(factor * (offset + slope * k.a0))
     forms.add_normal(0)
     if e is not None:
         forms.add_friction(2, 1.0 / (1.0 + e))
@@ -101,11 +102,11 @@ def _friction_family(block: Block) -> LinearForm:
     k = block.coefficients
     tangential = block.of_kind("tangential")
     forms = _Forms(block, tangential)
-    forms.stick[:, 1] = (slope * (k.a1 + k.b1))[tangential]
-    forms.stick0[:] = (offset + slope * (k.a0 + k.b0))[tangential]
-    forms.slide[:, 1] = (slope * k.a1)[tangential]
-    forms.slide[:, 2] = _over_tau(slope, block.rows.tau)[tangential]
-    forms.slide0[:] = (offset + slope * k.a0)[tangential]
+    forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
+    forms.stick0 = forms.of(offset + slope * (k.a0 + k.b0))
+    forms.slide[1] = forms.of(slope * k.a1)
+    forms.slide[2] = forms.of(_over_tau(slope, block.rows.tau))
+    forms.slide0 = forms.of(offset + slope * k.a0)
     forms.add_friction(0, 1.0)
     forms.add_prior(block.mu, 0)
     forms.add_prior(block.c, 1)
@@ -130,11 +131,11 @@ def _impulse_family(block: Block) -> LinearForm:
     tangential = block.of_kind("tangential")
     forms = _Forms(block, tangential)
     k = block.coefficients
-    forms.stick[:, 0] = (slope * (k.a0 + k.b0))[tangential]
-    forms.stick[:, 1] = (slope * (k.a1 + k.b1))[tangential]
-    forms.slide[:, 0] = (slope * k.a0)[tangential]
-    forms.slide[:, 1] = (slope * k.a1)[tangential]
-    forms.slide[:, 2] = _over_tau(slope, block.rows.tau)[tangential]
+    forms.stick[0] = forms.of(slope * (k.a0 + k.b0))
+    forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
+    forms.slide[0] = forms.of(slope * k.a0)
+    forms.slide[1] = forms.of(slope * k.a1)
+    forms.slide[2] = forms.of(_over_tau(slope, block.rows.tau))
     forms.add_friction(2, 1.0)
     forms.add_prior(block.mu, 2)
     domain = _Domain()
@@ -157,15 +158,14 @@ def _rebound_family(block: Block) -> LinearForm:
     offset, slope = block.linear_parts()
     forms = _Forms(block, np.ones(block.rows.tau.size, dtype=bool))
     k = block.coefficients
-    forms.stick[:, 0] = offset + slope * (k.a0 + k.b0)
-    forms.stick[:, 1] = slope * (k.a1 + k.b1)
-    forms.slide[:, 0] = offset + slope * k.a0
-    forms.slide[:, 1] = slope * k.a1
-    forms.slide[:, 2] = _over_tau(slope, block.rows.tau)
+    forms.stick[0] = _cleared(offset, slope * (k.a0 + k.b0))
+    forms.stick[1] = slope * (k.a1 + k.b1)
+    forms.slide[0] = _cleared(offset, slope * k.a0)
+    forms.slide[1] = slope * k.a1
+    forms.slide[2] = _over_tau(slope, block.rows.tau)
     domain = _Domain()
-    domain.wall([-1.0, 0.0, 0.0], -1.0 / max(block.e_n.upper, _TINY))
-    if block.e_n.lower > 0.0:
-        domain.wall([1.0, 0.0, 0.0], 1.0 / block.e_n.lower)
+    domain.wall([-1.0, 0.0, 0.0], -1.0 / max(block.e_n.upper, _LOWEST))
+    domain.wall([1.0, 0.0, 0.0], 1.0 / max(block.e_n.lower, _LOWEST))
     _product_walls(domain, block.c)
     domain.wall([block.mu.lower, 0.0, -1.0], -block.mu.lower)  # kappa w >= mu_lo (1 + w)
     if math.isfinite(block.mu.upper):
@@ -189,10 +189,26 @@ def _product_walls(domain: _Domain, c: Constant) -> None:
         domain.wall([-c.upper, 1.0, 0.0], 0.0)
 
 
+def _cleared(offset: Array, part: Array) -> Array:
+    """offset + part, without what rounding leaves where they cancel."""
+    total = offset + part
+    return np.asarray(np.where(np.abs(total) <= 1e-12 * np.abs(offset), 0.0, total))
+
+
 def _over_tau(slope: Array, tau: Array) -> Array:
     """slope/tau, where rows without slip have no slope either."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(slope == 0.0, 0.0, slope / tau))
+
+
+def _weighted(columns: list[Array | None], mix: Array, weight: Array) -> Array | None:
+    """A combination of columns times the weight; None where it is empty."""
+    mixed: Array | None = None
+    for column, x in zip(columns, mix, strict=True):
+        if column is not None and x != 0.0:
+            part = column if x == 1.0 else x * column
+            mixed = part if mixed is None else mixed + part
+    return None if mixed is None else weight * mixed
 
 
 class _Frame:
@@ -247,11 +263,17 @@ class _Forms:
     def __init__(self, block: Block, switching: Bool) -> None:
         self.block = block
         self.switching = switching
-        n = int(switching.sum())
-        self.stick, self.slide = np.zeros((n, 3)), np.zeros((n, 3))
-        self.stick0, self.slide0 = np.zeros(n), np.zeros(n)
+        self.all = bool(switching.all())
+        self.stick: list[Array | None] = [None, None, None]
+        self.slide: list[Array | None] = [None, None, None]
+        self.stick0: Array | float = 0.0
+        self.slide0: Array | float = 0.0
         self.rest: list[Array] = []  # design rows, weighted
         self.rest_target: list[Array] = []
+
+    def of(self, values: Array) -> Array:
+        """Values of the rows that switch."""
+        return values if self.all else values[self.switching]
 
     def add_normal(self, unknown: int) -> None:
         """Rows e_n and v_n = e_n cos gamma."""
@@ -292,26 +314,27 @@ class _Forms:
     ) -> LinearForm:
         """Reduce to the free unknowns."""
         matrix, base = frame.matrix(), frame.base
-        weight = self.block.weight[self.switching]
-        value = self.block.rows.value[self.switching]
-        tau = self.block.rows.tau[self.switching]
+        weight, value = self.of(self.block.weight), self.of(self.block.rows.value)
+        tau = self.of(self.block.rows.tau)
 
-        def rows(design: Array, constant: Array) -> Rows:
-            return Rows(weight[:, None] * (design @ matrix), weight * (value - constant - design @ base))
+        def rows(columns: list[Array | None], constant: Array | float) -> Rows:
+            target = value - constant
+            for column, x in zip(columns, base, strict=True):
+                if column is not None and x != 0.0:
+                    target = target - x * column
+            return Rows(tuple(_weighted(columns, m, weight) for m in matrix.T), weight * target)
 
         stick, slide = rows(self.stick, self.stick0), rows(self.slide, self.slide0)
         rest = np.concatenate([np.zeros((0, 3)), *self.rest])
         rest_target = np.concatenate([np.zeros(0), *self.rest_target])
-        always = Rows(rest @ matrix, rest_target - rest @ base)
+        always = Rows.of(rest @ matrix, rest_target - rest @ base)
         grazing = np.isinf(tau)  # no transition can reach them: they slide whatever the constants
         if grazing.any():
-            always = Rows(
-                np.concatenate((always.design, slide.design[grazing])),
-                np.concatenate((always.target, slide.target[grazing])),
+            lost = slide.take(grazing)
+            always = Rows.of(
+                np.concatenate((always.design, lost.design)), np.concatenate((always.target, lost.target))
             )
-            stick = Rows(stick.design[~grazing], stick.target[~grazing])
-            slide = Rows(slide.design[~grazing], slide.target[~grazing])
-            tau = tau[~grazing]
+            stick, slide, tau = stick.take(~grazing), slide.take(~grazing), tau[~grazing]
         walls = np.array(domain.walls).reshape(-1, 3)
         limits = np.array(domain.limits) - walls @ base
         reduced = walls @ matrix

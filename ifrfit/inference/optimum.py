@@ -28,6 +28,9 @@ class Optimum:
         objective minus a proven lower bound over everything else; None where no bound is known.
     minima : tuple of (float, ndarray)
         Objective and theta of the distinct local minima within 4, best first.
+    extremes : tuple of ndarray
+        theta at outlying places whose objective lies within 3.84, infinite entries where nothing limits them;
+        empty where the road does not tell.
     road : str
         How it was found.
     """
@@ -37,6 +40,7 @@ class Optimum:
     gap: float | None
     minima: tuple[tuple[float, Array], ...]
     road: str
+    extremes: tuple[Array, ...] = ()
 
     @property
     def n_same(self) -> int:
@@ -64,7 +68,7 @@ def theta_of(problem: Problem, per_series: list[Constants]) -> Array:
             if name is not None:
                 theta[places[name][number]] = value
     lower, upper = problem.bounds()
-    return np.clip(theta, lower, upper)
+    return np.where(np.isinf(theta), theta, np.clip(theta, lower, upper))
 
 
 def objective_at(problem: Problem, sigma: Array, theta: Array) -> float:

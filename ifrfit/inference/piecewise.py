@@ -17,21 +17,55 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_NEAR = 3.84146  # rise of chi2 at the ends of a 95 % interval
+
 
 @dataclass(frozen=True)
 class Rows:
-    """Weighted rows: residual_i = target_i - design_i @ t, in q unknowns t."""
+    """Weighted rows: residual_i = target_i - sum_j columns_j,i t_j; None stands for a column of zeros."""
 
-    design: Array  # (n, q)
-    target: Array  # (n,)
+    columns: tuple[Array | None, ...]
+    target: Array
+
+    @classmethod
+    def of(cls, design: Array, target: Array) -> Rows:
+        """Rows from a dense design of shape (n, q)."""
+        return cls(tuple(np.ascontiguousarray(column) for column in design.T), target)
+
+    @property
+    def design(self) -> Array:
+        """The dense design, (n, q)."""
+        dense = np.zeros((self.target.size, len(self.columns)))
+        for j, column in enumerate(self.columns):
+            if column is not None:
+                dense[:, j] = column
+        return dense
 
     def residuals(self, t: Array) -> Array:
         """Residuals at t."""
-        return np.asarray(self.target - self.design @ t)
+        left = self.target
+        for column, x in zip(self.columns, t, strict=True):
+            if column is not None and x != 0.0:
+                left = left - x * column
+        return left
+
+    def gram(self) -> Array:
+        """Design' design, (q, q)."""
+        q = len(self.columns)
+        found = np.zeros((q, q))
+        for i, first in enumerate(self.columns):
+            for j, second in enumerate(self.columns[: i + 1]):
+                if first is not None and second is not None:
+                    found[i, j] = found[j, i] = float(first @ second)
+        return found
+
+    def onto(self, r: Array) -> Array:
+        """Design' r, (q,)."""
+        return np.array([0.0 if column is None else float(column @ r) for column in self.columns])
 
     def take(self, which: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Rows:
         """Some of the rows."""
-        return Rows(self.design[which], self.target[which])
+        return Rows(tuple(None if c is None else c[which] for c in self.columns), self.target[which])
 
 
 @dataclass(frozen=True)
@@ -86,6 +120,10 @@ class PiecewiseOptimum:
         chi2 minus a proven lower bound over everything else, at least 0.
     optima : tuple of (float, ndarray)
         Distinct local minima within chi2 + 4, best first.
+    extremes : ndarray
+        The outermost minimisers, along every unknown, of all cells within chi2 + 3.84, (2 q, q).
+    all_slide, all_stick : bool
+        Whether the cells at the ends are among them: then no impact limits the transition on that side.
     n_cells, n_solved : int
         Cells there are, and how many had to be solved beyond their bound.
     """
@@ -94,6 +132,9 @@ class PiecewiseOptimum:
     chi2: float
     gap: float
     optima: tuple[tuple[float, Array], ...]
+    extremes: Array
+    all_slide: bool
+    all_stick: bool
     n_cells: int
     n_solved: int
 
@@ -120,7 +161,19 @@ def minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
     chi2 = problem.value(found.point)
     gap = max(0.0, chi2 - found.lowest_bound_elsewhere())
     optima = [(chi2, found.point), *local_minima(problem, cells, found)[1:]]
-    return PiecewiseOptimum(found.point, chi2, gap, tuple(optima), found.bounds.size, found.solved.size)
+    near = found.values <= found.value + _NEAR
+    points, which = found.points[near], found.solved[near]
+    return PiecewiseOptimum(
+        found.point,
+        chi2,
+        gap,
+        tuple(optima),
+        np.concatenate((points[points.argmin(axis=0)], points[points.argmax(axis=0)])),
+        bool((which == 0).any()),
+        bool((which == found.bounds.size - 1).any()),
+        found.bounds.size,
+        found.solved.size,
+    )
 
 
 def _sorted(problem: PiecewiseProblem) -> PiecewiseProblem:

@@ -108,6 +108,9 @@ def predict(
         state = rebound_of(part, closure, e_n[:, None], c[:, None], mu[:, None], result.inertia_factor)
         curves[:, block] = wanted.value(state, mu[:, None])
     band = np.quantile(curves[1:], _QUANTILES, axis=0)
+    # where a bound holds the optimum back the curve runs along the edge of its band, never outside
+    band[[0, 2]] = np.minimum(band[[0, 2]], curves[0])
+    band[[1, 3]] = np.maximum(band[[1, 3]], curves[0])
     sigma = _sigma(result, observable, series)
     table = {
         "gamma_deg": gamma if degrees else np.degrees(gamma),

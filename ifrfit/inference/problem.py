@@ -49,10 +49,14 @@ class RowModel:
 
     def rows_of(self, name: str) -> Index:
         """Rows of one observable."""
+        if len(self.names) == 1:
+            return np.arange(self.which.size)
         return np.flatnonzero(self.which == self.names.index(name))
 
     def take(self, rows: Index) -> RowModel:
         """The same for some rows."""
+        if rows.size == self.tau.size and bool((np.diff(rows) == 1).all()):
+            return self
         i = self.incidence
         incidence = Incidence(
             i.sine[rows], i.cosine[rows], i.spin_x[rows], i.spin_y[rows], i.slip_x[rows], i.slip_y[rows]

@@ -23,7 +23,7 @@ FACTS = {
     "global_optimum": f"gap between chi2 and a proven lower bound over everything else <= {GAP:g} relative, "
     "and no second optimum within 1e-6; those within 4 are counted",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
-    "combination's sd below half its prior sd) equals the number of free constants",
+    "combination's sd below half its prior sd) equals the number of free constants, and each has a value",
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
     "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",

@@ -77,7 +77,7 @@ def _outer(
         return ((value - prior[0]) / prior[1]) ** 2
 
     low, high = _range(blocks, place)
-    found = dips(total, low, high)
+    found = dips(total, low, high, _seeds(blocks, place))
     objective = found[0][0]
     minima = [
         (value + base, [_constants(block, place, x) for block in blocks])
@@ -93,6 +93,17 @@ def _outer(
         tuple((value, theta_of(problem, constants)) for value, constants in minima),
         "all partitions of each series at each shared value",
     )
+
+
+def _seeds(blocks: list[Block], place: int) -> list[float]:
+    """What each series would choose for itself, all its local minima."""
+    seeds = []
+    for block in blocks:
+        form = kappa_form(block)
+        for _, t in minimise(form.problem).optima:
+            e_n, c, mu = form.to_constants(t)
+            seeds.append(c if place == _C else mu * (1.0 + e_n))
+    return seeds
 
 
 def _at(block: Block, place: int, x: float) -> Block:
@@ -152,5 +163,8 @@ def _slope(form: LinearForm, block: Block, constants: Constants, i: int) -> floa
     p = form.problem
     sticks = p.tau * (p.bound @ t + p.bound0) <= p.kappa @ t + p.kappa0
     residual = np.where(sticks, p.stick.residuals(t), p.slide.residuals(t))
-    design = np.where(sticks, p.stick.design[:, i], p.slide.design[:, i])
-    return float(-2.0 * (design @ residual + p.always.design[:, i] @ p.always.residuals(t)))
+    stick, slide = (
+        p.stick.onto(np.where(sticks, residual, 0.0)),
+        p.slide.onto(np.where(sticks, 0.0, residual)),
+    )
+    return float(-2.0 * (stick + slide + p.always.onto(p.always.residuals(t)))[i])

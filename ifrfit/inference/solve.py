@@ -72,7 +72,8 @@ def _optimum(problem: Problem, found: BlockOptimum) -> Optimum:
     minima = tuple(
         (value, theta_of(problem, [constants] * len(problem.series))) for value, constants in found.minima
     )
-    return Optimum(minima[0][1], found.objective, found.gap, minima, found.road)
+    extremes = tuple(theta_of(problem, [constants] * len(problem.series)) for constants in found.extremes)
+    return Optimum(minima[0][1], found.objective, found.gap, minima, found.road, extremes)
 
 
 def _join(problem: Problem, parts: list[BlockOptimum]) -> Optimum:
@@ -80,11 +81,14 @@ def _join(problem: Problem, parts: list[BlockOptimum]) -> Optimum:
     best = [part.constants for part in parts]
     objective = sum(part.objective for part in parts)
     minima = [(objective, theta_of(problem, best))]
+    extremes: list[Array] = []
     for i, part in enumerate(parts):
         for value, constants in part.minima[1:]:
             swapped = [*best[:i], constants, *best[i + 1 :]]
             minima.append((objective + value - part.objective, theta_of(problem, swapped)))
+        extremes += [theta_of(problem, [*best[:i], constants, *best[i + 1 :]]) for constants in part.extremes]
     minima.sort(key=lambda pair: pair[0])
     gaps = [part.gap for part in parts]
     gap = None if any(g is None for g in gaps) else sum(g for g in gaps if g is not None)
-    return Optimum(theta_of(problem, best), objective, gap, tuple(minima), "all partitions of each series")
+    road = "all partitions of each series"
+    return Optimum(minima[0][1], objective, gap, tuple(minima), road, tuple(extremes))

@@ -19,6 +19,7 @@ HEADLINES = {
     "identifiable": "the data do not determine every constant",
     "lack_of_fit": "the data contradict the closure",
     "outliers": "outliers",
+    "angular_momentum": "the velocities contradict the inertia factor",
 }
 # a failing fact of this name is told by the status of the constant already
 QUIET_FACTS = ("at_bound",)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
+
 import numpy as np
+import pandas as pd
 import pytest
 
 import ifrfit.data as data
-from ifrfit.data.conventions import parse_conventions
+from ifrfit.data.conventions import parse_conventions, suggest
 from ifrfit.errors import DataError, UsageError
 
 LONG = "observable,gamma_deg,value,sigma\n"
@@ -139,7 +142,18 @@ def test_a_convention_without_effect_is_noted(read):
         ("psi=both", r"the choices are over-incoming, over-outgoing\."),
         ("beta", r"--convention beta: write NAME=CHOICE\. Known are"),
         ("unit:u=furlong", r"unknown unit\. Known are deg, rad, m, mm, m/s, mm/s, rad/s, rpm, 1\."),
-        ("column:betta=x", r"'betta' is no column\. Known are series, observable"),
+        (
+            "column:betta=x",
+            r"^--convention column:betta=x: 'betta' is no column; close are beta, beta_cm, beta_tot\. A "
+            r"column is one of the common schema, an observable or a raw velocity; see 'ifrfit template' and "
+            r"'ifrfit template --raw'\.$",
+        ),
+        ("column:ux=x", r"'ux' is no column; close are u_x\."),
+        ("column:qqq=x", r"'qqq' is no column\. A column is"),
+        ("z=up", r"--convention z=up: the choices are into-wall, out-of-wall\."),
+        ("provenance=guessed", r"provenance=guessed: the choices are measured, digitised, simulated\.$"),
+        ("provenance=stand-in", r"digitised, simulated\. A stand-in says so in the file itself\.$"),
+        ("ignore=", r"--convention ignore=: write NAME=CHOICE\. Known are"),
         ("angle=from-wall:from-normal", "both 'from-normal' and 'from-wall' are given. Keep one"),
     ],
 )
@@ -158,3 +172,104 @@ def test_a_convention_about_a_column_that_is_not_there(read):
         UsageError, match=r"names the column 'phi', which .* does not have\. It has gamma_deg, beta\."
     ):
         read("gamma_deg,beta\n30,0.4\n", "angle=phi:from-wall")
+
+
+def test_a_suggested_convention_survives_the_shell():
+    option, text = shlex.split(suggest("angle=alpha [°]:from-wall"))
+    assert option == "--convention"
+    assert parse_conventions([text]).angle_column == "alpha [°]"
+    assert suggest("angle=alpha:from-wall") == "--convention angle=alpha:from-wall"
+
+
+@pytest.mark.parametrize(
+    "convention",
+    [
+        ("ignore=Ort,Zeit [s]", "ignore=a, b"),
+        ("ignore=Ort", "ignore=Zeit [s]", "ignore=a, b"),
+        ("column:note=Ort", "column:comment=Zeit [s]", "column:remark=a, b"),
+    ],
+)
+def test_columns_can_be_left_out(read, convention):
+    obs = read('Ort;Zeit [s];"a, b";gamma_deg;beta\nx;1;;30;0,4\n', *convention)
+    assert (obs.table.gamma_deg[0], obs.table.value[0], obs.notes) == (30, 0.4, ())
+
+
+def test_columns_that_are_known_can_be_left_out_too(read):
+    assert list(read("gamma_deg,beta,e_n\n30,0.4,x\n", ignore="e_n").table.observable) == ["beta"]
+
+
+def test_what_is_left_out_must_be_there_and_not_be_used(read):
+    with pytest.raises(
+        UsageError, match=r"ignore=beta,Ort: there is no column 'Ort'\. The columns are gamma_deg"
+    ):
+        read("gamma_deg,beta\n30,0.4\n", "ignore=beta,Ort")
+    with pytest.raises(UsageError, match=r"the column 'Ort' is both named and ignored\. Keep one"):
+        read("gamma_deg,beta,Ort\n30,0.4,1\n", "ignore=Ort", "column:speed_m_s=Ort")
+
+
+def test_a_parquet_column_that_holds_neither_numbers_nor_text_can_be_left_out(tmp_path):
+    path = tmp_path / "x.parquet"
+    pd.DataFrame({"flags": [[1], [2]], "gamma_deg": [10, 20], "beta": [0.4, 0.3]}).to_parquet(path)
+    assert list(data.read(path, convention=["ignore=flags"]).table.value) == [0.4, 0.3]
+    with pytest.raises(DataError, match="column flags: unknown name"):
+        data.read(path)
+    with pytest.raises(
+        DataError, match=r"neither numbers nor text\. Convert it, or leave it out: --conv.*=flags\."
+    ):
+        data.read(path, convention=["column:speed_m_s=flags"])
+
+
+@pytest.mark.parametrize(
+    ("convention", "observable", "value"),
+    [
+        (("column:e_t=x_centre", "e_t=centre"), "beta_cm", -0.25),
+        (("column:beta=x_centre", "beta=opposite-sign"), "beta", -0.25),
+        (("column:tan_psi=x_centre", "psi=over-outgoing"), "tan_psi_out", 0.25),
+        (("column:psi=x_centre", "psi=over-incoming", "unit:x_centre=deg"), "psi_after_deg", 0.25),
+    ],
+)
+def test_named_columns_and_choices_work_together(read, convention, observable, value):
+    obs = read("gamma_deg,x_centre\n30,0.25\n", *convention)
+    assert (obs.table.observable[0], obs.table.value[0], obs.notes) == (observable, value, ())
+
+
+def test_a_named_column_leaves_its_question_open(read):
+    with pytest.raises(
+        DataError, match=r"column x: could be v_t'/v_t of the centre .* say --convention e_t=centre"
+    ):
+        read("gamma_deg,x\n30,0.25\n", "column:e_t=x")
+    with pytest.raises(DataError, match="column x: could be measured from the wall or from its normal"):
+        read("x,beta\n30,0.25\n", "column:alpha_deg=x")
+    assert read("x,beta\n30,0.25\n", "column:alpha=x", "angle=from-wall").table.gamma_deg[0] == 60
+
+
+@pytest.mark.parametrize(
+    ("header", "convention", "degrees"),
+    [
+        ("incidence_deg", ("column:gamma=incidence_deg",), 0.5),
+        ("incidence_rad", ("column:gamma=incidence_rad",), np.degrees(0.5)),
+        ("incidence [rad]", ("column:gamma_deg=incidence [rad]",), np.degrees(0.5)),
+        ("incidence", ("column:gamma_rad=incidence",), np.degrees(0.5)),
+        ("incidence_deg", ("column:gamma=incidence_deg", "unit:incidence_deg=rad"), np.degrees(0.5)),
+        ("Winkel_rad", ("angle=Winkel_rad:from-normal",), np.degrees(0.5)),
+        ("Winkel (deg)", ("angle=Winkel (deg):from-normal",), 0.5),
+    ],
+)
+def test_the_unit_of_a_named_column(read, header, convention, degrees):
+    assert read(f"{header},beta\n0.5,0.4\n", *convention).table.gamma_deg[0] == pytest.approx(degrees)
+
+
+def test_provenance_of_rows_that_do_not_state_theirs(read):
+    text = "gamma_deg,beta,provenance\n30,0.4,\n40,0.3,simulated\n"
+    obs = read(text, "provenance=measured")
+    assert list(obs.table.provenance) == ["measured", "simulated"]
+    assert obs.sources[0].provenance == "measured, simulated"
+    assert read("gamma_deg,beta\n30,0.4\n", "provenance=digitized").provenance == ("digitised",)
+    obs = read("gamma_deg,beta,provenance\n30,0.4,stand-in\n", "provenance=measured")
+    assert obs.provenance == ("stand-in",), "what a file says is never overruled"
+    assert obs.notes == ("x.csv: convention provenance=measured found nothing to apply to.",)
+
+
+def test_z_without_velocities_is_noted(read):
+    obs = read("gamma_deg,beta\n30,0.4\n", "z=out-of-wall")
+    assert obs.notes == ("x.csv: convention z=out-of-wall found nothing to apply to.",)

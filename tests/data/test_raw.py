@@ -112,10 +112,10 @@ def test_observables_equal_the_rebound_of_the_package(tmp_path, gamma, s_x, s_y,
 
 @pytest.fixture
 def read(tmp_path):
-    def read(text, **options):
+    def read(text, *convention, **options):
         path = tmp_path / "x.csv"
         path.write_text(text)
-        return data.read(path, **options)
+        return data.read(path, convention=convention, **options)
 
     return read
 
@@ -211,32 +211,201 @@ def impacts(inertia, count=12, noise=0.0, rng=None):
 
 
 def test_angular_momentum_of_a_solid_ball_closes(tmp_path):
-    (note,) = table_of(tmp_path / "x.csv", impacts(0.4)).notes
-    assert note.startswith("x.csv: angular momentum about the contact closes to ")
-    assert "(rms over 12 impacts, inertia factor 0.4)." in note
-    assert float(note.split(" closes to ")[1].split(" %")[0]) < 1e-10
-    assert "miss" not in note
+    obs = table_of(tmp_path / "x.csv", impacts(0.4))
+    (check,) = obs.momentum
+    assert check.ok
+    assert (check.n, check.n_violating, check.suggested) == (12, 0, None)
+    assert (check.limit, check.inertia_factor, check.source) == (0.05, 0.4, "x.csv")
+    assert check.rms < 1e-12
+    assert check.says.startswith("x.csv: angular momentum about the contact closes to ")
+    assert check.says.endswith("(rms over 12 impacts, inertia factor 0.4).")
+    assert obs.notes == (), "what the check says is not said twice"
 
 
 def test_angular_momentum_of_a_hollow_ball_closes_only_with_its_own_inertia(tmp_path):
-    (wrong,) = table_of(tmp_path / "x.csv", impacts(2 / 3)).notes
-    assert "12 of 12 miss by more than 5 % (lines 2, 3, 4, ...)" in wrong
-    assert "ask for an inertia factor of 0.667 (2/5 is a homogeneous ball, 2/3 a thin hollow one)" in wrong
-    (right,) = table_of(tmp_path / "x.csv", impacts(2 / 3), inertia_factor=2 / 3).notes
-    assert "miss" not in right
+    (wrong,) = table_of(tmp_path / "x.csv", impacts(2 / 3)).momentum
+    assert not wrong.ok
+    assert (wrong.n, wrong.n_violating) == (12, 12)
+    assert wrong.suggested == pytest.approx(2 / 3)
+    assert wrong.says.startswith(
+        "x.csv: the velocities contradict the inertia factor 0.4; try --inertia-factor 0.667 (thin hollow "
+        "ball; the velocities ask for 0.667), or check size and signs. With 0.4, angular momentum about the "
+        "contact only closes to "
+    )
+    assert wrong.says.endswith("12 of 12 miss by more than 5 % (lines 2, 3, 4, ...).")
+    (right,) = table_of(tmp_path / "x.csv", impacts(2 / 3), inertia_factor=2 / 3).momentum
+    assert right.ok
+    assert right.rms < 1e-12
+
+
+def test_a_body_of_its_own_gets_its_own_factor(tmp_path):
+    (check,) = table_of(tmp_path / "x.csv", impacts(0.55)).momentum
+    assert "try --inertia-factor 0.55, or check size and signs." in check.says
 
 
 def test_one_bad_impact_is_named(tmp_path):
     rows = impacts(0.4)
     rows[5][2] = rows[5][2] + np.array([0.25, 0, 0])
-    (note,) = table_of(tmp_path / "x.csv", rows).notes
-    assert "1 of 12 miss by more than 5 % (line 7)." in note
-    assert "inertia factor of" not in note
+    (check,) = table_of(tmp_path / "x.csv", rows).momentum
+    assert check.ok
+    assert check.n_violating == 1
+    assert "; 1 of 12 miss by more than 5 % (line 7)." in check.says
+    assert "--inertia-factor" not in check.says
+
+
+@pytest.mark.parametrize("spoil", ["sign", "noise"])
+def test_no_inertia_factor_is_suggested_where_none_explains_the_miss(tmp_path, spoil):
+    rng = np.random.default_rng(1)
+    rows = impacts(0.4, noise=0.5 if spoil == "noise" else 0.0, rng=rng)
+    for row in rows:
+        row[3] = -row[3] if spoil == "sign" else row[3]
+    (check,) = table_of(tmp_path / "x.csv", rows).momentum
+    assert not check.ok
+    assert check.suggested is None
+    assert check.says.endswith(
+        "Check the signs of the spins, the size, and the inertia factor 0.4 (--inertia-factor)."
+    )
+
+
+def test_the_check_goes_with_its_source(tmp_path):
+    (tmp_path / "b").mkdir()
+    a = table_of(tmp_path / "x.csv", impacts(0.4))
+    b = table_of(tmp_path / "b" / "x.csv", impacts(2 / 3))
+    both = data.combine([a, b])
+    assert [(c.source, c.ok) for c in both.momentum] == [("x.csv", True), ("x.csv (2)", False)]
+    assert both.momentum[1].says.startswith("x.csv (2): ")
+    some = data.select(both, data.Selection(observable=("v_n",)))
+    assert some.momentum == both.momentum
+    assert data.average_replicates(both).momentum == both.momentum
+    assert "x.csv (2): the velocities contradict" in both._repr_html_()
+
+
+def test_no_check_without_spin_after(read):
+    assert read("u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s\n3,4,2,-3.5\n").momentum == ()
+    assert read("gamma_deg,beta\n30,0.1\n").momentum == ()
 
 
 def test_spin_before_not_given_is_said(read):
     obs = read("u_x_m_s,u_z_m_s,v_x_m_s,omega_y_after_rad_s,radius_m\n3,4,2,-200,0.005\n")
     assert "x.csv: no spin before the impact is given; it was taken as 0." in obs.notes
+
+
+COLUMNS = (
+    "column:u_x=vx_in",
+    "column:u_z=vz_in [m/s]",
+    "column:v_x=vx_out",
+    "column:v_z_m_s=vz_out",
+    "column:omega_y_after=wy_rad_s",
+    "unit:vx_in=m/s",
+    "unit:vx_out=m/s",
+)
+
+
+def test_raw_velocities_under_any_name(read):
+    obs = read("vx_in,vz_in [m/s],vx_out,vz_out,wy_rad_s,radius_mm\n3,4,2,-3,-200,5\n", *COLUMNS)
+    assert values(obs) == pytest.approx({"v_x": 0.4, "v_n": 0.6, "spin_y_after": -0.2})
+
+
+def test_uncertainties_of_raw_velocities_under_any_name(read):
+    text = (
+        "vx_in,vz_in [m/s],vx_out,vz_out,wy_rad_s,radius_mm,a,b,c [mm/s],d\n3,4,2,-3,-200,5,0.1,0.2,300,7\n"
+    )
+    names = (
+        "column:sigma_u_x=a",
+        "column:sigma_v_x=b",
+        "column:sigma_v_z=c [mm/s]",
+        "column:sigma_omega_y_after=d",
+    )
+    plain = read(
+        "u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s,omega_y_after_rad_s,radius_mm,sigma_u_x_m_s,sigma_v_x,sigma_v_z_m_s,"
+        "sigma_omega_y_after_rad_s\n3,4,2,-3,-200,5,0.1,0.2,0.3,7\n"
+    )
+    got = read(text, *COLUMNS, *names)
+    assert plain.table.sigma.notna().all()
+    assert list(got.table.sigma) == pytest.approx(list(plain.table.sigma))
+    assert got.table.sigma_gamma_deg[0] == pytest.approx(plain.table.sigma_gamma_deg[0])
+    assert got.table.sigma_gamma_deg[0] > 0
+    assert got.called("sigma_gamma_deg") == "the uncertainty of the angle (from a)"
+
+
+def test_uncertainties_go_by_the_names_of_the_file(read):
+    obs = read(
+        "u_x_m_s,u_z_m_s,v_x_m_s,omega_y [rpm],radius_mm,sigma_u_x_m_s,sigma_u_z_m_s,sigma_omega_y [rpm],"
+        "sigma_radius_mm\n3,4,2,1,5,0.1,0.1,0.1,0.01\n"
+    )
+    assert (
+        obs.called("sigma_gamma_deg") == "the uncertainty of the angle (from sigma_u_x_m_s and sigma_u_z_m_s)"
+    )
+    assert (
+        obs.called("sigma_spin_y")
+        == "the uncertainty of the spin (from sigma_omega_y [rpm] and sigma_radius_mm)"
+    )
+    assert any(
+        "the uncertainty of the size (sigma_radius_mm) is common to all impacts" in n for n in obs.notes
+    )
+    long = read("observable,gamma_deg,value,sigma_gamma [deg]\nbeta,10,0.4,1\n")
+    assert data.combine([long, obs]).called("sigma_gamma_deg") == (
+        "the uncertainty of the angle (from sigma_gamma [deg], sigma_u_x_m_s and sigma_u_z_m_s)"
+    )
+    kept = data.select(obs, data.Selection(observable=("v_x",)))
+    assert kept.called("sigma_gamma_deg") == obs.called("sigma_gamma_deg")
+
+
+def outward(u, omega, k, e_n, inertia):
+    """The same impulse where z points out of the wall: contact at -R z, the sphere comes with u_z < 0."""
+    u, omega = np.asarray(u, dtype=float), np.asarray(omega, dtype=float)
+    arm = np.array([0, 0, -RADIUS])
+    contact = u + np.cross(omega, arm)
+    p = np.array([-k * contact[0], -k * contact[1], -(1 + e_n) * u[2]])
+    return u + p, omega + np.cross(arm, p) / (inertia * RADIUS**2)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40)
+@given(
+    u=st.tuples(st.floats(0.1, 5), ordinary(-5, 5), st.floats(-5, -0.1)),
+    spins=st.tuples(SPINS, SPINS, SPINS),
+    k=st.floats(0.05, 0.4),
+)
+def test_z_out_of_the_wall(tmp_path, u, spins, k):
+    u, omega = np.array(u), np.array(spins)
+    v, after = outward(u, omega, k, 0.8, 0.4)
+    along = np.array([u[0], u[1], 0]) / np.hypot(u[0], u[1])
+    # the spin that moves the contact along the way it comes, by the definition U = u + omega x (-R z)
+    speed, back = np.linalg.norm(u), np.cross([0, 0, -1.0], along)
+    contact = np.hypot(*(u + np.cross(omega, [0, 0, -RADIUS]))[:2])
+    assume(contact > 0.01 * speed)
+    obs = table_of(tmp_path / "raw.csv", [[u, omega, v, after]], convention=["z=out-of-wall"])
+    got = values(obs)
+    assert got["v_n"] == pytest.approx(0.8 * -u[2] / speed)
+    assert got["v_x"] == pytest.approx(v @ along / speed, abs=1e-9)
+    assert got["spin_y_after"] == pytest.approx(RADIUS * (after @ back) / speed, abs=1e-9)
+    assert obs.table.spin_y[0] == pytest.approx(RADIUS * (omega @ back) / speed, abs=1e-9)
+    (check,) = obs.momentum
+    assert check.rms < 1e-9
+    # the same impact, turned half round about x by hand, says the same
+    half = np.array([1.0, -1.0, -1.0])
+    turned = table_of(tmp_path / "turned.csv", [[half * x for x in (u, omega, v, after)]])
+    assert values(turned) == got
+    # a wrong sense of the spins does not close
+    mirrored = table_of(tmp_path / "m.csv", [[u, omega, v, -after]], convention=["z=out-of-wall"])
+    assert mirrored.momentum[0].rms > check.rms
+
+
+def test_z_out_of_the_wall_is_said_and_checked(read):
+    text = "u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s\n3,-4,2,{}\n"
+    obs = read(text.format("3"), "z=out-of-wall")
+    assert obs.notes == (
+        "x.csv: z was read as pointing out of the wall; velocities and spins along y and z changed sign.",
+    )
+    assert read("u_x_m_s,u_z_m_s,v_x_m_s\n3,4,2\n", "z=into-wall").notes == ()
+    with pytest.raises(
+        DataError, match=r"column v_z_m_s: -3, but z points out of the wall by --convention z=out"
+    ):
+        read(text.format("-3"), "z=out-of-wall")
+    with pytest.raises(
+        DataError, match=r"u_z_m_s: -4, but z points into .* or say --convention z=out-of-wall if z"
+    ):
+        read(text.format("3"))
 
 
 HEAD = "u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s"
@@ -262,7 +431,15 @@ HEAD = "u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s"
             "u_x_m_s,u_z_m_s,v_x\n1,1,1\n",
             "column v_x: no unit. Among raw velocities it needs one, for example v_x_m_s",
         ),
-        ("u_x,u_z,v_x_m_s\n1,1,1\n", "column u_x: no unit. Put one into the header, for example u_x_m_s"),
+        (
+            "u_x_m_s,u_z_m_s,v_x\n1,1,1\n",
+            "for example v_x_m_s, or say --convention unit:v_x=m/s.",
+        ),
+        (
+            "u_x,u_z,v_x_m_s\n1,1,1\n",
+            "column u_x: no unit. Put one into the header, for example u_x_m_s, or say",
+        ),
+        (f"{HEAD},sigma_beta\n1,1,1,-1,1\n", "column sigma_beta: does not go with raw velocities"),
         ("u_z_m_s,v_z_m_s\n1,-1\n", "there is u_z but no u_x"),
         ("v_x_m_s,v_z_m_s\n1,-1\n", "the incoming velocity is missing. Add u_x_m_s and u_z_m_s"),
         ("u_x_m_s,u_z_m_s\n1,1\n", "no velocity after the impact. Add v_x_m_s and v_z_m_s"),

@@ -57,9 +57,44 @@ CASES = {
     ),
     "unknown column": (
         "gamma_deg,betta\n10,0.4\n",
-        "x.csv, line 1, column betta: unknown name, the closest known one is beta. Rename it, remove it",
+        "x.csv, line 1, column betta: unknown name, the closest known one is beta. Rename it, say",
     ),
-    "nothing known": ("foo,bar\n1,2\n", "x.csv, line 1, column foo: unknown name"),
+    "nothing known": (
+        "foo,bar\n1,2\n",
+        "x.csv, line 1: 2 columns have unknown names, foo, bar. Say what a column holds, --convention "
+        "column:NAME=foo, or leave columns out, --convention ignore=foo,bar.",
+    ),
+    "one unknown": (
+        "gamma_deg,beta,Ort\n1,1,1\n",
+        "column Ort: unknown name. Rename it, say what it holds, --convention column:NAME=Ort, or leave it "
+        "out, --convention ignore=Ort.",
+    ),
+    "number of the impact": (
+        "shot,gamma_deg,beta\n1,1,1\n",
+        "column shot: unknown name, the closest known one is impact_id. Rename it, say what it holds, "
+        "--convention column:impact_id=shot,",
+    ),
+    "angle in the user's language": (
+        "Winkel zur Wand [°],beta\n1,1\n",
+        "column Winkel zur Wand [°]: unknown name. If it is the incidence angle, say --convention "
+        "'angle=Winkel zur Wand [°]:from-wall' (or from-normal); otherwise name it, --convention "
+        "'column:NAME=Winkel zur Wand [°]', or leave it out, --convention 'ignore=Winkel zur Wand [°]'.",
+    ),
+    "angle among several unknown": (
+        "Ort,Winkel_deg,beta\n1,1,1\n",
+        "Say what a column holds, --convention angle=Winkel_deg:from-wall, or leave",
+    ),
+    "many unknown": (
+        ",".join([f"measured quantity no {i}" for i in range(25)] + ["gamma_deg"]) + "\n" + "1," * 25 + "1\n",
+        "line 1: 25 columns have unknown names, measured quantity no 0, measured quantity no 1, measured "
+        "quantity no 2, measured quantity no 3 and 21 more. Say what a column holds, --convention "
+        "'column:NAME=measured quantity no 0', or leave columns out, --convention 'ignore=measured quantity "
+        "no 0,measured quantity no 1' and so on.",
+    ),
+    "unknown with a comma": (
+        'a;"b, c";beta\n1;1;1\n',
+        "leave columns out, --convention ignore=a and so on.",
+    ),
     "separated by blanks": (
         "gamma_deg beta\n10 0.4\n",
         "columns are separated by commas, semicolons or tabs.",
@@ -150,7 +185,8 @@ CASES = {
     ),
     "speed without unit": (
         "gamma_deg,beta,speed\n1,0.4,2\n",
-        "line 1, column speed: no unit. Put one into the header",
+        "line 1, column speed: no unit. Put one into the header, for example speed_m_s, or say --convention "
+        "unit:speed=m/s.",
     ),
     "unknown unit": (
         "gamma [grad],beta\n10,0.4\n",
@@ -166,7 +202,12 @@ CASES = {
     ),
     "degrees or radians": (
         "gamma,beta\n1,0.4\n",
-        "column gamma: could be in degrees or in radians. Call it gamma_deg",
+        "column gamma: could be in degrees or in radians. Call it gamma_deg or gamma_rad, or say "
+        "--convention unit:gamma=deg.",
+    ),
+    "degrees or radians of a name with blanks": (
+        "angle from wall,beta\n1,0.4\n",
+        "or say --convention 'unit:angle from wall=deg'.",
     ),
     "unknown observable": (
         LONG + "a,betta,10,1\n",
@@ -182,7 +223,17 @@ CASES = {
     ),
     "ambiguous angle": (
         "theta,beta\n10,0.4\n",
-        "column theta: could be measured from the wall or from its normal. Say which: --convention angle=",
+        "column theta: could be measured from the wall or from its normal. Say which: --convention "
+        "angle=from-wall or --convention angle=from-normal",
+    ),
+    "ambiguous angle of a name with blanks": (
+        "alpha [°],beta\n10,0.4\n",
+        "column alpha [°]: could be measured from the wall or from its normal. Say which: --convention "
+        "angle=from-wall or --convention angle=from-normal",
+    ),
+    "two angles with blanks": (
+        "alpha [°],theta [°],beta\n10,10,0.4\n",
+        "Name it: --convention 'angle=alpha [°]:from-wall'",
     ),
     "two angles": (
         "alpha_deg,theta,beta\n10,10,0.4\n",

@@ -53,7 +53,7 @@ def test_examples_read_once_their_sign_is_removed(tmp_path, raw):
     assert obs.provenance == ("simulated",), "example rows never pass as measured"
     if raw:
         assert list(obs.table.observable) == ["v_x", "v_n", "spin_y_after"] * 8
-        assert float(obs.notes[0].split("closes to ")[1].split(" %")[0]) < 3.0
+        assert obs.momentum[0].rms < 0.03
     else:
         both, only_beta = ["beta", "e_n"], ["beta"]
         assert list(obs.table.observable) == both * 2 + only_beta + both * 4 + only_beta

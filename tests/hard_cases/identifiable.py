@@ -122,7 +122,7 @@ def _case(
 
 def _needs_sigma(name: str, what: str, text: str, *options: str) -> HardCase:
     answer = "Refused with exit status 3, nothing written: these values need a sigma."
-    return _case(name, what, answer, _refusal(text, *options), refused("need a sigma", "Add a column sigma"))
+    return _case(name, what, answer, _refusal(text, *options), refused("a sigma", "Add a column sigma"))
 
 
 def _on_bound(constant: str, bound: float, sign: int) -> Callable[[FitResult], None]:

@@ -181,9 +181,9 @@ def test_raw_velocities_of_a_hollow_ball_give_back_what_was_put_in(tmp_path):
         assert found.constants[name].status == "determined"
         assert found.constants[name].value == pytest.approx(value, abs=1e-9)
     assert found.fit.chi2 < 1e-15
-    (note,) = (w for w in found.warnings if "angular momentum" in w)
-    assert "inertia factor 0.6667)." in note
-    assert "Check" not in note
+    fact = found.facts["angular_momentum"]
+    assert fact.ok
+    assert fact.figures["sources"][0]["rms"] < 1e-12
 
 
 def test_noise_widens_the_hollow_balls_intervals_as_it_should(tmp_path):
@@ -206,11 +206,11 @@ def test_noise_widens_the_hollow_balls_intervals_as_it_should(tmp_path):
 def test_a_solid_balls_inertia_factor_is_warned_of(tmp_path):
     path = hollow_csv(tmp_path / "shell.csv", 0.01, np.random.default_rng(2))
     found = ifrfit.fit(path, inertia_factor=0.4)
-    (note,) = (w for w in found.warnings if "angular momentum" in w)
-    assert note.startswith("shell.csv: angular momentum about the contact closes to ")
-    assert "inertia factor 0.4); " in note
-    assert "The velocities themselves ask for an inertia factor of 0.66" in note
-    assert note.endswith("Check signs, size and inertia factor.")
+    fact = found.facts["angular_momentum"]
+    assert not fact.ok
+    assert "contradict the inertia factor 0.4; try --inertia-factor 0.667 (thin hollow ball" in fact.says
+    assert fact.figures["sources"][0]["suggested"] == pytest.approx(2.0 / 3.0, rel=0.02)
+    assert "the velocities contradict the inertia factor" in found.summary().splitlines()[0]
     assert not found.facts["lack_of_fit"].ok
 
 

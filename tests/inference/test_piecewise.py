@@ -23,9 +23,9 @@ def sphere(tau, y, sigma, closure="ifr", pull=None):
     slide[:, 1] = 3.5 / tau
     return PiecewiseProblem(
         tau,
-        Rows(stick / sigma[:, None], (y - stick0) / sigma),
-        Rows(slide / sigma[:, None], (y - slide0) / sigma),
-        Rows(np.zeros((0, 2)), np.zeros(0)),
+        Rows.of(stick / sigma[:, None], (y - stick0) / sigma),
+        Rows.of(slide / sigma[:, None], (y - slide0) / sigma),
+        Rows.of(np.zeros((0, 2)), np.zeros(0)),
         np.array([0.0, 1.0]),
         0.0,
         np.array(bound),

@@ -1,0 +1,97 @@
+"""Named findings about a fit, each with its number and its rule."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ifrfit.inference.criticism import Residuals, lack_of_fit
+from ifrfit.inference.identifiability import identifiable
+from ifrfit.inference.least_squares import LeastSquares
+from ifrfit.inference.outliers import outliers
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.result import Estimate, Fact, FitStatistics
+from ifrfit.inference.rules import FACTS
+
+
+def facts_of(
+    problem: Problem,
+    found: LeastSquares,
+    residuals: Residuals,
+    constants: Mapping[str, Any],
+    statistics: FitStatistics,
+) -> dict[str, Fact]:
+    """All facts of a least-squares fit."""
+    facts = {
+        "converged": _converged(found),
+        "global_optimum": _global_optimum(found),
+        "identifiable": identifiable(problem, found, constants, statistics.n_sticking, statistics.n_sliding),
+        "at_bound": _at_bound(constants),
+        "lack_of_fit": lack_of_fit(problem, found, residuals),
+        "outliers": outliers(problem, found, residuals),
+    }
+    if problem.observations.momentum:
+        facts["angular_momentum"] = _angular_momentum(problem)
+    return facts
+
+
+def _converged(found: LeastSquares) -> Fact:
+    if math.isinf(found.noise_dof):
+        says = "least squares converged"
+    else:
+        says = f"the noise has {'' if found.converged else 'not '}settled"
+    return Fact(found.converged, says, {"change": found.change}, FACTS["converged"])
+
+
+def _angular_momentum(problem: Problem) -> Fact:
+    """Whether velocities and spins of raw impacts close, source by source."""
+    checks = problem.observations.momentum
+    figures = {
+        "sources": [
+            {
+                "source": c.source,
+                "n": c.n,
+                "rms": c.rms,
+                "n_violating": c.n_violating,
+                "suggested": c.suggested,
+            }
+            for c in checks
+        ]
+    }
+    bad = [check for check in checks if not check.ok]
+    says = " ".join(check.says for check in (bad or checks)).rstrip(".")
+    return Fact(not bad, says, figures, FACTS["angular_momentum"])
+
+
+def _global_optimum(found: LeastSquares) -> Fact:
+    optimum = found.optimum
+    figures = {
+        "gap": optimum.gap,
+        "n_optima_same": optimum.n_same,
+        "n_optima_near": optimum.n_near,
+        "road": optimum.road,
+    }
+    rule = FACTS["global_optimum"]
+    rivals = optimum.n_near - 1
+    if optimum.certified:
+        alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
+        return Fact(optimum.n_same == 1, f"global optimum certified, {alone}", figures, rule)
+    proof = "no bound is known for these observables" if optimum.gap is None else f"gap {optimum.gap:.1e}"
+    return Fact(False, f"the optimum is not proven to be global ({optimum.road}; {proof})", figures, rule)
+
+
+def _at_bound(constants: Mapping[str, Any]) -> Fact:
+    """Constants that lie on a bound, and those that the data do not tell from it."""
+    on: list[str] = []
+    near: list[str] = []
+    for name, found in constants.items():
+        each = {"": found} if isinstance(found, Estimate) else found
+        for series, estimate in each.items():
+            label = f"{name}[{series}]" if series else name
+            if estimate.status == "one_sided" and estimate.value is not None:
+                (on if "lies on" in estimate.reason else near).append(label)
+    parts = [f"{', '.join(on)} on the bound of the domain"] if on else []
+    parts += [f"{', '.join(near)} not told from the bound of the domain"] if near else []
+    says = "; ".join(parts) or "no constant lies on a bound"
+    return Fact(not parts, says, {"on": on, "near": near}, FACTS["at_bound"])

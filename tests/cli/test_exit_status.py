@@ -1,0 +1,166 @@
+"""The contract's exit statuses: 0 result, 1 internal error, 2 usage, 3 data refused, 4 --strict."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+import ifrfit.inference
+
+
+def sentence(outcome) -> str:
+    """The message: on standard error alone, one or two sentences, without a traceback."""
+    assert outcome.stdout == ""
+    text = outcome.stderr.strip()
+    assert "Traceback" not in text
+    assert text.startswith("ifrfit: ")
+    assert "\n" not in text
+    ends = re.findall(r"[.!?](?=\s+['A-Z-]|$)", text)
+    assert 1 <= len(ends) <= 3  # three where close names are offered
+    return text.removeprefix("ifrfit: ")
+
+
+def test_a_delivered_result_is_0(cli):
+    assert cli("fit", "kharaz-2001", "--quiet").returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--closure", "walton"), "There is no closure 'walton'. Choose one of f, fr, ifr, ifr-contact"),
+        (("--method", "anneal"), "There is no method 'anneal'."),
+        (("--fix", "e_n"), "--fix e_n: write it as NAME=VALUE"),
+        (("--fix", "e_n=0,98"), "--fix e_n=0,98: write it as NAME=VALUE"),
+        (("--fix", "e_n=high"), "--fix e_n=high: write it as NAME=VALUE"),
+        (("--fix", "e_n=1.2"), "--fix e_n=1.2: outside the domain [0, 1]"),
+        (("--fix", "e_n=nan"), "--fix e_n=nan: "),
+        (("--fix", "beta=0.4"), "--fix beta: closure IFR has no such constant. It has e_n, e_t, mu."),
+        (("--fix", "e_n=0.9", "--fix", "e_n=0.8"), "--fix e_n is given twice."),
+        (("--prior", "e_n=0.98"), "--prior e_n=0.98: write it as NAME="),
+        (("--prior", "e_n=0.98,0"), "--prior e_n: the standard deviation must be positive"),
+        (("--bounds", "mu=1,0"), "--bounds mu: the lower end 1 must lie below the upper end 0."),
+        (("--noise", "loud"), "--noise loud: choose known, scaled or unknown."),
+        (("--separate", "beta"), "--separate beta: closure IFR has no such constant."),
+        (("--separate", "e_n", "--fix", "e_n=0.9"), "--fix e_n contradicts --separate e_n: keep one."),
+        (("--exclude", "999"), "--exclude 999: names no row and no impact of the data."),
+        (("--observable", "betta"), "--observable betta: "),
+        (("--series", "kratos", "--series", "mfix"), "would count them twice."),
+        (("--gamma-min", "50", "--gamma-max", "20"), "--gamma-min 50 is above --gamma-max 20"),
+        (("--inertia-factor", "-1"), "--inertia-factor -1: it must be positive"),
+        (("--convention", "angle=from-wall"), "kharaz-2001 is a dataset in the common schema"),
+    ],
+)
+def test_a_wrong_call_is_2(cli, options, says):
+    found = cli("fit", "kharaz-2001", *options)
+    assert found.returncode == 2
+    assert says in sentence(found)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--nonsense",),
+        ("fit",),
+        ("fit", "kharaz-2001", "--nonsense"),
+        ("fit", "kharaz-2001", "--gamma-min", "steep"),
+        ("fit", "kharaz-2001", "--seed", "-1"),
+        ("frobnicate",),
+        ("predict", "result.json"),
+        ("datasets", "install", "cross-2019"),
+    ],
+)
+def test_what_the_command_line_does_not_know_is_2(cli, arguments):
+    found = cli(*arguments)
+    assert found.returncode == 2
+    assert "Traceback" not in found.stderr
+    assert found.stderr.rstrip().splitlines()[-1].startswith("Error: ")
+
+
+def test_unknown_option_is_named(cli):
+    assert "No such option: --nonsense" in cli("fit", "kharaz-2001", "--nonsense").stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("gamma_deg,beta\n10,0.4\n20,abc\n", "bad.csv, line 3, column beta: 'abc' is not a number."),
+        ("gamma_deg,beta\n10,inf\n", "bad.csv, line 2, column beta: 'inf' is infinite."),
+        ("gamma_deg,beta,sigma\n10,0.4,-1\n", "bad.csv, line 2, column sigma: -1 cannot be a standard"),
+        ("gamma_deg,beta\n95,0.4\n", "bad.csv, line 2, column gamma_deg: "),
+        ("theta,beta\n10,0.4\n", "bad.csv, line 1, column theta: could be measured from the wall"),
+        ("gamma_deg,beta\n", "bad.csv: there is a header, but no row under it."),
+        ("", "bad.csv: the file is empty."),
+        ("gamma_deg,beta\n10,0.4\n", "Add a column sigma"),
+    ],
+)
+def test_refused_data_are_3_and_nothing_is_written(cli, text, says):
+    Path("bad.csv").write_text(text, encoding="utf-8")
+    found = cli("fit", "bad.csv", "--out", "results/one", "--json")
+    assert found.returncode == 3
+    assert says in sentence(found)
+    assert [path.name for path in Path().iterdir()] == ["bad.csv"]
+
+
+def test_a_missing_file_is_3_and_close_names_are_offered(cli):
+    found = cli("fit", "kharaz")
+    assert found.returncode == 3
+    assert "there is neither a file nor a dataset of that name. Did you mean kharaz-2001?" in sentence(found)
+
+
+@pytest.mark.parametrize("form", [(), ("--json",), ("--quiet",), ("--out", "kept")])
+def test_strict_is_4_when_a_constant_is_not_determined_and_the_result_is_delivered(cli, impacts, form):
+    path = impacts(gamma=range(5, 85, 5), sigma=0.01)
+    assert cli("fit", path, *form, *(("--force",) if form == ("--out", "kept") else ())).returncode == 0
+    found = cli("fit", path, "--strict", *form, *(("--force",) if form == ("--out", "kept") else ()))
+    assert found.returncode == 4
+    assert found.stderr == "ifrfit: --strict: e_n, mu not determined by the data.\n"
+    if form == ("--json",):
+        assert json.loads(found.stdout)["constants"]["e_n"]["status"] == "not_determined"
+    elif form == ("--quiet",):
+        assert found.stdout == ""
+    else:
+        assert "kappa" in found.stdout
+    assert Path("kept/result.json").exists() == (form == ("--out", "kept"))
+
+
+def test_strict_is_0_when_everything_is_determined(cli, impacts):
+    path = impacts(gamma=range(5, 85, 5), sigma=0.01)
+    found = cli("fit", path, "--strict", "--fix", "e_n=0.94")
+    assert (found.returncode, found.stderr) == (0, "")
+
+
+@pytest.fixture
+def broken(monkeypatch):
+    """A bug in the library."""
+
+    def fail(*_arguments: object, **_options: object) -> None:
+        raise ZeroDivisionError("no such luck")
+
+    monkeypatch.setattr(ifrfit.inference, "fit", fail)
+
+
+@pytest.mark.usefixtures("broken")
+def test_a_bug_is_1_and_told_without_a_traceback(cli):
+    found = cli("fit", "kharaz-2001", "--out", "results")
+    assert found.returncode == 1
+    assert found.stdout == ""
+    assert found.stderr.count("\n") == 1
+    assert found.stderr.startswith("ifrfit: internal error, ZeroDivisionError: no such luck.")
+    assert "IFRFIT_DEBUG=1" in found.stderr
+    assert "Traceback" not in found.stderr
+    assert list(Path().iterdir()) == []
+
+
+@pytest.mark.usefixtures("broken")
+def test_debug_shows_where_a_bug_is(cli, monkeypatch):
+    monkeypatch.setenv("IFRFIT_DEBUG", "1")
+    with pytest.raises(ZeroDivisionError, match="no such luck"):
+        cli("fit", "kharaz-2001")
+
+
+def test_debug_does_not_turn_bad_data_into_a_traceback(cli, monkeypatch):
+    monkeypatch.setenv("IFRFIT_DEBUG", "1")
+    assert cli("fit", "nix.csv").returncode == 3

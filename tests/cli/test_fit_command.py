@@ -1,0 +1,192 @@
+"""`ifrfit fit`: what stands on standard output and in the folder."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+import ifrfit
+
+OWN = ["fit.png", "fit.svg", "result.json"]
+# of the run, not of the fit
+PASSING = ("created", "command")
+
+
+@pytest.fixture(scope="module")
+def schema() -> dict[str, object]:
+    return json.loads(files("ifrfit").joinpath("result.schema.json").read_text(encoding="utf-8"))
+
+
+def strict_json(text: str) -> dict[str, object]:
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("kharaz-2001", "--prior", "e_n=0.98,0.01"),
+        ("netl-glass-acrylic",),
+        ("cross-2019", "--series", "no spin", "--series", "spin 0.225", "--separate", "mu"),
+        ("wang-2020", "--closure", "fr"),
+        ("buck-2017", "--closure", "f"),
+    ],
+)  # fmt: skip
+def test_json_is_all_there_is_and_follows_the_schema(cli, schema, arguments):
+    found = cli("fit", *arguments, "--json")
+    assert (found.returncode, found.stderr) == (0, "")
+    content = strict_json(found.stdout)
+    jsonschema.validate(content, schema, cls=jsonschema.Draft202012Validator)
+    assert content["schema"] == "ifrfit/result/1"
+
+
+def test_the_schema_is_not_a_formality(cli, schema):
+    content = strict_json(cli("fit", "netl-glass-acrylic", "--json").stdout)
+    for damage in ({"constants": {}}, {"closure": 3}, {"schema": "ifrfit/result/99"}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(content | damage, schema, cls=jsonschema.Draft202012Validator)
+
+
+def test_the_command_line_is_the_library(cli):
+    shown = strict_json(
+        cli("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15", "--json").stdout
+    )
+    called = ifrfit.fit("kharaz-2001", prior={"e_n": (0.98, 0.01)}, gamma_min=15.0).to_dict()
+    for name in PASSING:
+        shown.pop(name), called.pop(name)
+    assert shown == json.loads(json.dumps(called))
+
+
+def test_the_command_is_recorded(cli, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["/somewhere/ifrfit", "fit", "kharaz-2001", "--series", "a b"])
+    content = strict_json(cli("fit", "kharaz-2001", "--json").stdout)
+    assert content["command"] == "ifrfit fit kharaz-2001 --series 'a b'"
+
+
+def test_quiet_says_nothing_and_still_writes(cli):
+    found = cli("fit", "kharaz-2001", "--quiet", "--out", "results")
+    assert (found.returncode, found.stdout, found.stderr) == (0, "", "")
+    assert sorted(path.name for path in Path("results").iterdir()) == OWN
+
+
+def test_out_writes_three_files_and_says_which(cli, schema):
+    found = cli("fit", "kharaz-2001", "--out", "deep/results")
+    assert found.returncode == 0
+    assert found.stdout.endswith("\n\nwritten: deep/results/  result.json  fit.svg  fit.png\n")
+    assert sorted(path.name for path in Path("deep/results").iterdir()) == OWN
+    assert [path.name for path in Path().iterdir()] == ["deep"]
+    assert [path.name for path in Path("deep").iterdir()] == ["results"]
+    jsonschema.validate(
+        strict_json(Path("deep/results/result.json").read_text(encoding="utf-8")),
+        schema,
+        cls=jsonschema.Draft202012Validator,
+    )
+
+
+def test_json_and_out_are_the_same_numbers(cli):
+    shown = cli("fit", "kharaz-2001", "--json", "--out", "results").stdout
+    assert shown == Path("results/result.json").read_text(encoding="utf-8")
+
+
+def test_an_earlier_result_is_kept_until_force_and_foreign_files_always(cli):
+    assert cli("fit", "kharaz-2001", "--quiet", "--out", "results").returncode == 0
+    earlier = {path.name: path.read_bytes() for path in Path("results").iterdir()}
+    Path("results/notes.txt").write_text("mine", encoding="utf-8")
+
+    refused = cli("fit", "cross-2019", "--quiet", "--out", "results")
+    assert refused.returncode == 2
+    assert refused.stderr == "ifrfit: results holds an earlier result; add --force to replace it.\n"
+    assert {name: (Path("results") / name).read_bytes() for name in earlier} == earlier
+
+    assert cli("fit", "cross-2019", "--quiet", "--out", "results", "--force").returncode == 0
+    assert sorted(path.name for path in Path("results").iterdir()) == sorted([*OWN, "notes.txt"])
+    assert Path("results/notes.txt").read_text(encoding="utf-8") == "mine"
+    assert (
+        json.loads(Path("results/result.json").read_text(encoding="utf-8"))["input"][0]["name"]
+        == "cross-2019"
+    )
+    assert [path.name for path in Path().iterdir()] == ["results"]
+
+
+def test_an_earlier_result_is_refused_before_the_data_are_read(cli):
+    Path("results").mkdir()
+    Path("results/result.json").write_text("{}", encoding="utf-8")
+    assert cli("fit", "nix.csv", "--out", "results").returncode == 2
+
+
+def test_refused_data_leave_an_earlier_result_alone_even_with_force(cli):
+    assert cli("fit", "kharaz-2001", "--quiet", "--out", "results").returncode == 0
+    earlier = Path("results/result.json").read_bytes()
+    Path("bad.csv").write_text("gamma_deg,beta\n10,x\n", encoding="utf-8")
+    assert cli("fit", "bad.csv", "--out", "results", "--force").returncode == 3
+    assert Path("results/result.json").read_bytes() == earlier
+    assert sorted(path.name for path in Path().iterdir()) == ["bad.csv", "results"]
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(cli):
+    Path("results").write_text("mine", encoding="utf-8")
+    found = cli("fit", "kharaz-2001", "--out", "results")
+    assert found.returncode == 2
+    assert found.stderr == "ifrfit: results is a file. Name a folder with --out.\n"
+    assert Path("results").read_text(encoding="utf-8") == "mine"
+
+
+def test_the_template_can_be_fitted_once_its_examples_are_uncommented(cli):
+    for raw in ((), ("--raw",)):
+        lines = cli("template", *raw).stdout.splitlines()
+        header = max(i for i, line in enumerate(lines) if not line.startswith("#"))
+        text = "\n".join(line if i <= header else line.removeprefix("#") for i, line in enumerate(lines))
+        Path("mine.csv").write_text(text + "\n", encoding="utf-8")
+        found = cli("fit", "mine.csv")
+        assert (found.returncode, found.stderr) == (0, "")
+        assert "mine.csv" in found.stdout
+
+
+def test_the_template_alone_is_refused_as_empty(cli):
+    Path("mine.csv").write_text(cli("template").stdout, encoding="utf-8")
+    found = cli("fit", "mine.csv")
+    assert found.returncode == 3
+    assert "there is a header, but no row under it" in found.stderr
+
+
+def test_a_spreadsheet_of_the_usual_kind(cli):
+    """Excel in German: title, semicolons, decimal commas, Latin-1, Windows line ends, angle from the wall."""
+    lines = ["Stöße, 12.3.;;;", "Winkel zur Wand [°];β [-];σ_β [-];note"]
+    shown = ifrfit.rebound(range(5, 85, 5), e_n=0.94, e_t=-0.9, mu=0.12, degrees=True)
+    for angle, beta in zip(range(5, 85, 5), shown.beta.tolist(), strict=True):
+        lines.append(f"{90 - angle},0;{beta:.6f};0,01;".replace(".", ","))
+    lines[1] = lines[1].replace("β", "beta").replace("σ", "sigma")
+    Path("Messung.csv").write_bytes("\r\n".join(lines).encode("latin-1"))
+    found = cli(
+        "fit",
+        "Messung.csv",
+        "--convention",
+        "angle=Winkel zur Wand [°]:from-wall",
+        "--fix",
+        "e_n=0.94",
+        "--json",
+    )
+    assert (found.returncode, found.stderr) == (0, "")
+    constants = strict_json(found.stdout)["constants"]
+    assert constants["e_t"]["value"] == pytest.approx(-0.9, abs=1e-5)
+    assert constants["mu"]["value"] == pytest.approx(0.12, abs=1e-5)
+
+
+def test_a_hollow_ball_taken_for_a_solid_one_is_told_in_the_first_line(cli):
+    gamma = [10.0, 20.0, 30.0, 45.0, 60.0, 75.0]
+    after = ifrfit.rebound(gamma, e_n=0.94, e_t=-0.95, mu=0.2, inertia_factor=2 / 3, degrees=True)
+    lines = ["speed_m_s,gamma_deg,v_x_m_s,v_z_m_s,omega_y_after_rad_s,radius_mm"]
+    for row in zip(gamma, after.v_x, after.v_n, after.spin_y, strict=True):
+        angle, v_x, v_n, spin = map(float, row)
+        lines.append(f"4,{angle},{4 * v_x:.5f},{-4 * v_n:.5f},{4 * spin / 0.02:.3f},20")
+    Path("ball.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    solid = cli("fit", "ball.csv").stdout
+    assert solid.startswith("LOOK")
+    assert "--inertia-factor 0.667" in " ".join(solid.split())
+    assert not cli("fit", "ball.csv", "--inertia-factor", "0.6667").stdout.startswith("LOOK")

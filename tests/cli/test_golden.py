@@ -1,0 +1,64 @@
+"""Whole texts as a user sees them. UPDATE_GOLDEN=1 rewrites them: read the difference before keeping it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+GOLDEN = Path(__file__).parent / "golden"
+TEXTS = {
+    "help": ("--help",),
+    "fit-help": ("fit", "--help"),
+    "predict-help": ("predict", "--help"),
+    "datasets-install-help": ("datasets", "install", "--help"),
+    "kharaz": ("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01"),
+    "kharaz-oblique": ("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15"),
+    "stand-in": ("fit", "cross-2019", "--fix", "e_n=0.94"),
+    "beta-alone": ("fit", "cross-2019"),
+    "datasets-list": ("datasets", "list"),
+    "datasets-show": ("datasets", "show", "kharaz-2001"),
+    "datasets-show-stand-in": ("datasets", "show", "cross-2019"),
+    "template": ("template",),
+    "template-raw": ("template", "--raw"),
+}
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_the_text_is_the_one_that_was_read_and_kept(cli, name):
+    found = cli(*TEXTS[name])
+    assert found.returncode == 0
+    assert found.stderr == ""
+    path = GOLDEN / f"{name}.txt"
+    if os.environ.get("UPDATE_GOLDEN"):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(found.stdout, encoding="utf-8", newline="\n")
+    assert found.stdout == path.read_text(encoding="utf-8")
+
+
+def test_every_kept_text_is_still_asked_for():
+    assert {path.stem for path in GOLDEN.iterdir()} == set(TEXTS)
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_a_line_fits_a_terminal_and_nothing_trails(name):
+    lines = (GOLDEN / f"{name}.txt").read_text(encoding="utf-8").splitlines()
+    longest = 130 if name == "datasets-list" else 100  # a list has one dataset a line
+    assert [line for line in lines if len(line) > longest and " " in line[:longest].strip()] == []
+    assert [line for line in lines if line != line.rstrip()] == []
+
+
+@pytest.mark.parametrize("name", ["stand-in", "datasets-show-stand-in"])
+def test_a_stand_in_says_so_within_its_first_two_lines(name):
+    head = (GOLDEN / f"{name}.txt").read_text(encoding="utf-8").splitlines()[:2]
+    assert "stand-in" in " ".join(head).lower()
+
+
+def test_real_data_never_say_stand_in():
+    for name in ("kharaz", "kharaz-oblique", "datasets-show"):
+        assert "stand-in" not in (GOLDEN / f"{name}.txt").read_text(encoding="utf-8").lower()
+
+
+def test_a_result_that_is_not_fine_says_so_in_its_first_line():
+    assert (GOLDEN / "kharaz.txt").read_text(encoding="utf-8").startswith("LOOK")

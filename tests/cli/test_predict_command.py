@@ -1,0 +1,168 @@
+"""`ifrfit predict`: CSV from a saved result."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ifrfit
+
+CREDIBLE = ["lo95", "lo68", "value", "hi68", "hi95"]
+PREDICTIVE = ["new_lo95", "new_lo68", "new_hi68", "new_hi95"]
+COLUMNS = [
+    "observable", "gamma_deg", "spin_x", "spin_y", "value", "lo68", "hi68", "lo95", "hi95",
+    "new_lo68", "new_hi68", "new_lo95", "new_hi95",
+]  # fmt: skip
+
+
+@pytest.fixture
+def saved(cli, impacts):
+    """A result with interior constants: beta with sigma, e_n known."""
+    path = impacts(gamma=range(5, 85, 5), sigma=0.02, noise=0.02)
+    out = path.with_name("saved")
+    assert cli("fit", path, "--fix", "e_n=0.94", "--quiet", "--out", out).returncode == 0
+    return out / "result.json"
+
+
+def table(outcome):
+    assert (outcome.returncode, outcome.stderr) == (0, "")
+    return pd.read_csv(io.StringIO(outcome.stdout))
+
+
+def test_columns_bands_and_curve(cli, saved):
+    found = table(cli("predict", saved, "--gamma", "10,35,60"))
+    assert list(found.columns) == COLUMNS
+    assert list(found["gamma_deg"]) == [10, 35, 60]
+    assert set(found["observable"]) == {"beta"}
+    assert (np.diff(found[CREDIBLE].to_numpy()) >= 0).all()
+    assert (np.diff(found[PREDICTIVE].to_numpy()) > 0).all()
+    assert (found["new_hi95"] - found["new_lo95"] > found["hi95"] - found["lo95"]).all()
+    constants = {k: v["value"] for k, v in json.loads(saved.read_text(encoding="utf-8"))["constants"].items()}
+    curve = ifrfit.rebound([10, 35, 60], **constants, degrees=True).beta
+    np.testing.assert_allclose(found["value"], curve, rtol=1e-9)
+
+
+def test_a_range_includes_its_end(cli, saved):
+    assert list(table(cli("predict", saved, "--gamma", "0.5:80.5:20"))["gamma_deg"]) == [
+        0.5,
+        20.5,
+        40.5,
+        60.5,
+        80.5,
+    ]
+    assert list(table(cli("predict", saved, "--gamma", "30:30:1"))["gamma_deg"]) == [30]
+    assert len(table(cli("predict", saved, "--gamma", "0.1:0.9:0.1"))) == 9
+
+
+def test_several_observables_stand_one_below_the_other(cli, saved):
+    found = table(
+        cli("predict", saved, "--gamma", "20:60:20", "--observable", "delta_deg", "--observable", "mu_app")
+    )
+    assert list(found["observable"]) == ["delta_deg"] * 3 + ["mu_app"] * 3
+    constants = {k: v["value"] for k, v in json.loads(saved.read_text(encoding="utf-8"))["constants"].items()}
+    curve = ifrfit.rebound([20, 40, 60], **constants, degrees=True)
+    np.testing.assert_allclose(found["value"], [*np.degrees(curve.delta), *curve.mu_app], rtol=1e-9)
+    # of what was not measured the scatter is not known
+    assert found[PREDICTIVE].isna().all().all()
+
+
+def test_spin_moves_the_curve_and_is_stated(cli, saved):
+    still = table(cli("predict", saved, "--gamma", "35", "--observable", "beta_cm"))
+    spun = table(
+        cli(
+            "predict",
+            saved,
+            "--gamma",
+            "35",
+            "--observable",
+            "beta_cm",
+            "--spin-y",
+            "-0.3",
+            "--spin-x",
+            "0.1",
+        )
+    )
+    assert (spun["spin_y"].item(), spun["spin_x"].item()) == (-0.3, 0.1)
+    constants = {k: v["value"] for k, v in json.loads(saved.read_text(encoding="utf-8"))["constants"].items()}
+    curve = ifrfit.rebound(35, 0.1, -0.3, **constants, degrees=True)
+    assert spun["value"].item() == pytest.approx(curve.beta_cm, rel=1e-9)
+    assert abs(spun["value"].item() - still["value"].item()) > 0.01
+
+
+def test_what_is_undefined_is_empty(cli, saved):
+    found = cli("predict", saved, "--gamma", "0,90", "--observable", "beta_cm")
+    lines = found.stdout.splitlines()
+    assert lines[1].startswith("beta_cm,0,0,0,,,")
+    assert table(found)["value"].notna().tolist() == [False, True]
+
+
+def test_the_curve_lies_in_its_own_band_where_a_constant_lies_on_its_bound(cli, impacts):
+    path = impacts(gamma=range(5, 85, 5), sigma=0.02, noise=0.02, c=-1.0, seed=3)
+    out = path.with_name("saved")
+    assert cli("fit", path, "--fix", "e_n=0.94", "--quiet", "--out", out).returncode == 0
+    constants = json.loads((out / "result.json").read_text(encoding="utf-8"))["constants"]
+    if constants["e_t"]["value"] != -1.0:
+        pytest.fail("choose another seed: e_t does not lie on its bound")
+    found = table(cli("predict", out / "result.json", "--gamma", "5,10,15"))
+    assert (found["lo95"] <= found["value"]).all()
+    assert (found["value"] <= found["hi95"]).all()
+
+
+def test_the_same_result_gives_the_same_bytes(cli, saved):
+    first, second = (cli("predict", saved, "--gamma", "0:90:10").stdout for _ in range(2))
+    assert first == second
+    assert first.endswith("\n")
+    assert "\r" not in first
+
+
+def test_separate_constants_ask_for_a_series(cli, impacts):
+    path = impacts(
+        {"gamma": range(5, 85, 5), "series": "dry", "sigma": 0.01, "mu": 0.1},
+        {"gamma": range(5, 85, 5), "series": "wet", "sigma": 0.01, "mu": 0.2},
+    )
+    out = path.with_name("saved")
+    options = ("--separate", "mu", "--fix", "e_n=0.94", "--quiet", "--out", out)
+    assert cli("fit", path, *options).returncode == 0
+    saved = out / "result.json"
+    refused = cli("predict", saved, "--gamma", "60")
+    assert refused.returncode == 2
+    assert refused.stderr == "ifrfit: Constants are separate by series: name one of dry, wet.\n"
+    dry, wet = (
+        table(cli("predict", saved, "--gamma", "60", "--series", s))["value"].item() for s in ("dry", "wet")
+    )
+    assert wet > dry + 0.1
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--gamma", "91"), "--gamma 91: incidence angles lie between 0 and 90 degrees from the normal."),
+        (("--gamma", "-5"), "--gamma -5: incidence angles lie between 0 and 90 degrees"),
+        (("--gamma", "nan"), "--gamma nan: "),
+        (("--gamma", "ten"), "--gamma ten: write numbers as 10,20,30 or as FROM:TO:STEP."),
+        (("--gamma", "10:20"), "--gamma 10:20: write numbers as"),
+        (("--gamma", "20:10:1"), "--gamma 20:10:1: write numbers as"),
+        (("--gamma", "0:90:0"), "--gamma 0:90:0: write numbers as"),
+        (("--gamma", "10", "--observable", "betta"), "betta"),
+    ],
+)
+def test_wrong_questions_are_2(cli, saved, options, says):
+    found = cli("predict", saved, *options)
+    assert found.returncode == 2
+    assert found.stdout == ""
+    assert says in found.stderr
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1, 2]", "not json", '{"schema": "ifrfit/result/99"}'])
+def test_a_file_that_is_no_result_is_3(cli, tmp_path, text):
+    path = tmp_path / "other.json"
+    path.write_text(text, encoding="utf-8")
+    found = cli("predict", path, "--gamma", "10")
+    assert found.returncode == 3
+    assert found.stdout == ""
+    assert found.stderr.startswith(f"ifrfit: {path}")
+    assert "Traceback" not in found.stderr
