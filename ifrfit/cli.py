@@ -193,7 +193,7 @@ def fit(
             inertia_factor=inertia_factor,
             convention=convention,
             seed=seed,
-            command=shlex.join(["ifrfit", *sys.argv[1:]]),
+            command=_command_line(),
         )
         written = _write(result, out, force)
     if as_json:
@@ -206,6 +206,11 @@ def fit(
             typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
     if strict:
         _insist(result)
+
+
+def _command_line() -> str:
+    """The command as text, for the record; file names that are no UTF-8 lose those bytes."""
+    return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
 
 
 def _working(quiet: bool) -> Any:

@@ -34,7 +34,8 @@ def read(
 
     Comma, semicolon or tab; decimal comma; UTF-8, UTF-16 with BOM or Latin-1; lines that begin with ``#`` and
     titles before the header are passed over; units stand in the headers. Empty cells and NaN are "not
-    measured": skipped, counted and noted. Nothing is averaged and no convention is guessed.
+    measured": skipped and counted in ``sources[0].rows_skipped``. Nothing is averaged and no convention is
+    guessed.
 
     Parameters
     ----------
@@ -112,16 +113,20 @@ def _assemble(
     columns: dict[str, Any] = {}
     for name in pieces[0].columns:
         columns[name] = np.concatenate([np.asarray(piece.columns[name]) for piece in pieces])[order]
-    columns["series"] = _labels(layout, "series", path.stem)[rows]
+    columns["series"] = _labels(layout, "series", _as_text(path.stem))[rows]
     provenance = _provenances(layout)[rows]
-    columns |= {"provenance": provenance, "source": path.name, "row": cells.lines[rows]}
-    notes = list(layout.notes)
-    if reasons:
-        notes.append(f"{cells.name}: {total - len(rows)} of {total} observations were skipped: {reasons}.")
+    columns |= {"provenance": provenance, "source": _as_text(path.name), "row": cells.lines[rows]}
     stated = ", ".join(str(p) for p in dict.fromkeys(provenance) if p)
     headers = uncertainty_headers(layout)
-    source = Source(path.name, cells.sha256, total, len(rows), dict(skipped), stated, headers=headers)
-    return Observations(make_table(columns), (source,), tuple(notes), tuple(layout.momentum))
+    source = Source(
+        _as_text(path.name), cells.sha256, total, len(rows), dict(skipped), stated, headers=headers
+    )
+    return Observations(make_table(columns), (source,), tuple(layout.notes), tuple(layout.momentum))
+
+
+def _as_text(name: str) -> str:
+    """A file name as text: bytes that are no UTF-8, as on old disks, become question marks."""
+    return name.encode("utf-8", "replace").decode("utf-8")
 
 
 def _labels(layout: Layout, key: str, default: str) -> NDArray[np.object_]:

@@ -40,7 +40,7 @@ def drop_missing(piece: Piece) -> tuple[Piece, dict[str, int]]:
     missing = np.zeros(len(piece.rows), dtype=bool)
     skipped: dict[str, int] = {}
     for reason, here in (
-        ("value not measured", np.isnan(columns["value"])),
+        ("not measured", np.isnan(columns["value"])),
         ("angle not measured", np.isnan(columns["gamma_deg"]) & ~without_angle),
         ("spin not measured", np.isnan(columns["spin_x"] + columns["spin_y"]) & ~without_angle),
     ):

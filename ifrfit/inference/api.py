@@ -213,7 +213,7 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
     said = list(problem.observations.notes)
     table = problem.observations.table
     ignored = [
-        column
+        problem.observations.called(column)
         for column in ("sigma_spin_x", "sigma_spin_y", "sigma_gamma_deg")
         if (table[column].fillna(0.0) > 0.0).any()
     ]

@@ -17,7 +17,7 @@ PROVENANCE = {
     "measured": "Values as their authors measured them",
     "digitised": "Read off a published figure, whose reading errors are part of the scatter",
     "simulated": "Computed by a simulation, not measured",
-    "": "Where these values come from is not stated: add a column provenance",
+    "": "Where these values come from is not stated; --convention provenance=measured would say it",
 }
 STAND_IN = "stand-in"
 

@@ -63,7 +63,6 @@ def test_a_terminal_that_knows_ascii_only_is_served(python, arguments):
     assert (found.returncode, found.stderr) == (0, "")
 
 
-@pytest.mark.xfail(reason="the name reaches the summary and the JSON with surrogates", strict=True)
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere file names are text")
 @pytest.mark.parametrize("arguments", [(), ("--json",), ("--out", "results")])
 def test_a_file_name_that_is_not_utf_8_is_no_error(python, arguments):

@@ -124,7 +124,7 @@ def test_only_what_was_measured_comes_out(read):
     planar = read("u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s\n3,4,2,-3.5\n1,1,,-0.9\n")
     assert list(planar.table.observable) == ["v_x", "v_n", "v_n"]
     assert list(planar.table.value)[:2] == pytest.approx([0.4, 0.7])
-    assert dict(planar.sources[0].rows_skipped) == {"value not measured": 1}
+    assert dict(planar.sources[0].rows_skipped) == {"not measured": 1}
 
 
 def test_units_and_spellings(read):

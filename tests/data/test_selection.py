@@ -280,4 +280,4 @@ def test_a_wide_file_end_to_end(tmp_path):
     assert used(chosen) == ["beta_cm", "e_n", "beta", "e_n"]
     source = chosen.sources[0]
     assert source.rows == 6 == source.rows_used + sum(source.rows_skipped.values())
-    assert dict(source.rows_skipped) == {"value not measured": 1, TWICE: 1}
+    assert dict(source.rows_skipped) == {"not measured": 1, TWICE: 1}

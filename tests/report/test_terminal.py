@@ -232,7 +232,7 @@ def test_stand_in_without_conditions_uses_a_general_sentence(made):
     ("provenance", "sentences"),
     [
         ("simulated", ["Computed by a simulation, not measured."]),
-        ("", ["Where these values come from is not stated: add a column provenance."]),
+        ("", ["Where these values come from is not stated; --convention provenance=measured would say it."]),
         (
             "measured, simulated",
             ["Values as their authors measured them.", "Computed by a simulation, not measured."],
