@@ -18,7 +18,7 @@ _FEASIBLE = 1e-11  # slack of a constraint, relative to its terms
 _STEP = 1e-10  # slack of a constraint in standard deviations
 _FIRST = 8  # cells solved to get a first value
 _CHUNK = 4096  # cells solved at once
-_MOST = 4096  # cells solved beyond need, to count local minima
+_MOST = 512  # cells solved beyond need, to count local minima
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,7 @@ class Branched:
     points: Array
     solved: NDArray[np.intp]
     bounds: Array
+    counted: bool  # whether every cell within 4 of the least value is among the solved
 
     @property
     def best(self) -> int:
@@ -249,10 +250,19 @@ def _stationary(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple
     right = np.zeros((m, n_faces, q + n_active))
     right[:, :, :q] = (slope / size)[:, None]
     right[:, :, q:] = limits / norm
-    good = np.abs(np.linalg.det(system)) > _FLAT
+    good = np.abs(_determinant(system)) > _FLAT
     system[~good] = np.eye(q + n_active)
     t = np.linalg.solve(system, right[..., None])[..., :q, 0] / size[:, None]
     return t, good
+
+
+def _determinant(a: Array) -> Array:
+    """Determinants of stacked matrices; small ones without the detour over a factorisation."""
+    if a.shape[-1] == 1:
+        return np.asarray(a[..., 0, 0])
+    if a.shape[-1] == 2:
+        return np.asarray(a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] * a[..., 1, 0])
+    return np.asarray(np.linalg.det(a))
 
 
 def _corners(walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -264,7 +274,7 @@ def _corners(walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
     rows = np.abs(system).max(axis=3, initial=0.0)
     rows = np.where(rows > 0.0, rows, 1.0)
     system = system / rows[..., None]
-    good = np.abs(np.linalg.det(system)) > _PARALLEL
+    good = np.abs(_determinant(system)) > _PARALLEL
     system[~good] = np.eye(q)
     corner = np.linalg.solve(system, (limits / rows)[..., None])[..., 0]
     return corner / columns, good
@@ -284,15 +294,19 @@ def branch(problem: PiecewiseProblem, cells: Cells) -> Branched:
     parts = [solve_cells(problem, cells, first)]
     best = float((parts[0].values + parts[0].errors).min())
     admitted = bounds <= best
-    near = np.flatnonzero(~admitted & (bounds <= best + 4.0))
-    if near.size > _MOST:
-        near = near[np.argpartition(bounds[near], _MOST)[:_MOST]]
-    admitted[near] = True
+    near = bounds <= best + 4.0
+    counted = int(near.sum()) <= _MOST
+    if counted:
+        admitted |= near
+    else:
+        admitted[[0, -1]] |= near[[0, -1]]  # whether the ends describe the data is asked for
     admitted[first] = False
     more = np.flatnonzero(admitted)
-    parts += [solve_cells(problem, cells, part) for part in np.array_split(more, 1 + more.size // _CHUNK)]
+    for start in range(0, more.size, _CHUNK):
+        parts.append(solve_cells(problem, cells, more[start : start + _CHUNK]))
     solved = np.concatenate((first, more))
     values = np.concatenate([part.values for part in parts])
     errors = np.concatenate([part.errors for part in parts])
     bounds[solved] = np.where(doubtful[solved], nothing, values - errors)
-    return Branched(values, errors, np.concatenate([part.points for part in parts]), solved, bounds)
+    points = np.concatenate([part.points for part in parts])
+    return Branched(values, errors, points, solved, bounds, counted)

@@ -13,8 +13,11 @@ def local_minima(problem: PiecewiseProblem, cells: Cells, found: Branched) -> li
     """Distinct local minima within 4 of the least, best first.
 
     A cell's minimum on a kink is one of the whole only if the cell beyond the kink goes no lower; equal
-    neighbours are one minimum.
+    neighbours are one minimum. Where there are too many cells for that, each unbroken run of cells whose
+    bounds lie within 4 counts as one.
     """
+    if not found.counted:
+        return _runs(found)
     near = found.values <= found.value + 4.0
     order = np.argsort(found.solved[near])
     number, value, point = found.solved[near][order], found.values[near][order], found.points[near][order]
@@ -26,6 +29,20 @@ def local_minima(problem: PiecewiseProblem, cells: Cells, found: Branched) -> li
     minima: list[tuple[float, Array]] = []
     for chain in np.split(np.arange(number.size), np.flatnonzero(~linked) + 1):
         minima += _valleys(value[chain], point[chain], tolerance)
+    return sorted(minima, key=lambda item: item[0])
+
+
+def _runs(found: Branched) -> list[tuple[float, Array]]:
+    """Best solved cell of each unbroken run of cells with bounds within 4; runs without one do not count."""
+    near = found.bounds <= found.value + 4.0
+    run = np.cumsum(near[1:] & ~near[:-1]) if near.size > 1 else np.zeros(0, dtype=np.intp)
+    run = np.concatenate(([0], run))[found.solved]
+    minima = []
+    for number in np.unique(run):
+        at = np.flatnonzero((run == number) & (found.values <= found.value + 4.0))
+        if at.size:
+            best = at[np.argmin(found.values[at])]
+            minima.append((float(found.values[best]), found.points[best]))
     return sorted(minima, key=lambda item: item[0])
 
 

@@ -48,7 +48,7 @@ def settle(problem: PiecewiseProblem, cells: Cells, found: Branched) -> Branched
     confirmed = np.isin(solved, list(settled))
     values = np.where(confirmed | (values >= best), values, best + errors)
     known = np.isfinite(values)
-    return Branched(values[known], errors[known], points[known], solved[known], bounds)
+    return Branched(values[known], errors[known], points[known], solved[known], bounds, found.counted)
 
 
 def _from_rows(problem: PiecewiseProblem, cells: Cells, cell: int, t: Array) -> tuple[float, float, Array]:
