@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.faces import FLAT, size_of, stationary_points
 from ifrfit.inference.piecewise import Array, PiecewiseProblem
 
-_FLAT = 1e-14  # below this share of its diagonal a pivot counts as zero
-_PARALLEL = 1e-12  # below this determinant walls do not meet in one point
 _DOUBTFUL = 1e-9  # below this share the sums have too few digits left to solve the cell from them
 _FEASIBLE = 1e-11  # slack of a constraint, relative to its terms
 _STEP = 1e-10  # slack of a constraint in standard deviations
@@ -138,7 +137,7 @@ def _unconstrained(cells: Cells) -> tuple[Array, NDArray[np.bool_]]:
     lies along a line, which is no harm; a small one that its part has lost its digits.
     """
     q = cells.slope.shape[0]
-    size = [_size(cells.gram[i, i]) for i in range(q)]
+    size = [size_of(cells.gram[i, i]) for i in range(q)]
     a = [[cells.gram[i, j] / (size[i] * size[j]) for j in range(q)] for i in range(q)]
     z = [cells.slope[i] / size[i] for i in range(q)]
     doubtful = np.zeros(cells.square.size, dtype=bool)
@@ -146,7 +145,7 @@ def _unconstrained(cells: Cells) -> tuple[Array, NDArray[np.bool_]]:
     for k in range(q):
         empty = cells.gram[k, k] == 0.0
         doubtful |= ~empty & (a[k][k] < _DOUBTFUL)
-        pivot = np.where(empty | ~(a[k][k] > _FLAT), np.inf, a[k][k])
+        pivot = np.where(empty | ~(a[k][k] > FLAT), np.inf, a[k][k])
         part = z[k] * z[k] / pivot
         minimum -= part
         error += part / np.minimum(pivot, 1.0)
@@ -156,11 +155,6 @@ def _unconstrained(cells: Cells) -> tuple[Array, NDArray[np.bool_]]:
             for j in range(k + 1, q):
                 a[i][j] = a[i][j] - factor * a[k][j]
     return minimum - cells.rounding * error, doubtful
-
-
-def _size(diagonal: Array) -> Array:
-    """Scale of an unknown; 1 where no row knows it."""
-    return np.asarray(np.where(diagonal > 0.0, np.sqrt(diagonal), 1.0))
 
 
 def constraints(problem: PiecewiseProblem, cells: Cells, which: NDArray[np.intp]) -> tuple[Array, Array]:
@@ -182,16 +176,14 @@ def constraints(problem: PiecewiseProblem, cells: Cells, which: NDArray[np.intp]
 
 
 def _inside(
-    t: Array, walls: Array, limits: Array, slack: Array, active: NDArray[np.intp]
+    t: Array, walls: Array, limits: Array, slack: Array, active: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Whether points t (m, faces, q) obey all constraints; the active ones hold by construction."""
     with np.errstate(invalid="ignore", over="ignore"):
         terms = walls[:, None] * t[:, :, None, :]
         size = np.abs(terms).sum(axis=3) + np.abs(limits)[:, None]
         obeyed = terms.sum(axis=3) - limits[:, None] <= _FEASIBLE * size + slack[:, None]
-    if active.shape[1]:
-        obeyed[:, np.arange(active.shape[0])[:, None], active] = True
-    return np.asarray(obeyed.all(axis=2))
+    return np.asarray((obeyed | active).all(axis=2))
 
 
 def solve_cells(
@@ -205,79 +197,20 @@ def solve_cells(
     walls, limits = constraints(problem, cells, which)
     gram = np.moveaxis(cells.gram[:, :, which], -1, 0)
     slope, square = cells.slope[:, which].T, cells.square[which]
-    m, n_walls, q = walls.shape
+    q = walls.shape[2]
     # so small a part of a standard deviation moves no sum of squares; it matters where several walls meet
     if sd is None:
         diagonal = gram[:, range(q), range(q)]
-        sd = np.where(diagonal > 0.0, 1.0 / _size(diagonal), 0.0)
+        sd = np.where(diagonal > 0.0, 1.0 / size_of(diagonal), 0.0)
     slack = _STEP * (np.abs(walls) * sd[:, None, :]).sum(axis=2)
-    best, errors, points = np.full(m, np.inf), np.zeros(m), np.zeros((m, q))
-    for n_active in range(q + 1):
-        faces = list(itertools.combinations(range(n_walls), n_active))
-        active = np.array(faces, dtype=np.intp).reshape(len(faces), n_active)
-        t, good = _stationary(gram, slope, walls[:, active], limits[:, active])  # (m, faces, q)
-        good &= _inside(t, walls, limits, slack, active)
-        curved = (gram[:, None] @ t[..., None])[..., 0] * t
-        linear = slope[:, None, :] * t
-        value = np.where(good, (curved - 2.0 * linear).sum(axis=2) + square[:, None], np.inf)
-        face = value.argmin(axis=1)
-        cell = np.arange(m)
-        better = value[cell, face] < best
-        best = np.where(better, value[cell, face], best)
-        points[better] = t[cell, face][better]
-        size = (np.abs(curved) + 2.0 * np.abs(linear)).sum(axis=2)[cell, face] + square
-        errors = np.where(better, cells.rounding * size, errors)
-    return Solved(best, errors, points)
-
-
-def _stationary(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Stationary points of the quadratics on faces, each where some walls are touched.
-
-    walls (m, faces, active, q) and limits (m, faces, active); gives points (m, faces, q).
-    """
-    m, n_faces, n_active, q = walls.shape
-    if n_active == q:
-        return _corners(walls, limits)
-    size = _size(gram[:, range(q), range(q)])
-    scaled = walls / size[:, None, None, :]
-    norm = np.sqrt((scaled * scaled).sum(axis=3))
-    norm = np.where(norm > 0.0, norm, 1.0)
-    scaled = scaled / norm[..., None]
-    system = np.zeros((m, n_faces, q + n_active, q + n_active))
-    system[:, :, :q, :q] = (gram / (size[:, :, None] * size[:, None, :]))[:, None]
-    system[:, :, q:, :q] = scaled
-    system[:, :, :q, q:] = np.swapaxes(scaled, 2, 3)
-    right = np.zeros((m, n_faces, q + n_active))
-    right[:, :, :q] = (slope / size)[:, None]
-    right[:, :, q:] = limits / norm
-    good = np.abs(_determinant(system)) > _FLAT
-    system[~good] = np.eye(q + n_active)
-    t = np.linalg.solve(system, right[..., None])[..., :q, 0] / size[:, None]
-    return t, good
-
-
-def _determinant(a: Array) -> Array:
-    """Determinants of stacked matrices; small ones without the detour over a factorisation."""
-    if a.shape[-1] == 1:
-        return np.asarray(a[..., 0, 0])
-    if a.shape[-1] == 2:
-        return np.asarray(a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] * a[..., 1, 0])
-    return np.asarray(np.linalg.det(a))
-
-
-def _corners(walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Points where q walls meet; the quadratic has no say there, so its scale does not enter."""
-    q = walls.shape[3]
-    columns = np.abs(walls).max(axis=2, initial=0.0)
-    columns = np.where(columns > 0.0, columns, 1.0)
-    system = walls / columns[:, :, None, :]
-    rows = np.abs(system).max(axis=3, initial=0.0)
-    rows = np.where(rows > 0.0, rows, 1.0)
-    system = system / rows[..., None]
-    good = np.abs(_determinant(system)) > _PARALLEL
-    system[~good] = np.eye(q)
-    corner = np.linalg.solve(system, (limits / rows)[..., None])[..., 0]
-    return corner / columns, good
+    t, good, active = stationary_points(gram, slope, walls, limits)
+    good &= _inside(t, walls, limits, slack, active)
+    curved = (gram[:, None] @ t[..., None])[..., 0] * t
+    linear = slope[:, None, :] * t
+    value = np.where(good, (curved - 2.0 * linear).sum(axis=2) + square[:, None], np.inf)
+    cell, face = np.arange(which.size), value.argmin(axis=1)
+    size = (np.abs(curved) + 2.0 * np.abs(linear)).sum(axis=2)[cell, face] + square
+    return Solved(value[cell, face], cells.rounding * size, t[cell, face])
 
 
 def branch(problem: PiecewiseProblem, cells: Cells) -> Branched:

@@ -1,0 +1,106 @@
+"""Where quadratics are stationary on the faces of polytopes, many cells at once."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FLAT = 1e-14  # below this share of its diagonal a pivot counts as zero
+_PARALLEL = 1e-12  # below this determinant walls do not meet in one point
+
+
+def stationary_points(
+    gram: Array, slope: Array, walls: Array, limits: Array
+) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Stationary points of all faces: points (m, faces, q), which exist, and the walls each one touches."""
+    _, n_walls, q = walls.shape
+    points, good, touched = [], [], []
+    for n_active in range(q + 1):
+        chosen = list(itertools.combinations(range(n_walls), n_active))
+        faces = np.array(chosen, dtype=np.intp).reshape(len(chosen), n_active)
+        if q == 2 and n_active == 1:
+            t, fine = _edges(gram, slope, walls, limits)
+        else:
+            t, fine = _stationary(gram, slope, walls[:, faces], limits[:, faces])
+        points.append(t)
+        good.append(fine)
+        held = np.zeros((len(faces), n_walls), dtype=bool)
+        held[np.arange(len(faces))[:, None], faces] = True
+        touched.append(held)
+    return np.concatenate(points, axis=1), np.concatenate(good, axis=1), np.concatenate(touched)
+
+
+def _edges(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Minima along each wall in two unknowns, in closed form; the commonest case by far."""
+    size = size_of(gram[:, range(2), range(2)])
+    scaled = walls / size[:, None]
+    norm = np.sqrt((scaled * scaled).sum(axis=2))
+    norm = np.where(norm > 0.0, norm, 1.0)
+    scaled = scaled / norm[..., None]
+    foot = scaled * (limits / norm)[..., None]
+    along = scaled[..., ::-1] * np.array([-1.0, 1.0])
+    matrix = gram / (size[:, :, None] * size[:, None, :])
+    curvature = ((along @ matrix) * along).sum(axis=2)
+    good = curvature > FLAT
+    step = ((slope / size)[:, None] - foot @ matrix) * along
+    length = step.sum(axis=2) / np.where(good, curvature, 1.0)
+    return (foot + length[..., None] * along) / size[:, None], good
+
+
+def _stationary(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Stationary points of the quadratics on faces, each where some walls are touched.
+
+    walls (m, faces, active, q) and limits (m, faces, active); gives points (m, faces, q).
+    """
+    m, n_faces, n_active, q = walls.shape
+    if n_active == q:
+        return _corners(walls, limits)
+    size = size_of(gram[:, range(q), range(q)])
+    scaled = walls / size[:, None, None, :]
+    norm = np.sqrt((scaled * scaled).sum(axis=3))
+    norm = np.where(norm > 0.0, norm, 1.0)
+    scaled = scaled / norm[..., None]
+    system = np.zeros((m, n_faces, q + n_active, q + n_active))
+    system[:, :, :q, :q] = (gram / (size[:, :, None] * size[:, None, :]))[:, None]
+    system[:, :, q:, :q] = scaled
+    system[:, :, :q, q:] = np.swapaxes(scaled, 2, 3)
+    right = np.zeros((m, n_faces, q + n_active))
+    right[:, :, :q] = (slope / size)[:, None]
+    right[:, :, q:] = limits / norm
+    good = np.abs(_determinant(system)) > FLAT
+    system[~good] = np.eye(q + n_active)
+    t = np.linalg.solve(system, right[..., None])[..., :q, 0] / size[:, None]
+    return t, good
+
+
+def _determinant(a: Array) -> Array:
+    """Determinants of stacked matrices; small ones without the detour over a factorisation."""
+    if a.shape[-1] == 1:
+        return np.asarray(a[..., 0, 0])
+    if a.shape[-1] == 2:
+        return np.asarray(a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] * a[..., 1, 0])
+    return np.asarray(np.linalg.det(a))
+
+
+def _corners(walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Points where q walls meet; the quadratic has no say there, so its scale does not enter."""
+    q = walls.shape[3]
+    columns = np.abs(walls).max(axis=2, initial=0.0)
+    columns = np.where(columns > 0.0, columns, 1.0)
+    system = walls / columns[:, :, None, :]
+    rows = np.abs(system).max(axis=3, initial=0.0)
+    rows = np.where(rows > 0.0, rows, 1.0)
+    system = system / rows[..., None]
+    good = np.abs(_determinant(system)) > _PARALLEL
+    system[~good] = np.eye(q)
+    corner = np.linalg.solve(system, (limits / rows)[..., None])[..., 0]
+    return corner / columns, good
+
+
+def size_of(diagonal: Array) -> Array:
+    """Scale of an unknown; 1 where no row knows it."""
+    return np.asarray(np.where(diagonal > 0.0, np.sqrt(diagonal), 1.0))
