@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
-from ifrfit.inference.block import Block, BlockOptimum
+from ifrfit.inference.block import Block, BlockOptimum, Constants
 from ifrfit.inference.block_solver import solve_block
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.optimum import Array, Optimum, theta_of
@@ -69,10 +70,17 @@ def _specs(problem: Problem) -> tuple[Constant, Constant, Constant]:
 
 
 def _optimum(problem: Problem, found: BlockOptimum) -> Optimum:
-    minima = tuple(
-        (value, theta_of(problem, [constants] * len(problem.series))) for value, constants in found.minima
-    )
-    extremes = tuple(theta_of(problem, [constants] * len(problem.series)) for constants in found.extremes)
+    """A single block: theta is (e_n, c, mu), less c where the closure has none."""
+    kept = [(0, problem.constants[0])]
+    kept += [(1, c) for c in problem.constants[1:-1]] + [(2, problem.constants[-1])]
+
+    def theta(constants: Constants) -> Array:
+        return np.array(
+            [x if math.isinf(x := constants[i]) else min(max(x, c.lower), c.upper) for i, c in kept]
+        )
+
+    minima = tuple((value, theta(constants)) for value, constants in found.minima)
+    extremes = tuple(theta(constants) for constants in found.extremes)
     return Optimum(minima[0][1], found.objective, found.gap, minima, found.road, extremes)
 
 
