@@ -16,6 +16,7 @@ _DOUBTFUL = 1e-9  # below this share the sums have too few digits left to solve 
 _FEASIBLE = 1e-11  # slack of a constraint, relative to its terms
 _STEP = 1e-10  # slack of a constraint in standard deviations
 _FIRST = 8  # cells solved to get a first value
+_BLOCK = 32768  # cells bounded at once
 _CHUNK = 4096  # cells solved at once
 _MOST = 512  # cells solved beyond need, to count local minima
 
@@ -99,19 +100,20 @@ def build(problem: PiecewiseProblem) -> Cells:
     stick, slide = ([*rows.columns, rows.target] for rows in (problem.stick, problem.slide))
     always = np.column_stack((problem.always.design, problem.always.target))
     constant = always.T @ always
-    prefix, suffix = np.zeros(tau.size + 1), np.zeros(tau.size + 1)
+    # one buffer serves all products: fresh memory for each would cost more than the sums
+    product, running = np.empty(tau.size), np.empty(tau.size)
     distinct = count.size == change.size
 
     def total(i: int, j: int) -> Array:
         found = np.full(tau.size + 1, constant[i, j])
         first, second = stick[i], stick[j]
         if first is not None and second is not None:
-            np.cumsum(first * second, out=prefix[1:])
-            found += prefix
+            np.cumsum(np.multiply(first, second, out=product), out=running)
+            found[1:] += running
         first, second = slide[i], slide[j]
         if first is not None and second is not None:
-            np.cumsum((first * second)[::-1], out=suffix[-2::-1])
-            found += suffix
+            np.cumsum(np.multiply(first, second, out=product)[::-1], out=running)
+            found[-2::-1] += running
         return found if distinct else found[change]
 
     gram = np.empty((q, q, count.size))
@@ -131,19 +133,30 @@ def build(problem: PiecewiseProblem) -> Cells:
 
 
 def _unconstrained(cells: Cells) -> tuple[Array, NDArray[np.bool_]]:
-    """Lower bound of every cell from its unconstrained minimum, and which cells the sums leave in doubt.
+    """Lower bound of every cell from its unconstrained minimum, and which cells the sums leave in doubt."""
+    bounds, doubtful = np.empty(cells.square.size), np.empty(cells.square.size, dtype=bool)
+    for start in range(0, bounds.size, _BLOCK):  # in blocks that stay in the cache
+        at = slice(start, start + _BLOCK)
+        bounds[at], doubtful[at] = _eliminate(
+            cells.gram[:, :, at], cells.slope[:, at], cells.square[at], cells.rounding
+        )
+    return bounds, doubtful
 
-    Elimination on the Jacobi-scaled matrices, all cells at once. A vanishing pivot means that the minimum
-    lies along a line, which is no harm; a small one that its part has lost its digits.
+
+def _eliminate(gram: Array, slope: Array, square: Array, rounding: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Elimination on the Jacobi-scaled matrices of many cells at once.
+
+    A vanishing pivot means that the minimum lies along a line, which is no harm; a small one that its part
+    has lost its digits.
     """
-    q = cells.slope.shape[0]
-    size = [size_of(cells.gram[i, i]) for i in range(q)]
-    a = [[cells.gram[i, j] / (size[i] * size[j]) for j in range(q)] for i in range(q)]
-    z = [cells.slope[i] / size[i] for i in range(q)]
-    doubtful = np.zeros(cells.square.size, dtype=bool)
-    minimum, error = cells.square.copy(), cells.square.copy()
+    q = slope.shape[0]
+    size = [size_of(gram[i, i]) for i in range(q)]
+    a = [[gram[i, j] / (size[i] * size[j]) for j in range(q)] for i in range(q)]
+    z = [slope[i] / size[i] for i in range(q)]
+    doubtful = np.zeros(square.size, dtype=bool)
+    minimum, error = square.copy(), square.copy()
     for k in range(q):
-        empty = cells.gram[k, k] == 0.0
+        empty = gram[k, k] == 0.0
         doubtful |= ~empty & (a[k][k] < _DOUBTFUL)
         pivot = np.where(empty | ~(a[k][k] > FLAT), np.inf, a[k][k])
         part = z[k] * z[k] / pivot
@@ -154,7 +167,7 @@ def _unconstrained(cells: Cells) -> tuple[Array, NDArray[np.bool_]]:
             z[i] = z[i] - factor * z[k]
             for j in range(k + 1, q):
                 a[i][j] = a[i][j] - factor * a[k][j]
-    return minimum - cells.rounding * error, doubtful
+    return minimum - rounding * error, doubtful
 
 
 def constraints(problem: PiecewiseProblem, cells: Cells, which: NDArray[np.intp]) -> tuple[Array, Array]:
