@@ -5,18 +5,18 @@ Imports of the library stand inside the commands, so that ``--help`` answers at 
 
 from __future__ import annotations
 
-import functools
-import os
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ifrfit._version import __version__
-from ifrfit.errors import IfrfitError, UsageError
+from ifrfit.cli_datasets import datasets
+from ifrfit.cli_errors import command
+from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
     from ifrfit.inference import FitResult
@@ -29,41 +29,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-datasets = typer.Typer(
-    help="Bundled datasets, and your digitisations in their place.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
 app.add_typer(datasets, name="datasets")
 
 NOT_DETERMINED = 4
-
-
-def _command(function: Callable[..., None]) -> Callable[..., None]:
-    """Turn errors raised on purpose into a sentence and an exit status, and a bug into a short notice."""
-
-    @functools.wraps(function)
-    def run(*args: Any, **kwargs: Any) -> None:
-        try:
-            function(*args, **kwargs)
-        except IfrfitError as error:
-            typer.echo(f"ifrfit: {error}", err=True)
-            raise typer.Exit(error.exit_status) from None
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        except (typer.Exit, typer.Abort):
-            raise
-        except Exception as error:
-            if os.environ.get("IFRFIT_DEBUG"):
-                raise
-            typer.echo(
-                f"ifrfit: internal error, {type(error).__name__}: {error}. "
-                "This is a bug; IFRFIT_DEBUG=1 shows where it happened.",
-                err=True,
-            )
-            raise typer.Exit(1) from None
-
-    return run
 
 
 def _pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
@@ -104,7 +72,7 @@ Data = Annotated[Repeated, typer.Argument(metavar="DATA...", help="Files, or nam
 
 
 @app.command()
-@_command
+@command
 def fit(
     data: Data,
     closure: Annotated[str, typer.Option(help="ifr, fr, f or ifr-contact.")] = "ifr",
@@ -244,7 +212,7 @@ def _insist(result: FitResult) -> None:
 
 
 @app.command()
-@_command
+@command
 def predict(
     result: Annotated[Path, typer.Argument(metavar="RESULT.json")],
     gamma: Annotated[str, typer.Option(metavar="DEG,...|FROM:TO:STEP", help="Incidence angles, degrees.")],
@@ -274,7 +242,7 @@ def predict(
 
 
 @app.command()
-@_command
+@command
 def template(
     raw: Annotated[bool, typer.Option("--raw", help="For velocities before and after.")] = False,
 ) -> None:
@@ -285,7 +253,7 @@ def template(
 
 
 @app.command()
-@_command
+@command
 def reproduce(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where figures and table go.")] = Path("figures"),
 ) -> None:
@@ -293,76 +261,6 @@ def reproduce(
     from ifrfit.report.reproduce import reproduce as run
 
     typer.echo(run(out, progress=sys.stderr.isatty()), nl=False)
-
-
-@datasets.command("list")
-@_command
-def datasets_list() -> None:
-    """Every dataset with its provenance."""
-    from ifrfit.data.catalogue import listing
-    from ifrfit.data.describing import listing_lines
-
-    for line in listing_lines(listing()):
-        typer.echo(line)
-
-
-@datasets.command("show")
-@_command
-def datasets_show(name: str) -> None:
-    """What is known about a dataset: conditions, source, licence, rows, defaults, assumptions."""
-    from ifrfit.data.catalogue import describe
-
-    for line in describe(name).lines():
-        typer.echo(line)
-
-
-@datasets.command("validate")
-@_command
-def datasets_validate(
-    path: Annotated[str, typer.Argument(help="A CSV file or a dataset folder.")],
-    convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
-) -> None:
-    """Read a file or a dataset folder, and say what is in it."""
-    from ifrfit.data import read
-    from ifrfit.data.catalogue import validate_path
-
-    found = read(path, convention=convention) if convention else validate_path(path)
-    table = found.table
-    typer.echo(f"{path}: fine, {len(table)} rows")
-    counts = table.value_counts(["series", "observable"], sort=False).reset_index(name="rows")
-    for row in counts.itertuples():
-        typer.echo(f"  {row.series}  {row.observable}  {row.rows}")
-    for note in found.notes:
-        typer.echo(f"  note  {note}")
-
-
-@datasets.command("install")
-@_command
-def datasets_install(
-    name: str,
-    file: Path,
-    provenance: Annotated[
-        str, typer.Option(help="Where rows do not say it: digitised or measured.")
-    ] = "digitised",
-    convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
-) -> None:
-    """Put your own digitisation in the place of a bundled dataset."""
-    from ifrfit.data.installing import install
-
-    place = install(name, file, provenance=provenance, convention=convention)
-    typer.echo(
-        f"{name}: {file} is used from now on, kept in {place}. 'ifrfit datasets remove {name}' undoes it."
-    )
-
-
-@datasets.command("remove")
-@_command
-def datasets_remove(name: str) -> None:
-    """Take your digitisation away; the bundled dataset is back."""
-    from ifrfit.data.installing import remove
-
-    remove(name)
-    typer.echo(f"{name}: the bundled dataset is used again.")
 
 
 def _version(wanted: bool) -> None:

@@ -155,7 +155,7 @@ def describe(name: str) -> Description:
     table = data.table
     rows = Counter(zip(table["series"].astype(str), table["observable"].astype(str), strict=True))
     descriptor = source.descriptor
-    if descriptor is None:  # pragma: no cover - every dataset has one
+    if descriptor is None:  # every bundled dataset has one
         raise DataError(f"{name}: has no descriptor. Install ifrfit again.")
     own = read_package(found.folder)["ifrfit"]
     return Description(descriptor, found.installed is not None, rows, source.sha256, data.notes, own)

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from ifrfit.inference.block import Block, BlockOptimum, Constants, is_separable, normal_part, without_normal
 from ifrfit.inference.coupled import solve_coupled
-from ifrfit.inference.linear import LinearForm, linear_form
+from ifrfit.inference.forms import LinearForm
+from ifrfit.inference.linear import linear_form
 from ifrfit.inference.piecewise import PiecewiseOptimum, minimise
 
 

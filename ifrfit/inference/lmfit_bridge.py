@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,11 +43,14 @@ def lmfit_model(observable: str, closure: str = "ifr", inertia_factor: float = 0
         )
         return wanted.value(state, np.asarray(constants["mu"]))
 
+    # lmfit reads the names of the parameters off the signature
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    inputs = [inspect.Parameter("gamma", kind)]
+    inputs += [inspect.Parameter(name, kind, default=0.0) for name in ("spin_x", "spin_y")]
+    inputs += [inspect.Parameter(name, kind, default=1.0) for name in chosen.constants]
+    model.__signature__ = inspect.Signature(inputs)  # type: ignore[attr-defined]
     made = lmfit.Model(
-        model,
-        independent_vars=["gamma", "spin_x", "spin_y"],
-        param_names=list(chosen.constants),
-        name=observable,
+        model, independent_vars=["gamma", "spin_x", "spin_y"], name=observable, spin_x=0.0, spin_y=0.0
     )
     made.set_param_hint("e_n", value=0.8, min=0.0, max=1.0)
     made.set_param_hint("mu", value=0.15, min=0.0)
@@ -98,7 +102,6 @@ def minimizer_result(result: FitResult) -> Any:
         raise UsageError(
             "lmfit_result needs the fit itself; a result read from a file holds only its findings."
         )
-    state = result.state
     sigma = result.points["sigma_used"].to_numpy(dtype=float)
     params = lmfit.Parameters()
     labels = [_label(name) for name in problem.names]
@@ -118,7 +121,6 @@ def minimizer_result(result: FitResult) -> Any:
         data = (problem.rows.value - problem.fitted(at)) / sigma
         return np.concatenate((data, problem.prior_residuals(at)))
 
-    del state
     return lmfit.minimize(residual, params, method="least_squares", scale_covar=False, xtol=1e-14, ftol=1e-14)
 
 

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.inference.block import Block, Constants, is_separable, normal_part, without_normal
-from ifrfit.inference.linear import LinearForm, kappa_form
+from ifrfit.inference.forms import LinearForm
+from ifrfit.inference.linear import kappa_form
 from ifrfit.inference.optimum import Array, Optimum, theta_of
 from ifrfit.inference.piecewise import minimise
 from ifrfit.inference.problem import Problem
