@@ -221,6 +221,12 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
         said.append(
             f"Not propagated by least squares: {' and '.join(ignored)}; angles and spins are taken as exact."
         )
+    given = int(np.isfinite(problem.sigma).sum())
+    if problem.noise == "unknown" and given:
+        said.append(
+            f"sigma is given in {given} of {problem.sigma.size} rows, and is not used: the noise comes from "
+            "the misfit. Give every row a sigma, or choose --noise."
+        )
     return tuple(said)
 
 

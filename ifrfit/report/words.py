@@ -15,7 +15,7 @@ METHODS = {
 }
 HEADLINES = {
     "converged": "the estimator did not converge",
-    "global_optimum": "another optimum is possible",
+    "global_optimum": "the optimum is not proven to be the best",
     "identifiable": "the data do not determine every constant",
     "lack_of_fit": "the data contradict the closure",
     "outliers": "outliers",

@@ -237,3 +237,11 @@ def test_the_observations_are_not_changed_by_a_fit(impacts):
     before = data.table
     ifrfit.fit(data, fix={"e_n": 0.94})
     assert data.table.equals(before)
+
+
+def test_a_sigma_that_is_not_used_is_told(impacts):
+    some = {"gamma": GAMMA[::2], "noise": 0.05, "sigma": 0.05, "c": -0.7}
+    none = {"gamma": GAMMA[1::2], "noise": 0.05, "sigma": None, "c": -0.7, "seed": 1}
+    found = ifrfit.fit(impacts(some, none), fix={"e_n": 0.94})
+    assert found.noise.policy == "unknown"
+    assert any("sigma is given in 17 of 34 rows, and is not used" in said for said in found.warnings)

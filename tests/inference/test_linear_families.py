@@ -115,6 +115,20 @@ def test_separate_friction_is_certified_through_the_dual(impacts):
         assert estimate.status == "determined"
 
 
+def test_a_prior_on_the_shared_constant_takes_part_in_the_proof(impacts):
+    parts = [
+        {"gamma": GAMMA, "mu": mu, "series": f"run {mu}", "noise": 0.05, "sigma": 0.05, "seed": i}
+        for i, mu in enumerate((0.08, 0.15, 0.3))
+    ]
+    problem = problem_of(impacts(*parts), fix={"e_n": 0.94}, separate=("mu",), prior={"e_t": (-0.7, 0.02)})
+    found = solve(problem, problem.sigma)
+    assert found.certified
+    assert found.objective == pytest.approx(objective_at(problem, problem.sigma, found.theta), rel=1e-9)
+    for shift in (-0.01, -0.001, 0.001, 0.01):
+        moved = found.theta + np.where(np.arange(found.theta.size) == 1, shift, 0.0)
+        assert objective_at(problem, problem.sigma, moved) > found.objective
+
+
 def test_all_constants_separate_equals_fits_one_by_one(impacts):
     one = {"gamma": GAMMA, "mu": 0.1, "series": "a", "noise": 0.03, "seed": 1}
     two = {"gamma": GAMMA, "mu": 0.2, "series": "b", "noise": 0.03, "seed": 2, "c": -0.7}
