@@ -73,7 +73,7 @@ def _stationary(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple
     right[:, :, q:] = limits / norm
     good = np.abs(_determinant(system)) > FLAT
     system[~good] = np.eye(q + n_active)
-    t = np.linalg.solve(system, right[..., None])[..., :q, 0] / size[:, None]
+    t = _solved(system, right)[..., :q] / size[:, None]
     return t, good
 
 
@@ -84,6 +84,16 @@ def _determinant(a: Array) -> Array:
     if a.shape[-1] == 2:
         return np.asarray(a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] * a[..., 1, 0])
     return np.asarray(np.linalg.det(a))
+
+
+def _solved(a: Array, right: Array) -> Array:
+    """Solutions of stacked systems; two unknowns by Cramer's rule, which spares a factorisation each."""
+    if a.shape[-1] != 2:
+        return np.asarray(np.linalg.solve(a, right[..., None])[..., 0])
+    determinant = _determinant(a)
+    first = right[..., 0] * a[..., 1, 1] - right[..., 1] * a[..., 0, 1]
+    second = right[..., 1] * a[..., 0, 0] - right[..., 0] * a[..., 1, 0]
+    return np.stack((first / determinant, second / determinant), axis=-1)
 
 
 def _corners(walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -97,7 +107,7 @@ def _corners(walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
     system = system / rows[..., None]
     good = np.abs(_determinant(system)) > _PARALLEL
     system[~good] = np.eye(q)
-    corner = np.linalg.solve(system, (limits / rows)[..., None])[..., 0]
+    corner = _solved(system, limits / rows)
     return corner / columns, good
 
 
