@@ -35,9 +35,10 @@ def fixed(value: float, places: int) -> str:
     """
     if places < FEWEST_PLACES:
         digits = max(0, places + math.floor(math.log10(abs(value)))) if value else 0
-        return f"{value:.{digits}e}"
-    places = min(places, MOST_PLACES)
-    text = f"{round(value, places):.0f}" if places < 0 else f"{value:.{places}f}"
+        text = f"{value:.{digits}e}"
+    else:
+        places = min(places, MOST_PLACES)
+        text = f"{round(value, places):.0f}" if places < 0 else f"{value:.{places}f}"
     return text.removeprefix("-") if float(text) == 0.0 else text
 
 

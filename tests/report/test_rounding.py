@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ifrfit.inference.result import Estimate
@@ -97,6 +97,7 @@ def test_rounding_loses_less_than_a_twentieth_of_the_uncertainty(sd, value):
     assert len(digits.rstrip("0")) <= 2
 
 
+@example(-0.0, -6)
 @given(st.floats(allow_nan=False, allow_infinity=False), st.integers(-12, 16))
 def test_fixed_never_fails_and_never_shows_minus_zero(value, places):
     text = fixed(value, places)
