@@ -15,9 +15,8 @@ from ifrfit.inference.rules import HALF
 from ifrfit.inference.truncated import half_width
 
 _AT_BOUND = 1e-9
-_BEYOND = (
-    1.25  # times the local 95 % interval; what describes the data out there is not told by the local law
-)
+# times the local 95 % interval; the local law knows nothing of what lies further out
+_BEYOND = 1.25
 
 
 def is_local(value: float, reach: float, others: list[float]) -> bool:

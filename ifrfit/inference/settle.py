@@ -11,7 +11,7 @@ from ifrfit.inference.cells import Branched, Cells, solve_cells
 from ifrfit.inference.piecewise import Array, PiecewiseProblem, Rows
 
 _WELL = 1e-6  # reciprocal condition of a Gram matrix that needs no orthogonalisation of the rows
-_FLAT = 1e-8
+_FLAT = 1e-8  # of a direction that would be 1 in a cell's own frame
 _TOLERANCE = 5e-10  # relative; a bound that lies lower than this below the value leaves doubt
 _MOST = 256  # cells that are solved again at the most
 _AT_REST = 1e-12  # of a standard deviation
@@ -27,28 +27,33 @@ def settle(problem: PiecewiseProblem, cells: Cells, found: Branched) -> Branched
     slack = _TOLERANCE * max(1.0, abs(found.value))
     if found.errors[found.best] <= slack and not (found.bounds < found.value - slack).any():
         return found
-    values, errors, points = found.values.copy(), found.errors.copy(), found.points.copy()
-    bounds, solved = found.bounds.copy(), found.solved
-    place = {int(cell): i for i, cell in enumerate(solved)}
-    settled: set[int] = set()
+    bounds = found.bounds.copy()
+    starts = {int(cell): point for cell, point in zip(found.solved, found.points, strict=True)}
+    settled: dict[int, tuple[float, float, Array]] = {}
     cell = found.cell
     while True:
-        value, error, point = _from_rows(problem, cells, cell, points[place[cell]])
-        i = place[cell]
-        values[i], errors[i], points[i], bounds[cell] = value, error, point, value - error
-        settled.add(cell)
-        settled_places = [place[c] for c in settled]
-        best = float(values[settled_places].min())
+        # a cell that was never solved is looked at from the best point so far; its walls hold it in place
+        value, error, point = _from_rows(problem, cells, cell, starts.get(cell, found.point))
+        settled[cell] = value, error, point
+        bounds[cell] = value - error
+        best = min(value for value, _, _ in settled.values())
         below = np.flatnonzero(bounds < best - _TOLERANCE * max(1.0, abs(best)))
         doubtful = [int(c) for c in below[np.argsort(bounds[below])] if int(c) not in settled]
         if not doubtful or len(settled) >= _MOST:
             break
         cell = doubtful[0]
     # values that were never confirmed must not pass for the best
-    confirmed = np.isin(solved, list(settled))
-    values = np.where(confirmed | (values >= best), values, best + errors)
-    known = np.isfinite(values)
-    return Branched(values[known], errors[known], points[known], solved[known], bounds, found.counted)
+    rest = ~np.isin(found.solved, list(settled)) & np.isfinite(found.values)
+    sure = {c: s for c, s in settled.items() if np.isfinite(s[0])}
+    values = np.where(found.values >= best, found.values, best + found.errors)[rest]
+    return Branched(
+        np.concatenate(([value for value, _, _ in sure.values()], values)),
+        np.concatenate(([error for _, error, _ in sure.values()], found.errors[rest])),
+        np.concatenate(([point for _, _, point in sure.values()], found.points[rest])),
+        np.concatenate((np.array(list(sure), dtype=np.intp), found.solved[rest])),
+        bounds,
+        found.counted,
+    )
 
 
 def _from_rows(problem: PiecewiseProblem, cells: Cells, cell: int, t: Array) -> tuple[float, float, Array]:

@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ifrfit.inference.cells import Branched, branch, build
 from ifrfit.inference.piecewise import PiecewiseProblem, Rows, minimise
+from ifrfit.inference.settle import settle
 
 
 def sphere(tau, y, sigma, closure="ifr", pull=None):
@@ -124,3 +126,19 @@ def test_noise_free_rows_are_met_to_the_last_digits():
     found = minimise(sphere(tau, y, np.full(40, 0.05)))
     np.testing.assert_allclose(found.t, [-0.9, 0.2328], rtol=0, atol=1e-13)
     assert found.chi2 < 1e-24
+
+
+def test_a_cell_that_was_never_solved_is_settled_all_the_same():
+    rng = np.random.default_rng(7)
+    tau = np.sort(np.tan(np.radians(rng.uniform(3, 87, 20))))
+    problem = sphere(tau, rng.uniform(-1, 1, 20), np.full(20, 0.1))
+    cells = build(problem)
+    whole = branch(problem, cells)
+    worst = np.array([int(np.argmax(whole.values))])
+    bounds = np.zeros(whole.bounds.size)  # nothing is known of the other cells
+    crippled = Branched(
+        whole.values[worst], whole.errors[worst], whole.points[worst], whole.solved[worst], bounds, True
+    )
+    found = settle(problem, cells, crippled)
+    assert found.value == pytest.approx(minimise(problem).chi2, rel=1e-9)
+    assert found.lowest_bound_elsewhere() >= found.value * (1 - 1e-9)
