@@ -76,7 +76,10 @@ Data = Annotated[Repeated, typer.Argument(metavar="DATA...", help="Files, or nam
 def fit(
     data: Data,
     closure: Annotated[str, typer.Option(help="ifr, fr, f or ifr-contact.")] = "ifr",
-    method: Annotated[str, typer.Option(help="lsq: least squares, global optimum certified.")] = "lsq",
+    method: Annotated[
+        str,
+        typer.Option(help="exact: the posterior; lsq: least squares, global optimum certified; profile."),
+    ] = "exact",
     fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
     prior: Annotated[
         Repeated, typer.Option(metavar="NAME=MEAN,SD", help="A constant that you measured before.")

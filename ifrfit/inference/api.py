@@ -19,13 +19,14 @@ from ifrfit.inference.criticism import residuals_of
 from ifrfit.inference.derived import derived_of
 from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.facts import facts_of
+from ifrfit.inference.finish import with_posterior, with_profiles
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.result import FitResult, Noise
 from ifrfit.inference.statistics import state_of, statistics_of
 from ifrfit.physics.closures import get_closure
 
-METHODS = ("lsq",)
+METHODS = ("exact", "lsq", "profile")
 
 Data = str | Path | Observations
 
@@ -34,7 +35,7 @@ def fit(
     data: Data | Sequence[Data],
     *,
     closure: str = "ifr",
-    method: str = "lsq",
+    method: str = "exact",
     fix: Mapping[str, float] | None = None,
     prior: Mapping[str, tuple[float, float]] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
@@ -63,7 +64,8 @@ def fit(
     closure : str
         ifr, fr, f or ifr-contact.
     method : str
-        lsq: least squares with a certificate of the global optimum.
+        exact: the posterior by deterministic quadrature; lsq: least squares with a certificate of the global
+        optimum; profile: the profile likelihood of each constant.
     fix : mapping
         Constant to its known value.
     prior : mapping
@@ -135,7 +137,10 @@ def fit(
             choices[key] = value | choices[key]
     constants = make_constants(chosen, j, prior=prior, separate=_tuple(separate), **choices)
     problem = make_problem(observations, chosen, j, constants, noise)
-    return _result(problem, least_squares(problem), method, seed, command)
+    found = least_squares(problem)
+    result = _result(problem, found, seed, command)
+    finish = {"lsq": lambda r: r, "profile": with_profiles, "exact": with_posterior}[method]
+    return finish(result)
 
 
 def _tuple(value: Any) -> tuple[Any, ...]:
@@ -169,7 +174,7 @@ def _inertia_factor(observations: Observations) -> float:
     return stated.pop() if stated else 0.4
 
 
-def _result(problem: Problem, found: LeastSquares, method: str, seed: int, command: str) -> FitResult:
+def _result(problem: Problem, found: LeastSquares, seed: int, command: str) -> FitResult:
     theta = found.optimum.theta
     e_n, c, mu = problem.per_row(theta)
     _, sticks = problem.impulse(e_n, c, mu)
@@ -190,7 +195,7 @@ def _result(problem: Problem, found: LeastSquares, method: str, seed: int, comma
     return FitResult(
         closure=problem.closure.name,
         inertia_factor=problem.inertia_factor,
-        method=method,
+        method="lsq",
         inputs=problem.observations.sources,
         noise=Noise(problem.noise, found.noise),
         constants=constants,
@@ -206,6 +211,7 @@ def _result(problem: Problem, found: LeastSquares, method: str, seed: int, comma
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions(),
         problem=problem,
+        least_squares=found,
     )
 
 
@@ -218,9 +224,7 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
         if (table[column].fillna(0.0) > 0.0).any()
     ]
     if ignored:
-        said.append(
-            f"Not propagated by least squares: {' and '.join(ignored)}; angles and spins are taken as exact."
-        )
+        said.append(f"Not propagated: {' and '.join(ignored)}; angles and spins are taken as exact.")
     given = int(np.isfinite(problem.sigma).sum())
     if problem.noise == "unknown" and given:
         said.append(

@@ -40,10 +40,14 @@ class Constant:
     separate: bool = False
 
     @property
+    def prior_upper(self) -> float:
+        """Upper end of the default prior, finite."""
+        return self.upper if math.isfinite(self.upper) else max(_PRIOR_MU, 2.0 * self.lower)
+
+    @property
     def prior_sd(self) -> float:
         """Standard deviation of the default prior, uniform over the domain."""
-        upper = self.upper if math.isfinite(self.upper) else max(_PRIOR_MU, 2.0 * self.lower)
-        return (upper - self.lower) / math.sqrt(12.0)
+        return (self.prior_upper - self.lower) / math.sqrt(12.0)
 
 
 def make_constants(

@@ -75,15 +75,15 @@ def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals, *, re
             figures["p_smooth"] = smooth
     figures |= {"test": test, "p": None if math.isnan(p) else p}
     if math.isnan(p):
-        oblique = any(rows.size for rows in _oblique_groups(problem))
+        oblique = any(rows.size for rows in oblique_groups(problem))
         says = "too few rows to test the fit" if oblique else "nothing to test: repeats of single values"
         return Fact(True, says, figures, rule)
     if p >= REFUTED:
-        return Fact(True, f"no lack of fit (p = {_p(p)}, {test})", figures, rule)
+        return Fact(True, f"no lack of fit (p = {p_text(p)}, {test})", figures, rule)
     where, signs, near_normal = misfit(problem, r)
     figures["where"] = where
     says = (
-        f"the data contradict one set of constants (p = {_p(p)}, {test}); the misfit sits {where}: {signs}"
+        f"the data contradict one set of constants (p = {p_text(p)}, {test}); the misfit sits {where}: {signs}"
         f"{_oblique_remedy(problem) if near_normal and remedy else ''}"
     )
     return Fact(False, says, figures, rule)
@@ -103,11 +103,14 @@ def _oblique_remedy(problem: Problem) -> str:
             break
         found = lack_of_fit(part, fit, residuals_of(part, fit), remedy=False)
         if found.figures["p"] is not None and found.figures["p"] >= _COMFORTABLE:
-            return f"{says}: with --gamma-min {cut} there is no lack of fit (p = {_p(found.figures['p'])})"
+            return (
+                f"{says}: with --gamma-min {cut} there is no lack of fit (p = {p_text(found.figures['p'])})"
+            )
     return says
 
 
-def _p(p: float) -> str:
+def p_text(p: float) -> str:
+    """A probability as people write it."""
     if p < 1e-300:
         return "0, below 1e-300"
     return f"{p:.2g}" if p >= 1e-3 else f"{p:.0e}"
@@ -130,7 +133,7 @@ def _pure_error(problem: Problem, r: Array, dof: int) -> float | None:
     return float(special.fdtrc(dof_lack, dof_pure, f))
 
 
-def _oblique_groups(problem: Problem) -> list[Index]:
+def oblique_groups(problem: Problem) -> list[Index]:
     """Rows of each observable that depends on the regime, sorted by tau."""
     groups = []
     for name in problem.rows.names:
@@ -143,7 +146,7 @@ def _oblique_groups(problem: Problem) -> list[Index]:
 def _smooth(problem: Problem, fit: LeastSquares, r: Array) -> float | None:
     """p of a natural cubic spline in tau, one an observable, beyond the model's own directions."""
     columns = []
-    for rows in _oblique_groups(problem):
+    for rows in oblique_groups(problem):
         rows = rows[np.isfinite(problem.rows.tau[rows])]
         basis = _natural_spline(problem.rows.tau[rows]) if rows.size >= _SMALLEST else None
         if basis is not None:
@@ -190,7 +193,7 @@ def _orthonormal(a: Array) -> Array:
 def _runs(problem: Problem, r: Array) -> float | None:
     """Wald-Wolfowitz runs test of the residuals' signs along tau, pooled over observables; two-sided p."""
     runs = expected = variance = 0.0
-    for rows in _oblique_groups(problem):
+    for rows in oblique_groups(problem):
         positive = r[rows] > 0.0
         n1, n2 = float(positive.sum()), float((~positive).sum())
         n = n1 + n2
@@ -215,7 +218,7 @@ def misfit(problem: Problem, r: Array) -> tuple[str, str, bool]:
         Whether it sits at the impacts nearest to the normal.
     """
     best, place = -math.inf, (np.empty(0, dtype=np.intp), "")
-    for rows in _oblique_groups(problem):
+    for rows in oblique_groups(problem):
         square = r[rows] ** 2
         m = np.arange(1, rows.size)
         for part, inner in (("below", np.cumsum(square)[:-1]), ("beyond", np.cumsum(square[::-1])[:-1])):

@@ -27,7 +27,7 @@ def facts_of(
         "converged": _converged(found),
         "global_optimum": _global_optimum(found),
         "identifiable": identifiable(problem, found, constants, statistics.n_sticking, statistics.n_sliding),
-        "at_bound": _at_bound(constants),
+        "at_bound": at_bound(constants),
         "lack_of_fit": lack_of_fit(problem, found, residuals),
         "outliers": outliers(problem, found, residuals),
     }
@@ -81,7 +81,7 @@ def _global_optimum(found: LeastSquares) -> Fact:
     return Fact(False, f"the optimum is not proven to be global ({optimum.road}; {proof})", figures, rule)
 
 
-def _at_bound(constants: Mapping[str, Any]) -> Fact:
+def at_bound(constants: Mapping[str, Any]) -> Fact:
     """Constants that lie on a bound, and those that the data do not tell from it."""
     on: list[str] = []
     near: list[str] = []

@@ -29,11 +29,7 @@ def kappa_of(problem: Problem, fit: LeastSquares, series: int) -> Estimate:
     value = float(theta[i_mu]) * (1.0 + e_n)
     # d kappa/d phi: the coordinate itself, or by the product rule where mu is the coordinate
     functional = (1.0 + e_n) * fit.local.to_theta[i_mu] + theta[i_mu] * fit.local.to_theta[i_e]
-    constant = Constant(
-        "kappa",
-        entries[i_mu].lower * (1.0 + entries[i_e].lower),
-        entries[i_mu].upper * (1.0 + entries[i_e].upper),
-    )
+    constant = Constant("kappa", *kappa_bounds(problem, series))
     sd = math.sqrt(fit.local.variance(functional, constant.prior_sd))
     rivals = [float(theta[i_mu] * (1.0 + theta[i_e])) for theta in outlying(fit.optimum)]
     reach = half_width(0.95, fit.noise_dof) * sd
@@ -48,6 +44,13 @@ def kappa_of(problem: Problem, fit: LeastSquares, series: int) -> Estimate:
             return Estimate(value, sd, (low, q(0.68)), (low, q(0.95)), "one_sided", reason)
         return Estimate(value, sd, (q(0.16), q(0.84)), (q(0.025), q(0.975)), "determined", "mu (1 + e_n)")
     return _open_kappa(problem, fit, series, e_n, constant, seen=math.isfinite(sd))
+
+
+def kappa_bounds(problem: Problem, series: int) -> tuple[float, float]:
+    """Domain of kappa in a series."""
+    places, entries = problem.positions(), problem.entries()
+    e_n, mu = entries[int(places["e_n"][series])], entries[int(places["mu"][series])]
+    return mu.lower * (1.0 + e_n.lower), mu.upper * (1.0 + e_n.upper)
 
 
 def _open_kappa(

@@ -54,12 +54,12 @@ def _limit(fit: LeastSquares, n: int) -> float | None:
 
 
 def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None) -> Fact:
-    figures = {"rows": [_row_name(problem, i) for i, _ in found], "limit": limit}
+    figures = {"rows": [row_name(problem, i) for i, _ in found], "limit": limit}
     if limit is None and not found:
         return Fact(True, "too few rows to tell an outlier", figures, FACTS["outliers"])
     if not found:
         return Fact(True, "no outlier", figures, FACTS["outliers"])
-    named = "; ".join(f"{_row_name(problem, i)} at {z:+.1f} sigma" for i, z in found)
+    named = "; ".join(f"{row_name(problem, i)} at {z:+.1f} sigma" for i, z in found)
     many = len(found) > 1
     count = f"{len(found)} outlier{'s' if many else ''}{' or more' if len(found) == _MOST else ''}"
     remedy = " ".join(f"--exclude {_exclude_name(problem, i)}" for i, _ in found)
@@ -71,7 +71,7 @@ def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None)
     return Fact(False, says, figures, FACTS["outliers"])
 
 
-def _row_name(problem: Problem, i: int) -> str:
+def row_name(problem: Problem, i: int) -> str:
     row = problem.observations.table.iloc[i]
     return f"{row['source']} line {row['row']} ({row['observable']})"
 

@@ -31,7 +31,7 @@ def draw(result: FitResult, n: int, rng: np.random.Generator) -> pd.DataFrame:
     import pandas as pd
 
     state = result.state
-    phi = truncated_normal(state, n, rng)
+    phi = _phi(result, n, rng)
     columns = {}
     for name, column in zip(state.names, phi.T, strict=True):
         kind, bracket = _split(name)
@@ -41,6 +41,19 @@ def draw(result: FitResult, n: int, rng: np.random.Generator) -> pd.DataFrame:
             columns[f"mu{bracket}"] = column / (1.0 + e_n)
     order = sorted(columns, key=lambda name: _split(name)[0] == "kappa")
     return pd.DataFrame({name: columns[name] for name in order})
+
+
+def _phi(result: FitResult, n: int, rng: np.random.Generator) -> Array:
+    """Draws in the coordinates of the state, (n, p): of the posterior where there is one."""
+    state = result.state
+    if result.posterior is not None:
+        from ifrfit.inference.exact import in_state_coordinates
+
+        return in_state_coordinates(result.problem, result.posterior.draws(n, rng), n)[1]
+    if state.sample is not None:
+        kept = state.sample.shape[0]
+        return np.asarray(state.sample[rng.choice(kept, n, replace=n > kept)])
+    return truncated_normal(state, n, rng)
 
 
 def truncated_normal(state: State, n: int, rng: np.random.Generator) -> Array:
@@ -95,7 +108,10 @@ def predict(
     incidence = Incidence.of(gamma, s_x, s_y, degrees=degrees)
     bracket = _bracket(result, series)
     rng = np.random.default_rng(result.seed)
-    drawn = np.vstack((result.state.point, truncated_normal(result.state, _DRAWS, rng)))
+    sample = result.state.sample
+    if sample is None:
+        sample = truncated_normal(result.state, _DRAWS, rng)
+    drawn = np.vstack((result.state.point, sample))
     e_n, c, mu = _constants(result.state, drawn, closure.constant, bracket)
     curves = np.empty((drawn.shape[0], gamma.size))
     for block in np.array_split(np.arange(gamma.size), max(1, gamma.size // 500)):
@@ -119,7 +135,7 @@ def predict(
         "value": curves[0],
     }
     table |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
-    noise = rng.standard_normal(_DRAWS)[:, None] * sigma
+    noise = rng.standard_normal(sample.shape[0])[:, None] * sigma
     new = np.quantile(curves[1:] + noise, _QUANTILES, axis=0)
     table |= dict(zip(("new_lo68", "new_hi68", "new_lo95", "new_hi95"), new, strict=True))
     return pd.DataFrame(table)

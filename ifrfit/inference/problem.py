@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +82,7 @@ class Problem:
     rows: RowModel
     sigma: Array  # as given; nan where not
     noise: str  # known, scaled or unknown
+    noise_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of its prior, if chosen
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -11,18 +11,23 @@ import numpy as np
 from ifrfit.inference.optimum import Array
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.solve import solve
+from ifrfit.physics.observables import OBSERVABLES
 
 CENTRAL = {0.68: 0.98894, 0.95: 3.84146}  # chi2 of one degree of freedom
 ONE_SIDED = {0.68: 0.21874, 0.95: 2.70554}  # the same for 36 and 90 %: one tail of 32 and 5 %
 _DOUBLINGS = 40
+_LOWEST = 1e-3  # e_n
 
 
 def profile_function(problem: Problem, sigma: Array, name: str, near: Array) -> Callable[[float], float]:
     """Objective with the constant held at a value and everything else at its best; `near` is the optimum."""
     own = next(c for c in problem.constants if c.name == name)
     place = problem.names.index(name)
+    rebound = name == "e_n" and any(OBSERVABLES[each].scale == "rebound" for each in problem.rows.names)
 
     def value(x: float) -> float:
+        if rebound:  # a value over the outgoing normal velocity has no limit at e_n = 0
+            x = max(x, min(_LOWEST, own.upper))
         held = tuple(replace(c, fixed=x, prior=None) if c is own else c for c in problem.constants)
         start = near.copy()
         start[place] = x

@@ -37,6 +37,8 @@ class Estimate:
         determined, one_sided, prior, not_determined or fixed.
     reason : str
         Why the status is not simply "determined", in a few words.
+    mean : float or None
+        Posterior mean, where the method has one.
     """
 
     value: float | None
@@ -45,6 +47,7 @@ class Estimate:
     interval95: Interval
     status: Status
     reason: str = ""
+    mean: float | None = None
 
     def interval(self, level: float = 0.95) -> Interval:
         """Interval of the given level, 0.68 or 0.95.
@@ -85,10 +88,24 @@ class Fact:
 
 @dataclass(frozen=True)
 class Noise:
-    """What sigma meant: policy known, scaled or unknown, and the sigma of each "series/observable"."""
+    """What sigma meant.
+
+    Attributes
+    ----------
+    policy : str
+        known, scaled or unknown.
+    sigma : mapping
+        Sigma of each "series/observable".
+    estimates : mapping
+        What the data say of each unknown sigma, by the same names; of the common factor under "".
+    prior : mapping
+        Bounds of the log-uniform prior of each of these; empty where the method needs none.
+    """
 
     policy: str
     sigma: Mapping[str, float]
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    prior: Mapping[str, Interval] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -126,6 +143,8 @@ class State:
         that the data leave loose have the variance of the default prior.
     lower, upper : ndarray
         Bounds, infinite where there is none.
+    sample : ndarray or None
+        Independent posterior draws, (n, names); None where the local Gaussian stands for the posterior.
     """
 
     names: tuple[str, ...]
@@ -134,6 +153,7 @@ class State:
     covariance: NDArray[np.float64]
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
+    sample: NDArray[np.float64] | None = None
 
 
 Constants = Mapping[str, "Estimate | Mapping[str, Estimate]"]
@@ -164,6 +184,8 @@ class FitResult:
         Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
     command, seed, created, versions
         How to repeat it.
+    problem, least_squares, posterior, profiles
+        What the result rests on, for further questions; not kept in result.json.
     """
 
     closure: str
@@ -184,6 +206,9 @@ class FitResult:
     created: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     problem: Any = field(default=None, repr=False, compare=False)
+    least_squares: Any = field(default=None, repr=False, compare=False)
+    posterior: Any = field(default=None, repr=False, compare=False)
+    profiles: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def provenance(self) -> tuple[str, ...]:
@@ -201,7 +226,10 @@ class FitResult:
         return flat
 
     def draws(self, n: int, rng: np.random.Generator) -> pd.DataFrame:
-        """Draw constants from the estimator's distribution (least squares: the local truncated Gaussian).
+        """Draw constants from the estimator's distribution.
+
+        The exact posterior's draws are independent and come from its quadrature (from the 2,000 kept ones,
+        where the result was loaded); those of other methods from the local truncated Gaussian.
 
         Parameters
         ----------

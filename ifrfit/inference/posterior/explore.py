@@ -1,0 +1,294 @@
+"""The exact posterior of a problem: deterministic quadrature, refined until no result moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ifrfit.inference.least_squares import LeastSquares, least_squares
+from ifrfit.inference.posterior import quantity as of
+from ifrfit.inference.posterior.joint import Grid
+from ifrfit.inference.posterior.marginal import Quantiles, quantiles
+from ifrfit.inference.posterior.plan import Plan, make_plan
+from ifrfit.inference.posterior.quantity import Quantity
+from ifrfit.inference.posterior.unknown import Unknown
+from ifrfit.inference.problem import Problem
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
+LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
+
+_ROUNDS = 30
+_PATIENCE = 3  # rounds in which the error must halve
+_LARGEST = 8_000_000  # values of the density held at once
+_THRESHOLDS = 256  # of a distribution function, taken at once
+_WALL = 1e-12  # mass at the end of kappa's domain above which e_n does not separate
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What the data and the priors say of every constant, with the error that the quadrature reached.
+
+    Attributes
+    ----------
+    problem : Problem
+    log_evidence : float
+        Log of the integral of the normalised likelihood times the normalised prior.
+    error : float
+        Largest last change of a mean, a standard deviation or a quantile at 2.5, 16, 50, 84 and 97.5 %, in
+        posterior standard deviations.
+    error_evidence : float
+        Last change of the log evidence.
+    tolerance : float
+    """
+
+    problem: Problem
+    log_evidence: float
+    error: float
+    error_evidence: float
+    tolerance: float
+    plan: Plan = field(repr=False)
+    grid: Grid = field(repr=False)
+    quantities: Mapping[str, Quantity] = field(repr=False)
+    quantile_table: Mapping[str, Array] = field(repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Free entries of theta, kappa, and free noises."""
+        return tuple(self.quantities)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the wanted tolerance was reached."""
+        return self.error <= self.tolerance and self.error_evidence <= self.tolerance
+
+    @cached_property
+    def _moments(self) -> dict[str, tuple[float, float]]:
+        return {}
+
+    def mean(self, name: str) -> float:
+        """Posterior mean."""
+        return self._moment(name)[0]
+
+    def sd(self, name: str) -> float:
+        """Posterior standard deviation."""
+        return self._moment(name)[1]
+
+    def _moment(self, name: str) -> tuple[float, float]:
+        if name not in self._moments:
+            self._moments[name] = self.quantities[name].moments(0)
+        return self._moments[name]
+
+    def quantile(self, name: str, p: ArrayLike) -> NDArray[np.float64] | float:
+        """Posterior quantiles; p scalar or array, 0 to 1."""
+        wanted = np.atleast_1d(np.asarray(p, dtype=float))
+        table = self.quantile_table.get(name)
+        if table is not None and bool(np.isin(wanted, LEVELS).all()):
+            found = table[np.searchsorted(LEVELS, wanted)]
+        else:
+            found = _quantiles(self.quantities[name], wanted, self._moment(name), self.tolerance).values
+        return float(found[0]) if np.ndim(p) == 0 else found
+
+    def cdf(self, name: str, value: ArrayLike) -> NDArray[np.float64] | float:
+        """Posterior probability below a value."""
+        at = np.atleast_1d(np.asarray(value, dtype=float))
+        own = self.quantities[name]
+        found = np.where(at <= own.low, 0.0, np.where(at >= own.high, 1.0, 0.0))
+        inside = (at > own.low) & (at < own.high)
+        if inside.any():
+            parts = np.array_split(at[inside], 1 + at.size // _THRESHOLDS)
+            found[inside] = np.clip(np.concatenate([own.cdf(part, 0) for part in parts]), 0.0, 1.0)
+        return float(found[0]) if np.ndim(value) == 0 else found
+
+    def covariance(self, names: Sequence[str]) -> Array:
+        """Posterior covariance of free entries of theta, (n, n)."""
+        return of.covariance(self.grid, [self.quantities[name] for name in names])
+
+    def transition(self, series: str) -> Array:
+        """Quantiles, at `LEVELS`, of the tau at which sticking ends in a series."""
+        block = self.problem.series.index(series) if len(self.plan.blocks) > 1 else 0
+        part = self.plan.joint.series[self.plan.tangential[block]]
+        c = self.plan.unknowns["c", block]
+        if part.stretched and isinstance(c, Unknown):
+            own = of.of_series(self.grid, self.plan.tangential[block], "tau", "tau")
+            return _quantiles(own, np.array(LEVELS), own.moments(0), self.tolerance).values
+        b = float(part.misfit.b(c if not isinstance(c, Unknown) else 0.0))
+        names = [name for name in self.quantities if name.startswith("kappa")]
+        name = next((n for n in names if n.endswith(f"[{series}]")), names[0])
+        return np.asarray(self.quantile(name, LEVELS)) / b
+
+    def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
+        """Independent draws of all constants, kappa and free noises together, from the quadrature itself."""
+        from ifrfit.inference.posterior.drawing import draw
+
+        return draw(self, n, rng)
+
+
+def explore(problem: Problem, tolerance: float = TOLERANCE, start: LeastSquares | None = None) -> Posterior:
+    """Integrate the posterior of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    tolerance : float
+        Of means, standard deviations and quantiles in posterior standard deviations, and of the log evidence.
+    start : LeastSquares, optional
+        The certified optimum, where it is known already.
+
+    Returns
+    -------
+    Posterior
+
+    Raises
+    ------
+    DataError
+        Where the noise is unknown and the data cannot tell it from the constants.
+    UsageError
+        For a domain that reaches where sticking has no meaning.
+    """
+    if start is None:
+        start = least_squares(problem)
+    plan = make_plan(problem, start, tolerance, apart=True)
+    found = _refined(plan, problem, tolerance)
+    if plan.apart and _touches_wall(plan, found):
+        plan = make_plan(problem, start, tolerance, apart=False)
+        found = _refined(plan, problem, tolerance)
+    return found
+
+
+def _touches_wall(plan: Plan, found: Posterior) -> bool:
+    """Whether kappa reaches the end of its domain, where the bound of mu ties it to e_n."""
+    for number in set(plan.tangential):
+        unknown = plan.joint.series[number].mu
+        if unknown is None:
+            unknown = next(s.unknown for s in plan.joint.shared if s.kind == "mu")
+        assert isinstance(unknown, Unknown)
+        name = next(n for n in found.quantities if n.startswith("kappa"))
+        for name in (n for n in found.quantities if n.startswith("kappa")):
+            if 1.0 - found.quantities[name].cdf(np.array([0.999 * unknown.upper]), 0)[0] > _WALL:
+                return True
+    return False
+
+
+def _refined(plan: Plan, problem: Problem, tolerance: float) -> Posterior:
+    """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more."""
+    allowed = tolerance
+    plan.joint.scout()
+    errors: list[float] = []
+    for round_ in range(_ROUNDS):
+        grid = plan.joint.evaluate()
+        error_evidence = grid.evidence_error()
+        last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST
+        if error_evidence <= tolerance or last:
+            quantities = quantities_of(plan, grid)
+            error, table = _change(quantities, tolerance)
+            errors.append(error)
+            stuck = len(errors) > _PATIENCE and error > 0.5 * errors[-1 - _PATIENCE]
+            if last or stuck or error <= tolerance:
+                break
+        changed = plan.joint.refine(grid, allowed)
+        if error_evidence <= tolerance:
+            for name, own in quantities.items():
+                changed |= own.split(table[name])
+        while not changed and allowed > 1e-15:
+            allowed *= 0.1
+            changed = plan.joint.refine(grid, allowed)
+    log_evidence = float(grid.log_z[0])
+    return Posterior(problem, log_evidence, error, error_evidence, tolerance, plan, grid, quantities, table)
+
+
+def _size(grid: Grid) -> int:
+    return sum(tensor.f.size + tensor.g.size for tensor in grid.tensors)
+
+
+def _change(quantities: Mapping[str, Quantity], tolerance: float) -> tuple[float, dict[str, Array]]:
+    """Largest change of any result between the rules and the coarse ones, in sd; and the quantiles."""
+    worst = 0.0
+    table = {}
+    p = np.array(LEVELS)
+    for name, own in quantities.items():
+        mean, sd = own.moments(0)
+        coarse_mean, coarse_sd = own.moments(1)
+        if sd <= 0.0 or not math.isfinite(sd):
+            table[name] = np.full(p.shape, mean)
+            continue
+        worst = max(worst, abs(coarse_mean - mean) / sd, abs(coarse_sd - sd) / sd)
+        found = _quantiles(own, p, (mean, sd), tolerance)
+        table[name] = found.values
+        # a change of the distribution function moves a quantile by it over the density
+        moved = np.abs(own.cdf(found.values, 1) - own.cdf(found.values, 0))
+        worst = max(worst, float((moved / np.maximum(found.density, 1e-3 / sd)).max()) / sd)
+    return worst, table
+
+
+def _quantiles(own: Quantity, p: Array, moments: tuple[float, float], tolerance: float) -> Quantiles:
+    mean, sd = moments
+    low, high = own.low, own.high if math.isfinite(own.high) else mean + 1e6 * sd
+    return quantiles(lambda t: own.cdf(t, 0), p, low, high, mean, sd, 1e-3 * min(tolerance, 1e-3))
+
+
+def quantities_of(plan: Plan, grid: Grid) -> dict[str, Quantity]:
+    """Every marginal, in the order of theta, then kappa, then noises."""
+    found: dict[str, Quantity] = {}
+    shared = {one.kind: number for number, one in enumerate(plan.joint.shared)}
+    several = len(plan.blocks) > 1
+    kappas: dict[str, Quantity] = {}
+    for kind in ("e_n", "c", "mu"):
+        for block in range(len(plan.blocks)):
+            unknown = plan.unknowns[kind, block]
+            if not isinstance(unknown, Unknown) or unknown.name in found:
+                continue
+            found[unknown.name] = _entry(plan, grid, kind, block, unknown, shared)
+    for block in range(len(plan.blocks)):
+        e_n, mu = plan.unknowns["e_n", block], plan.unknowns["mu", block]
+        if not isinstance(e_n, Unknown) and not isinstance(mu, Unknown):
+            continue
+        bracket = next(
+            (u.name[u.name.index("[") :] for u in (mu, e_n) if isinstance(u, Unknown) and "[" in u.name), ""
+        )
+        name = f"kappa{bracket if several else ''}"
+        if name not in kappas:
+            kappas[name] = _kappa(plan, grid, block, name, shared)
+    found |= kappas
+    if "noise" in shared:
+        found["noise"] = of.shared(grid, shared["noise"], "noise")
+    for number, names in enumerate(plan.groups):
+        for group, name in enumerate(names):
+            found[f"noise[{name}]"] = of.noise(grid, number, group, f"noise[{name}]")
+    return found
+
+
+def _entry(
+    plan: Plan, grid: Grid, kind: str, block: int, unknown: Unknown, shared: Mapping[str, int]
+) -> Quantity:
+    part = plan.tangential[block]
+    if plan.apart and kind == "e_n":
+        return of.of_series(grid, plan.normal[block], "e_n", unknown.name)
+    if plan.apart and kind == "mu":
+        kappa = _kappa(plan, grid, block, "kappa", shared)
+        return of.friction_apart(grid, kappa, part, plan.normal[block], unknown, unknown.name)
+    if kind in shared:
+        return of.shared(grid, shared[kind], unknown.name)
+    return of.of_series(grid, part, kind, unknown.name)
+
+
+def _kappa(plan: Plan, grid: Grid, block: int, name: str, shared: Mapping[str, int]) -> Quantity:
+    part = plan.tangential[block]
+    e_n, mu = plan.unknowns["e_n", block], plan.unknowns["mu", block]
+    if "mu" in shared and plan.apart:
+        return of.shared(grid, shared["mu"], name)
+    if "mu" in shared and "e_n" in shared:
+        return of.product_of_shared(grid, shared["e_n"], shared["mu"], name)
+    if not isinstance(e_n, Unknown) and "mu" in shared:
+        return of.scaled(of.shared(grid, shared["mu"], name), 1.0 + float(e_n), 0.0, name)
+    series = plan.joint.series[part]
+    if series.role == "none" and not isinstance(mu, Unknown):
+        own = _entry(plan, grid, "e_n", block, e_n, shared)  # type: ignore[arg-type]
+        return of.scaled(own, float(mu), float(mu), name)
+    return of.of_series(grid, part, "kappa", name)

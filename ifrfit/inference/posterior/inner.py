@@ -1,0 +1,377 @@
+"""The unknowns of one series, integrated at given values of those that series share.
+
+The frictional unknown is always the transition x (the tau at which sticking ends), in which the data's
+kinks stand still: mu, e_n or the closure constant follow from it. Given e_n and x, the closure constant is
+taken on both sides of its conditional mode, in a coordinate that is fine there and wide in the tails.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.posterior.axis import Axis
+from ifrfit.inference.posterior.misfit import Misfit, Quadratic
+from ifrfit.inference.posterior.noise import UnknownNoise
+from ifrfit.inference.posterior.rule import rule
+from ifrfit.inference.posterior.tensor import Tensor
+from ifrfit.inference.posterior.unknown import Unknown
+
+Array = NDArray[np.float64]
+
+_STEPS = 4  # Gauss-Newton steps to the conditional mode of the closure constant, rows that are not linear
+_FARTHEST = 1.0 - 1e-12  # end of the scale of an unbounded transition
+
+
+@dataclass
+class Series:
+    """Rows that share one set of constants, and how each of these is known.
+
+    Attributes
+    ----------
+    misfit : Misfit
+    noise : tuple of UnknownNoise or None
+        One a noise group, or None where the weights hold sigma.
+    e_n, c, mu : Unknown, float or None
+        An unknown of this series, a fixed value, or None for one that `at` of `evaluate` gives.
+    sigma : ndarray
+        Likely noise of each group, relative to the weights.
+    n_normal : int
+        Power of 1/(1 + e_n) in the measure: how many mu are restated as kappa with this e_n.
+    unit : float
+        Of an unbounded transition.
+    tail : float
+        Fall of the log density beyond which the closure constant is not followed.
+    """
+
+    misfit: Misfit
+    noise: tuple[UnknownNoise, ...] | None
+    e_n: Unknown | float | None
+    c: Unknown | float | None
+    mu: Unknown | float | None
+    sigma: Array
+    n_normal: int = 0
+    unit: float = 1.0
+    e_axis: Axis | None = None
+    x_axis: Axis | None = None
+    c_order: int = 16
+    tail: float = 40.0
+    role: str = field(init=False)
+    log_norm: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        tilted = self.misfit.coefficients.b1 != 0.0
+        if isinstance(self.mu, Unknown):
+            self.role = "mu"
+        elif self.mu == 0.0:
+            self.role = "none"
+        elif tilted and isinstance(self.c, Unknown):
+            self.role = "c"
+        elif isinstance(self.e_n, Unknown):
+            self.role = "e_n"
+        else:
+            self.role = "none"
+        weight = self.misfit.weight
+        self.log_norm = float(np.log(weight).sum()) - 0.5 * weight.size * math.log(2.0 * math.pi)
+
+    @property
+    def has_e_axis(self) -> bool:
+        """Whether e_n has panels of its own."""
+        return isinstance(self.e_n, Unknown) and self.role != "e_n"
+
+    @property
+    def has_x_axis(self) -> bool:
+        """Whether the transition has panels."""
+        return self.role != "none"
+
+    @property
+    def has_c(self) -> bool:
+        """Whether the closure constant is integrated about its conditional mode."""
+        return isinstance(self.c, Unknown) and self.role != "c"
+
+    @property
+    def stretched(self) -> bool:
+        """Whether x = unit t/(1 - t) takes the place of x, because x has no end."""
+        return self.misfit.coefficients.b1 != 0.0
+
+    def to_x(self, t: Array) -> Array:
+        """The transition from its coordinate."""
+        return np.asarray(self.unit * t / (1.0 - t)) if self.stretched else t
+
+    def to_t(self, x: Array) -> Array:
+        """The coordinate of a transition."""
+        if not self.stretched:
+            return x
+        with np.errstate(invalid="ignore"):
+            t = np.where(np.isinf(x), 1.0, x / (x + self.unit))
+        return np.asarray(np.minimum(t, _FARTHEST))
+
+    def x_limits(self, e_n: Array, c: Array | None, mu: Array | None) -> tuple[Array, Array]:
+        """Least and largest transition the domain allows."""
+        lower, upper = self._c_ends(c)
+        with np.errstate(divide="ignore"):
+            least, most = 1.0 / np.asarray(self.misfit.b(upper)), 1.0 / np.asarray(self.misfit.b(lower))
+        if self.role == "mu":
+            assert isinstance(self.mu, Unknown)
+            return self.mu.lower * (1.0 + e_n) * least, self.mu.upper * (1.0 + e_n) * most
+        assert mu is not None
+        if self.role == "e_n":
+            assert isinstance(self.e_n, Unknown)
+            return mu * (1.0 + self.e_n.lower) * least, mu * (1.0 + self.e_n.upper) * least
+        return mu * (1.0 + e_n) * least, mu * (1.0 + e_n) * most
+
+    def _c_ends(self, c: Array | None) -> tuple[Array, Array]:
+        if c is not None:
+            return c, c
+        assert isinstance(self.c, Unknown)
+        return np.asarray(self.c.lower), np.asarray(self.c.upper)
+
+    def evaluate(self, at: Mapping[str, Array]) -> Tensor:
+        """Density at all nodes.
+
+        Parameters
+        ----------
+        at : mapping
+            "e_n", "c", "mu" and "noise" (a common factor) to shared values, one an outer node, (m,).
+        """
+        e, c, mu = (self._given(kind, at) for kind in ("e_n", "c", "mu"))
+        log_measure: Array = np.zeros((1, 1, 1, 1))
+        e_weight = np.ones((2, 1))
+        if self.has_e_axis:
+            assert self.e_axis is not None
+            e, e_weight = self.e_axis.nodes()[None, :, None], self.e_axis.weights()
+        low = width = None
+        if self.has_x_axis:
+            assert self.x_axis is not None
+            span = self.x_limits(
+                np.zeros(1) if e is None else e[..., 0],
+                None if c is None else c[..., 0],
+                None if mu is None else mu[..., 0],
+            )
+            low, width = _clipped(self.x_axis, self.to_t(span[0]), self.to_t(span[1]))
+            t = low[..., None] + width[..., None] * rule(self.x_axis.order).nodes
+            t = t.reshape(*t.shape[:2], -1)
+            x = self.to_x(t)
+            if self.stretched:
+                log_measure = log_measure + (math.log(self.unit) - 2.0 * np.log1p(-t))[..., None]
+        else:
+            assert mu is not None
+            assert e is not None
+            x = (
+                np.zeros((1, 1, 1))
+                if self.mu == 0.0
+                else mu * (1.0 + e) / self.misfit.b(c if c is not None else 0.0)
+            )
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if self.role == "c":
+                assert mu is not None
+                assert e is not None
+                k = self.misfit.coefficients
+                c = (mu * (1.0 + e) / np.maximum(x, 1e-300) - k.b0) / k.b1
+                log_measure = (
+                    log_measure + np.log(mu * (1.0 + e) / abs(k.b1) / np.maximum(x, 1e-300) ** 2)[..., None]
+                )
+            if self.role == "e_n":
+                assert mu is not None
+                b = self.misfit.b(c if c is not None else 0.0)
+                e = x * b / mu - 1.0
+                log_measure = log_measure + np.log(b / mu + 0.0 * x)[..., None]
+        assert e is not None
+        noise = at["noise"][:, None, None, None] if "noise" in at else None
+        squares = self.misfit.quadratics(e, x)
+        if self.has_c:
+            lower, upper = self._c_limits(e, x)
+            mode, size, reach = self._about_mode(squares, e, x, mu, lower, upper, noise)
+            nodes, log_jacobian = _spread(mode, size, reach, self.c_order)
+            log_measure = log_measure + log_jacobian
+        else:
+            assert c is not None
+            mode, size, reach, nodes = None, None, None, c[..., None]
+        mu_at = x[..., None] * self.misfit.b(nodes) / (1.0 + e[..., None]) if mu is None else mu[..., None]
+        log_f, log_apart = self._log_density(squares, e, x, nodes, mu_at, noise)
+        if log_measure.shape[-1] == 1:
+            log_apart = log_apart + log_measure[..., 0]
+        else:
+            log_f = log_f + log_measure
+        logs = log_f, log_apart
+        return Tensor.of(
+            self, e, x, nodes, np.asarray(mu_at), logs, e_weight, (low, width), (mode, size, reach)
+        )
+
+    def _given(self, kind: str, at: Mapping[str, Array]) -> Array | None:
+        known = {"e_n": self.e_n, "c": self.c, "mu": self.mu}[kind]
+        if isinstance(known, Unknown):
+            return None
+        return at[kind][:, None, None] if known is None else np.full((1, 1, 1), known)
+
+    def _c_limits(self, e: Array, x: Array) -> tuple[Array, Array]:
+        """Domain of the closure constant, less what the bounds of mu forbid where the bound is tilted."""
+        assert isinstance(self.c, Unknown)
+        shape = np.broadcast_shapes(e.shape, x.shape)
+        lower, upper = np.full(shape, self.c.lower), np.full(shape, self.c.upper)
+        k = self.misfit.coefficients
+        if k.b1 and isinstance(self.mu, Unknown):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                wall = (self.mu.upper * (1.0 + e) / x - k.b0) / k.b1
+                floor = (self.mu.lower * (1.0 + e) / x - k.b0) / k.b1 if self.mu.lower else self.c.lower
+            lower = np.maximum(lower, np.minimum(floor, self.c.upper))
+            upper = np.maximum(np.minimum(upper, wall), lower)
+        return lower, upper
+
+    def _about_mode(
+        self,
+        squares: list[Quadratic],
+        e: Array,
+        x: Array,
+        mu: Array | None,
+        lower: Array,
+        upper: Array,
+        noise: Array | None,
+    ) -> tuple[Array, Array, Array]:
+        """Conditional mode of c inside its limits, its size, and how far both tails reach, (..., 2)."""
+        assert isinstance(self.c, Unknown)
+        weight = [1.0 / s**2 for s in self.sigma]
+        reference = self.misfit.reference.c
+        added = 1.0 / self.c.prior[1] ** 2 if self.c.prior else 0.0
+        mean = self.c.prior[0] - reference if self.c.prior else 0.0
+        d = np.zeros(np.broadcast_shapes(e.shape, x.shape))
+        factor = 1.0 if noise is None else 1.0 / noise[..., 0] ** 2
+        count = sum(group.n for group in self.noise) if self.noise else 0
+        for _ in range(_STEPS if not self.misfit.is_quadratic else 1 + (self.noise is not None)):
+            slope, curvature = added * mean, np.asarray(added)
+            curved = self._curved_steps(
+                e, x, reference + np.clip(d, lower - reference, upper - reference), mu
+            )
+            for w, q, (more_slope, more_curvature) in zip(weight, squares, curved, strict=True):
+                slope = slope + factor * w * (q.slope + more_slope + more_curvature * d)
+                curvature = curvature + factor * w * (q.curvature + more_curvature)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                d = np.where(curvature > 0.0, slope / curvature, 0.5 * (lower + upper) - reference)
+            d = np.broadcast_to(d, np.broadcast_shapes(d.shape, lower.shape))
+            if self.noise:
+                inside = np.clip(d, lower - reference, upper - reference)
+                weight = [
+                    group.n / np.maximum(q.at(inside), group.n * group.lower**2)
+                    if self.misfit.is_quadratic
+                    else w
+                    for group, q, w in zip(self.noise, squares, weight, strict=True)
+                ]
+        with np.errstate(divide="ignore"):
+            size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
+        size = np.maximum(np.broadcast_to(size, d.shape), 1e-300)
+        mode = np.clip(reference + d, lower, upper)
+        pull = np.abs(reference + d - mode) / size  # slope of the log density at the bound, per size
+        tail = self.tail
+        if count:  # Student's tails: so far out that their mass does not count either
+            tail = 0.5 * count * math.expm1(min(2.0 * self.tail / max(count - 1.0, 1.0), 30.0))
+        far = size * 2.0 * tail / (pull + np.sqrt(pull * pull + 2.0 * tail))
+        size = size / (1.0 + pull)
+        room = np.stack((mode - lower, upper - mode), axis=-1)
+        reach = np.arcsinh(np.minimum(room, far[..., None]) / size[..., None])
+        return mode, size, reach
+
+    def _curved_steps(
+        self, e: Array, x: Array, c: Array, mu: Array | None
+    ) -> list[tuple[Array | float, Array | float]]:
+        """Slope and curvature by c of the curved rows, by Gauss and Newton."""
+        found: list[tuple[Array | float, Array | float]] = []
+        for rows in self.misfit._curved:
+            if not rows.size:
+                found.append((0.0, 0.0))
+                continue
+            shape = np.broadcast_shapes(e.shape, x.shape, c.shape)
+            flat = [np.broadcast_to(y, shape).reshape(-1) for y in (e, x, c)]
+            slope, curvature = np.empty(flat[0].size), np.empty(flat[0].size)
+            step = max(1, 1_000_000 // rows.size)
+            for start in range(0, slope.size, step):
+                here = slice(start, start + step)
+                e_, x_, c_ = (y[here] for y in flat)
+                m = (
+                    x_ * self.misfit.b(c_) / (1.0 + e_)
+                    if mu is None
+                    else np.broadcast_to(mu, shape).reshape(-1)[here]
+                )
+                left = self.misfit.curved_values(rows, e_, x_, c_, m)
+                right = self.misfit.curved_values(rows, e_, x_, c_ + 1e-6, m)
+                by_c = (left - right) / 1e-6
+                slope[here] = np.einsum("ij,ij->i", by_c, left)
+                curvature[here] = np.einsum("ij,ij->i", by_c, by_c)
+            found.append((slope.reshape(shape), curvature.reshape(shape)))
+        return found
+
+    def _log_density(
+        self, squares: list[Quadratic], e: Array, x: Array, c: Array, mu: Array, noise: Array | None
+    ) -> tuple[Array, Array]:
+        """Log of likelihood and prior: what the closure constant takes part in, and what is apart from it.
+
+        The second has the shape (m, n_e, n_x), the first one axis more; where e_n takes no part in the first
+        one, that one is the smaller for it.
+        """
+        d = c - self.misfit.reference.c
+        curved = self.misfit.curved(e[..., None], x[..., None], c, mu)
+        total: Array = np.zeros((1, 1, 1, 1))
+        apart: Array = np.zeros((1, 1, 1))
+        for number, (q, more) in enumerate(zip(squares, curved, strict=True)):
+            n = self.misfit.groups[number].size
+            if not n:
+                continue
+            moving = d * (_lifted(q.curvature) * d - 2.0 * _lifted(q.slope)) if np.ndim(q.slope) else 0.0
+            moving = moving + more
+            if self.noise is not None:
+                if np.ndim(moving):
+                    square = np.maximum(_lifted(q.square) + moving, 0.0)
+                    total = total + self.noise[number].log_likelihood(square)
+                else:
+                    apart = apart + self.noise[number].log_likelihood(np.maximum(q.square, 0.0))
+            elif noise is not None:
+                total = total - 0.5 * moving / noise**2
+                apart = apart - 0.5 * q.square / noise[..., 0] ** 2 - n * np.log(noise[..., 0])
+            else:
+                total = total - 0.5 * moving
+                apart = apart - 0.5 * q.square
+        if self.noise is None:
+            apart = apart + self.log_norm
+        if isinstance(self.e_n, Unknown):
+            apart = apart + self.e_n.log_prior(e)
+        if self.n_normal:
+            apart = apart - self.n_normal * np.log1p(e)
+        if isinstance(self.c, Unknown):
+            total = total + self.c.log_prior(c)
+        if isinstance(self.mu, Unknown):
+            with np.errstate(divide="ignore"):
+                total = total + np.log(self.misfit.b(c))
+            apart = apart - np.log1p(e)
+            if self.misfit.coefficients.b1 and self.mu.prior is not None:
+                total = total + self.mu.log_prior(mu)
+            else:
+                b = self.misfit.b(c[..., 0])
+                apart = apart + self.mu.log_prior(x * b / (1.0 + e))
+        return total, apart
+
+
+def _lifted(value: Array) -> Array:
+    return value[..., None] if np.ndim(value) else value
+
+
+def _clipped(axis: Axis, low: Array, high: Array) -> tuple[Array, Array]:
+    """Low ends and widths of the panels cut off at limits (m, n), (m or 1, n or 1, panels)."""
+    first, last = axis.panels[:, 0], axis.panels[:, 1]
+    if float(np.max(low)) <= float(first.min()) and float(np.min(high)) >= float(last.max()):
+        return first[None, None, :], (last - first)[None, None, :]
+    start = np.clip(first, low[..., None], high[..., None])
+    return start, np.clip(last, low[..., None], high[..., None]) - start
+
+
+def _spread(mode: Array, size: Array, reach: Array, order: int) -> tuple[Array, Array]:
+    """Nodes c = mode -+ size sinh(u), u from 0 to its reach on both sides, and the log of dc/dv."""
+    u = reach[..., None] * rule(order).nodes  # (..., 2, order + 1)
+    sign = np.array([-1.0, 1.0])[:, None]
+    nodes = mode[..., None, None] + sign * size[..., None, None] * np.sinh(u)
+    with np.errstate(divide="ignore"):
+        jacobian = np.log(size[..., None, None] * np.cosh(u) * reach[..., None])
+    shape = (*mode.shape, -1)
+    return nodes.reshape(shape), jacobian.reshape(shape)

@@ -1,0 +1,182 @@
+"""The whole integral: what series share outermost, each series inside, refined until nothing moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.posterior.axis import Axis
+from ifrfit.inference.posterior.inner import Series
+from ifrfit.inference.posterior.marginal import Panels
+from ifrfit.inference.posterior.tensor import Tensor
+from ifrfit.inference.posterior.unknown import Unknown
+
+Array = NDArray[np.float64]
+
+_COARSE = 4  # order of the first look
+_NOTHING = 1e-16
+_FINEST = 128  # order along the closure constant
+
+
+@dataclass
+class Shared:
+    """An unknown that several series share: its panels, in the unknown itself or its logarithm."""
+
+    kind: str  # e_n, c, mu or noise
+    unknown: Unknown
+    axis: Axis
+    log: bool = False
+
+    def values(self) -> Array:
+        """The unknown at the nodes."""
+        nodes = self.axis.nodes()
+        return np.asarray(np.exp(nodes)) if self.log else nodes
+
+    def log_prior(self) -> Array:
+        """Log density in the coordinate of the panels."""
+        if self.log:  # a log-uniform prior is uniform there
+            return np.full(self.axis.nodes().shape, self.unknown.log_scale)
+        return np.asarray(self.unknown.log_prior(self.axis.nodes()) + np.zeros(self.axis.nodes().shape))
+
+
+@dataclass
+class Joint:
+    """Shared unknowns and the series inside them."""
+
+    shared: list[Shared]
+    series: list[Series]
+
+    def evaluate(self) -> Grid:
+        """Integrate at the present nodes."""
+        at: dict[str, Array] = {}
+        m = [s.axis.nodes().size for s in self.shared]
+        for number, one in enumerate(self.shared):
+            shape = [1] * len(m)
+            shape[number] = -1
+            at[one.kind] = np.broadcast_to(one.values().reshape(shape), m).reshape(-1)
+        tensors = [series.evaluate(at) for series in self.series]
+        total = int(np.prod(m)) if m else 1
+        log_f = np.zeros((2, total))
+        for tensor in tensors:
+            log_f = log_f + tensor.log_mass
+        weights = np.ones((2, 1))
+        for number, one in enumerate(self.shared):
+            shape = [1] * len(m)
+            shape[number] = -1
+            log_f = log_f + np.broadcast_to(one.log_prior().reshape(shape), m).reshape(-1)
+            weights = (weights[:, :, None] * one.axis.weights()[:, None, :]).reshape(2, -1)
+        shift = float(log_f.max())
+        density = np.exp(log_f - shift)
+        z = (weights * density).sum(axis=1)
+        share = weights * density / z[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            log_z = np.log(z) + shift
+        return Grid(self, at, tensors, density / z[:, None], share, log_z)
+
+    def scout(self) -> None:
+        """Drop the panels in which a coarse look finds next to nothing."""
+        axes = [one.axis for one in self.shared]
+        axes += [axis for s in self.series for axis in (s.e_axis, s.x_axis) if axis is not None]
+        orders = [axis.order for axis in axes], [s.c_order for s in self.series]
+        for axis in axes:
+            axis.order = _COARSE
+        for series in self.series:
+            series.c_order = 2 * _COARSE
+        grid = self.evaluate()
+        for number, one in enumerate(self.shared):
+            one.axis.drop(grid.outer_errors(number)[0], _NOTHING)
+        for series, tensor in zip(self.series, grid.tensors, strict=True):
+            for name, (mass, _) in tensor.panel_errors(grid.share[0]).items():
+                axis = {"x": series.x_axis, "e_n": series.e_axis}.get(name)
+                if axis is not None:
+                    axis.drop(mass, _NOTHING)
+        for axis, order in zip(axes, orders[0], strict=True):
+            axis.order = order
+        for series, order in zip(self.series, orders[1], strict=True):
+            series.c_order = order
+
+    def refine(self, grid: Grid, allowed: float) -> bool:
+        """Halve panels whose error is above its part of what is allowed; whether anything changed."""
+        changed = False
+        for number, one in enumerate(self.shared):
+            mass, error = grid.outer_errors(number)
+            changed |= one.axis.refine(mass, error, allowed)
+        for series, tensor in zip(self.series, grid.tensors, strict=True):
+            errors = tensor.panel_errors(grid.share[0])
+            for name, (mass, error) in errors.items():
+                if name == "c":
+                    if error[0] > allowed and series.c_order < _FINEST:
+                        series.c_order *= 2
+                        changed = True
+                else:
+                    axis = series.x_axis if name == "x" else series.e_axis
+                    assert axis is not None
+                    changed |= axis.refine(mass, error, allowed)
+        return changed
+
+
+@dataclass
+class Grid:
+    """All densities at one stage of refinement.
+
+    Attributes
+    ----------
+    at : mapping
+        Shared unknowns at the outer nodes.
+    density : ndarray, (2, m)
+        Posterior density of the outer nodes in the panels' coordinates, by the rules and the coarse ones.
+    share : ndarray, (2, m)
+        The same times the weights: their posterior probabilities.
+    log_z : ndarray, (2,)
+        Log evidence.
+    """
+
+    joint: Joint
+    at: Mapping[str, Array]
+    tensors: Sequence[Tensor]
+    density: Array
+    share: Array
+    log_z: Array
+
+    def shape(self) -> list[int]:
+        """Nodes along each shared unknown."""
+        return [s.axis.nodes().size for s in self.joint.shared]
+
+    def outer_rows(self, number: int, level: int, rows: int | None = None) -> Panels:
+        """Marginal of a shared unknown; or its density at each node of another one, `rows`."""
+        axis = self.joint.shared[number].axis
+        density = self.density[level].reshape(self.shape())
+        for other, one in enumerate(self.joint.shared):
+            if other not in (number, rows):
+                w = one.axis.weights()[level]
+                shape = [1] * density.ndim
+                shape[other] = -1
+                density = (density * w.reshape(shape)).sum(axis=other, keepdims=True)
+        if rows is None:
+            values = density.reshape(1, -1, axis.order + 1)
+        else:
+            values = np.moveaxis(density, (rows, number), (-2, -1))
+            values = values.reshape(values.shape[-2], -1, axis.order + 1)
+        return Panels.of(axis.low[None], axis.width[None], values, level)
+
+    def outer_errors(self, number: int) -> tuple[Array, Array]:
+        """Mass and error of the panels of a shared unknown."""
+        axis = self.joint.shared[number].axis
+        shape = self.shape()
+        w = axis.weights()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(w[0] > 0.0, w[1] / w[0], 0.0)
+        share = np.moveaxis(self.share[0].reshape(shape), number, -1)
+        fine = share.reshape(-1, axis.panels.shape[0], axis.order + 1)
+        coarse = (share * ratio).reshape(fine.shape)
+        difference = (fine - coarse).sum(axis=-1)
+        return fine.sum(axis=(0, 2)), np.abs(difference).sum(axis=0)
+
+    def evidence_error(self) -> float:
+        """Change of the log evidence between the rules."""
+        change = float(abs(self.log_z[0] - self.log_z[1]))
+        return change if math.isfinite(change) else math.inf

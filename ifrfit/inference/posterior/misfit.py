@@ -1,0 +1,317 @@
+"""Sums of squared residuals of one set of constants, at many constants at once.
+
+Sorted by tau, the rows that stick at a given transition are the first ones. Prefix and suffix sums of the
+products of four columns (residual at a reference, value there, and the derivatives by the closure constant
+and by kappa) give the sum of squares at any constants from sixteen numbers, however many rows there are: a
+quadratic in the closure constant, given e_n and the transition. Rows that are not linear in the impulse
+are evaluated as they stand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.problem import Index, RowModel
+from ifrfit.physics.closures import Closure
+from ifrfit.physics.observables import OBSERVABLES, get_observable
+from ifrfit.physics.rebound import rebound_with
+
+Array = NDArray[np.float64]
+
+_MOST_MINIMA = 8
+_AT_ONCE = 2_000_000  # values of curved rows computed at once
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Constants about which the sums are taken: near the optimum they keep their digits."""
+
+    e_n: float
+    c: float
+    mu: float
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """Sum of squares C - 2 B d + A d^2 in d = c - reference."""
+
+    square: Array
+    slope: Array
+    curvature: Array
+
+    def at(self, d: Array | float) -> Array:
+        """The sum of squares."""
+        return np.asarray(self.square + d * (self.curvature * d - 2.0 * self.slope))
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Tangential rows of one noise group and one scale: the ten products by number of sticking rows."""
+
+    scale: str
+    tau: Array
+    products: Array  # (10, n + 1)
+
+
+@dataclass(frozen=True)
+class _Direct:
+    """Rows that measure e_n or mu: sums (w f^2, w f r, w r^2)."""
+
+    curvature: float
+    slope: float
+    square: float
+
+
+_PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]
+
+
+class Misfit:
+    """Sums of squares by noise group.
+
+    Parameters
+    ----------
+    rows : RowModel
+        Of one set of constants.
+    weight : ndarray
+        1/sigma, or ones where the noise is unknown.
+    groups : sequence of ndarray of int
+        Rows of each noise group.
+    closure : Closure
+    inertia_factor : float
+    reference : Reference
+    """
+
+    def __init__(
+        self,
+        rows: RowModel,
+        weight: Array,
+        groups: Sequence[Index],
+        closure: Closure,
+        inertia_factor: float,
+        reference: Reference,
+    ) -> None:
+        self.rows, self.weight, self.groups = rows, weight, tuple(groups)
+        self.coefficients = closure.coefficients(inertia_factor)
+        self.inertia_factor = inertia_factor
+        self.reference = reference
+        kinds = np.array([OBSERVABLES[name].kind for name in rows.names])[rows.which]
+        self._kinds = kinds
+        self._curved = [group[kinds[group] == "curved"] for group in self.groups]
+        self._sums = [self._tangential(group[kinds[group] == "tangential"]) for group in self.groups]
+        self._normal = [self._normal_rows(group[kinds[group] == "normal"]) for group in self.groups]
+        self._friction = [self._friction_rows(group[kinds[group] == "friction"]) for group in self.groups]
+
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether every row is linear in the closure constant, given e_n and the transition."""
+        return not any(rows.size for rows in self._curved)
+
+    @property
+    def kinks(self) -> Array:
+        """Transitions at which a row changes its regime, ascending."""
+        oblique = np.isin(self._kinds, ("tangential", "curved"))
+        tau = np.unique(self.rows.tau[oblique])
+        return np.asarray(tau[(tau > 0.0) & np.isfinite(tau)])
+
+    def b(self, c: Array | float) -> Array | float:
+        """Bound of the frictional part of the impulse factor in sticking."""
+        return self.coefficients.b0 + self.coefficients.b1 * c
+
+    def _tangential(self, at: Index) -> list[_Sums]:
+        found = []
+        for scale in ("one", "impulse", "rebound"):
+            of_scale = np.array([OBSERVABLES[name].scale == scale for name in self.rows.names])
+            rows = at[of_scale[self.rows.which[at]]]
+            if rows.size:
+                found.append(self._summed(rows, scale))
+        return found
+
+    def _summed(self, at: Index, scale: str) -> _Sums:
+        at = at[np.argsort(self.rows.tau[at], kind="stable")]
+        part = self.rows.take(at)
+        offset, slope = np.zeros(at.size), np.zeros(at.size)
+        for name in part.names:
+            linear = OBSERVABLES[name].linear
+            here = part.rows_of(name)
+            if linear is not None and here.size:
+                offset[here], slope[here] = linear(part.take(here).incidence, self.inertia_factor)
+        k, ref, w = self.coefficients, self.reference, self.weight[at]
+        kappa = ref.mu * (1.0 + ref.e_n)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            over_tau = np.where(slope == 0.0, 0.0, slope / part.tau)
+        a = k.a0 + k.a1 * ref.c
+        factor = float(_scale(scale, np.asarray(ref.e_n)))
+        regimes = []
+        for sticking in (True, False):
+            fall = (k.b0 + k.b1 * ref.c) * slope if sticking else kappa * over_tau
+            fall = np.where(np.isfinite(fall), fall, 0.0)  # a row at tau = 0 always sticks
+            value = offset + slope * a + fall
+            by_c = slope * (k.a1 + k.b1) if sticking else slope * k.a1
+            by_kappa = np.zeros(at.size) if sticking else np.where(np.isfinite(over_tau), over_tau, 0.0)
+            columns = [part.value - factor * value, value, by_c, by_kappa]
+            regimes.append([w * column for column in columns])
+        products = np.zeros((len(_PAIRS), at.size + 1))
+        for row, (i, j) in zip(products, _PAIRS, strict=True):
+            np.cumsum(regimes[0][i] * regimes[0][j], out=row[1:])
+            row[:-1] += np.cumsum((regimes[1][i] * regimes[1][j])[::-1])[::-1]
+        return _Sums(scale, part.tau, products)
+
+    def _normal_rows(self, at: Index) -> _Direct:
+        is_e_n = np.array([name == "e_n" for name in self.rows.names])[self.rows.which[at]]
+        factor = np.where(is_e_n, 1.0, self.rows.incidence.cosine[at]) * self.weight[at]
+        left = self.rows.value[at] * self.weight[at] - factor * self.reference.e_n
+        return _Direct(float(factor @ factor), float(factor @ left), float(left @ left))
+
+    def _friction_rows(self, at: Index) -> _Direct:
+        left = (self.rows.value[at] - self.reference.mu) * self.weight[at]
+        return _Direct(
+            float(self.weight[at] @ self.weight[at]), float(self.weight[at] @ left), float(left @ left)
+        )
+
+    def quadratics(self, e_n: Array, x: Array) -> list[Quadratic]:
+        """Of each noise group, all rows but the curved ones.
+
+        Parameters
+        ----------
+        e_n, x : ndarray
+            Broadcastable; x is the value of tau at the transition.
+        """
+        d_e = e_n - self.reference.e_n
+        k, ref = self.coefficients, self.reference
+        b = k.b0 + k.b1 * ref.c
+        d_kappa, h = x * b - ref.mu * (1.0 + ref.e_n), x * k.b1
+        d_mu, h_mu = x * b / (1.0 + e_n) - ref.mu, x * k.b1 / (1.0 + e_n)
+        found = []
+        for sums, normal, friction in zip(self._sums, self._normal, self._friction, strict=True):
+            square = np.asarray(normal.square + d_e * (normal.curvature * d_e - 2.0 * normal.slope))
+            slope: Array = np.asarray(0.0)
+            curvature: Array = np.asarray(0.0)
+            if friction.curvature:
+                square = square + friction.square + d_mu * (friction.curvature * d_mu - 2.0 * friction.slope)
+                if k.b1:
+                    slope = slope + h_mu * (friction.slope - friction.curvature * d_mu)
+                    curvature = curvature + friction.curvature * h_mu * h_mu
+            for part in sums:
+                more = _expand(part, e_n, x, d_kappa, h if k.b1 else None, ref.e_n)
+                square, slope = square + more.square, slope + more.slope
+                curvature = curvature + more.curvature
+            found.append(Quadratic(square, slope, curvature))
+        return found
+
+    def local_minima(
+        self, sigma: Array, c_ends: tuple[float, float], c_prior: tuple[float, float] | None, reach: float
+    ) -> list[tuple[float, float]]:
+        """Transitions about which the sum of squares has a minimum between two kinks, with their spread.
+
+        Taken at the reference's e_n. Minima whose sum of squares exceeds the least by `reach` are left out.
+        """
+        kinks = self.kinks
+        edges = np.concatenate(([0.0], kinks, [np.inf]))
+        if kinks.size == 0 or not any(self._sums):
+            return []
+        middle = np.concatenate((0.5 * (edges[:-2] + edges[1:-1]), [2.0 * kinks[-1]]))
+        total = np.zeros((len(_PAIRS), middle.size))
+        for s, group in zip(sigma, self._sums, strict=True):
+            for part in group:
+                factor = float(_scale(part.scale, np.asarray(self.reference.e_n)))
+                powers = np.array([1.0, 0, factor, factor, 0, 0, 0, factor**2, factor**2, factor**2])
+                at = np.searchsorted(part.tau, middle, side="right")
+                total += powers[:, None] * part.products[:, at] / s**2
+        rr, _, rp, rq, _, _, _, pp, pq, qq = total
+        if c_prior is not None:
+            shift = c_prior[0] - self.reference.c
+            rr, rp, pp = (
+                rr + (shift / c_prior[1]) ** 2,
+                rp + shift / c_prior[1] ** 2,
+                pp + 1.0 / c_prior[1] ** 2,
+            )
+        k, ref = self.coefficients, self.reference
+        with np.errstate(divide="ignore", invalid="ignore"):
+            free = (qq * rp - pq * rq) / (qq * pp - pq * pq)
+            free = np.where(np.isfinite(free), free, np.where(pp > 0.0, rp / pp, 0.0))
+            d = np.clip(free, c_ends[0] - ref.c, c_ends[1] - ref.c)
+            shift = (rq - pq * d) / qq
+            square = rr - 2.0 * (rp * d + rq * shift) + pp * d * d + 2.0 * pq * d * shift + qq * shift * shift
+            b = k.b0 + k.b1 * (ref.c + d)
+            x = (ref.mu * (1.0 + ref.e_n) + shift) / b
+            spread = np.sqrt(pp / (qq * pp - pq * pq)) / b
+        good = np.isfinite(x) & np.isfinite(spread) & (x >= edges[:-1]) & (x <= edges[1:])
+        if not good.any():
+            return []
+        good &= square <= square[good].min() + reach
+        order = np.flatnonzero(good)[np.argsort(square[good])][:_MOST_MINIMA]
+        return [(float(x[i]), float(spread[i])) for i in order]
+
+    def curved(self, e_n: Array, x: Array, c: Array, mu: Array) -> list[Array | float]:
+        """Sum of squares of the curved rows of each noise group; 0.0 where it has none."""
+        return [self._curved_group(rows, e_n, x, c, mu) if rows.size else 0.0 for rows in self._curved]
+
+    def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array) -> Array:
+        """Weighted residuals of curved rows, (..., rows)."""
+        part = self.rows.take(rows)
+        k = self.coefficients
+        a, b = k.a0 + k.a1 * c, k.b0 + k.b1 * c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(part.tau > 0.0, x[..., None] / part.tau, np.inf)
+        factor = a[..., None] + b[..., None] * np.minimum(1.0, ratio)
+        out = np.empty(factor.shape)
+        for name in part.names:
+            at = part.rows_of(name)
+            if not at.size:
+                continue
+            i = part.take(at).incidence
+            here = factor[..., at]
+            state = rebound_with(
+                i, here, np.zeros(here.shape, dtype=bool), e_n[..., None], self.inertia_factor
+            )
+            out[..., at] = get_observable(name).value(state, mu[..., None])
+        return np.asarray((part.value - out) * self.weight[rows])
+
+    def _curved_group(self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array) -> Array:
+        shape = np.broadcast_shapes(e_n.shape, x.shape, c.shape, mu.shape)
+        flat = [np.broadcast_to(y, shape).reshape(-1) for y in (e_n, x, c, mu)]
+        out = np.empty(flat[0].size)
+        step = max(1, _AT_ONCE // rows.size)
+        for start in range(0, out.size, step):
+            at = slice(start, start + step)
+            residual = self.curved_values(rows, *(y[at] for y in flat))
+            out[at] = np.einsum("ij,ij->i", residual, residual)
+        return out.reshape(shape)
+
+
+def _scale(scale: str, e_n: Array) -> Array:
+    """Factor of tangential observables that depends on e_n alone."""
+    if scale == "impulse":
+        return np.asarray(1.0 / (1.0 + e_n))
+    if scale == "rebound":
+        return np.asarray(1.0 / np.maximum(e_n, 1e-300))
+    return np.asarray(1.0)
+
+
+def _expand(
+    sums: _Sums, e_n: Array, x: Array, d_kappa: Array, h: Array | None, reference_e_n: float
+) -> Quadratic:
+    """The quadratic in d: with v = v0 + d v1 in the four columns, v0'Gv0, -v0'Gv1 and v1'Gv1."""
+    which = np.searchsorted(sums.tau, x, side="right")
+    rr, rm, rp, rq, mm, mp, mq, pp, pq, qq = sums.products[:, which]
+    if sums.scale == "one":
+        square = rr - d_kappa * (2.0 * rq - d_kappa * qq)
+        slope, curvature = rp - d_kappa * pq, pp
+        if h is not None:
+            slope = slope + h * (rq - d_kappa * qq)
+            curvature = curvature + h * (2.0 * pq + h * qq)
+        return Quadratic(square, slope, curvature)
+    factor = _scale(sums.scale, e_n)
+    shift = factor - _scale(sums.scale, np.asarray(reference_e_n))
+    y = factor * d_kappa
+    square = rr - 2.0 * shift * rm + shift * shift * mm - y * (2.0 * (rq - shift * mq) - y * qq)
+    slope = factor * (rp - shift * mp - y * pq)
+    curvature = factor * factor * pp
+    if h is not None:
+        slope = slope + factor * h * (rq - shift * mq - y * qq)
+        curvature = curvature + factor * factor * h * (2.0 * pq + h * qq)
+    return Quadratic(square, slope, curvature)

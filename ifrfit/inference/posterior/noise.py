@@ -1,0 +1,158 @@
+"""Unknown noise: its proper log-uniform prior, and the likelihood with the noise integrated out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ifrfit.inference.problem import Problem
+from ifrfit.physics.observables import OBSERVABLES
+
+Array = NDArray[np.float64]
+
+_DECIMALS = 6  # finest resolution taken for a value that is written with more
+_SAFE = 1e-17  # tail of the incomplete gamma function that no result feels
+_LOG_2PI = math.log(2.0 * math.pi)
+
+
+def noise_bounds(problem: Problem) -> Mapping[str, tuple[float, float]]:
+    """Bounds of the log-uniform prior of each unknown noise.
+
+    From the resolution of the values (their last decimal, at most the sixth, over sqrt(12): what rounding
+    alone leaves) to the natural scale of the observable: 1, or 90 degrees for an angle, or the largest value
+    if that is larger. One common factor ("") has the bounds of sigma over the given sigma.
+
+    Returns
+    -------
+    mapping
+        "series/observable" to (lower, upper); "" where one factor is common to all.
+    """
+    if problem.noise == "known":
+        return {}
+    value = problem.rows.value
+    found = {}
+    for name, rows in problem.groups().items():
+        unit = OBSERVABLES[name.rpartition("/")[2]].unit
+        natural = max(90.0 if unit == "deg" else 1.0, float(np.abs(value[rows]).max()))
+        found[name] = (_resolution(value[rows]) / math.sqrt(12.0), natural)
+    if problem.noise == "unknown":
+        return found | dict(problem.noise_bounds)
+    groups = problem.groups()
+    low = min(found[name][0] / float(problem.sigma[rows].max()) for name, rows in groups.items())
+    high = max(found[name][1] / float(problem.sigma[rows].min()) for name, rows in groups.items())
+    return {"": (low, high)} | dict(problem.noise_bounds)
+
+
+def _resolution(value: Array) -> float:
+    """The last decimal that any value is written with."""
+    for decimals in range(_DECIMALS):
+        step = 10.0**-decimals
+        if bool((np.abs(value / step - np.round(value / step)) < 1e-7).all()):
+            return step
+    return float(10.0**-_DECIMALS)
+
+
+@dataclass(frozen=True)
+class UnknownNoise:
+    """Rows that share one unknown sigma: n of them, with sigma log-uniform between bounds."""
+
+    n: int
+    lower: float
+    upper: float
+
+    def log_likelihood(self, square: Array) -> Array:
+        """Log of the likelihood of a sum of squared residuals, sigma integrated out.
+
+        The integral of sigma^-n exp(-q/(2 sigma^2)) over d sigma/sigma is an incomplete gamma function.
+        """
+        half = 0.5 * self.n
+        q = np.maximum(0.5 * square, np.finfo(float).tiny)
+        constant = float(special.gammaln(half)) - half * _LOG_2PI - math.log(2.0 * self.span)
+        return np.asarray(constant - half * np.log(q) + self._log_inside(q))
+
+    @property
+    def span(self) -> float:
+        """Log of the ratio of the bounds."""
+        return math.log(self.upper / self.lower)
+
+    def _log_inside(self, q: Array) -> Array:
+        """Log of the share of the gamma law of w = q/sigma^2 that lies between the bounds."""
+        half = 0.5 * self.n
+        enough = float(special.gammainccinv(half, _SAFE))
+        little = float(special.gammaincinv(half, _SAFE))
+        out = np.zeros(q.shape)
+        top, bottom = q / self.lower**2, q / self.upper**2
+        cut = (top < enough) | (bottom > little)
+        if cut.any():
+            out[cut] = _log_gamma_share(half, bottom[cut], top[cut])
+        return out
+
+    def cdf(self, sigma: float | Array, square: Array) -> Array:
+        """Distribution function of sigma given the sum of squares."""
+        half = 0.5 * self.n
+        q = np.maximum(0.5 * square, np.finfo(float).tiny)
+        bottom, top = q / self.upper**2, q / self.lower**2
+        whole = _log_gamma_share(half, bottom, top)
+        # the law of w = q/sigma^2 runs the other way
+        beyond = _log_gamma_share(half, bottom, np.clip(q / np.square(sigma), bottom, top))
+        return np.asarray(1.0 - np.exp(beyond - whole))
+
+    def moment(self, square: Array, power: int) -> Array:
+        """Mean of sigma to a power given the sum of squares."""
+        half = 0.5 * self.n
+        q = np.maximum(0.5 * square, np.finfo(float).tiny)
+        bottom, top = q / self.upper**2, q / self.lower**2
+        whole = special.gammaln(half) + _log_gamma_share(half, bottom, top)
+        return np.asarray(
+            np.exp(0.5 * power * np.log(q) + _log_shifted(half - 0.5 * power, bottom, top) - whole)
+        )
+
+    def draw(self, square: Array, rng: np.random.Generator) -> Array:
+        """One sigma for each sum of squares."""
+        half = 0.5 * self.n
+        q = np.maximum(0.5 * square, np.finfo(float).tiny)
+        bottom, top = q / self.upper**2, q / self.lower**2
+        w = rng.standard_gamma(half, q.shape)
+        out = (w < bottom) | (w > top)
+        if out.any():
+            below, above = special.gammainc(half, bottom[out]), special.gammainc(half, top[out])
+            w[out] = special.gammaincinv(half, below + rng.random(int(out.sum())) * (above - below))
+        return np.asarray(np.sqrt(q / np.clip(w, bottom, top)))
+
+
+def _log_gamma_share(a: float, low: Array, high: Array) -> Array:
+    """Log of P(a, high) - P(a, low), from the tail in which the digits are."""
+    low, high = np.broadcast_arrays(np.asarray(low, dtype=float), np.asarray(high, dtype=float))
+    upper = low > a  # both in the upper tail: complements keep their digits
+    share = np.where(
+        upper,
+        special.gammaincc(a, low) - special.gammaincc(a, high),
+        special.gammainc(a, high) - special.gammainc(a, low),
+    )
+    out = np.log(np.maximum(share, 1e-290))
+    lost = share <= 1e-290
+    if lost.any():
+        # so far outside that the law is a power times an exponential
+        h, lo = high[lost], np.maximum(low[lost], np.finfo(float).tiny)
+        inner = a * np.log(h) - h - special.gammaln(a + 1.0) - np.log1p(-np.minimum(h / (a + 1.0), 0.999))
+        outer = (a - 1.0) * np.log(lo) - lo - special.gammaln(a) - np.log1p(-np.minimum(a / lo, 0.999))
+        out[lost] = np.where(upper[lost], outer, inner)
+    return np.asarray(out)
+
+
+def _log_shifted(a: float, low: Array, high: Array) -> Array:
+    """Log of the integral of w^(a-1) exp(-w) from low to high, also for a <= 0."""
+    if a > 0.0:
+        return np.asarray(special.gammaln(a) + _log_gamma_share(a, low, high))
+    # few rows: the integral in log w, whose integrand is smooth between the bounds
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    bottom, top = np.log(low), np.log(np.minimum(high, low + 800.0))
+    at = bottom[..., None] + 0.5 * (top - bottom)[..., None] * (nodes + 1.0)
+    return np.asarray(
+        special.logsumexp(a * at - np.exp(at), b=weights * 0.5 * (top - bottom)[..., None], axis=-1)
+    )

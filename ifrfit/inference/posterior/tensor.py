@@ -1,0 +1,250 @@
+"""Density of the unknowns of one series at all nodes, and what follows from it: masses, means, shares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.posterior.marginal import Panels
+from ifrfit.inference.posterior.rule import partial, rule
+
+if TYPE_CHECKING:
+    from ifrfit.inference.posterior.inner import Series
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Tensor:
+    """Density at nodes along (outer nodes, e_n, transition, closure constant).
+
+    Every weight and integral comes twice: by the rules, and by the coarse rules inside them.
+
+    Attributes
+    ----------
+    series : Series
+    e_n, x : ndarray, (m, n_e, n_x), broadcastable
+    c, mu : ndarray, (m, n_e, n_x, n_c), broadcastable
+    f : ndarray, (m, n_e, n_x, n_c), broadcastable
+        Density of the closure constant, relative.
+    apart : ndarray, (m, n_e, n_x)
+        Factor of f that the closure constant takes no part in; their product is relative to exp(shift).
+    shift : ndarray, (m,)
+    g : ndarray, (2, m, n_e, n_x)
+        Integrated over the closure constant.
+    e_weight : ndarray, (2, n_e)
+    x_weight : ndarray, (2, m, n_e, n_x)
+    c_weight : ndarray, (2, n_c)
+    mass : ndarray, (2, m)
+        Integral at each outer node, relative to exp(shift).
+    low, width : ndarray or None, (m, n_e, panels)
+        Panels of the transition's coordinate.
+    mode, size, reach : ndarray or None
+        Coordinate of the closure constant.
+    """
+
+    series: Series
+    e_n: Array
+    x: Array
+    c: Array
+    mu: Array
+    f: Array
+    apart: Array
+    shift: Array
+    g: Array
+    e_weight: Array
+    x_weight: Array
+    c_weight: Array
+    mass: Array
+    low: Array | None
+    width: Array | None
+    mode: Array | None
+    size: Array | None
+    reach: Array | None
+    _sides: dict[int, Array] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        series: Series,
+        e_n: Array,
+        x: Array,
+        c: Array,
+        mu: Array,
+        logs: tuple[Array, Array],
+        e_weight: Array,
+        panels: tuple[Array | None, Array | None],
+        spread: tuple[Array | None, Array | None, Array | None],
+    ) -> Tensor:
+        """Integrate the log densities (with the closure constant, apart from it) found at the nodes."""
+        top = logs[0].max(axis=-1)
+        whole = top + logs[1]
+        shift = whole.max(axis=(1, 2))
+        shift = np.where(np.isfinite(shift), shift, 0.0)
+        with np.errstate(invalid="ignore"):
+            f = np.exp(logs[0] - np.where(np.isfinite(top), top, 0.0)[..., None])
+        apart = np.exp(whole - shift[:, None, None])
+        nodes = (1, *np.broadcast_shapes(e_n.shape, x.shape)[1:])
+        apart = np.broadcast_to(apart, np.broadcast_shapes(apart.shape, nodes, f.shape[:-1]))
+        low, width = panels
+        c_weight = np.ones((2, 1)) if spread[0] is None else np.tile(rule(series.c_order).weights, 2)
+        g = np.stack([apart * (f @ c_weight[level]) for level in (0, 1)])
+        if width is None or series.x_axis is None:
+            x_weight = np.ones((2, 1, 1, 1))
+        else:
+            w = rule(series.x_axis.order).weights
+            x_weight = width[None, ..., None] * w[:, None, None, None, :]
+            x_weight = x_weight.reshape(2, *width.shape[:2], -1)
+        h = (g * x_weight).sum(axis=-1)
+        mass = (h * e_weight[:, None, :]).sum(axis=-1)
+        return cls(
+            series, e_n, x, c, mu, f, apart, shift, g, e_weight, x_weight, c_weight, mass, low, width, *spread
+        )
+
+    @property
+    def log_mass(self) -> Array:
+        """Log of the integral at each outer node, (2, m)."""
+        return np.asarray(np.log(np.maximum(self.mass, 1e-300)) + self.shift)
+
+    def outer(self, share: Array, level: int) -> Array:
+        """Factor that turns densities into posterior ones, (m, 1, 1), from the share of each outer node."""
+        if self.mass.shape[1] == 1:  # one law, whatever the outer node
+            share = share.sum(keepdims=True)
+        return np.asarray((share / np.maximum(self.mass[level], 1e-300))[:, None, None])
+
+    def expect_each(self, value: Array, level: int) -> Array:
+        """Mean of a value at the nodes, (m, n_e, n_x, n_c), broadcastable, at each outer node, (m,)."""
+        if value.shape[-1] == 1:
+            inner = self.g[level] * value[..., 0]
+        else:
+            inner = self.apart * ((self.f * value) @ self.c_weight[level])
+        weight = self.x_weight[level] * self.e_weight[level][:, None]
+        return np.asarray((inner * weight).sum(axis=(1, 2)) / np.maximum(self.mass[level], 1e-300))
+
+    def e_law(self, level: int) -> Array:
+        """Probability of each node of e_n, (m, n_e)."""
+        h = (self.g[level] * self.x_weight[level]).sum(axis=-1) * self.e_weight[level]
+        return np.asarray(h / np.maximum(self.mass[level], 1e-300)[:, None])
+
+    def along_x(self, share: Array, level: int) -> Callable[[Array], Array]:
+        """Posterior probability of a transition below x, as a function of x, (..., m, n_e) -> (...)."""
+        assert self.series.x_axis is not None
+        assert self.low is not None
+        assert self.width is not None
+        to_t = self.series.to_t
+        m, n_e, _ = self.g.shape[1:]
+        values = self.g[level].reshape(m, n_e, -1, self.series.x_axis.order + 1)
+        weight = (self.outer(share, level) * self.e_weight[level][:, None])[..., 0]
+        fixed = self.low.shape[:2] == (1, 1)
+        summed: Panels | None = None
+        if fixed:
+            at_once = np.tensordot(weight, values, axes=([0, 1], [0, 1]))[None]
+            summed = Panels.of(self.low[0], self.width[0], at_once, level)
+        rows: list[Panels] = []
+
+        def each() -> Panels:
+            if not rows:
+                low, width = self.low, self.width
+                assert low is not None
+                assert width is not None
+                if fixed:
+                    low, width = low[0], width[0]
+                else:
+                    shape = (m, n_e, low.shape[-1])
+                    low = np.broadcast_to(low, shape).reshape(m * n_e, -1)
+                    width = np.broadcast_to(width, shape).reshape(m * n_e, -1)
+                rows.append(Panels.of(low, width, values.reshape(m * n_e, *values.shape[2:]), level))
+            return rows[0]
+
+        def below(x: Array) -> Array:
+            t = to_t(x)
+            if summed is not None and t.shape[-2:] == (1, 1):
+                return np.asarray(summed.below(t[..., 0, :])[..., 0])
+            t = np.broadcast_to(t, (*t.shape[:-2], m, n_e)).reshape(*t.shape[:-2], m * n_e)
+            return np.asarray(each().below(t) @ weight.reshape(-1))
+
+        return below
+
+    def below_c(self, c: Array, share: Array, level: int) -> Array:
+        """Posterior probability of a closure constant below c, (..., m, n_e, n_x) -> (...)."""
+        weight = self.x_weight[level] * self.e_weight[level][:, None] * self.outer(share, level)
+        weight = self.apart * weight
+        below = self._below_c(c, level)
+        if below.shape[-2] == 1 and below.shape[-3] == 1:  # one law of c for all e_n and outer nodes
+            weight = weight.sum(axis=(0, 1), keepdims=True)
+        return np.asarray((below * weight).sum(axis=(-3, -2, -1)))
+
+    def _below_c(self, c: Array, level: int) -> Array:
+        """Density at each (outer node, e_n, x), cut off at c."""
+        assert self.mode is not None
+        assert self.size is not None
+        assert self.reach is not None
+        if level not in self._sides:
+            order = self.series.c_order
+            sides = self.f.reshape(*self.f.shape[:-1], 2, order + 1)
+            self._sides[level] = sides @ rule(order).antiderivative[level].T
+        sides = self._sides[level]
+        whole = sides.sum(axis=-1)  # of both sides
+        distance = c - self.mode
+        right = distance >= 0.0
+        reach = np.where(right, self.reach[..., 1], self.reach[..., 0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            v = np.arcsinh(np.abs(distance) / self.size) / reach
+        v = np.where(reach > 0.0, np.clip(v, 0.0, 1.0), 1.0)
+        chosen = np.where(right[..., None], sides[..., 1, :], sides[..., 0, :])
+        part = partial(chosen, v)
+        return np.asarray(np.where(right, whole[..., 0] + part, whole[..., 0] - part))
+
+    def squares(self, group: int, share: Array, level: int) -> tuple[Array, Array]:
+        """Sum of squares of a noise group at all nodes, and the probability of each node, flat."""
+        misfit = self.series.misfit
+        q = misfit.quadratics(self.e_n, self.x)[group]
+        more = misfit.curved(self.e_n[..., None], self.x[..., None], self.c, self.mu)[group]
+        found = [y[..., None] if np.ndim(y) else y for y in (q.square, q.slope, q.curvature)]
+        d = self.c - misfit.reference.c
+        square = found[0] + d * (found[2] * d - 2.0 * found[1]) + more
+        weight = self.x_weight[level] * self.e_weight[level][:, None] * self.outer(share, level)
+        probability = self.apart * weight
+        if square.shape[1] == 1 and self.f.shape[1] == 1:
+            probability = probability.sum(axis=1, keepdims=True)
+        probability = self.f * probability[..., None] * self.c_weight[level]
+        return np.broadcast_to(square, probability.shape).reshape(-1), probability.reshape(-1)
+
+    def e_density(self, share: Array, level: int) -> Array:
+        """Marginal density of e_n at its nodes, (n_e,)."""
+        h = (self.g[level] * self.x_weight[level]).sum(axis=-1)
+        return np.asarray((h * self.outer(share, level)[..., 0]).sum(axis=0))
+
+    def panel_errors(self, share: Array) -> dict[str, tuple[Array, Array]]:
+        """Mass and error of the panels of e_n and of the transition; of the closure constant as a whole."""
+        found: dict[str, tuple[Array, Array]] = {}
+        outer = self.outer(share, 0)
+        g, weight = self.g[0], self.x_weight
+        if self.series.x_axis is not None and self.width is not None:
+            order = self.series.x_axis.order
+            shape = (*np.broadcast_shapes(g.shape, weight.shape[1:])[:-1], -1, order + 1)
+            fine, coarse = (((g * weight[level]).reshape(shape)).sum(axis=-1) for level in (0, 1))
+            across = outer * self.e_weight[0][:, None]
+            found["x"] = (
+                (fine * across).sum(axis=(0, 1)),
+                (np.abs(fine - coarse) * across).sum(axis=(0, 1)),
+            )
+        if self.series.e_axis is not None and self.series.has_e_axis:
+            h = (g * weight[0]).sum(axis=-1)
+            order = self.series.e_axis.order
+            fine, coarse = (
+                (h * self.e_weight[level]).reshape(h.shape[0], -1, order + 1).sum(axis=-1) for level in (0, 1)
+            )
+            found["e_n"] = (
+                (fine * outer[..., 0]).sum(axis=0),
+                (np.abs(fine - coarse) * outer[..., 0]).sum(axis=0),
+            )
+        if self.mode is not None:
+            across = outer * self.e_weight[0][:, None] * weight[0]
+            error = float((np.abs(self.g[0] - self.g[1]) * across).sum())
+            found["c"] = (np.ones(1), np.array([error]))
+        return found
