@@ -78,7 +78,7 @@ def fit(
     closure: Annotated[str, typer.Option(help="ifr, fr, f or ifr-contact.")] = "ifr",
     method: Annotated[
         str,
-        typer.Option(help="exact: the posterior; lsq: least squares, global optimum certified; profile."),
+        typer.Option(help="exact: the posterior; lsq: least squares; profile: profile likelihood."),
     ] = "exact",
     fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
     prior: Annotated[
@@ -122,6 +122,10 @@ def fit(
         Repeated,
         typer.Option(metavar="NAME=CHOICE", help="How a column is meant, as angle=alpha_deg:from-wall."),
     ] = [],  # noqa: B006
+    intervals: Annotated[
+        bool,
+        typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write result.json, fit.svg and fit.png there.")
     ] = None,
@@ -139,6 +143,8 @@ def fit(
     """Constants from tables of impacts, with uncertainties."""
     from ifrfit.inference import fit as run
 
+    if intervals and (as_json or quiet):
+        raise UsageError(f"--intervals prints a table, {'--json' if as_json else '--quiet'} none: keep one.")
     if out is not None and not force:
         from ifrfit.report.folder import check_free
 
@@ -166,6 +172,7 @@ def fit(
             seed=seed,
             command=_command_line(),
         )
+        table = result.intervals() if intervals else None
         written = _write(result, out, force)
     if as_json:
         from ifrfit.inference.serialise import dumps
@@ -173,6 +180,10 @@ def fit(
         typer.echo(dumps(result), nl=False)
     elif not quiet:
         typer.echo(result.summary())
+        if table is not None:
+            from ifrfit.report import side_by_side
+
+            typer.echo(f"\n{side_by_side(table)}")
         if written:
             typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
     if strict:

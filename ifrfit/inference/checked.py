@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -36,6 +36,11 @@ class Node:
             raise DataError(f"{self.file}: the key '{path}' is missing. {REMEDY}")
         return Node(self.value[key], path, self.file)
 
+    def __contains__(self, key: str) -> bool:
+        """Whether an object has this key."""
+        self.check(dict)
+        return key in self.value
+
     def check(self, kind: type, what: str = "") -> None:
         """Refuse a value of another kind."""
         number = kind in (int, float)
@@ -43,7 +48,7 @@ class Node:
         if not fits or (number and isinstance(self.value, bool)):
             self.fail(_WORDS[kind], what)
 
-    def fail(self, expected: str, what: str = "") -> None:
+    def fail(self, expected: str, what: str = "") -> NoReturn:
         """Refuse the value and say what it must be."""
         what = what or f"the key '{self.path}'"
         raise DataError(f"{self.file}: {what} must be {expected}. {REMEDY}")
@@ -63,7 +68,10 @@ class Node:
         if self.value is None and null is not None:
             return null
         self.check(float)
-        return float(self.value)
+        try:
+            return float(self.value)
+        except OverflowError:  # a whole number of more digits than a float can hold
+            self.fail("a number below 1e308")
 
     def maybe(self) -> float | None:
         """A number or null."""
@@ -85,6 +93,19 @@ class Node:
         if len(numbers) != length:
             self.fail(f"a list of {length} numbers")
         numbers.flags.writeable = False
+        return numbers
+
+    def finite(self) -> Any:
+        """A vector of any length, all of it finite numbers."""
+        self.check(list)
+        if not set(map(type, self.value)) <= {int, float}:
+            self.each(lambda node: node.number())
+        try:
+            numbers = np.array(self.value, dtype=float)
+        except OverflowError:
+            numbers = np.full(1, math.inf)
+        if not np.isfinite(numbers).all():
+            self.fail("a list of finite numbers")
         return numbers
 
     def square(self, length: int) -> Any:

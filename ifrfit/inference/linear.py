@@ -25,7 +25,7 @@ from ifrfit.inference.constants import Constant
 from ifrfit.inference.forms import Domain, Forms, Frame, LinearForm
 
 _TINY = 1e-300
-_LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
+LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
 
 
 def linear_form(block: Block) -> LinearForm | None:
@@ -154,8 +154,8 @@ def _rebound_family(block: Block) -> LinearForm:
     forms.slide[1] = slope * k.a1
     forms.slide[2] = _over_tau(slope, block.rows.tau)
     domain = Domain()
-    domain.wall([-1.0, 0.0, 0.0], -1.0 / max(block.e_n.upper, _LOWEST))
-    domain.wall([1.0, 0.0, 0.0], 1.0 / max(block.e_n.lower, _LOWEST))
+    domain.wall([-1.0, 0.0, 0.0], -1.0 / max(block.e_n.upper, LOWEST))
+    domain.wall([1.0, 0.0, 0.0], 1.0 / max(block.e_n.lower, LOWEST))
     _product_walls(domain, block.c)
     domain.wall([block.mu.lower, 0.0, -1.0], -block.mu.lower)  # kappa w >= mu_lo (1 + w)
     if math.isfinite(block.mu.upper):

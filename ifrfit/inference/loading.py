@@ -9,12 +9,14 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
+import numpy as np
+
 from ifrfit.data import Descriptor, Source
 from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
 from ifrfit.inference.checked import REMEDY, Node
 from ifrfit.inference.result import Estimate, Fact, FitResult, FitStatistics, Noise, State, Status
-from ifrfit.inference.serialise import NULL_MARK, SCHEMA
+from ifrfit.inference.serialise import FACTOR, NULL_MARK, SCHEMA
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -93,14 +95,14 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
             f"{name}: has {stated}; this version of ifrfit reads '{SCHEMA}'. "
             "Name the result.json of a fit, or use the ifrfit that wrote the file."
         )
-    correlation, noise = root["correlation"], root["noise"]
+    correlation = root["correlation"]
     warnings = [str(item) for item in root["warnings"].each(lambda node: node.text())]
     return FitResult(
         closure=root["closure"].text(),
         inertia_factor=root["inertia_factor"].number(),
         method=root["method"].text(),
         inputs=tuple(root["input"].each(_source)),
-        noise=Noise(noise["policy"].text(), noise["sigma"].mapped(lambda node: node.number(math.nan))),
+        noise=_noise(root["noise"]),
         constants=root["constants"].mapped(_constant),
         derived=root["derived"].mapped(_derived),
         correlation=(
@@ -157,6 +159,18 @@ def _descriptor(node: Node) -> Descriptor:
     )
 
 
+def _noise(node: Node) -> Noise:
+    def named(found: dict[str, Any]) -> dict[str, Any]:
+        return {"" if name == FACTOR else name: item for name, item in found.items()}
+
+    return Noise(
+        policy=node["policy"].text(),
+        sigma=node["sigma"].mapped(lambda item: item.number(math.nan)),
+        estimates=named(node["estimates"].mapped(_estimate)) if "estimates" in node else {},
+        prior=named(node["prior"].mapped(_interval)) if "prior" in node else {},
+    )
+
+
 def _estimate(node: Node) -> Estimate:
     status = node["status"]
     if status.value not in get_args(Status):
@@ -167,7 +181,8 @@ def _estimate(node: Node) -> Estimate:
         interval68=_interval(node["interval68"]),
         interval95=_interval(node["interval95"]),
         status=status.value,
-        reason=node["reason"].text() if "reason" in node.value else "",
+        reason=node["reason"].text() if "reason" in node else "",
+        mean=node["mean"].maybe() if "mean" in node else None,
     )
 
 
@@ -231,7 +246,22 @@ def _state(node: Node) -> State:
         covariance=node["covariance"].square(n),
         lower=node["lower"].array(n, -math.inf),
         upper=node["upper"].array(n, math.inf),
+        sample=_sample(node["sample"], names) if "sample" in node else None,
     )
+
+
+def _sample(node: Node, names: tuple[str, ...]) -> Any:
+    """Draws of the posterior, (n, names), from one list a name."""
+    columns = [node[name].finite() for name in names]
+    lengths = [len(column) for column in columns]
+    if not columns or min(lengths) == 0:
+        node.fail("an object of lists that are not empty")
+    for name, length in zip(names, lengths, strict=True):
+        if length != lengths[0]:
+            node[name].fail(f"as long as {node.path}.{names[0]} ({lengths[0]})")
+    sample = np.column_stack(columns)
+    sample.flags.writeable = False
+    return sample
 
 
 def _points(node: Node) -> pd.DataFrame:

@@ -284,6 +284,32 @@ class FitResult:
 
         return predict(self, gamma, spin_x, spin_y, observable=observable, series=series, degrees=degrees)
 
+    def intervals(self) -> pd.DataFrame:
+        """Central 95 % intervals of each constant and of kappa by covariance, profile and exact posterior.
+
+        All three, whatever the method of this fit: that is what they are compared for.
+
+        Returns
+        -------
+        DataFrame
+            See `ifrfit.inference.intervals.intervals`; `disagreements` of it says where they differ and which
+            to believe.
+
+        Raises
+        ------
+        UsageError
+            For a result that was read from a file: it does not hold the problem any more.
+        """
+        from ifrfit.inference.intervals import intervals
+        from ifrfit.inference.posterior import explore
+
+        if self.problem is None:
+            raise UsageError(
+                "A result that was read from a file has no intervals to compare: fit the data again."
+            )
+        posterior = self.posterior or explore(self.problem, start=self.least_squares)
+        return intervals(self.problem, self.least_squares, posterior, self.profiles or None)
+
     def to_dict(self) -> dict[str, Any]:
         """Exactly the content of result.json."""
         from ifrfit.inference.serialise import to_dict

@@ -15,7 +15,7 @@ import numpy as np
 
 from ifrfit._version import __version__
 from ifrfit.data import Source
-from ifrfit.inference.result import Estimate, FitResult, FitStatistics, State
+from ifrfit.inference.result import Estimate, FitResult, FitStatistics, Noise, State
 
 if TYPE_CHECKING:
     from ifrfit.inference.loading import from_dict, load_result
@@ -24,8 +24,20 @@ SCHEMA = "ifrfit/result/1"
 MOST_ROWS = 100_000
 # sentences that begin like this speak about the file, not about the fit: reading takes them away again
 NULL_MARK = "Written as null: "
+# what the noise common to all rows is called in the file; every other noise has a slash in its name
+FACTOR = "factor"
 
-__all__ = ["MOST_ROWS", "NULL_MARK", "SCHEMA", "dumps", "from_dict", "load_result", "save", "to_dict"]
+__all__ = [
+    "FACTOR",
+    "MOST_ROWS",
+    "NULL_MARK",
+    "SCHEMA",
+    "dumps",
+    "from_dict",
+    "load_result",
+    "save",
+    "to_dict",
+]
 
 
 def __getattr__(name: str) -> Any:
@@ -91,10 +103,7 @@ def to_dict(result: FitResult) -> dict[str, Any]:
         "closure": result.closure,
         "inertia_factor": float(result.inertia_factor),
         "method": result.method,
-        "noise": {
-            "policy": result.noise.policy,
-            "sigma": _plain(result.noise.sigma, "noise.sigma", nulls),
-        },
+        "noise": _noise(result.noise, nulls),
         "constants": _estimates(result.constants, "constants", nulls),
         "derived": _estimates(result.derived, "derived", nulls),
         "correlation": {
@@ -190,14 +199,30 @@ def _estimates(value: Any, path: str, nulls: _Nulls) -> Any:
 
 
 def _estimate(estimate: Estimate, path: str, nulls: _Nulls) -> dict[str, Any]:
+    mean = {} if estimate.mean is None else {"mean": _plain(estimate.mean, f"{path}.mean", nulls)}
     return {
         "value": _plain(estimate.value, f"{path}.value", nulls),
+        **mean,
         "stderr": _plain(estimate.stderr, f"{path}.stderr", nulls),
         "interval68": _ends(estimate.interval68, nulls),
         "interval95": _ends(estimate.interval95, nulls),
         "status": estimate.status,
         "reason": estimate.reason,
     }
+
+
+def _noise(noise: Noise, nulls: _Nulls) -> dict[str, Any]:
+    """Sigma; and where the method has them, what is known of it and under which prior."""
+    content: dict[str, Any] = {
+        "policy": noise.policy,
+        "sigma": _plain(noise.sigma, "noise.sigma", nulls),
+    }
+    if noise.estimates:
+        named = {name or FACTOR: estimate for name, estimate in noise.estimates.items()}
+        content["estimates"] = _estimates(named, "noise.estimates", nulls)
+    if noise.prior:
+        content["prior"] = {name or FACTOR: _ends(bounds, nulls) for name, bounds in noise.prior.items()}
+    return content
 
 
 def _ends(values: Any, nulls: _Nulls) -> list[float | None]:
@@ -223,7 +248,7 @@ def _source(source: Source, number: int, nulls: _Nulls) -> dict[str, Any]:
 
 
 def _state(state: State, nulls: _Nulls) -> dict[str, Any]:
-    return {
+    content: dict[str, Any] = {
         "names": list(state.names),
         "point": _plain(state.point, "state.point", nulls),
         "center": _plain(state.center, "state.center", nulls),
@@ -231,6 +256,13 @@ def _state(state: State, nulls: _Nulls) -> dict[str, Any]:
         "lower": _ends(state.lower, nulls),
         "upper": _ends(state.upper, nulls),
     }
+    if state.sample is not None:
+        # a column a name: one line each, so that the file stays readable
+        content["sample"] = {
+            name: _plain(column, f"state.sample.{name}", nulls)
+            for name, column in zip(state.names, state.sample.T, strict=True)
+        }
+    return content
 
 
 def _points(points: Any, nulls: _Nulls) -> dict[str, list[Any]] | None:

@@ -44,6 +44,8 @@ class Observable:
         From `Incidence` and J to (offset, slope) of the tangential kind.
     scale : {"one", "impulse", "rebound"}
         Factor of the tangential kind: 1, 1/(1 + e_n) or 1/e_n.
+    by_impulse : callable or None
+        Of the curved kind: from `Incidence`, the impulse factor k, e_n and J to the value, for many k at once.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Observable:
     value: Callable[[Rebound, Array], Array]
     linear: Callable[[Incidence, float], tuple[Array, Array]] | None = None
     scale: Scale = "one"
+    by_impulse: Callable[[Incidence, Array, Array, float], Array] | None = None
 
     @property
     def has_angle(self) -> bool:
@@ -81,6 +84,26 @@ def _tan_psi(i: Incidence, j: float) -> tuple[Array, Array]:
 
 def _mu_app(i: Incidence, j: float) -> tuple[Array, Array]:
     return np.zeros_like(i.sine), _over(i.slip_x, i.cosine)
+
+
+def _beta_tot(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
+    return np.sqrt((i.sine - k * i.slip_x) ** 2 + (k * i.slip_y) ** 2 + (e_n * i.cosine) ** 2)
+
+
+def _delta(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
+    return np.degrees(np.arctan2(i.sine - k * i.slip_x, e_n * i.cosine))
+
+
+def _lambda(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
+    return np.degrees(np.arctan2(-k * i.slip_y, i.sine - k * i.slip_x))
+
+
+def _psi_after(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
+    return np.degrees(np.arctan2((1.0 - k / rotational_share(j)) * i.slip_x, i.cosine))
+
+
+def _psi_out(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
+    return np.degrees(np.arctan2((1.0 - k / rotational_share(j)) * i.slip_x, e_n * i.cosine))
 
 
 OBSERVABLES: dict[str, Observable] = {
@@ -113,7 +136,11 @@ OBSERVABLES: dict[str, Observable] = {
             _beta_cm,
         ),
         Observable(
-            "beta_tot", r"$\beta_\mathrm{tot}$", "total restitution", "", "curved", lambda r, mu: r.beta_tot
+            "beta_tot", r"$\beta_\mathrm{tot}$", "total restitution",
+            "",
+            "curved",
+            lambda r, mu: r.beta_tot,
+            by_impulse=_beta_tot,
         ),
         Observable(
             "mu_app",
@@ -132,6 +159,7 @@ OBSERVABLES: dict[str, Observable] = {
             "deg",
             "curved",
             lambda r, mu: np.degrees(r.delta),
+            by_impulse=_delta,
         ),
         Observable(
             "lambda_deg",
@@ -140,6 +168,7 @@ OBSERVABLES: dict[str, Observable] = {
             "deg",
             "curved",
             lambda r, mu: np.degrees(r.lambda_),
+            by_impulse=_lambda,
         ),
         Observable(
             "tan_psi_after",
@@ -167,6 +196,7 @@ OBSERVABLES: dict[str, Observable] = {
             "deg",
             "curved",
             lambda r, mu: np.degrees(r.psi_after),
+            by_impulse=_psi_after,
         ),
         Observable(
             "psi_out_deg",
@@ -175,6 +205,7 @@ OBSERVABLES: dict[str, Observable] = {
             "deg",
             "curved",
             lambda r, mu: np.degrees(r.psi_out),
+            by_impulse=_psi_out,
         ),
         Observable(
             "spin_x_after",

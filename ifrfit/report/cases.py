@@ -134,6 +134,7 @@ def fit_case(case: Case) -> Done:
     try:
         result = fit(
             load_dataset(case.dataset),
+            method="lsq",
             series=case.series,
             observable=case.observable,
             fix={name: own[name] for name in case.fixed},

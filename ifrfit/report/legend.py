@@ -127,7 +127,7 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
 
 
 def _bands(result: FitResult) -> str:
-    """Only a posterior has credible bands."""
-    if result.method in ("exact", "mcmc"):
-        return "credible bands"
-    return f"bands ({METHODS.get(result.method, result.method)})"
+    """Only a posterior has credible bands; without draws they are of the Gaussian around the optimum."""
+    if result.state.sample is None:
+        return f"bands ({METHODS['lsq']})"
+    return "credible bands" if result.method in ("exact", "mcmc") else f"bands ({METHODS[result.method]})"

@@ -13,6 +13,8 @@ from ifrfit.report.regimes import joined
 from ifrfit.report.rounding import decimals, fixed
 from ifrfit.report.words import status_words
 
+MOST_NOISES = 4  # of one observable that are told one by one
+
 
 @dataclass(frozen=True)
 class Row:
@@ -25,7 +27,7 @@ class Row:
     series : str
         Whose, where the constant is separate; else empty.
     estimate : Estimate or None
-        None for a noise, which has a value only.
+        None for a noise of which the method knows the value only.
     plain : str
         The value where there is no estimate.
     remark : str
@@ -70,9 +72,44 @@ def _kappa_words(estimate: Estimate) -> str:
 
 
 def _noise_rows(result: FitResult) -> Iterator[Row]:
-    """One row a value: series and observables that share a noise are named together."""
+    """Noises with what the posterior knows of them, where there is one; else their values."""
     if result.noise.policy == "known":
         return
+    if "" in result.noise.estimates:
+        yield Row("noise", "", result.noise.estimates[""], "", "times the given sigma")
+    elif result.noise.estimates:
+        yield from _unknown_noises(result.noise.estimates)
+    else:
+        yield from _plain_noises(result)
+
+
+def _unknown_noises(estimates: Mapping[str, Estimate]) -> Iterator[Row]:
+    """One row a noise; one row an observable where there are many series."""
+    observables: dict[str, dict[str, Estimate]] = {}
+    for key, estimate in estimates.items():
+        series, _, observable = key.rpartition("/")
+        observables.setdefault(observable, {})[series] = estimate
+    for observable, by_series in observables.items():
+        if len(by_series) > MOST_NOISES:
+            yield _many(observable, [e.value for e in by_series.values() if e.value is not None])
+            continue
+        for series, estimate in by_series.items():
+            whose = f" in {series}" if len(by_series) > 1 else ""
+            yield Row("noise", "", estimate, "", f"of {observable}{whose}")
+
+
+def _many(observable: str, sigmas: list[float]) -> Row:
+    """Many noises of one observable: from the smallest to the largest."""
+    low, high = (fixed(x, _places(x)) for x in (min(sigmas), max(sigmas)))
+    return Row("noise", "", None, f"{low}..{high}", f"of {observable}, in {len(sigmas)} series")
+
+
+def _places(sigma: float) -> int:
+    return decimals(sigma) if sigma > 0.0 and np.isfinite(sigma) else 0
+
+
+def _plain_noises(result: FitResult) -> Iterator[Row]:
+    """One row a value: series and observables that share a noise are named together."""
     groups: dict[tuple[str, float, str], list[str]] = {}
     for key, sigma in result.noise.sigma.items():
         series, _, observable = key.rpartition("/")
@@ -82,12 +119,16 @@ def _noise_rows(result: FitResult) -> Iterator[Row]:
         else:
             groups.setdefault((f"of {observable}", float(f"{sigma:.6g}"), "series"), []).append(series)
     meanings = [meaning for meaning, _, _ in groups]
+    for meaning in [m for m in dict.fromkeys(meanings) if meanings.count(m) > MOST_NOISES]:
+        many = [key for key in groups if key[0] == meaning]
+        yield _many(meaning.removeprefix("of "), [value for _, value, _ in many])
+        for key in many:
+            del groups[key]
     for (meaning, value, kind), names in groups.items():
         # names are worth the space only where the same words stand for several values
         whose = f" {'in' if kind else 'of'} {joined(list(dict.fromkeys(names)))}"
         remark = meaning + (whose if meanings.count(meaning) > 1 else "")
-        places = decimals(value) if value > 0.0 and np.isfinite(value) else 0
-        yield Row("noise", "", None, fixed(value, places), remark)
+        yield Row("noise", "", None, fixed(value, _places(value)), remark)
 
 
 def _factor(result: FitResult, series: str, observable: str) -> float | None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from ifrfit.inference.criticism import p_text
 from ifrfit.inference.result import Estimate, FitResult
 from ifrfit.physics import CLOSURES
 from ifrfit.report.regimes import joined
+from ifrfit.report.rounding import fixed
 
 METHODS = {
     "lsq": "least squares",
@@ -19,7 +23,15 @@ HEADLINES = {
     "identifiable": "the data do not determine every constant",
     "lack_of_fit": "the data contradict the closure",
     "outliers": "outliers",
+    "predictive": "the posterior does not predict such data",
+    "sharing": "the series do not share their constants",
     "angular_momentum": "the velocities contradict the inertia factor",
+}
+CHECKS = {
+    "chi2": "chi2",
+    "runs": "runs of signs",
+    "largest": "largest residual",
+    "share": "share inside the 95 % band",
 }
 # a failing fact of this name is told by the status of the constant already
 QUIET_FACTS = ("at_bound",)
@@ -40,7 +52,7 @@ def sigma_words(result: FitResult) -> str:
 def model_line(result: FitResult) -> str:
     """Closure, method and noise in one line."""
     closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
-    count = len(set(result.noise.sigma.values()))
+    count = len(result.noise.estimates or set(result.noise.sigma.values()))
     number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
     noise = {"known": "known noise", "scaled": "noise scaled"}.get(
         result.noise.policy, f"{number} unknown noise{'s' if count != 1 else ''}"
@@ -52,12 +64,17 @@ def model_line(result: FitResult) -> str:
 
 
 def misfit_line(result: FitResult) -> str:
-    """chi2 with its degrees of freedom; empty where sigma follows from the scatter: it says nothing there."""
-    fit = result.fit
-    if result.noise.policy != "known":
-        return ""
-    text = f"chi2 = {fit.chi2:.4g} for {fit.dof} degree{'s' if fit.dof != 1 else ''} of freedom"
-    return text if fit.p_value is None else f"{text} (p = {fit.p_value:.2g})"
+    """chi2 with its degrees of freedom, and the evidence; empty where neither says anything.
+
+    chi2 says nothing where sigma follows from the scatter, and only a posterior has an evidence.
+    """
+    fit, parts = result.fit, []
+    if result.noise.policy == "known":
+        text = f"chi2 = {fit.chi2:.4g} for {fit.dof} degree{'s' if fit.dof != 1 else ''} of freedom"
+        parts.append(text if fit.p_value is None else f"{text} (p = {fit.p_value:.2g})")
+    if fit.log_evidence is not None:
+        parts.append(f"log evidence {fixed(fit.log_evidence, 2)}")
+    return "; ".join(parts)
 
 
 def status_words(estimate: Estimate) -> str:
@@ -88,7 +105,11 @@ def undetermined(result: FitResult) -> list[str]:
 
 def headline(result: FitResult) -> str:
     """What needs attention, in a line; empty if all is well."""
-    failing = [name for name, fact in result.facts.items() if not fact.ok and name not in QUIET_FACTS]
+    failing = [
+        name
+        for name, fact in result.facts.items()
+        if not fact.ok and name not in QUIET_FACTS and not (name == "predictive" and _told_with(result))
+    ]
     open_constants = undetermined(result)
     phrases = [
         HEADLINES.get(name, name.replace("_", " "))
@@ -101,9 +122,35 @@ def headline(result: FitResult) -> str:
     return "; ".join(phrases)
 
 
+def _told_with(result: FitResult) -> str:
+    """The failing fact that says already what failing predictive checks say; empty if none does.
+
+    Lack of fit says where the misfit sits, and outliers name the row whose residual is too large.
+    """
+    check = result.facts.get("predictive")
+    if check is None or check.ok:
+        return ""
+    partners = ["lack_of_fit"]
+    if list(check.figures.get("failed", ())) == ["largest"]:
+        partners.append("outliers")
+    return next((name for name in partners if name in result.facts and not result.facts[name].ok), "")
+
+
+def _also_predicted(result: FitResult) -> str:
+    """What predictive checks add to a failing fact: which of them fail too."""
+    figures = result.facts["predictive"].figures
+    named = [f"{CHECKS.get(name, name)} (p = {p_text(figures[f'p_{name}'])})" for name in figures["failed"]]
+    return f"; posterior predictive checks fail too: {joined(named)}"
+
+
 def findings(result: FitResult) -> list[tuple[str, str]]:
     """Facts and warnings as (kind, sentence); kind is LOOK, ok or note, LOOK first."""
-    facts = result.facts.items()
+    partner = _told_with(result)
+    facts = [
+        (name, replace(fact, says=fact.says + _also_predicted(result)) if name == partner else fact)
+        for name, fact in result.facts.items()
+        if not (partner and name == "predictive")
+    ]
     look = [("LOOK", f.says) for name, f in facts if not f.ok and name not in QUIET_FACTS]
     fine = [("ok", fact.says) for _, fact in facts if fact.ok]
     notes = [("note", f.says) for name, f in facts if not f.ok and name in QUIET_FACTS]

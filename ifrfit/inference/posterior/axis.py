@@ -27,11 +27,23 @@ class Axis:
 
     @property
     def low(self) -> Array:
+        """Lower ends."""
         return self.panels[:, 0]
 
     @property
     def width(self) -> Array:
+        """Widths."""
         return self.panels[:, 1] - self.panels[:, 0]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Panels, and nodes on each."""
+        return self.panels.shape[0], self.order + 1
+
+    def errors(self, density: Array) -> Array:
+        """Largest difference between the rules in any panel, up to its end or inside; (rows, panels, nodes)."""
+        difference = np.abs(density @ rule(self.order).differences.T).sum(axis=0)
+        return np.asarray(difference.max(axis=-1) * self.width)
 
     def nodes(self) -> Array:
         """All nodes in turn."""
@@ -40,6 +52,20 @@ class Axis:
     def weights(self) -> Array:
         """Weights (2, nodes): fine and coarse."""
         return np.asarray((self.width[:, None] * rule(self.order).weights[:, None, :]).reshape(2, -1))
+
+    def weights_between(self, limits: tuple[Array, Array] | None) -> Array:
+        """Weights (2, m, n, nodes) of integrals between limits (m, n); None for the whole axis.
+
+        A panel that a limit cuts keeps its nodes: the polynomial through them is integrated up to the limit.
+        """
+        if limits is None:
+            return self.weights()[:, None, None, :]
+        r = rule(self.order)
+        share = [np.clip((end[..., None] - self.low) / self.width, 0.0, 1.0) for end in limits]
+        chebyshev = [np.cos(np.arange(self.order + 2) * np.arccos(2.0 * v[..., None] - 1.0)) for v in share]
+        between = (chebyshev[1] - chebyshev[0]) * self.width[:, None]
+        found = np.stack([between @ r.antiderivative[level] for level in (0, 1)])
+        return np.asarray(found.reshape(*found.shape[:3], -1))
 
     def refine(self, mass: Array, error: Array, allowed: float) -> bool:
         """Halve the panels whose error is not allowed, drop those without mass; whether any was halved."""
@@ -74,4 +100,4 @@ class Axis:
             for i in np.flatnonzero((point > low + margin) & (point < high - margin)):
                 parts = np.array([[low[i], point], [point, high[i]]])
                 self.panels = np.concatenate((self.panels[:i], parts, self.panels[i + 1 :]))
-        return self.panels.shape[0] > before
+        return bool(self.panels.shape[0] > before)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.marginal import Panels
-from ifrfit.inference.posterior.rule import partial, rule
+from ifrfit.inference.posterior.rule import partial
 from ifrfit.inference.posterior.tensor import Tensor
 from ifrfit.inference.posterior.unknown import Unknown
 
@@ -135,17 +135,8 @@ def _series(
     x_ends, x_share = [np.zeros(n, dtype=np.intp)] * 2, np.zeros(n)
     if series.has_x_axis:
         t = _transition(tensor, row, e_ends, e_share, rng.random(n))
-        nodes = _x_nodes(tensor)
-        if nodes.shape[0] == 1:
-            x_ends, x_share = _between(nodes[0], t)
-        else:
-            right = np.clip((t[:, None] > nodes[row * n_e + e_at]).sum(axis=1), 1, n_x - 1)
-            left_t, right_t = nodes[row * n_e + e_at, right - 1], nodes[row * n_e + e_at, right]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                x_share = np.where(
-                    right_t > left_t, np.clip((t - left_t) / (right_t - left_t), 0.0, 1.0), 0.0
-                )
-            x_ends = [right - 1, right]
+        assert series.x_axis is not None
+        x_ends, x_share = _between(series.x_axis.nodes(), t)
         found["x"] = series.to_x(t)
     if series.has_c:
         found["c"] = _closure_constant(tensor, row, e_at, x_ends, x_share, rng.random(n))
@@ -163,37 +154,23 @@ def _between(nodes: Array, t: Array) -> tuple[list[Index], Array]:
     return [right - 1, right], share
 
 
-def _x_nodes(tensor: Tensor) -> Array:
-    """Nodes of the transition's coordinate, (rows or 1, n_x)."""
-    assert tensor.low is not None
-    assert tensor.width is not None
-    assert tensor.series.x_axis is not None
-    m, n_e, n_x = tensor.g.shape[1:]
-    nodes = tensor.low[..., None] + tensor.width[..., None] * rule(tensor.series.x_axis.order).nodes
-    nodes = nodes.reshape(*tensor.low.shape[:2], n_x)
-    if tensor.low.shape[:2] == (1, 1):
-        return nodes[0]
-    return np.broadcast_to(nodes, (m, n_e, n_x)).reshape(m * n_e, n_x)
-
-
 def _transition(tensor: Tensor, row: Index, e_ends: list[Index], e_share: Array, p: Array) -> Array:
     """The transition's coordinate: quantiles at the two nodes of e_n about the draw, interpolated."""
-    assert tensor.low is not None
-    assert tensor.width is not None
-    assert tensor.series.x_axis is not None
+    axis = tensor.series.x_axis
+    assert axis is not None
     m, n_e, _ = tensor.g.shape[1:]
-    values = tensor.g[0].reshape(m * n_e, -1, tensor.series.x_axis.order + 1)
-    low, width = tensor.low, tensor.width
-    if low.shape[:2] == (1, 1):
-        low, width = low[0], width[0]
-    else:
-        low, width = (np.broadcast_to(y, (m, n_e, y.shape[-1])).reshape(m * n_e, -1) for y in (low, width))
-    panels = Panels.of(low, width, values)
-    first = _inverse(panels, row * n_e + e_ends[0], p)
-    if n_e == 1:
-        return first
-    second = _inverse(panels, row * n_e + e_ends[1], p)
-    return np.asarray(first + e_share * (second - first))
+    values = tensor.g[0].reshape(m * n_e, -1, axis.order + 1)
+    panels = Panels.of(axis.low[None], axis.width[None], values)
+    start, span = np.zeros(m * n_e), np.ones(m * n_e)
+    if tensor.limits is not None:
+        total = np.maximum(panels.total, 1e-300)
+        least, most = (
+            panels.below(np.broadcast_to(end, (m, n_e)).reshape(-1)) / total for end in tensor.limits
+        )
+        start, span = least, most - least
+    ends = [row * n_e + end for end in (e_ends if n_e > 1 else e_ends[:1])]
+    found = [_inverse(panels, at, start[at] + p * span[at]) for at in ends]
+    return np.asarray(found[0] + e_share * (found[-1] - found[0]))
 
 
 def _closure_constant(

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.posterior import quantity as of
 from ifrfit.inference.posterior.joint import Grid
-from ifrfit.inference.posterior.marginal import Quantiles, quantiles
+from ifrfit.inference.posterior.marginal import quantiles
 from ifrfit.inference.posterior.plan import Plan, make_plan
 from ifrfit.inference.posterior.quantity import Quantity
 from ifrfit.inference.posterior.unknown import Unknown
@@ -24,9 +24,12 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
 LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 
+_NORMAL = np.array([-1.959964, -0.994458, 0.0, 0.994458, 1.959964])  # quantiles of the normal law, at LEVELS
+_DENSITY = np.exp(-0.5 * _NORMAL**2) / math.sqrt(2.0 * math.pi)
 _ROUNDS = 30
-_PATIENCE = 3  # rounds in which the error must halve
-_LARGEST = 8_000_000  # values of the density held at once
+_PATIENCE = 2  # rounds in which the error must halve
+_NOTHING = 1e-5  # share of the mass, times the tolerance, that a first look may leave out
+_LARGEST = 3_000_000  # values of the density held at once
 _THRESHOLDS = 256  # of a distribution function, taken at once
 _WALL = 1e-12  # mass at the end of kappa's domain above which e_n does not separate
 
@@ -56,7 +59,6 @@ class Posterior:
     plan: Plan = field(repr=False)
     grid: Grid = field(repr=False)
     quantities: Mapping[str, Quantity] = field(repr=False)
-    quantile_table: Mapping[str, Array] = field(repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -70,6 +72,10 @@ class Posterior:
 
     @cached_property
     def _moments(self) -> dict[str, tuple[float, float]]:
+        return {}  # what was asked for already
+
+    @cached_property
+    def _table(self) -> dict[str, Array]:
         return {}
 
     def mean(self, name: str) -> float:
@@ -88,12 +94,16 @@ class Posterior:
     def quantile(self, name: str, p: ArrayLike) -> NDArray[np.float64] | float:
         """Posterior quantiles; p scalar or array, 0 to 1."""
         wanted = np.atleast_1d(np.asarray(p, dtype=float))
-        table = self.quantile_table.get(name)
-        if table is not None and bool(np.isin(wanted, LEVELS).all()):
-            found = table[np.searchsorted(LEVELS, wanted)]
+        if name not in self._table and bool(np.isin(wanted, LEVELS).all()):
+            self._table[name] = self._inverted(name, np.array(LEVELS))
+        if bool(np.isin(wanted, LEVELS).all()):
+            found = self._table[name][np.searchsorted(LEVELS, wanted)]
         else:
-            found = _quantiles(self.quantities[name], wanted, self._moment(name), self.tolerance).values
+            found = self._inverted(name, wanted)
         return float(found[0]) if np.ndim(p) == 0 else found
+
+    def _inverted(self, name: str, p: Array) -> Array:
+        return _quantiles(self.quantities[name], p, self._moment(name), self.tolerance)
 
     def cdf(self, name: str, value: ArrayLike) -> NDArray[np.float64] | float:
         """Posterior probability below a value."""
@@ -117,7 +127,7 @@ class Posterior:
         c = self.plan.unknowns["c", block]
         if part.stretched and isinstance(c, Unknown):
             own = of.of_series(self.grid, self.plan.tangential[block], "tau", "tau")
-            return _quantiles(own, np.array(LEVELS), own.moments(0), self.tolerance).values
+            return _quantiles(own, np.array(LEVELS), own.moments(0), self.tolerance)
         b = float(part.misfit.b(c if not isinstance(c, Unknown) else 0.0))
         names = [name for name in self.quantities if name.startswith("kappa")]
         name = next((n for n in names if n.endswith(f"[{series}]")), names[0])
@@ -179,7 +189,7 @@ def _touches_wall(plan: Plan, found: Posterior) -> bool:
 def _refined(plan: Plan, problem: Problem, tolerance: float) -> Posterior:
     """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more."""
     allowed = tolerance
-    plan.joint.scout()
+    plan.joint.scout(_NOTHING * tolerance)
     errors: list[float] = []
     for round_ in range(_ROUNDS):
         grid = plan.joint.evaluate()
@@ -187,47 +197,58 @@ def _refined(plan: Plan, problem: Problem, tolerance: float) -> Posterior:
         last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST
         if error_evidence <= tolerance or last:
             quantities = quantities_of(plan, grid)
-            error, table = _change(quantities, tolerance)
+            error = _change(quantities, tolerance)
             errors.append(error)
             stuck = len(errors) > _PATIENCE and error > 0.5 * errors[-1 - _PATIENCE]
             if last or stuck or error <= tolerance:
                 break
         changed = plan.joint.refine(grid, allowed)
         if error_evidence <= tolerance:
-            for name, own in quantities.items():
-                changed |= own.split(table[name])
+            for own in quantities.values():
+                if own.split is not None:
+                    changed |= own.split(_quantiles(own, np.array(LEVELS), own.moments(0), tolerance))
         while not changed and allowed > 1e-15:
             allowed *= 0.1
             changed = plan.joint.refine(grid, allowed)
     log_evidence = float(grid.log_z[0])
-    return Posterior(problem, log_evidence, error, error_evidence, tolerance, plan, grid, quantities, table)
+    return Posterior(problem, log_evidence, error, error_evidence, tolerance, plan, grid, quantities)
 
 
 def _size(grid: Grid) -> int:
     return sum(tensor.f.size + tensor.g.size for tensor in grid.tensors)
 
 
-def _change(quantities: Mapping[str, Quantity], tolerance: float) -> tuple[float, dict[str, Array]]:
-    """Largest change of any result between the rules and the coarse ones, in sd; and the quantiles."""
+def _change(quantities: Mapping[str, Quantity], tolerance: float) -> float:
+    """Largest change of any result between the rules and the coarse ones inside them, in sd.
+
+    A quantile changes by the change of the distribution function there over the density. Both are taken
+    where a normal law has its quantiles, and the density as no less than half of that law's.
+    """
     worst = 0.0
-    table = {}
-    p = np.array(LEVELS)
-    for name, own in quantities.items():
+    for own in quantities.values():
         mean, sd = own.moments(0)
-        coarse_mean, coarse_sd = own.moments(1)
-        if sd <= 0.0 or not math.isfinite(sd):
-            table[name] = np.full(p.shape, mean)
+        if sd == 0.0:
             continue
-        worst = max(worst, abs(coarse_mean - mean) / sd, abs(coarse_sd - sd) / sd)
-        found = _quantiles(own, p, (mean, sd), tolerance)
-        table[name] = found.values
-        # a change of the distribution function moves a quantile by it over the density
-        moved = np.abs(own.cdf(found.values, 1) - own.cdf(found.values, 0))
-        worst = max(worst, float((moved / np.maximum(found.density, 1e-3 / sd)).max()) / sd)
-    return worst, table
+        coarse_mean, coarse_sd = own.moments(1)
+        changes = [abs(coarse_mean - mean) / sd, abs(coarse_sd - sd) / sd]
+        worst = max(worst, *(change if math.isfinite(change) else math.inf for change in changes))
+    if worst > tolerance:  # the rest would be no use yet
+        return worst
+    for own in quantities.values():
+        mean, sd = own.moments(0)
+        if sd == 0.0:
+            continue
+        if own.split is None:
+            at = np.clip(mean + sd * _NORMAL, own.low, own.high)
+        else:  # where the integrand has kinks that lie at the quantiles themselves
+            at = _quantiles(own, np.array(LEVELS), (mean, sd), tolerance)
+        moved = np.abs(own.cdf(at, 1) - own.cdf(at, 0)) / (0.5 * _DENSITY)
+        change = float(moved.max())
+        worst = max(worst, change if math.isfinite(change) else math.inf)
+    return worst
 
 
-def _quantiles(own: Quantity, p: Array, moments: tuple[float, float], tolerance: float) -> Quantiles:
+def _quantiles(own: Quantity, p: Array, moments: tuple[float, float], tolerance: float) -> Array:
     mean, sd = moments
     low, high = own.low, own.high if math.isfinite(own.high) else mean + 1e6 * sd
     return quantiles(lambda t: own.cdf(t, 0), p, low, high, mean, sd, 1e-3 * min(tolerance, 1e-3))

@@ -24,6 +24,7 @@ from ifrfit.inference.posterior.unknown import Unknown
 Array = NDArray[np.float64]
 
 _STEPS = 4  # Gauss-Newton steps to the conditional mode of the closure constant, rows that are not linear
+_HAIR = 1e-12  # of the largest transition: no more than rounding
 _FARTHEST = 1.0 - 1e-12  # end of the scale of an unbounded transition
 
 
@@ -110,19 +111,27 @@ class Series:
             t = np.where(np.isinf(x), 1.0, x / (x + self.unit))
         return np.asarray(np.minimum(t, _FARTHEST))
 
-    def x_limits(self, e_n: Array, c: Array | None, mu: Array | None) -> tuple[Array, Array]:
-        """Least and largest transition the domain allows."""
+    def _limits(self, e_n: Array | None, c: Array | None, mu: Array | None) -> tuple[Array, Array] | None:
+        """Ends of the transition's coordinate where the domain cuts panels, (m, n_e); None where it does not."""
+        assert self.x_axis is not None
         lower, upper = self._c_ends(c)
         with np.errstate(divide="ignore"):
-            least, most = 1.0 / np.asarray(self.misfit.b(upper)), 1.0 / np.asarray(self.misfit.b(lower))
-        if self.role == "mu":
-            assert isinstance(self.mu, Unknown)
-            return self.mu.lower * (1.0 + e_n) * least, self.mu.upper * (1.0 + e_n) * most
-        assert mu is not None
+            least, most = (1.0 / np.maximum(self.misfit.b(end), 1e-300) for end in (upper, lower))
         if self.role == "e_n":
+            assert mu is not None
             assert isinstance(self.e_n, Unknown)
-            return mu * (1.0 + self.e_n.lower) * least, mu * (1.0 + self.e_n.upper) * least
-        return mu * (1.0 + e_n) * least, mu * (1.0 + e_n) * most
+            ends = mu * (1.0 + self.e_n.lower) * least, mu * (1.0 + self.e_n.upper) * least
+        else:
+            assert e_n is not None
+            of = (self.mu.lower, self.mu.upper) if isinstance(self.mu, Unknown) else (mu, mu)
+            ends = of[0] * (1.0 + e_n) * least, of[1] * (1.0 + e_n) * most
+        low, high = (self.to_t(end[..., 0]) for end in ends)
+        panels = self.x_axis.panels
+        first, last = float(panels.min()), float(panels.max())
+        if float(np.max(low)) <= first + _HAIR * last and float(np.min(high)) >= (1.0 - _HAIR) * last:
+            return None
+        low, high = np.broadcast_arrays(low, high)
+        return low, high
 
     def _c_ends(self, c: Array | None) -> tuple[Array, Array]:
         if c is not None:
@@ -144,18 +153,12 @@ class Series:
         if self.has_e_axis:
             assert self.e_axis is not None
             e, e_weight = self.e_axis.nodes()[None, :, None], self.e_axis.weights()
-        low = width = None
+        limits = None
         if self.has_x_axis:
             assert self.x_axis is not None
-            span = self.x_limits(
-                np.zeros(1) if e is None else e[..., 0],
-                None if c is None else c[..., 0],
-                None if mu is None else mu[..., 0],
-            )
-            low, width = _clipped(self.x_axis, self.to_t(span[0]), self.to_t(span[1]))
-            t = low[..., None] + width[..., None] * rule(self.x_axis.order).nodes
-            t = t.reshape(*t.shape[:2], -1)
+            t = self.x_axis.nodes()[None, None, :]
             x = self.to_x(t)
+            limits = self._limits(e, c, mu)
             if self.stretched:
                 log_measure = log_measure + (math.log(self.unit) - 2.0 * np.log1p(-t))[..., None]
         else:
@@ -198,9 +201,7 @@ class Series:
         else:
             log_f = log_f + log_measure
         logs = log_f, log_apart
-        return Tensor.of(
-            self, e, x, nodes, np.asarray(mu_at), logs, e_weight, (low, width), (mode, size, reach)
-        )
+        return Tensor.of(self, e, x, nodes, np.asarray(mu_at), logs, e_weight, limits, (mode, size, reach))
 
     def _given(self, kind: str, at: Mapping[str, Array]) -> Array | None:
         known = {"e_n": self.e_n, "c": self.c, "mu": self.mu}[kind]
@@ -211,8 +212,7 @@ class Series:
     def _c_limits(self, e: Array, x: Array) -> tuple[Array, Array]:
         """Domain of the closure constant, less what the bounds of mu forbid where the bound is tilted."""
         assert isinstance(self.c, Unknown)
-        shape = np.broadcast_shapes(e.shape, x.shape)
-        lower, upper = np.full(shape, self.c.lower), np.full(shape, self.c.upper)
+        lower, upper = np.full((1, 1, 1), self.c.lower), np.full((1, 1, 1), self.c.upper)
         k = self.misfit.coefficients
         if k.b1 and isinstance(self.mu, Unknown):
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -238,7 +238,7 @@ class Series:
         reference = self.misfit.reference.c
         added = 1.0 / self.c.prior[1] ** 2 if self.c.prior else 0.0
         mean = self.c.prior[0] - reference if self.c.prior else 0.0
-        d = np.zeros(np.broadcast_shapes(e.shape, x.shape))
+        d = np.zeros((1, 1, 1))
         factor = 1.0 if noise is None else 1.0 / noise[..., 0] ** 2
         count = sum(group.n for group in self.noise) if self.noise else 0
         for _ in range(_STEPS if not self.misfit.is_quadratic else 1 + (self.noise is not None)):
@@ -286,7 +286,7 @@ class Series:
             shape = np.broadcast_shapes(e.shape, x.shape, c.shape)
             flat = [np.broadcast_to(y, shape).reshape(-1) for y in (e, x, c)]
             slope, curvature = np.empty(flat[0].size), np.empty(flat[0].size)
-            step = max(1, 1_000_000 // rows.size)
+            step = max(1, 40_000 // rows.size)
             for start in range(0, slope.size, step):
                 here = slice(start, start + step)
                 e_, x_, c_ = (y[here] for y in flat)
@@ -355,15 +355,6 @@ class Series:
 
 def _lifted(value: Array) -> Array:
     return value[..., None] if np.ndim(value) else value
-
-
-def _clipped(axis: Axis, low: Array, high: Array) -> tuple[Array, Array]:
-    """Low ends and widths of the panels cut off at limits (m, n), (m or 1, n or 1, panels)."""
-    first, last = axis.panels[:, 0], axis.panels[:, 1]
-    if float(np.max(low)) <= float(first.min()) and float(np.min(high)) >= float(last.max()):
-        return first[None, None, :], (last - first)[None, None, :]
-    start = np.clip(first, low[..., None], high[..., None])
-    return start, np.clip(last, low[..., None], high[..., None]) - start
 
 
 def _spread(mode: Array, size: Array, reach: Array, order: int) -> tuple[Array, Array]:

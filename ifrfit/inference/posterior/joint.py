@@ -18,7 +18,6 @@ from ifrfit.inference.posterior.unknown import Unknown
 Array = NDArray[np.float64]
 
 _COARSE = 4  # order of the first look
-_NOTHING = 1e-16
 _FINEST = 128  # order along the closure constant
 
 
@@ -77,7 +76,7 @@ class Joint:
             log_z = np.log(z) + shift
         return Grid(self, at, tensors, density / z[:, None], share, log_z)
 
-    def scout(self) -> None:
+    def scout(self, nothing: float) -> None:
         """Drop the panels in which a coarse look finds next to nothing."""
         axes = [one.axis for one in self.shared]
         axes += [axis for s in self.series for axis in (s.e_axis, s.x_axis) if axis is not None]
@@ -87,13 +86,14 @@ class Joint:
         for series in self.series:
             series.c_order = 2 * _COARSE
         grid = self.evaluate()
-        for number, one in enumerate(self.shared):
-            one.axis.drop(grid.outer_errors(number)[0], _NOTHING)
+        masses = [(one.axis, grid.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
         for series, tensor in zip(self.series, grid.tensors, strict=True):
-            for name, (mass, _) in tensor.panel_errors(grid.share[0]).items():
-                axis = {"x": series.x_axis, "e_n": series.e_axis}.get(name)
-                if axis is not None:
-                    axis.drop(mass, _NOTHING)
+            errors = tensor.panel_errors(grid.share[0])
+            for name, axis_ in (("x", series.x_axis), ("e_n", series.e_axis)):
+                if axis_ is not None and name in errors:
+                    masses.append((axis_, errors[name][0]))
+        for axis, mass in masses:
+            axis.drop(mass, nothing)
         for axis, order in zip(axes, orders[0], strict=True):
             axis.order = order
         for series, order in zip(self.series, orders[1], strict=True):
@@ -102,20 +102,17 @@ class Joint:
     def refine(self, grid: Grid, allowed: float) -> bool:
         """Halve panels whose error is above its part of what is allowed; whether anything changed."""
         changed = False
-        for number, one in enumerate(self.shared):
-            mass, error = grid.outer_errors(number)
+        outer = [grid.outer_errors(number) for number in range(len(self.shared))]
+        for one, (mass, error) in zip(self.shared, outer, strict=True):
             changed |= one.axis.refine(mass, error, allowed)
         for series, tensor in zip(self.series, grid.tensors, strict=True):
-            errors = tensor.panel_errors(grid.share[0])
-            for name, (mass, error) in errors.items():
-                if name == "c":
-                    if error[0] > allowed and series.c_order < _FINEST:
-                        series.c_order *= 2
-                        changed = True
-                else:
-                    axis = series.x_axis if name == "x" else series.e_axis
-                    assert axis is not None
+            for name, (mass, error) in tensor.panel_errors(grid.share[0]).items():
+                axis = {"x": series.x_axis, "e_n": series.e_axis, "c": None}[name]
+                if axis is not None:
                     changed |= axis.refine(mass, error, allowed)
+                elif error[0] > allowed and series.c_order < _FINEST:
+                    series.c_order *= 2
+                    changed = True
         return changed
 
 
@@ -167,14 +164,10 @@ class Grid:
         """Mass and error of the panels of a shared unknown."""
         axis = self.joint.shared[number].axis
         shape = self.shape()
-        w = axis.weights()
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(w[0] > 0.0, w[1] / w[0], 0.0)
-        share = np.moveaxis(self.share[0].reshape(shape), number, -1)
-        fine = share.reshape(-1, axis.panels.shape[0], axis.order + 1)
-        coarse = (share * ratio).reshape(fine.shape)
-        difference = (fine - coarse).sum(axis=-1)
-        return fine.sum(axis=(0, 2)), np.abs(difference).sum(axis=0)
+        share = np.moveaxis(self.share[0].reshape(shape), number, -1).reshape(-1, *axis.shape)
+        w = axis.weights()[0].reshape(axis.shape)
+        density = np.divide(share, w, out=np.zeros_like(share), where=w > 0.0)
+        return share.sum(axis=(0, 2)), axis.errors(density)
 
     def evidence_error(self) -> float:
         """Change of the log evidence between the rules."""

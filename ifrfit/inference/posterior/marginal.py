@@ -67,21 +67,12 @@ class Panels:
         return np.asarray(self.cumulative[row, at] + partial(self.coefficients[row, at], v))
 
 
-@dataclass(frozen=True)
-class Quantiles:
-    """Where a distribution function takes some values, and its density there."""
-
-    values: Array
-    density: Array
-
-
 def quantiles(
     cdf: Callable[[Array], Array], p: Array, low: float, high: float, mean: float, sd: float, accuracy: float
-) -> Quantiles:
+) -> Array:
     """Invert a distribution function.
 
-    A table is interpolated inversely; what is then left is divided by the density. Values that are still
-    off after a few such steps are searched for inside their brackets.
+    A table brackets the values; the secant inside the brackets does the rest, all values at once.
 
     Parameters
     ----------
@@ -97,51 +88,21 @@ def quantiles(
 
     Returns
     -------
-    Quantiles
+    ndarray
     """
-    from scipy.interpolate import PchipInterpolator
-
-    if sd == 0.0:
-        return Quantiles(np.full(p.shape, mean), np.full(p.shape, np.inf))
+    if not sd > 0.0:
+        return np.full(p.shape, mean)
     grid = np.unique(np.concatenate(([low], np.clip(mean + sd * _REACH, low, high), [high])))
     table = np.maximum.accumulate(cdf(grid))
     right = np.clip(np.searchsorted(table, p), 1, grid.size - 1)
-    forward = PchipInterpolator(grid, table)
-    x = _inside(forward, p, grid[right - 1], grid[right])
-    density = np.maximum(forward(x, 1), 1e-12 / sd)
-    for _ in range(3):
-        w = cdf(x) - p
-        if float(np.abs(w).max()) <= accuracy:
-            return Quantiles(x, density)
-        x = np.clip(x - w / density, grid[right - 1], grid[right])
-    x = _searched(cdf, p, x, grid[right - 1], grid[right], table[right - 1], table[right], accuracy, sd)
-    return Quantiles(x, density)
-
-
-def _inside(forward: Callable[[Array], Array], p: Array, a: Array, b: Array) -> Array:
-    """Where a cheap rising function takes the values p, by halving."""
-    for _ in range(30):
-        x = 0.5 * (a + b)
-        above = forward(x) > p
-        a, b = np.where(above, a, x), np.where(above, x, b)
-    return np.asarray(0.5 * (a + b))
-
-
-def _searched(
-    cdf: Callable[[Array], Array],
-    p: Array,
-    x: Array,
-    a: Array,
-    b: Array,
-    fa: Array,
-    fb: Array,
-    accuracy: float,
-    sd: float,
-) -> Array:
-    """Regula falsi (Illinois) inside the brackets, all values at once."""
-    wa, wb = fa - p, fb - p
+    a, b = grid[right - 1], grid[right]
+    wa, wb = table[right - 1] - p, table[right] - p
     kept = np.zeros(p.shape, dtype=int)
-    for _ in range(_STEPS):
+    x = b
+    for _ in range(_STEPS):  # regula falsi, where an end that stays twice counts half (Illinois)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = np.where(wb > wa, b - wb * (b - a) / (wb - wa), 0.5 * (a + b))
+        x = np.clip(x, a, b)
         w = cdf(x) - p
         if float(np.abs(w).max()) <= accuracy or float((b - a).max()) <= 1e-13 * sd:
             break
@@ -152,7 +113,4 @@ def _searched(
         )
         a, b = np.where(above, a, x), np.where(above, x, b)
         kept = np.where(above, -1, 1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x = np.where(wb > wa, b - wb * (b - a) / (wb - wa), 0.5 * (a + b))
-        x = np.clip(x, a, b)
-    return x
+    return np.asarray(x)

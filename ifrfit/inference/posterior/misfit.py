@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.problem import Index, RowModel
 from ifrfit.physics.closures import Closure
-from ifrfit.physics.observables import OBSERVABLES, get_observable
-from ifrfit.physics.rebound import rebound_with
+from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 
 _MOST_MINIMA = 8
-_AT_ONCE = 2_000_000  # values of curved rows computed at once
+_AT_ONCE = 40_000  # values of curved rows computed at once: their arrays stay in the cache
 
 
 @dataclass(frozen=True)
@@ -261,14 +260,17 @@ class Misfit:
         out = np.empty(factor.shape)
         for name in part.names:
             at = part.rows_of(name)
-            if not at.size:
-                continue
-            i = part.take(at).incidence
-            here = factor[..., at]
-            state = rebound_with(
-                i, here, np.zeros(here.shape, dtype=bool), e_n[..., None], self.inertia_factor
-            )
-            out[..., at] = get_observable(name).value(state, mu[..., None])
+            by_impulse = OBSERVABLES[name].by_impulse
+            if at.size and by_impulse is not None:
+                whole = at.size == part.tau.size
+                i = part.incidence if whole else part.take(at).incidence
+                value = by_impulse(
+                    i, factor if whole else factor[..., at], e_n[..., None], self.inertia_factor
+                )
+                if whole:
+                    out = value
+                else:
+                    out[..., at] = value
         return np.asarray((part.value - out) * self.weight[rows])
 
     def _curved_group(self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array) -> Array:

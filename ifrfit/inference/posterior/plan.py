@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.least_squares import LeastSquares
+from ifrfit.inference.linear import LOWEST
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.inner import Series
 from ifrfit.inference.posterior.joint import Joint, Shared
@@ -69,16 +71,35 @@ class Setting:
     start: LeastSquares
     tolerance: float
 
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the local picture; loose directions as wide as the prior."""
+        return self.start.local.covariance(capped=True)
+
+    @cached_property
+    def bounds(self) -> Mapping[str, tuple[float, float]]:
+        """Of the noises' priors."""
+        return noise_bounds(self.problem)
+
     @property
     def order(self) -> int:
         """Order of the rules on panels."""
-        return 8 if self.tolerance >= 1e-3 else 16 if self.tolerance >= 1e-6 else 32
+        return next(
+            (order for order, least in ((8, 1e-2), (12, 1e-3), (16, 1e-6)) if self.tolerance >= least), 32
+        )
 
     @property
     def c_order(self) -> int:
         """Order along the closure constant, either side of its mode."""
         return next(
             (order for order, least in ((16, 1e-2), (24, 1e-3), (32, 1e-5)) if self.tolerance >= least), 64
+        )
+
+    @property
+    def crowded(self) -> float:
+        """Distance, in sd, below which two kinks go into one panel; refinement sees to what that leaves."""
+        return next(
+            (d for d, least in ((0.6, 1e-2), (0.4, 1e-3), (0.2, 1e-5)) if self.tolerance >= least), 0.02
         )
 
     @property
@@ -116,8 +137,7 @@ class Setting:
                 return 0.0, 0.0
             functional, value = to_theta[at], float(theta[at])
             prior_sd = self.constant(kind).prior_sd
-        covariance = local.covariance(capped=True)
-        sd = math.sqrt(max(float(functional @ covariance @ functional), 0.0))
+        sd = math.sqrt(max(float(functional @ self.covariance @ functional), 0.0))
         return value, min(max(sd, 1e-9 * max(abs(value), 1.0)), prior_sd)
 
 
@@ -149,11 +169,18 @@ def make_plan(problem: Problem, start: LeastSquares, tolerance: float, *, apart:
             else:
                 at = setting.place(kind, block)
                 assert at is not None
-                unknowns[kind, block] = Unknown.of(problem.names[at], constant)
+                unknowns[kind, block] = Unknown.of(problem.names[at], _serious(constant, problem))
         if has_separate and constant.fixed is None and not constant.separate:
             shared_kinds.append(kind)
     _refuse_negative_bound(setting)
     return _assemble(setting, blocks, unknowns, shared_kinds, apart)
+
+
+def _serious(constant: Constant, problem: Problem) -> Constant:
+    """The constant; e_n where values are over the outgoing normal velocity not below what is meant seriously."""
+    if constant.name == "e_n" and any(OBSERVABLES[name].scale == "rebound" for name in problem.rows.names):
+        return replace(constant, lower=max(constant.lower, LOWEST))
+    return constant
 
 
 def _refuse_negative_bound(setting: Setting) -> None:
@@ -246,7 +273,7 @@ def _part(
     names: tuple[str, ...] = ()
     noise: tuple[UnknownNoise, ...] | None = None
     if problem.noise == "unknown":
-        bounds = noise_bounds(problem)
+        bounds = setting.bounds
         found = [(name, np.flatnonzero(np.isin(at, group))) for name, group in problem.groups().items()]
         found = [(name, group) for name, group in found if group.size]
         names = tuple(name for name, _ in found)
@@ -271,7 +298,7 @@ def _part(
         b = max(float(misfit.b(optimum["c"][0])), 1e-6)
         center, sd = optimum["kappa"][0] / b, max(optimum["kappa"][1] / b, 1e-12)
         series.unit = max(center, 1e-3)
-        series.x_axis = Axis.of(_x_edges(series, center, sd, known), setting.order)
+        series.x_axis = Axis.of(_x_edges(series, center, sd, known, setting.crowded), setting.order)
     return series, names
 
 
@@ -288,15 +315,27 @@ def ladder(center: float, sd: float, lower: float, upper: float) -> Array:
     return np.concatenate(([lower], edges, [upper]))
 
 
-def _x_edges(series: Series, center: float, sd: float, known: Mapping[str, Unknown | float | None]) -> Array:
+def _x_edges(
+    series: Series, center: float, sd: float, known: Mapping[str, Unknown | float | None], crowded: float
+) -> Array:
     """First edges of the transition: a ladder about the optimum, and the kinks of the data."""
     ends = []
     for end in ("lower", "upper"):
         e, c, mu = (
             getattr(u, end) if isinstance(u, Unknown) else u for u in (known["e_n"], known["c"], known["mu"])
         )
-        ends.append((1.0 if e is None else e, c, 2.0 if mu is None else mu))
-    if series.stretched:
+        ends.append(
+            (float(end == "upper") if e is None else e, c, 2.0 * (end == "upper") if mu is None else mu)
+        )
+    if series.role == "c":  # x = mu (1 + e_n)/b(c)
+        (e_low, c_low, mu_low), (e_high, c_high, mu_high) = ends
+        with np.errstate(divide="ignore"):
+            span = [
+                np.divide(mu * (1.0 + e), series.misfit.b(c))
+                for e, c, mu in ((e_low, c_high, mu_low), (e_high, c_low, mu_high))
+            ]
+        low, high = (float(series.to_t(np.asarray(end))) for end in span)
+    elif series.stretched:
         low, high = 0.0, 1.0 - 1e-12
     else:
         b = float(series.misfit.b(0.0))
@@ -318,7 +357,7 @@ def _x_edges(series: Series, center: float, sd: float, known: Mapping[str, Unkno
     edges = series.to_t(np.concatenate((kept, reach[reach > 0.0])))
     edges = np.unique(edges[(edges > low) & (edges < high)])
     # panels much narrower than the spread are no use, and the first and last kink are where regimes end
-    width = 0.05 * min(s for _, s in places)
+    width = crowded * min(s for _, s in places)
     scale = float(np.diff(series.to_t(np.array([max(center - 0.5 * width, 0.0), center + 0.5 * width])))[0])
     if edges.size:
         close = np.concatenate(([False], np.diff(edges) < scale))
@@ -348,7 +387,7 @@ def _shared(
     found = []
     problem = setting.problem
     if problem.noise == "scaled":
-        low, high = noise_bounds(problem)[""]
+        low, high = setting.bounds[""]
         factor = float(np.median(setting.start.sigma / problem.sigma))
         relative = 1.0 / math.sqrt(2.0 * max(problem.rows.value.size - 3, 1))
         unknown = Unknown("noise", low, high, None, -math.log(math.log(high / low)))

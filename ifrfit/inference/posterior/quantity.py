@@ -37,7 +37,7 @@ class Quantity:
         From the level (0 for the rules, 1 for the coarse ones inside them) to mean and standard deviation.
     cdf : callable
         From thresholds (n,) and the level to probabilities.
-    split : callable
+    split : callable or None
         Splits panels where these quantiles put a kink into the integrand; whether it split any.
     factors : tuple of (int, ndarray)
         The quantity as a product over independent parts of the integral: part and values at its nodes; -1 for
@@ -49,7 +49,7 @@ class Quantity:
     high: float
     moments: Moments
     cdf: Cdf
-    split: Callable[[Array], bool] = lambda at: False
+    split: Callable[[Array], bool] | None = None
     factors: tuple[tuple[int, Array], ...] = ()
 
 
@@ -61,7 +61,7 @@ def _moments(expect: Callable[[Callable[[Array], Array], int], float]) -> Moment
         variance = expect(lambda v: (v - mean) ** 2, level)
         return mean, math.sqrt(max(variance, 0.0))
 
-    return moments
+    return cache(moments)
 
 
 def shared(grid: Grid, number: int, name: str) -> Quantity:
@@ -248,20 +248,25 @@ def _kappa(grid: Grid, tensor: Tensor, name: str) -> Quantity:
         e_n = _e_n(grid, tensor, name)
         return Quantity(name, *ends, moments, lambda t, level: e_n.cdf(t / mu_value - 1.0, level))
 
+    axes = {one.kind: one.axis for one in grid.joint.shared if not one.log}
+    cuts = [
+        (series.e_axis if series.has_e_axis else axes.get("e_n"), series.mu, lambda t, end: t / end - 1.0)
+    ]
+    if series.role == "e_n":
+        cuts = [(axes.get("mu"), series.e_n, lambda t, end: t / (1.0 + end))]
+
     def split(at: Array) -> bool:
         """The bounds of mu (of e_n) cut kappa off at another place for each e_n (mu)."""
-        axes = {one.kind: one.axis for one in grid.joint.shared if not one.log}
-        if series.role == "mu" and isinstance(series.mu, Unknown):
-            axis = series.e_axis if series.has_e_axis else axes.get("e_n")
-            points = [at / end - 1.0 for end in (series.mu.lower, series.mu.upper) if end > 0.0]
-        elif series.role == "e_n" and isinstance(series.e_n, Unknown):
-            axis = axes.get("mu")
-            points = [at / (1.0 + end) for end in (series.e_n.lower, series.e_n.upper)]
-        else:
-            return False
-        return axis is not None and bool(points) and axis.split(np.concatenate(points))
+        axis, unknown, place = cuts[0]
+        assert axis is not None
+        assert isinstance(unknown, Unknown)
+        ends = [end for end in (unknown.lower, unknown.upper) if series.role == "e_n" or end > 0.0]
+        return bool(axis.split(np.concatenate([place(at, end) for end in ends])))
 
-    return Quantity(name, *ends, moments, _friction_cdf(grid, tensor, np.ones((1, 1, 1))), split)
+    kinked = tensor.limits is not None and cuts[0][0] is not None and isinstance(cuts[0][1], Unknown)
+    return Quantity(
+        name, *ends, moments, _friction_cdf(grid, tensor, np.ones((1, 1, 1))), split if kinked else None
+    )
 
 
 def _tau(grid: Grid, tensor: Tensor, name: str) -> Quantity:
@@ -304,7 +309,7 @@ def friction_apart(
         return np.asarray(sum(parts))
 
     factors = ((kappa, friction.mu), (e_n, 1.0 / (1.0 + at)))
-    return Quantity(name, unknown.lower, unknown.upper, moments, cdf, factors=factors)
+    return Quantity(name, unknown.lower, unknown.upper, cache(moments), cdf, factors=factors)
 
 
 def scaled(of: Quantity, factor: float, offset: float, name: str) -> Quantity:

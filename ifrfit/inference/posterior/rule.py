@@ -29,11 +29,14 @@ class Rule:
         Of the rule, and of the coarse one (zero at odd nodes).
     antiderivative : ndarray, (2, n + 2, n + 1)
         From values at the nodes to Chebyshev coefficients of the integral from 0; fine and coarse.
+    differences : ndarray, (4, n + 1)
+        Fine less coarse integral, from 0 to a quarter, a half, three quarters and the whole.
     """
 
     nodes: Array
     weights: Array
     antiderivative: Array
+    differences: Array
 
 
 @cache
@@ -44,7 +47,8 @@ def rule(order: int) -> Rule:
     padded[: coarse.shape[0], ::2] = coarse
     both = np.stack((fine, padded))
     nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(order + 1) / order)
-    return Rule(nodes, both.sum(axis=1), both)
+    quarters = chebyshev.chebvander(np.array([-0.5, 0.0, 0.5, 1.0]), order + 1)
+    return Rule(nodes, both.sum(axis=1), both, quarters @ (both[0] - both[1]))
 
 
 def _antiderivative(order: int) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,8 +42,8 @@ class Tensor:
     c_weight : ndarray, (2, n_c)
     mass : ndarray, (2, m)
         Integral at each outer node, relative to exp(shift).
-    low, width : ndarray or None, (m, n_e, panels)
-        Panels of the transition's coordinate.
+    limits : (ndarray, ndarray) or None
+        Ends of the transition's coordinate where they cut panels, (m, n_e).
     mode, size, reach : ndarray or None
         Coordinate of the closure constant.
     """
@@ -60,8 +61,7 @@ class Tensor:
     x_weight: Array
     c_weight: Array
     mass: Array
-    low: Array | None
-    width: Array | None
+    limits: tuple[Array, Array] | None
     mode: Array | None
     size: Array | None
     reach: Array | None
@@ -77,7 +77,7 @@ class Tensor:
         mu: Array,
         logs: tuple[Array, Array],
         e_weight: Array,
-        panels: tuple[Array | None, Array | None],
+        limits: tuple[Array, Array] | None,
         spread: tuple[Array | None, Array | None, Array | None],
     ) -> Tensor:
         """Integrate the log densities (with the closure constant, apart from it) found at the nodes."""
@@ -90,19 +90,16 @@ class Tensor:
         apart = np.exp(whole - shift[:, None, None])
         nodes = (1, *np.broadcast_shapes(e_n.shape, x.shape)[1:])
         apart = np.broadcast_to(apart, np.broadcast_shapes(apart.shape, nodes, f.shape[:-1]))
-        low, width = panels
         c_weight = np.ones((2, 1)) if spread[0] is None else np.tile(rule(series.c_order).weights, 2)
         g = np.stack([apart * (f @ c_weight[level]) for level in (0, 1)])
-        if width is None or series.x_axis is None:
+        if not series.has_x_axis or series.x_axis is None:
             x_weight = np.ones((2, 1, 1, 1))
         else:
-            w = rule(series.x_axis.order).weights
-            x_weight = width[None, ..., None] * w[:, None, None, None, :]
-            x_weight = x_weight.reshape(2, *width.shape[:2], -1)
+            x_weight = series.x_axis.weights_between(limits)
         h = (g * x_weight).sum(axis=-1)
         mass = (h * e_weight[:, None, :]).sum(axis=-1)
         return cls(
-            series, e_n, x, c, mu, f, apart, shift, g, e_weight, x_weight, c_weight, mass, low, width, *spread
+            series, e_n, x, c, mu, f, apart, shift, g, e_weight, x_weight, c_weight, mass, limits, *spread
         )
 
     @property
@@ -132,40 +129,30 @@ class Tensor:
 
     def along_x(self, share: Array, level: int) -> Callable[[Array], Array]:
         """Posterior probability of a transition below x, as a function of x, (..., m, n_e) -> (...)."""
-        assert self.series.x_axis is not None
-        assert self.low is not None
-        assert self.width is not None
+        axis = self.series.x_axis
+        assert axis is not None
         to_t = self.series.to_t
+        low, width = axis.low[None], axis.width[None]
         m, n_e, _ = self.g.shape[1:]
-        values = self.g[level].reshape(m, n_e, -1, self.series.x_axis.order + 1)
+        values = self.g[level].reshape(m, n_e, -1, axis.order + 1)
         weight = (self.outer(share, level) * self.e_weight[level][:, None])[..., 0]
-        fixed = self.low.shape[:2] == (1, 1)
-        summed: Panels | None = None
-        if fixed:
-            at_once = np.tensordot(weight, values, axes=([0, 1], [0, 1]))[None]
-            summed = Panels.of(self.low[0], self.width[0], at_once, level)
-        rows: list[Panels] = []
-
-        def each() -> Panels:
-            if not rows:
-                low, width = self.low, self.width
-                assert low is not None
-                assert width is not None
-                if fixed:
-                    low, width = low[0], width[0]
-                else:
-                    shape = (m, n_e, low.shape[-1])
-                    low = np.broadcast_to(low, shape).reshape(m * n_e, -1)
-                    width = np.broadcast_to(width, shape).reshape(m * n_e, -1)
-                rows.append(Panels.of(low, width, values.reshape(m * n_e, *values.shape[2:]), level))
-            return rows[0]
+        if self.limits is None:
+            summed = Panels.of(low, width, np.tensordot(weight, values, axes=([0, 1], [0, 1]))[None], level)
+        rows = cache(lambda: Panels.of(low, width, values.reshape(m * n_e, *values.shape[2:]), level))
 
         def below(x: Array) -> Array:
             t = to_t(x)
-            if summed is not None and t.shape[-2:] == (1, 1):
-                return np.asarray(summed.below(t[..., 0, :])[..., 0])
+            if self.limits is None:
+                if t.shape[-2:] == (1, 1):
+                    return np.asarray(summed.below(t[..., 0, :])[..., 0])
+                start: Array | float = 0.0
+            else:
+                least, most = self.limits
+                t = np.clip(t, least, most)
+                least = np.broadcast_to(least, (m, n_e)).reshape(m * n_e)
+                start = rows().below(least)
             t = np.broadcast_to(t, (*t.shape[:-2], m, n_e)).reshape(*t.shape[:-2], m * n_e)
-            return np.asarray(each().below(t) @ weight.reshape(-1))
+            return np.asarray((rows().below(t) - start) @ weight.reshape(-1))
 
         return below
 
@@ -224,27 +211,17 @@ class Tensor:
         found: dict[str, tuple[Array, Array]] = {}
         outer = self.outer(share, 0)
         g, weight = self.g[0], self.x_weight
-        if self.series.x_axis is not None and self.width is not None:
-            order = self.series.x_axis.order
-            shape = (*np.broadcast_shapes(g.shape, weight.shape[1:])[:-1], -1, order + 1)
-            fine, coarse = (((g * weight[level]).reshape(shape)).sum(axis=-1) for level in (0, 1))
-            across = outer * self.e_weight[0][:, None]
-            found["x"] = (
-                (fine * across).sum(axis=(0, 1)),
-                (np.abs(fine - coarse) * across).sum(axis=(0, 1)),
-            )
+        across = outer * self.e_weight[0][:, None]
+        if self.series.x_axis is not None and self.series.has_x_axis:
+            axis = self.series.x_axis
+            mass = (g * weight[0] * across).sum(axis=(0, 1)).reshape(-1, axis.order + 1).sum(axis=-1)
+            found["x"] = mass, axis.errors((g * across).reshape(-1, *axis.shape))
         if self.series.e_axis is not None and self.series.has_e_axis:
-            h = (g * weight[0]).sum(axis=-1)
-            order = self.series.e_axis.order
-            fine, coarse = (
-                (h * self.e_weight[level]).reshape(h.shape[0], -1, order + 1).sum(axis=-1) for level in (0, 1)
-            )
-            found["e_n"] = (
-                (fine * outer[..., 0]).sum(axis=0),
-                (np.abs(fine - coarse) * outer[..., 0]).sum(axis=0),
-            )
+            axis = self.series.e_axis
+            h = (g * weight[0]).sum(axis=-1) * outer[..., 0]
+            mass = (h * self.e_weight[0]).sum(axis=0).reshape(axis.shape).sum(axis=-1)
+            found["e_n"] = mass, axis.errors(h.reshape(-1, *axis.shape))
         if self.mode is not None:
-            across = outer * self.e_weight[0][:, None] * weight[0]
-            error = float((np.abs(self.g[0] - self.g[1]) * across).sum())
+            error = float((np.abs(self.g[0] - self.g[1]) * across * weight[0]).sum())
             found["c"] = (np.ones(1), np.array([error]))
         return found

@@ -123,7 +123,8 @@ def best_over_e_n(
         return None
     e_n = problem.constants[0]
     i_e, i_mu = 0, len(problem.names) - 1
-    low, high = max(e_n.lower, range_of_e_n[0], lowest_e_n(problem)), min(e_n.upper, range_of_e_n[1])
+    low = min(max(e_n.lower, range_of_e_n[0], lowest_e_n(problem)), e_n.upper)
+    high = max(low, min(e_n.upper, range_of_e_n[1]))
     seen: dict[float, tuple[float, Array]] = {}
 
     def total(e: float) -> float:

@@ -102,6 +102,7 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
         )
 
     low_e, high_e = (e_n.fixed, e_n.fixed) if e_n.fixed is not None else (e_n.lower, e_n.upper)
+    low_e = max(low_e, min(lowest_e_n(problem), high_e))
     low_mu, high_mu = (mu.fixed, mu.fixed) if mu.fixed is not None else (mu.lower, mu.upper)
     theta = fit.optimum.theta
     functional = (1.0 + theta[i_e]) * fit.local.to_theta[i_mu] + theta[i_mu] * fit.local.to_theta[i_e]
