@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.posterior import quantity as of
+from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.marginal import quantiles
 from ifrfit.inference.posterior.plan import Plan, make_plan
@@ -27,7 +28,8 @@ LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 _NORMAL = np.array([-1.959964, -0.994458, 0.0, 0.994458, 1.959964])  # quantiles of the normal law, at LEVELS
 _DENSITY = np.exp(-0.5 * _NORMAL**2) / math.sqrt(2.0 * math.pi)
 _ROUNDS = 30
-_PATIENCE = 2  # rounds in which the error must halve
+_DEAR = 400_000  # values of the density beyond which a round is dear
+_PATIENCE, _PATIENT = 2, 8  # rounds in which the error must halve, dear ones and others
 _NOTHING = 1e-5  # share of the mass, times the tolerance, that a first look may leave out
 _LARGEST = 3_000_000  # values of the density held at once
 _THRESHOLDS = 256  # of a distribution function, taken at once
@@ -199,17 +201,19 @@ def _refined(plan: Plan, problem: Problem, tolerance: float) -> Posterior:
             quantities = quantities_of(plan, grid)
             error = _change(quantities, tolerance)
             errors.append(error)
-            stuck = len(errors) > _PATIENCE and error > 0.5 * errors[-1 - _PATIENCE]
+            patience = _PATIENCE if _size(grid) > _DEAR else _PATIENT
+            stuck = len(errors) > patience and error > 0.5 * errors[-1 - patience]
             if last or stuck or error <= tolerance:
                 break
-        changed = plan.joint.refine(grid, allowed)
+        more = _steps(quantities, tolerance) if error_evidence <= tolerance else []
+        changed = plan.joint.refine(grid, allowed, more)
         if error_evidence <= tolerance:
             for own in quantities.values():
                 if own.split is not None:
                     changed |= own.split(_quantiles(own, np.array(LEVELS), own.moments(0), tolerance))
         while not changed and allowed > 1e-15:
             allowed *= 0.1
-            changed = plan.joint.refine(grid, allowed)
+            changed = plan.joint.refine(grid, allowed, more)
     log_evidence = float(grid.log_z[0])
     return Posterior(problem, log_evidence, error, error_evidence, tolerance, plan, grid, quantities)
 
@@ -238,14 +242,28 @@ def _change(quantities: Mapping[str, Quantity], tolerance: float) -> float:
         mean, sd = own.moments(0)
         if sd == 0.0:
             continue
+        change = math.inf
         if own.split is None:
-            at = np.clip(mean + sd * _NORMAL, own.low, own.high)
-        else:  # where the integrand has kinks that lie at the quantiles themselves
-            at = _quantiles(own, np.array(LEVELS), (mean, sd), tolerance)
-        moved = np.abs(own.cdf(at, 1) - own.cdf(at, 0)) / (0.5 * _DENSITY)
-        change = float(moved.max())
-        worst = max(worst, change if math.isfinite(change) else math.inf)
+            change = _moved(own, np.clip(mean + sd * _NORMAL, own.low, own.high))
+        if change > tolerance:  # the integrand may have kinks or steps at the quantiles themselves
+            change = _moved(own, _quantiles(own, np.array(LEVELS), (mean, sd), tolerance))
+        worst = max(worst, change)
     return worst
+
+
+def _moved(own: Quantity, at: Array) -> float:
+    """Largest change of quantiles near some places, in sd."""
+    change = float((np.abs(own.cdf(at, 1) - own.cdf(at, 0)) / (0.5 * _DENSITY)).max())
+    return change if math.isfinite(change) else math.inf
+
+
+def _steps(quantities: Mapping[str, Quantity], tolerance: float) -> list[tuple[Axis, Array]]:
+    """Errors of panels that only distribution functions show, at the quantiles that people will ask for."""
+    found = []
+    for own in quantities.values():
+        if own.errors is not None:
+            found += own.errors(_quantiles(own, np.array(LEVELS), own.moments(0), tolerance))
+    return found
 
 
 def _quantiles(own: Quantity, p: Array, moments: tuple[float, float], tolerance: float) -> Array:

@@ -343,7 +343,7 @@ class Series:
             total = total + self.c.log_prior(c)
         if isinstance(self.mu, Unknown):
             with np.errstate(divide="ignore"):
-                total = total + np.log(self.misfit.b(c))
+                total = total + np.log(np.maximum(self.misfit.b(c), 0.0))
             apart = apart - np.log1p(e)
             if self.misfit.coefficients.b1 and self.mu.prior is not None:
                 total = total + self.mu.log_prior(mu)

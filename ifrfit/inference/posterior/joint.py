@@ -99,17 +99,24 @@ class Joint:
         for series, order in zip(self.series, orders[1], strict=True):
             series.c_order = order
 
-    def refine(self, grid: Grid, allowed: float) -> bool:
-        """Halve panels whose error is above its part of what is allowed; whether anything changed."""
+    def refine(self, grid: Grid, allowed: float, more: Sequence[tuple[Axis, Array]] = ()) -> bool:
+        """Halve panels whose error is above its part of what is allowed; whether anything changed.
+
+        `more` are errors of panels found otherwise.
+        """
         changed = False
+
+        def worst(axis: Axis, error: Array) -> Array:
+            return np.max([error, *(found for own, found in more if own is axis)], axis=0)
+
         outer = [grid.outer_errors(number) for number in range(len(self.shared))]
         for one, (mass, error) in zip(self.shared, outer, strict=True):
-            changed |= one.axis.refine(mass, error, allowed)
+            changed |= one.axis.refine(mass, worst(one.axis, error), allowed)
         for series, tensor in zip(self.series, grid.tensors, strict=True):
             for name, (mass, error) in tensor.panel_errors(grid.share[0]).items():
                 axis = {"x": series.x_axis, "e_n": series.e_axis, "c": None}[name]
                 if axis is not None:
-                    changed |= axis.refine(mass, error, allowed)
+                    changed |= axis.refine(mass, worst(axis, error), allowed)
                 elif error[0] > allowed and series.c_order < _FINEST:
                     series.c_order *= 2
                     changed = True

@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.marginal import Panels
 from ifrfit.inference.posterior.tensor import Tensor
@@ -39,6 +40,9 @@ class Quantity:
         From thresholds (n,) and the level to probabilities.
     split : callable or None
         Splits panels where these quantiles put a kink into the integrand; whether it split any.
+    errors : callable or None
+        From thresholds to the error in each panel of an axis over which conditional distribution functions are
+        averaged: these can be steps where the densities themselves are smooth.
     factors : tuple of (int, ndarray)
         The quantity as a product over independent parts of the integral: part and values at its nodes; -1 for
         values at the outer nodes.
@@ -51,6 +55,7 @@ class Quantity:
     cdf: Cdf
     split: Callable[[Array], bool] | None = None
     factors: tuple[tuple[int, Array], ...] = ()
+    errors: Callable[[Array], list[tuple[Axis, Array]]] | None = None
 
 
 def _moments(expect: Callable[[Callable[[Array], Array], int], float]) -> Moments:
@@ -175,12 +180,21 @@ def _c(grid: Grid, tensor: Tensor, name: str) -> Quantity:
 
         return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
     below = _by_c(tensor, lambda t: t)
+
+    def errors(at: Array) -> list[tuple[Axis, Array]]:
+        axis = tensor.series.x_axis
+        if axis is None or not tensor.series.has_x_axis:
+            return []
+        each = [tensor.along_x_below_c(t[None, None, None], grid.share[0]) for t in at]
+        return [(axis, np.max([axis.errors(part) for part in each], axis=0))]
+
     return Quantity(
         name,
         unknown.lower,
         unknown.upper,
         moments,
         lambda t, level: below(t, grid.share[level], level),
+        errors=errors,
     )
 
 
@@ -204,7 +218,18 @@ def _mu(grid: Grid, tensor: Tensor, name: str) -> Quantity:
     assert isinstance(unknown, Unknown)
     moments = _of_values(grid, tensor, tensor.mu)
     cdf = _friction_cdf(grid, tensor, 1.0 + tensor.e_n)
-    return Quantity(name, unknown.lower, unknown.upper, moments, cdf)
+
+    def errors(at: Array) -> list[tuple[Axis, Array]]:
+        axis = tensor.series.e_axis
+        k = tensor.series.misfit.coefficients
+        if axis is None or not tensor.series.has_e_axis or (k.b1 and tensor.series.has_c):
+            return []
+        b = np.asarray(tensor.series.misfit.b(tensor.c[..., 0] if k.b1 else 0.0))
+        ratio = ((1.0 + tensor.e_n) / (b.reshape((1, 1, 1)) if b.ndim == 0 else b))[..., 0]
+        each = [tensor.along_e_below_x(t * ratio, grid.share[0]) for t in at]
+        return [(axis, np.max([axis.errors(part) for part in each], axis=0))]
+
+    return Quantity(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
 
 
 def _laws(grid: Grid, tensor: Tensor) -> Callable[[int], Callable[[Array], Array]]:
@@ -225,7 +250,7 @@ def _friction_below(tensor: Tensor, factor: Array, share: Array, level: int) -> 
         per_x = factor / np.maximum(tensor.x, 1e-300)
         by_c = _by_c(tensor, lambda t: (t * per_x - k.b0) / k.b1)
         return lambda t: by_c(t, share, level)
-    b = np.asarray(misfit.b(0.0 if tensor.series.has_c else tensor.c[..., 0]))
+    b = np.asarray(misfit.b(tensor.c[..., 0] if k.b1 else 0.0))
     ratio = (factor / (b.reshape((1, 1, 1)) if b.ndim == 0 else b))[..., 0]
     below = tensor.along_x(share, level)
     return lambda t: below(t[:, None, None] * ratio)
@@ -282,6 +307,14 @@ def friction_apart(
     friction, normal = grid.tensors[kappa], grid.tensors[e_n]
     at = normal.e_n[..., None]
     together = normal.mass.shape[1] == 1  # e_n has one law, whatever the shared unknowns
+    of_e = _e_n(grid, normal, "e_n")
+    kappa_mean, kappa_sd = of_kappa.moments(0)
+    e_mean, e_sd = of_e.moments(0)
+    e_is_wider = e_sd / (1.0 + e_mean) > kappa_sd / max(kappa_mean, 1e-300)
+
+    @cache
+    def values_of_kappa(level: int) -> tuple[Array, Array]:
+        return friction.values_of(friction.mu, grid.share[level], level)
 
     def moments(level: int) -> tuple[float, float]:
         share = grid.share[level]
@@ -298,6 +331,11 @@ def friction_apart(
         law = normal.e_law(level)  # (m or 1, n_e)
         kept = np.flatnonzero(law.max(axis=0) > 1e-13)
         points = 1.0 + at.reshape(-1)[kept]
+        if together and e_is_wider:  # average over kappa, which is the narrower one
+            value, probability = values_of_kappa(level)
+            at_e = value / np.maximum(t, 1e-300)[:, None] - 1.0
+            found = of_e.cdf(at_e.reshape(-1), level).reshape(t.size, -1)
+            return np.asarray((1.0 - found) @ probability)
         if together:
             found = of_kappa.cdf((t[:, None] * points).reshape(-1), level).reshape(t.size, -1)
             return np.asarray(found @ law[0, kept])

@@ -186,6 +186,44 @@ class Tensor:
         part = partial(chosen, v)
         return np.asarray(np.where(right, whole[..., 0] + part, whole[..., 0] - part))
 
+    def along_x_below_c(self, c: Array, share: Array) -> Array:
+        """Density along the transition of what lies below c, (rows, panels, nodes)."""
+        assert self.series.x_axis is not None
+        across = self.outer(share, 0) * self.e_weight[0][:, None]
+        return np.asarray(self._below_c(c, 0) * self.apart * across).reshape(-1, *self.series.x_axis.shape)
+
+    def along_e_below_x(self, x: Array, share: Array) -> Array:
+        """Density along e_n of what lies below a transition x, (m, n_e), as (rows, panels, nodes)."""
+        assert self.series.e_axis is not None
+        below = self.each_below(x) * self.outer(share, 0)[..., 0]
+        return np.asarray(below.reshape(-1, *self.series.e_axis.shape))
+
+    def each_below(self, x: Array) -> Array:
+        """Integral up to a transition x, (m, n_e), at each outer node and e_n."""
+        axis = self.series.x_axis
+        assert axis is not None
+        m, n_e, _ = self.g.shape[1:]
+        panels = Panels.of(axis.low[None], axis.width[None], self.g[0].reshape(m * n_e, *axis.shape))
+        t = np.broadcast_to(self.series.to_t(x), (m, n_e))
+        start: Array | float = 0.0
+        if self.limits is not None:
+            least, most = (np.broadcast_to(end, (m, n_e)) for end in self.limits)
+            t, start = np.clip(t, least, most), panels.below(least.reshape(-1))
+        return np.asarray((panels.below(t.reshape(-1)) - start).reshape(m, n_e))
+
+    def values_of(self, value: Array, share: Array, level: int) -> tuple[Array, Array]:
+        """A value at all nodes with its probabilities, flat; those without any left out."""
+        weight = self.apart * self.x_weight[level] * self.e_weight[level][:, None] * self.outer(share, level)
+        if value.shape[-1] == 1:
+            probability = (weight * (self.f @ self.c_weight[level]))[..., None]
+        else:
+            probability = self.f * weight[..., None] * self.c_weight[level]
+        value = np.broadcast_to(value, probability.shape)
+        if value.shape[0] > 1 and np.ptp(value, axis=0).max() == 0.0:  # the same at all outer nodes
+            value, probability = value[0], probability.sum(axis=0)
+        kept = np.abs(probability) > 1e-14
+        return value[kept], probability[kept]
+
     def squares(self, group: int, share: Array, level: int) -> tuple[Array, Array]:
         """Sum of squares of a noise group at all nodes, and the probability of each node, flat."""
         misfit = self.series.misfit
