@@ -37,7 +37,7 @@ def side_by_side(table: pd.DataFrame) -> str:
     widths = {method: max(len(method), *map(len, cells)) for method, cells in columns.items()}
     longest = max(map(len, names))
     lines = [
-        "  95 % intervals by three methods",
+        "  central 95 % intervals by three methods",
         "",
         "   ".join([f"  {'':<{longest}}", *(f"{m:<{widths[m]}}" for m in METHODS)]).rstrip(),
     ]

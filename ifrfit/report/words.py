@@ -147,7 +147,10 @@ def findings(result: FitResult) -> list[tuple[str, str]]:
     """Facts and warnings as (kind, sentence); kind is LOOK, ok or note, LOOK first."""
     partner = _told_with(result)
     facts = [
-        (name, replace(fact, says=fact.says + _also_predicted(result)) if name == partner else fact)
+        (
+            name,
+            replace(fact, says=fact.says.rstrip(".") + _also_predicted(result)) if name == partner else fact,
+        )
         for name, fact in result.facts.items()
         if not (partner and name == "predictive")
     ]

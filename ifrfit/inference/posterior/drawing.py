@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.marginal import Panels
+from ifrfit.inference.posterior.plan import noise_label
 from ifrfit.inference.posterior.rule import partial
 from ifrfit.inference.posterior.tensor import Tensor
 from ifrfit.inference.posterior.unknown import Unknown
@@ -46,7 +47,7 @@ def draw(posterior: Posterior, n: int, rng: np.random.Generator) -> dict[str, Ar
         found["noise"] = shared["noise"]
     for tensor, names_, own in zip(grid.tensors, plan.groups, parts, strict=True):
         for group, name in enumerate(names_):
-            found[f"noise[{name}]"] = _noise(tensor, group, own, rng)
+            found[noise_label(name)] = _noise(tensor, group, own, rng)
     return {name: found[name] for name in posterior.names}
 
 

@@ -15,7 +15,7 @@ from ifrfit.inference.posterior import quantity as of
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.marginal import quantiles
-from ifrfit.inference.posterior.plan import Plan, make_plan
+from ifrfit.inference.posterior.plan import Plan, make_plan, noise_label
 from ifrfit.inference.posterior.quantity import Quantity
 from ifrfit.inference.posterior.unknown import Unknown
 from ifrfit.inference.problem import Problem
@@ -299,7 +299,8 @@ def quantities_of(plan: Plan, grid: Grid) -> dict[str, Quantity]:
         found["noise"] = of.shared(grid, shared["noise"], "noise")
     for number, names in enumerate(plan.groups):
         for group, name in enumerate(names):
-            found[f"noise[{name}]"] = of.noise(grid, number, group, f"noise[{name}]")
+            label = noise_label(name)
+            found[label] = of.noise(grid, number, group, label)
     return found
 
 

@@ -24,6 +24,7 @@ from ifrfit.inference.posterior.unknown import Unknown
 Array = NDArray[np.float64]
 
 _STEPS = 4  # Gauss-Newton steps to the conditional mode of the closure constant, rows that are not linear
+_FRICTIONLESS = 1e-12  # mu below which e_n does not follow from the transition
 _HAIR = 1e-12  # of the largest transition: no more than rounding
 _FARTHEST = 1.0 - 1e-12  # end of the scale of an unbounded transition
 
@@ -77,7 +78,9 @@ class Series:
         else:
             self.role = "none"
         weight = self.misfit.weight
-        self.log_norm = float(np.log(weight).sum()) - 0.5 * weight.size * math.log(2.0 * math.pi)
+        self.log_norm = float(np.log(weight).sum())
+        if self.noise is None:
+            self.log_norm -= 0.5 * weight.size * math.log(2.0 * math.pi)
 
     @property
     def has_e_axis(self) -> bool:
@@ -180,9 +183,9 @@ class Series:
                 )
             if self.role == "e_n":
                 assert mu is not None
-                b = self.misfit.b(c if c is not None else 0.0)
-                e = x * b / mu - 1.0
-                log_measure = log_measure + np.log(b / mu + 0.0 * x)[..., None]
+                b = self.misfit.b(c if c is not None else 0.0) / np.maximum(mu, _FRICTIONLESS)
+                e = np.maximum(x * b, _FRICTIONLESS) - 1.0
+                log_measure = log_measure + np.log(b + 0.0 * x)[..., None]
         assert e is not None
         noise = at["noise"][:, None, None, None] if "noise" in at else None
         squares = self.misfit.quadratics(e, x)
@@ -333,8 +336,7 @@ class Series:
             else:
                 total = total - 0.5 * moving
                 apart = apart - 0.5 * q.square
-        if self.noise is None:
-            apart = apart + self.log_norm
+        apart = apart + self.log_norm
         if isinstance(self.e_n, Unknown):
             apart = apart + self.e_n.log_prior(e)
         if self.n_normal:
