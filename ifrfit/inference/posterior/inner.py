@@ -197,14 +197,18 @@ class Series:
         else:
             assert c is not None
             mode, size, reach, nodes = None, None, None, c[..., None]
-        mu_at = x[..., None] * self.misfit.b(nodes) / (1.0 + e[..., None]) if mu is None else mu[..., None]
+        if mu is not None:
+            mu_at = mu[..., None]
+        else:
+            of_c = nodes if self.misfit.coefficients.b1 else np.zeros((1, 1, 1, 1))
+            mu_at = np.asarray(x[..., None] * self.misfit.b(of_c) / (1.0 + e[..., None]))
         log_f, log_apart = self._log_density(squares, e, x, nodes, mu_at, noise)
         if log_measure.shape[-1] == 1:
             log_apart = log_apart + log_measure[..., 0]
         else:
             log_f = log_f + log_measure
         logs = log_f, log_apart
-        return Tensor.of(self, e, x, nodes, np.asarray(mu_at), logs, e_weight, limits, (mode, size, reach))
+        return Tensor.of(self, e, x, nodes, mu_at, logs, e_weight, limits, (mode, size, reach))
 
     def _given(self, kind: str, at: Mapping[str, Array]) -> Array | None:
         known = {"e_n": self.e_n, "c": self.c, "mu": self.mu}[kind]
@@ -250,6 +254,8 @@ class Series:
                 e, x, reference + np.clip(d, lower - reference, upper - reference), mu
             )
             for w, q, (more_slope, more_curvature) in zip(weight, squares, curved, strict=True):
+                if np.ndim(q.slope) == np.ndim(more_slope) == 0:
+                    continue  # the closure constant takes no part in this group
                 slope = slope + factor * w * (q.slope + more_slope + more_curvature * d)
                 curvature = curvature + factor * w * (q.curvature + more_curvature)
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -259,7 +265,7 @@ class Series:
                 inside = np.clip(d, lower - reference, upper - reference)
                 weight = [
                     group.n / np.maximum(q.at(inside), group.n * group.lower**2)
-                    if self.misfit.is_quadratic
+                    if self.misfit.is_quadratic and np.ndim(q.slope)
                     else w
                     for group, q, w in zip(self.noise, squares, weight, strict=True)
                 ]

@@ -186,7 +186,9 @@ class Misfit:
         d_mu, h_mu = x * b / (1.0 + e_n) - ref.mu, x * k.b1 / (1.0 + e_n)
         found = []
         for sums, normal, friction in zip(self._sums, self._normal, self._friction, strict=True):
-            square = np.asarray(normal.square + d_e * (normal.curvature * d_e - 2.0 * normal.slope))
+            square: Array = np.asarray(normal.square)
+            if normal.curvature:
+                square = square + d_e * (normal.curvature * d_e - 2.0 * normal.slope)
             slope: Array = np.asarray(0.0)
             curvature: Array = np.asarray(0.0)
             if friction.curvature:

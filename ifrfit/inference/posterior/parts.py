@@ -95,7 +95,7 @@ def _noise(
     factor = np.array([float(np.median(start.sigma / problem.sigma))])
     if whole:
         return ("",), everything, (UnknownNoise(at.size, *setting.bounds[""]),), weight, factor
-    return (), everything, None, weight, factor
+    return (), everything, None, weight, np.ones(1)  # the factor is shared
 
 
 def _taken(rows: RowModel, at: Index) -> RowModel:

@@ -128,14 +128,17 @@ def e_n_is_apart(setting: Setting) -> bool:
         return False
     if e_n.separate and not mu.separate:
         return False
+    kinds = {OBSERVABLES[name].kind for name in problem.rows.names}
+    return bool(kinds & {"tangential", "curved"}) and "friction" not in kinds and _sees_e_n_apart(problem)
+
+
+def _sees_e_n_apart(problem: Problem) -> bool:
+    """Whether no row sees e_n together with the impulse."""
     for name in problem.rows.names:
         o = OBSERVABLES[name]
-        if o.kind == "friction" or (o.kind == "tangential" and o.scale != "one"):
+        if (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and name not in _FREE_OF_E):
             return False
-        if o.kind == "curved" and name not in _FREE_OF_E:
-            return False
-    kinds = {OBSERVABLES[name].kind for name in problem.rows.names}
-    return bool(kinds & {"tangential", "curved"})
+    return True
 
 
 def _assemble(
@@ -151,7 +154,9 @@ def _assemble(
     tangential: list[int] = []
     is_normal = np.array([OBSERVABLES[n].kind == "normal" for n in setting.problem.rows.names])
     direct = is_normal[setting.problem.rows.which]
-    whole = len(blocks) == 1 and not apart  # then a common factor of the noise is integrated inside
+    # where e_n and c meet in the same rows a common factor of the noise is better integrated inside
+    tied = setting.constant("e_n").fixed is not None or not _sees_e_n_apart(setting.problem)
+    whole = len(blocks) == 1 and not apart and tied
     for block, rows in enumerate(blocks):
         known: dict[str, Unknown | float | None] = {kind: unknowns[kind, block] for kind in _KINDS}
         if apart:

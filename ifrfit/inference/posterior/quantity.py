@@ -401,8 +401,12 @@ def _compressed(tensor: Tensor, share: Array, level: int, group: int) -> tuple[A
     cosine = np.cos(np.pi * (np.arange(_SMOOTH) + 0.5) / _SMOOTH)
     y = np.clip((2.0 * log_q - low - high) / (high - low), -1.0, 1.0)
     # sum over the nodes of each Chebyshev polynomial, then the weights that have the same sums
-    angle = np.arccos(y)
-    sums = np.array([weight @ np.cos(j * angle) for j in range(_SMOOTH)])
+    sums = np.empty(_SMOOTH)
+    before, now = np.ones_like(y), y
+    sums[0] = weight.sum()
+    for j in range(1, _SMOOTH):
+        sums[j] = weight @ now
+        before, now = now, 2.0 * y * now - before
     at = np.cos(np.arange(_SMOOTH)[:, None] * np.arccos(cosine))
     share_out = (at.T * np.where(np.arange(_SMOOTH) == 0, 1.0, 2.0) / _SMOOTH) @ sums
     return np.exp(0.5 * (low + high) + 0.5 * (high - low) * cosine), share_out

@@ -229,14 +229,21 @@ class Tensor:
         misfit = self.series.misfit
         q = misfit.quadratics(self.e_n, self.x)[group]
         more = misfit.curved(self.e_n[..., None], self.x[..., None], self.c, self.mu)[group]
-        found = [y[..., None] if np.ndim(y) else y for y in (q.square, q.slope, q.curvature)]
-        d = self.c - misfit.reference.c
-        square = found[0] + d * (found[2] * d - 2.0 * found[1]) + more
         weight = self.x_weight[level] * self.e_weight[level][:, None] * self.outer(share, level)
-        probability = self.apart * weight
-        if square.shape[1] == 1 and self.f.shape[1] == 1:
-            probability = probability.sum(axis=1, keepdims=True)
-        probability = self.f * probability[..., None] * self.c_weight[level]
+        if np.ndim(q.slope) == np.ndim(more) == 0:  # the group sees no more than e_n
+            square = q.square.reshape(q.square.shape or (1, 1, 1))
+            probability = self.g[level] * weight
+        else:
+            square = _lifted(q.square) + more
+            if np.ndim(q.slope):
+                d = self.c - misfit.reference.c
+                square = square + d * (_lifted(q.curvature) * d - 2.0 * _lifted(q.slope))
+            probability = self.apart * weight
+            if square.shape[1] == 1 and self.f.shape[1] == 1:
+                probability = probability.sum(axis=1, keepdims=True)
+            probability = self.f * probability[..., None] * self.c_weight[level]
+        alone = tuple(axis for axis, size in enumerate(square.shape) if size == 1)
+        probability = probability.sum(axis=alone, keepdims=True)
         return np.broadcast_to(square, probability.shape).reshape(-1), probability.reshape(-1)
 
     def e_density(self, share: Array, level: int) -> Array:
@@ -260,6 +267,14 @@ class Tensor:
             mass = (h * self.e_weight[0]).sum(axis=0).reshape(axis.shape).sum(axis=-1)
             found["e_n"] = mass, axis.errors(h.reshape(-1, *axis.shape))
         if self.mode is not None:
-            error = float((np.abs(self.g[0] - self.g[1]) * across * weight[0]).sum())
+            sides = self.f.reshape(*self.f.shape[:-1], 2, -1) @ rule(self.series.c_order).differences.T
+            part = self.apart * (across * weight[0])
+            if sides.shape[0] == sides.shape[1] == 1:
+                part = part.sum(axis=(0, 1), keepdims=True)
+            error = (np.abs(sides).sum(axis=-2) * part[..., None]).sum(axis=(0, 1, 2)).max()
             found["c"] = (np.ones(1), np.array([error]))
         return found
+
+
+def _lifted(value: Array) -> Array:
+    return value[..., None] if np.ndim(value) else value
