@@ -21,6 +21,7 @@ types: $(READY)
 
 calibrate: $(READY)
 	$(BIN)/python scripts/calibrate.py
+	$(BIN)/python scripts/calibrate_intervals.py
 
 benchmark: $(READY)
 	$(BIN)/python benchmarks/least_squares.py

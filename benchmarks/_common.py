@@ -7,6 +7,7 @@ import os
 # one thread for every library, so that ratios compare work and not the number of cores
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
 
+import contextlib
 import csv
 import importlib.metadata
 import platform
@@ -18,11 +19,17 @@ from pathlib import Path
 RESULTS = Path(__file__).parent / "results"
 
 
-def machine() -> str:
-    """Processor count and versions: enough to judge the figures, nothing that identifies the machine."""
+def machine(*packages: str) -> str:
+    """Processor count and versions: enough to judge the figures, nothing that identifies the machine.
+
+    Further packages are named where they are installed.
+    """
     parts = [f"{os.cpu_count()} cores ({platform.machine()}, {platform.system()})"]
     parts.append(f"Python {platform.python_version()}")
     parts += [f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "scipy", "lmfit", "pandas")]
+    for name in packages:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            parts.append(f"{name} {importlib.metadata.version(name)}")
     return ", ".join(parts)
 
 

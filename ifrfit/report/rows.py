@@ -119,11 +119,10 @@ def _plain_noises(result: FitResult) -> Iterator[Row]:
         else:
             groups.setdefault((f"of {observable}", float(f"{sigma:.6g}"), "series"), []).append(series)
     meanings = [meaning for meaning, _, _ in groups]
-    for meaning in [m for m in dict.fromkeys(meanings) if meanings.count(m) > MOST_NOISES]:
-        many = [key for key in groups if key[0] == meaning]
-        yield _many(meaning.removeprefix("of "), [value for _, value, _ in many])
-        for key in many:
-            del groups[key]
+    for many in [m for m in dict.fromkeys(meanings) if meanings.count(m) > MOST_NOISES]:
+        own = [key for key in groups if key[0] == many]
+        yield _many(many.removeprefix("of "), [value for _, value, _ in own])
+        groups = {key: names for key, names in groups.items() if key[0] != many}
     for (meaning, value, kind), names in groups.items():
         # names are worth the space only where the same words stand for several values
         whose = f" {'in' if kind else 'of'} {joined(list(dict.fromkeys(names)))}"

@@ -31,7 +31,8 @@ def test_a_delivered_result_is_0(cli):
     ("options", "says"),
     [
         (("--closure", "walton"), "There is no closure 'walton'. Choose one of f, fr, ifr, ifr-contact"),
-        (("--method", "anneal"), "There is no method 'anneal'."),
+        (("--method", "anneal"), "There is no method 'anneal'. This version has exact, lsq, profile."),
+        (("--method", "mcmc"), "There is no method 'mcmc'. This version has exact, lsq, profile."),
         (("--fix", "e_n"), "--fix e_n: write it as NAME=VALUE"),
         (("--fix", "e_n=0,98"), "--fix e_n=0,98: write it as NAME=VALUE"),
         (("--fix", "e_n=high"), "--fix e_n=high: write it as NAME=VALUE"),

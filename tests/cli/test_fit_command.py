@@ -63,6 +63,67 @@ def test_the_command_line_is_the_library(cli):
     assert shown == json.loads(json.dumps(called))
 
 
+@pytest.mark.parametrize("method", ["exact", "lsq", "profile"])
+def test_each_method_is_named_in_the_result(cli, schema, method):
+    words = {"exact": "exact posterior", "lsq": "least squares", "profile": "profile likelihood"}
+    arguments = ("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15", "--method", method)
+    content = strict_json(cli(*arguments, "--json").stdout)
+    jsonschema.validate(content, schema, cls=jsonschema.Draft202012Validator)
+    assert content["method"] == method
+    assert f"closure IFR, {words[method]}, noise scaled" in cli(*arguments).stdout
+
+
+def test_exact_is_the_default_and_states_its_prior_of_the_noise(cli):
+    content = strict_json(cli("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--json").stdout)
+    assert content["method"] == "exact"
+    assert content["fit"]["log_evidence"] is not None
+    low, high = content["noise"]["prior"]["factor"]
+    assert low < content["noise"]["estimates"]["factor"]["value"] < high
+    assert len(content["state"]["sample"]["kappa"]) == 2000
+
+
+def test_two_files_with_a_constant_of_their_own_tell_whether_they_share_it(cli, impacts):
+    for name, mu in (("dry", 0.12), ("wet", 0.12), ("oiled", 0.05)):
+        path = impacts(gamma=range(5, 85, 5), sigma=0.03, noise=0.03, series=name, mu=mu)
+        path.rename(f"{name}.csv")
+    options = ("--separate", "mu", "--fix", "e_n=0.94")
+    alike = cli("fit", "dry.csv", "wet.csv", *options)
+    assert (alike.returncode, alike.stderr) == (0, "")
+    assert "mu [dry]" in alike.stdout
+    assert "mu [wet]" in alike.stdout
+    assert "  ok    the data favour one mu for all series over separate mu by a factor " in alike.stdout
+    apart = cli("fit", "dry.csv", "oiled.csv", *options)
+    assert "  ok    the data favour separate mu over one mu for all series by a factor " in apart.stdout
+
+
+def test_intervals_of_three_methods_stand_under_the_summary(cli, impacts):
+    path = impacts(gamma=range(5, 85, 5), sigma=0.03, noise=0.03, c=-0.7)
+    plain = cli("fit", path, "--fix", "e_n=0.94").stdout
+    found = cli("fit", path, "--fix", "e_n=0.94", "--intervals")
+    assert (found.returncode, found.stderr) == (0, "")
+    assert found.stdout.startswith(plain)
+    lines = found.stdout.removeprefix(plain).splitlines()
+    assert lines[1] == "  central 95 % intervals by three methods"
+    assert lines[3].split() == ["covariance", "profile", "exact"]
+    assert [line.split()[0] for line in lines[4:7]] == ["e_t", "mu", "kappa"]
+    assert all(line.count("[") == 3 for line in lines[4:7])
+
+
+def test_intervals_that_disagree_are_told(cli):
+    options = ("--prior", "e_n=0.98,0.01", "--gamma-min", "15", "--intervals")
+    text = " ".join(cli("fit", "kharaz-2001", *options).stdout.split())
+    assert "LOOK e_t: the covariance interval [" in text
+    assert "believe the exact one" in text
+    assert "the covariance goes on beyond the bound -1" in text
+
+
+@pytest.mark.parametrize("form", ["--json", "--quiet"])
+def test_intervals_where_no_table_is_printed_are_refused(cli, form):
+    found = cli("fit", "kharaz-2001", "--intervals", form)
+    assert (found.returncode, found.stdout) == (2, "")
+    assert found.stderr == f"ifrfit: --intervals prints a table, {form} none: keep one.\n"
+
+
 def test_the_command_is_recorded(cli, monkeypatch):
     monkeypatch.setattr("sys.argv", ["/somewhere/ifrfit", "fit", "kharaz-2001", "--series", "a b"])
     content = strict_json(cli("fit", "kharaz-2001", "--json").stdout)
@@ -170,6 +231,8 @@ def test_a_spreadsheet_of_the_usual_kind(cli):
         "angle=Winkel zur Wand [°]:from-wall",
         "--fix",
         "e_n=0.94",
+        "--method",
+        "lsq",  # data without noise: the optimum is the truth
         "--json",
     )
     assert (found.returncode, found.stderr) == (0, "")

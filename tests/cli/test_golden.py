@@ -1,8 +1,12 @@
-"""Whole texts as a user sees them. UPDATE_GOLDEN=1 rewrites them: read the difference before keeping it."""
+"""Whole texts as a user sees them. UPDATE_GOLDEN=1 rewrites them: read the difference before keeping it.
+
+The error that the quadrature reached is a matter of the machine's last digit: it stands as 1e-?? here.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -16,7 +20,21 @@ TEXTS = {
     "kharaz": ("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01"),
     "kharaz-oblique": ("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15"),
     "stand-in": ("fit", "cross-2019", "--fix", "e_n=0.94"),
+    "least-squares": ("fit", "cross-2019", "--fix", "e_n=0.94", "--method", "lsq"),
     "beta-alone": ("fit", "cross-2019"),
+    "separate": (
+        "fit",
+        "cross-2019",
+        "--series",
+        "no spin",
+        "--series",
+        "spin 0.225",
+        "--separate",
+        "mu",
+        "--fix",
+        "e_n=0.94",
+        "--intervals",
+    ),
     "datasets-list": ("datasets", "list"),
     "datasets-show": ("datasets", "show", "kharaz-2001"),
     "datasets-show-stand-in": ("datasets", "show", "cross-2019"),
@@ -25,16 +43,21 @@ TEXTS = {
 }
 
 
+def kept_form(text):
+    return re.sub(r"(?<=quadrature converged to )\de-\d\d", "1e-??", text)
+
+
 @pytest.mark.parametrize("name", TEXTS)
 def test_the_text_is_the_one_that_was_read_and_kept(cli, name):
     found = cli(*TEXTS[name])
     assert found.returncode == 0
     assert found.stderr == ""
+    text = kept_form(found.stdout)
     path = GOLDEN / f"{name}.txt"
     if os.environ.get("UPDATE_GOLDEN"):
         path.parent.mkdir(exist_ok=True)
-        path.write_text(found.stdout, encoding="utf-8", newline="\n")
-    assert found.stdout == path.read_text(encoding="utf-8")
+        path.write_text(text, encoding="utf-8", newline="\n")
+    assert text == path.read_text(encoding="utf-8")
 
 
 def test_every_kept_text_is_still_asked_for():
@@ -49,7 +72,7 @@ def test_a_line_fits_a_terminal_and_nothing_trails(name):
     assert [line for line in lines if line != line.rstrip()] == []
 
 
-@pytest.mark.parametrize("name", ["stand-in", "datasets-show-stand-in"])
+@pytest.mark.parametrize("name", ["stand-in", "least-squares", "separate", "datasets-show-stand-in"])
 def test_a_stand_in_says_so_within_its_first_two_lines(name):
     head = (GOLDEN / f"{name}.txt").read_text(encoding="utf-8").splitlines()[:2]
     assert "stand-in" in " ".join(head).lower()

@@ -19,13 +19,19 @@ COLUMNS = [
 ]  # fmt: skip
 
 
-@pytest.fixture
-def saved(cli, impacts):
+def fitted(cli, impacts, method):
     """A result with interior constants: beta with sigma, e_n known."""
     path = impacts(gamma=range(5, 85, 5), sigma=0.02, noise=0.02)
     out = path.with_name("saved")
-    assert cli("fit", path, "--fix", "e_n=0.94", "--quiet", "--out", out).returncode == 0
+    options = ("--fix", "e_n=0.94", "--method", method, "--quiet", "--out", out)
+    assert cli("fit", path, *options).returncode == 0
     return out / "result.json"
+
+
+@pytest.fixture
+def saved(cli, impacts):
+    """Of least squares: the curve is the one of the constants, to the last digit."""
+    return fitted(cli, impacts, "lsq")
 
 
 def table(outcome):
@@ -44,6 +50,22 @@ def test_columns_bands_and_curve(cli, saved):
     constants = {k: v["value"] for k, v in json.loads(saved.read_text(encoding="utf-8"))["constants"].items()}
     curve = ifrfit.rebound([10, 35, 60], **constants, degrees=True).beta
     np.testing.assert_allclose(found["value"], curve, rtol=1e-9)
+
+
+def test_a_posterior_is_predicted_from_the_draws_that_the_file_keeps(cli, impacts):
+    path = fitted(cli, impacts, "exact")
+    found = table(cli("predict", path, "--gamma", "10,35,60"))
+    content = json.loads(path.read_text(encoding="utf-8"))
+    sample = content["state"]["sample"]
+    constants = {name: np.array(sample[name])[:, None] for name in ("e_n", "e_t")}
+    mu = np.array(sample["kappa"])[:, None] / (1.0 + constants["e_n"])
+    curves = ifrfit.rebound([10, 35, 60], **constants, mu=mu, degrees=True).beta
+    for end, level in (("lo95", 2.5), ("lo68", 16.0), ("hi68", 84.0), ("hi95", 97.5)):
+        np.testing.assert_allclose(found[end], np.percentile(curves, level, axis=0), rtol=1e-9)
+    # the curve is that of the medians, up to the scatter of 2000 draws
+    medians = {name: found["value"] for name, found in content["constants"].items()}
+    curve = ifrfit.rebound([10, 35, 60], **medians, degrees=True).beta
+    assert (np.abs(found["value"] - curve) < 0.1 * (found["hi68"] - found["lo68"])).all()
 
 
 def test_a_range_includes_its_end(cli, saved):
@@ -103,7 +125,8 @@ def test_what_is_undefined_is_empty(cli, saved):
 def test_the_curve_lies_in_its_own_band_where_a_constant_lies_on_its_bound(cli, impacts):
     path = impacts(gamma=range(5, 85, 5), sigma=0.02, noise=0.02, c=-1.0, seed=3)
     out = path.with_name("saved")
-    assert cli("fit", path, "--fix", "e_n=0.94", "--quiet", "--out", out).returncode == 0
+    options = ("--fix", "e_n=0.94", "--method", "lsq", "--quiet", "--out", out)
+    assert cli("fit", path, *options).returncode == 0
     constants = json.loads((out / "result.json").read_text(encoding="utf-8"))["constants"]
     if constants["e_t"]["value"] != -1.0:
         pytest.fail("choose another seed: e_t does not lie on its bound")

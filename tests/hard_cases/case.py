@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 FILE = "impacts.csv"
 OUT = "results"
+METHODS = ("lsq", "profile", "exact")
 GROUPS = ("rebound", "data refused", "identifiability", "numerics")
 
 
@@ -33,17 +34,20 @@ class HardCase:
     answer : str
         One sentence: what must come out.
     run : callable
-        From an empty folder to the outcome.
+        From an empty folder, and the method where the case has any, to the outcome.
     check : callable
         Asserts about the outcome.
+    methods : tuple of str
+        The methods that must all give this answer; empty where nothing is fitted.
     """
 
     name: str
     group: str
     what: str
     answer: str
-    run: Callable[[Path], Any]
+    run: Callable[..., Any]
     check: Callable[[Any], None]
+    methods: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hard_cases.case import HardCase, put
+from hard_cases.case import METHODS, HardCase, put
 from hard_cases.exact import FR, IFR, Law, best_chi2
 from hard_cases.identifiable import KNOWN, fitted, statuses, within
 from hard_cases.synthetic import FAN, HEADER, TRUTH, noise, rows, table, values
@@ -31,15 +31,16 @@ class Judged:
     kappa: float
 
 
-def _judged(
-    gamma: Any, beta: Any, sigma: Any, *, e_n: float, closure: str = "ifr", law: Law = IFR
-) -> Callable[[Path], Judged]:
+Solve = Callable[[Path, str], Judged]
+
+
+def _judged(gamma: Any, beta: Any, sigma: Any, *, e_n: float, closure: str = "ifr", law: Law = IFR) -> Solve:
     """Fit with e_n fixed and solve the same by brute force."""
     gamma, beta, sigma = (tuple(float(x) for x in column) for column in (gamma, beta, sigma))
 
-    def run(folder: Path) -> Judged:
+    def run(folder: Path, method: str) -> Judged:
         path = put(folder, HEADER + rows(gamma, np.array(beta), sigma))
-        result = fit(path, fix={"e_n": e_n}, closure=closure)
+        result = fit(path, fix={"e_n": e_n}, closure=closure, method=method)
         chi2, c, kappa = best_chi2(gamma, beta, sigma, law)
         return Judged(result, float(chi2), float(c), float(kappa))
 
@@ -54,6 +55,19 @@ def _certified(judged: Judged) -> None:
     assert gap is not None
     assert gap <= _TIGHT * max(1.0, chi2)
     assert "global optimum certified" in judged.result.facts["global_optimum"].says
+    if judged.result.method == "exact":
+        _sound(judged.result)
+
+
+def _sound(result: FitResult) -> None:
+    """The quadrature reached what it promises, and its numbers make sense together."""
+    assert result.facts["converged"].ok, result.facts["converged"].says
+    assert np.isfinite(result.fit.log_evidence)
+    for name, found in result.flat_constants().items():
+        (low68, high68), (low95, high95) = found.interval68, found.interval95
+        assert low95 <= low68 <= high68 <= high95, (name, found)
+        if found.status != "fixed":
+            assert low95 <= found.mean <= high95, (name, found)
 
 
 def _all_certified(several: list[Judged]) -> None:
@@ -61,8 +75,8 @@ def _all_certified(several: list[Judged]) -> None:
         _certified(judged)
 
 
-def _several(runs: list[Callable[[Path], Judged]]) -> Callable[[Path], list[Judged]]:
-    return lambda folder: [run(folder) for run in runs]
+def _several(runs: list[Solve]) -> Callable[[Path, str], list[Judged]]:
+    return lambda folder, method: [run(folder, method) for run in runs]
 
 
 def _exactly(truth: dict[str, float]) -> Callable[[FitResult], None]:
@@ -70,37 +84,46 @@ def _exactly(truth: dict[str, float]) -> Callable[[FitResult], None]:
         assert result.fit.chi2 < 1e-15
         for name in ("e_t", "mu"):
             assert result.constants[name].status == "determined"
-            assert abs(result.constants[name].value - truth[name]) <= 1e-10
+            # data without noise: the optimum is the truth, the median beside it by the bend of the law
+            off = 0.25 * result.constants[name].stderr if result.method == "exact" else 1e-10
+            assert abs(result.constants[name].value - truth[name]) <= off
         assert all(result.facts[x].ok for x in ("global_optimum", "identifiable", "lack_of_fit", "outliers"))
 
     return check
 
 
-def _on_kink(sigma: float, seed: int) -> Callable[[Path], Judged]:
+def _on_kink(sigma: float, seed: int) -> Solve:
     gamma = (*FAN, 45.0, 45.0)
     beta = values(gamma, "beta", **KINK) + noise(len(gamma), sigma, seed)
     return _judged(gamma, beta, [sigma] * len(gamma), e_n=KINK["e_n"])
 
 
-def _repeated(seed: int) -> Callable[[Path], tuple[Judged, FitResult]]:
+def _repeated(seed: int) -> Callable[[Path, str], tuple[Judged, FitResult]]:
     gamma, sigma = FAN[::2], [0.05] * len(FAN[::2])
     beta = values(gamma, "beta") + noise(len(gamma), 0.05, seed)
     once = _judged(gamma, beta, sigma, e_n=TRUTH["e_n"])
     thrice = _judged(gamma * 3, [*beta] * 3, sigma * 3, e_n=TRUTH["e_n"])
-    return lambda folder: (thrice(folder), once(folder).result)
+    return lambda folder, method: (thrice(folder, method), once(folder, method).result)
 
 
 def _same_constants(pair: tuple[Judged, FitResult]) -> None:
     thrice, once = pair
     _certified(thrice)
     assert abs(thrice.result.fit.chi2 - 3.0 * once.fit.chi2) <= _TIGHT * thrice.result.fit.chi2
+    by_optimum = once.method == "lsq"
     for name in ("e_t", "mu"):
-        assert abs(thrice.result.constants[name].value - once.constants[name].value) <= 1e-9
-        ratio = once.constants[name].stderr / thrice.result.constants[name].stderr
-        assert abs(ratio - np.sqrt(3.0)) <= 1e-6
+        one, three = once.constants[name], thrice.result.constants[name]
+        ratio = one.stderr / three.stderr
+        if by_optimum:
+            assert abs(three.value - one.value) <= 1e-9
+            assert abs(ratio - np.sqrt(3.0)) <= 1e-6
+        else:
+            # the bound of e_t and the bends of the law weigh less where more rows speak
+            assert abs(three.value - one.value) <= one.stderr
+            assert 1.3 < ratio < 2.2, (name, ratio)
 
 
-def _wide(decades: float, seed: int, **other: Any) -> Callable[[Path], Judged]:
+def _wide(decades: float, seed: int, **other: Any) -> Solve:
     """Weights 1/sigma^2 that span so many decades, in an order that has nothing to do with the angle."""
     rng = np.random.default_rng(seed)
     gamma = np.sort(rng.uniform(3.0, 87.0, 12))
@@ -116,7 +139,7 @@ def _wide(decades: float, seed: int, **other: Any) -> Callable[[Path], Judged]:
     )
 
 
-def _random(seed: int) -> Callable[[Path], Judged]:
+def _random(seed: int) -> Solve:
     """A random problem of one to seven rows; the law may or may not hold, angles may repeat."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 8))
@@ -162,10 +185,11 @@ def _with_outlier(sigma: float | None) -> str:
     return HEADER + rows(_DENSE, value, sigma)
 
 
-def _outlier(text: str) -> Callable[[Path], tuple[FitResult, FitResult]]:
-    def run(folder: Path) -> tuple[FitResult, FitResult]:
+def _outlier(text: str) -> Callable[[Path, str], tuple[FitResult, FitResult]]:
+    def run(folder: Path, method: str) -> tuple[FitResult, FitResult]:
         path = put(folder, text)
-        return fit(path, fix=KNOWN), fit(path, fix=KNOWN, exclude=OUTLIER_LINE)
+        bad = fit(path, fix=KNOWN, method=method)
+        return bad, fit(path, fix=KNOWN, method=method, exclude=OUTLIER_LINE)
 
     return run
 
@@ -185,9 +209,9 @@ def _named_and_repaired(pair: tuple[FitResult, FitResult]) -> None:
 
 
 def _case(
-    name: str, what: str, answer: str, run: Callable[[Path], Any], check: Callable[[Any], None]
+    name: str, what: str, answer: str, run: Callable[..., Any], check: Callable[[Any], None]
 ) -> HardCase:
-    return HardCase(name, "numerics", what, answer, run, check)
+    return HardCase(name, "numerics", what, answer, run, check, METHODS)
 
 
 _CERTIFICATE = (
@@ -203,14 +227,16 @@ CASES = (
     _case(
         "no noise at all",
         "beta from 5 to 85 degrees exactly as the law has it, with a known sigma of 0.05.",
-        "e_t and mu are recovered to 1e-10 and determined, chi2 is below 1e-15.",
+        "e_t and mu are recovered to 1e-10 (exact: their medians to a quarter of their sd) and determined, "
+        "chi2 is below 1e-15.",
         fitted(table(sigma=0.05, e_t=-0.9)),
         _exactly({**TRUTH, "e_t": -0.9}),
     ),
     _case(
         "no noise, a point on the kink",
         "Exact data with a point at the transition itself (45 degrees, where 5/2 kappa = 1).",
-        "e_t and mu are recovered to 1e-10 and determined, chi2 is below 1e-15.",
+        "e_t and mu are recovered to 1e-10 (exact: their medians to a quarter of their sd) and determined, "
+        "chi2 is below 1e-15.",
         fitted(table((*FAN, 45.0), sigma=0.05, **KINK), fix={"e_n": KINK["e_n"]}),
         _exactly(KINK),
     ),
@@ -224,7 +250,8 @@ CASES = (
     _case(
         "duplicated rows",
         "Every row of a table three times.",
-        _CERTIFICATE + " The constants are those of the rows once, their sd smaller by the root of 3.",
+        _CERTIFICATE + " The constants are those of the rows once, their sd smaller by the root of 3 "
+        "(profile, exact: about).",
         _repeated(1),
         _same_constants,
     ),

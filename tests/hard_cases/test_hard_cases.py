@@ -7,17 +7,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hard_cases.case import GROUPS, HardCase
+from hard_cases.case import GROUPS, METHODS, HardCase
 from hard_cases.cases import CASES
 
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_hard_case(case: HardCase, tmp_path: Path) -> None:
+RUNS = [(case, method) for case in CASES for method in case.methods or ("",)]
+
+
+@pytest.mark.parametrize(
+    ("case", "method"), RUNS, ids=[f"{case.name}{f' by {method}' if method else ''}" for case, method in RUNS]
+)
+def test_hard_case(case: HardCase, method: str, tmp_path: Path) -> None:
     with warnings.catch_warnings(), np.errstate(all="warn", under="ignore"):
         warnings.simplefilter("error")
-        case.check(case.run(tmp_path))
+        case.check(case.run(tmp_path, method) if method else case.run(tmp_path))
+
+
+def test_whatever_is_fitted_is_fitted_by_every_method() -> None:
+    fitted = [case for case in CASES if case.group in ("identifiability", "numerics")]
+    assert len(fitted) > 30
+    assert all(case.methods == METHODS for case in fitted)
 
 
 def test_every_case_is_told_in_a_sentence() -> None:

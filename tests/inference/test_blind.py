@@ -72,7 +72,7 @@ def observed(law, spins, j, noise, seed):
 def fits(law, spins, j, noise, seeds=SEEDS, closure="ifr"):
     for seed in range(seeds):
         data = observed(law, spins, j, noise, seed)
-        yield fit(data, closure=closure, noise=noise, fix={"e_n": 0.9}, inertia_factor=j)
+        yield fit(data, closure=closure, noise=noise, fix={"e_n": 0.9}, inertia_factor=j, method="lsq")
 
 
 def refuted(results):
@@ -174,7 +174,7 @@ def hollow_csv(path, noise, rng):
 
 def test_raw_velocities_of_a_hollow_ball_give_back_what_was_put_in(tmp_path):
     path = hollow_csv(tmp_path / "shell.csv", 0.0, np.random.default_rng(1))
-    found = ifrfit.fit(path, inertia_factor=SHELL)
+    found = ifrfit.fit(path, inertia_factor=SHELL, method="lsq")
     assert found.inertia_factor == SHELL
     assert set(found.points["observable"]) == {"v_x", "v_n", "spin_y_after"}
     for name, value in HOLLOW.items():
@@ -190,7 +190,7 @@ def test_noise_widens_the_hollow_balls_intervals_as_it_should(tmp_path):
     held, pulls = [], []
     for seed in range(30):
         path = hollow_csv(tmp_path / f"shell{seed}.csv", 0.05, np.random.default_rng([seed, 3]))
-        found = ifrfit.fit(path, inertia_factor=SHELL)
+        found = ifrfit.fit(path, inertia_factor=SHELL, method="lsq")
         assert found.noise.policy == "known"
         assert found.facts["lack_of_fit"].ok
         for name, value in HOLLOW.items():
@@ -205,7 +205,7 @@ def test_noise_widens_the_hollow_balls_intervals_as_it_should(tmp_path):
 
 def test_a_solid_balls_inertia_factor_is_warned_of(tmp_path):
     path = hollow_csv(tmp_path / "shell.csv", 0.01, np.random.default_rng(2))
-    found = ifrfit.fit(path, inertia_factor=0.4)
+    found = ifrfit.fit(path, inertia_factor=0.4, method="lsq")
     fact = found.facts["angular_momentum"]
     assert not fact.ok
     assert "contradict the inertia factor 0.4; try --inertia-factor 0.667 (thin hollow ball" in fact.says
@@ -238,7 +238,7 @@ def test_lateral_spin_and_any_direction_along_the_wall(tmp_path):
     path = tmp_path / "lateral.csv"
     lines = [",".join(repr(float(x)) for x in row) for row in columns]
     path.write_text("\n".join([",".join([*names, *sigmas, "radius_mm"]), *lines]))
-    found = ifrfit.fit(path, inertia_factor=SHELL)
+    found = ifrfit.fit(path, inertia_factor=SHELL, method="lsq")
     assert {"v_x", "v_y", "spin_x_after", "spin_y_after"} <= set(found.points["observable"])
     for name, value in HOLLOW.items():
         assert found.constants[name].value == pytest.approx(value, abs=1e-9)

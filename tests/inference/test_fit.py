@@ -16,7 +16,7 @@ GAMMA = np.linspace(4.0, 86.0, 34)
 
 def test_the_covariance_agrees_with_lmfit(impacts):
     path = impacts(gamma=GAMMA, observables=("beta", "e_n"), noise=0.03, sigma=0.03, c=-0.8, seed=1)
-    found = ifrfit.fit(path)
+    found = ifrfit.fit(path, method="lsq")
     theirs = found.lmfit_result
     assert theirs.chisqr == pytest.approx(found.fit.chi2, rel=1e-9)
     for name in ("e_n", "e_t", "mu"):
@@ -28,7 +28,7 @@ def test_the_covariance_agrees_with_lmfit(impacts):
 
 
 def test_intervals_are_those_of_the_normal_law_far_from_bounds(impacts):
-    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.7), fix={"e_n": 0.94})
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.7), fix={"e_n": 0.94}, method="lsq")
     mu = found.constants["mu"]
     low, high = mu.interval(0.95)
     assert (low, high) == pytest.approx(
@@ -41,7 +41,9 @@ def test_intervals_are_those_of_the_normal_law_far_from_bounds(impacts):
 
 
 def test_unknown_noise_uses_students_law_and_finds_the_noise(impacts):
-    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.05, sigma=None, c=-0.7, seed=3), fix={"e_n": 0.94})
+    found = ifrfit.fit(
+        impacts(gamma=GAMMA, noise=0.05, sigma=None, c=-0.7, seed=3), fix={"e_n": 0.94}, method="lsq"
+    )
     assert found.noise.policy == "unknown"
     assert found.noise.sigma["run/beta"] == pytest.approx(0.05, rel=0.35)
     e_t = found.constants["e_t"]
@@ -51,8 +53,8 @@ def test_unknown_noise_uses_students_law_and_finds_the_noise(impacts):
 
 def test_scaled_noise_multiplies_the_errors_by_one_factor(impacts):
     path = impacts(gamma=GAMMA, noise=0.05, sigma=0.01, c=-0.7, seed=3)
-    known = ifrfit.fit(path, fix={"e_n": 0.94}, noise="known")
-    scaled = ifrfit.fit(path, fix={"e_n": 0.94}, noise="scaled")
+    known = ifrfit.fit(path, fix={"e_n": 0.94}, noise="known", method="lsq")
+    scaled = ifrfit.fit(path, fix={"e_n": 0.94}, noise="scaled", method="lsq")
     factor = math.sqrt(known.fit.chi2 / known.fit.dof)
     assert scaled.constants["mu"].value == pytest.approx(known.constants["mu"].value, rel=1e-12)
     assert scaled.constants["mu"].stderr == pytest.approx(factor * known.constants["mu"].stderr, rel=1e-9)
@@ -63,7 +65,7 @@ def test_scaled_noise_multiplies_the_errors_by_one_factor(impacts):
 def test_two_groups_of_unknown_noise_are_told_apart(impacts):
     quiet = {"gamma": GAMMA, "noise": 0.01, "sigma": None, "c": -0.7, "series": "quiet", "seed": 1}
     loud = {"gamma": GAMMA, "noise": 0.1, "sigma": None, "c": -0.7, "series": "loud", "seed": 2}
-    found = ifrfit.fit(impacts(quiet, loud), fix={"e_n": 0.94})
+    found = ifrfit.fit(impacts(quiet, loud), fix={"e_n": 0.94}, method="lsq")
     assert found.noise.sigma["quiet/beta"] == pytest.approx(0.01, rel=0.35)
     assert found.noise.sigma["loud/beta"] == pytest.approx(0.1, rel=0.35)
     assert found.facts["converged"].ok
@@ -166,7 +168,7 @@ def test_information_criteria_count_rank_and_free_noise(impacts):
 
 
 def test_transition_and_sticking_restitution_follow_from_the_constants(impacts):
-    found = ifrfit.fit(impacts(gamma=GAMMA, c=-0.8), fix={"e_n": 0.94})
+    found = ifrfit.fit(impacts(gamma=GAMMA, c=-0.8), fix={"e_n": 0.94}, method="lsq")
     assert found.derived["beta_sticking"].value == pytest.approx(0.6, abs=1e-9)
     angle = found.derived["transition_angle_deg"]["run"]
     assert angle.value == pytest.approx(math.degrees(math.atan(2.5 * 0.12 * 1.94)), abs=1e-7)

@@ -70,7 +70,7 @@ def test_every_tangential_observable_recovers_every_closure(closure, observable,
     path = impacts(
         gamma=GAMMA, observables=(observable,), closure=closure, c={"fr": 0.3}.get(closure, -0.9), spin_y=0.1
     )
-    found = ifrfit.fit(path, closure=closure, fix={"e_n": 0.94})
+    found = ifrfit.fit(path, closure=closure, fix={"e_n": 0.94}, method="lsq")
     assert found.constants["mu"].value == pytest.approx(0.12, abs=1e-9)
     if closure != "f":
         own = get_closure(closure).constant
@@ -83,7 +83,7 @@ def test_every_tangential_observable_recovers_every_closure(closure, observable,
 )
 def test_curved_observables_are_searched_and_not_called_certified(observable, impacts):
     path = impacts(gamma=GAMMA, observables=(observable,), spin_x=0.2, spin_y=0.1, sigma=0.002)
-    found = ifrfit.fit(path, fix={"e_n": 0.94})
+    found = ifrfit.fit(path, fix={"e_n": 0.94}, method="lsq")
     assert found.constants["e_t"].value == pytest.approx(-0.9, abs=1e-6)
     assert found.constants["mu"].value == pytest.approx(0.12, abs=1e-6)
     fact = found.facts["global_optimum"]
@@ -107,7 +107,7 @@ def test_separate_friction_is_certified_through_the_dual(impacts):
         theta = found.theta * (1.0 + 0.05 * rng.standard_normal(found.theta.size))
         theta[0] = 0.94
         assert objective_at(problem, problem.sigma, theta) >= found.objective
-    result = ifrfit.fit(path, fix={"e_n": 0.94}, separate="mu")
+    result = ifrfit.fit(path, fix={"e_n": 0.94}, separate="mu", method="lsq")
     each = result.constants["mu"]
     for mu in (0.08, 0.12, 0.3):
         estimate = each[f"run {mu}"]
@@ -132,9 +132,9 @@ def test_a_prior_on_the_shared_constant_takes_part_in_the_proof(impacts):
 def test_all_constants_separate_equals_fits_one_by_one(impacts):
     one = {"gamma": GAMMA, "mu": 0.1, "series": "a", "noise": 0.03, "seed": 1}
     two = {"gamma": GAMMA, "mu": 0.2, "series": "b", "noise": 0.03, "seed": 2, "c": -0.7}
-    both = ifrfit.fit(impacts(one, two), fix={"e_n": 0.94}, separate=("e_t", "mu"))
+    both = ifrfit.fit(impacts(one, two), fix={"e_n": 0.94}, separate=("e_t", "mu"), method="lsq")
     for series, part in (("a", one), ("b", two)):
-        alone = ifrfit.fit(impacts(part, name=f"{series}.csv"), fix={"e_n": 0.94})
+        alone = ifrfit.fit(impacts(part, name=f"{series}.csv"), fix={"e_n": 0.94}, method="lsq")
         assert both.constants["e_t"][series].value == pytest.approx(alone.constants["e_t"].value, abs=1e-12)
         assert both.constants["mu"][series].stderr == pytest.approx(alone.constants["mu"].stderr, rel=1e-9)
     assert both.facts["global_optimum"].ok

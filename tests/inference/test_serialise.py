@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import ifrfit
 from ifrfit.errors import DataError
 from ifrfit.inference import serialise
 from ifrfit.inference.loading import from_dict, load_result
@@ -42,7 +43,17 @@ KEYS = [
     "state",
     "points",
 ]
-CASES = ("fine", "stand_in", "two_observables", "all_sticking", "separate", "contradicted", "restitution")
+CASES = (
+    "fine",
+    "stand_in",
+    "two_observables",
+    "all_sticking",
+    "separate",
+    "contradicted",
+    "restitution",
+    "posterior",
+    "scaled_posterior",
+)
 
 
 def results_module() -> ModuleType:
@@ -85,7 +96,9 @@ def test_every_case_meets_the_schema_and_comes_back_the_same(schema, name, tmp_p
             assert one[0] == other[0]
             assert np.array_equal(one[1], other[1])
         elif field.name == "state":
-            assert all(np.array_equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+            for f in fields(one):
+                mine, its = getattr(one, f.name), getattr(other, f.name)
+                assert (mine is None and its is None) or np.array_equal(mine, its), f.name
         else:
             assert one == other, field.name
 
@@ -100,7 +113,7 @@ def test_a_loaded_result_says_the_same_words(tmp_path):
 
 
 def test_the_schema_refuses_what_it_should(schema):
-    content = to_dict(made.fine())
+    content = to_dict(made.posterior())
     for path, wrong in (
         (("schema",), "ifrfit/result/2"),
         (("noise", "policy"), "guessed"),
@@ -109,6 +122,11 @@ def test_the_schema_refuses_what_it_should(schema):
         (("facts", "outliers", "ok"), "yes"),
         (("input", 0, "sha256"), "abc"),
         (("fit", "n"), 1.5),
+        (("constants", "mu", "mean"), "0.12"),
+        (("noise", "estimates", "dry/beta", "status"), "good"),
+        (("noise", "prior", "dry/beta"), [0.1]),
+        (("state", "sample", "e_n"), []),
+        (("state", "sample", "e_n", 3), None),
     ):
         broken = json.loads(json.dumps(content))
         place = broken
@@ -116,6 +134,71 @@ def test_the_schema_refuses_what_it_should(schema):
             place = place[key]
         place[path[-1]] = wrong
         assert not schema.is_valid(broken), path
+
+
+def test_what_only_a_posterior_has_is_written_and_nothing_in_its_place_without_one():
+    content = to_dict(made.posterior())
+    assert content["constants"]["mu"]["mean"] == 0.1203
+    assert content["noise"]["prior"] == {"dry/beta": [0.00029, 1.0], "wet & <oiled>/beta": [0.00029, 1.0]}
+    assert list(content["noise"]["estimates"]["dry/beta"]) == [
+        "value",
+        "mean",
+        "stderr",
+        "interval68",
+        "interval95",
+        "status",
+        "reason",
+    ]
+    assert list(content["state"]["sample"]) == ["e_n", "e_t", "kappa"]
+    assert content["fit"]["log_evidence"] == 41.2367
+    without = to_dict(made.fine())
+    assert list(without["noise"]) == ["policy", "sigma"]
+    assert "mean" not in without["constants"]["mu"]
+    assert "sample" not in without["state"]
+    assert without["fit"]["log_evidence"] is None
+
+
+def test_the_factor_common_to_all_sigmas_has_a_name_in_the_file():
+    content = to_dict(made.scaled_posterior())
+    assert list(content["noise"]["estimates"]) == list(content["noise"]["prior"]) == ["factor"]
+    back = from_dict(json.loads(json.dumps(content)))
+    assert list(back.noise.estimates) == list(back.noise.prior) == [""]
+
+
+def test_draws_take_one_line_a_name_and_keep_all_digits(tmp_path):
+    result = made.posterior()
+    save(result, tmp_path / "r.json")
+    lines = (tmp_path / "r.json").read_text(encoding="utf-8").splitlines()
+    sample = result.state.sample
+    start = next(i for i, line in enumerate(lines) if line == '    "sample": {')
+    assert [line.split(":")[0].strip() for line in lines[start + 1 : start + 4]] == [
+        '"e_n"',
+        '"e_t"',
+        '"kappa"',
+    ]
+    back = load_result(tmp_path / "r.json").state.sample
+    assert back.shape == sample.shape == (50, 3)
+    assert (back == sample).all()
+    with pytest.raises(ValueError, match="read-only"):
+        back[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("method", ["exact", "lsq", "profile"])
+def test_a_fit_of_each_method_comes_back_and_predicts_the_same(schema, impacts, tmp_path, method):
+    gamma = np.linspace(4.0, 86.0, 30)
+    path = impacts(gamma=gamma, noise=0.03, c=-0.8)
+    result = ifrfit.fit(path, fix={"e_n": 0.94}, method=method)
+    result.save(tmp_path / "result.json")
+    content = result.to_dict()
+    schema.validate(content)
+    back = load_result(tmp_path / "result.json")
+    assert back.to_dict() == content
+    assert back.method == method
+    assert back.noise == result.noise
+    for style in ("text", "markdown", "latex"):
+        assert summary(back, style) == summary(result, style)
+    pd.testing.assert_frame_equal(back.predict(gamma), result.predict(gamma))
+    assert ("sample" in content["state"]) == (method == "exact")
 
 
 def test_infinity_and_nan_are_null_and_said_once_each():
@@ -224,9 +307,9 @@ def test_saving_replaces_whole_or_not_at_all(tmp_path, monkeypatch):
     assert [entry.name for entry in tmp_path.iterdir()] == ["result.json"]
 
 
-def broken(path: tuple[object, ...], value: object) -> dict[str, object]:
+def broken(path: tuple[object, ...], value: object, result: FitResult | None = None) -> dict[str, object]:
     """The content of a result with one value changed, or taken away (...)."""
-    content = json.loads(dumps(made.fine()))
+    content = json.loads(dumps(result or made.fine()))
     place = content
     for key in path[:-1]:
         place = place[key]
@@ -281,6 +364,56 @@ def broken(path: tuple[object, ...], value: object) -> dict[str, object]:
 def test_a_damaged_result_names_file_and_key(path, value, says):
     with pytest.raises(DataError) as caught:
         from_dict(broken(path, value), name="old.json")
+    assert str(caught.value) == f"old.json: {says}. Fit the data again to get a whole file."
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        (("constants", "mu", "mean"), "x", "the key 'constants.mu.mean' must be a number"),
+        (("noise", "estimates"), [], "the key 'noise.estimates' must be an object"),
+        (
+            ("noise", "estimates", "dry/beta", "value"),
+            ...,
+            "the key 'noise.estimates.dry/beta.value' is missing",
+        ),
+        (
+            ("noise", "prior", "dry/beta"),
+            [1.0],
+            "the key 'noise.prior.dry/beta' must be a list of two numbers or null",
+        ),
+        (("noise",), [], "the key 'noise' must be an object"),
+        (("state", "sample"), [[1.0]], "the key 'state.sample' must be an object"),
+        (("state", "sample", "kappa"), ..., "the key 'state.sample.kappa' is missing"),
+        (
+            ("state", "sample", "e_t"),
+            [],
+            "the key 'state.sample' must be an object of lists that are not empty",
+        ),
+        (("state", "sample", "e_t"), 3, "the key 'state.sample.e_t' must be a list"),
+        (("state", "sample", "e_t", 7), None, "the key 'state.sample.e_t[7]' must be a number"),
+        (("state", "sample", "e_t", 7), True, "the key 'state.sample.e_t[7]' must be a number"),
+        (
+            ("state", "sample", "e_t", 7),
+            math.inf,
+            "the key 'state.sample.e_t' must be a list of finite numbers",
+        ),
+        (
+            ("state", "sample", "e_t", 7),
+            10**400,
+            "the key 'state.sample.e_t' must be a list of finite numbers",
+        ),
+        (
+            ("state", "sample", "kappa"),
+            [1.0],
+            "the key 'state.sample.kappa' must be as long as state.sample.e_n (50)",
+        ),
+        (("state", "point", 1), 10**400, "the key 'state.point[1]' must be a number below 1e308"),
+    ],
+)
+def test_a_damaged_posterior_names_file_and_key(path, value, says):
+    with pytest.raises(DataError) as caught:
+        from_dict(broken(path, value, made.posterior()), name="old.json")
     assert str(caught.value) == f"old.json: {says}. Fit the data again to get a whole file."
 
 

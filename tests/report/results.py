@@ -326,3 +326,36 @@ def contradicted() -> StubResult:
 def restitution() -> StubResult:
     """Values of e_n without an angle, beside beta."""
     return build((Run("drop tests", 40), Run("second day", 12)), ("e_n", "beta"))
+
+
+def posterior(policy: str = "unknown") -> StubResult:
+    """Two series with the exact posterior: means, noises with intervals, draws and evidence."""
+    runs = (Run("dry"), Run("wet & <oiled>", spin_y=-0.4))
+    base = build(runs)
+    names = [f"{run.name}/beta" for run in runs] if policy == "unknown" else [""]
+    noises = {
+        name: replace(estimate(value, 0.0062), mean=value + 0.001)
+        for name, value in zip(names, (0.0481, 0.0555), strict=False)
+    }
+    rng = np.random.default_rng(5)
+    state = base.state
+    sample = np.clip(
+        state.center + np.sqrt(np.diag(state.covariance)) * rng.standard_normal((50, 3)),
+        state.lower,
+        state.upper,
+    )
+    says = "the posterior predicts data like these (smallest p of 4 checks = 0.31, runs)"
+    return replace(
+        base,
+        method="exact",
+        constants={**base.constants, "mu": replace(estimate(0.12, 0.0041), mean=0.1203)},
+        noise=Noise(policy, base.noise.sigma, noises, dict.fromkeys(names, (0.00029, 1.0))),
+        fit=replace(base.fit, log_evidence=41.2367),
+        facts={**base.facts, "predictive": Fact(True, says, {"failed": []}, "p >= 0.001")},
+        state=replace(state, sample=sample),
+    )
+
+
+def scaled_posterior() -> StubResult:
+    """The same with one factor that is common to all given sigmas."""
+    return posterior("scaled")

@@ -262,13 +262,16 @@ def test_a_refuted_fit_says_so_in_the_picture(made):
 
 
 def test_the_legend_names_bands_by_what_they_are(made):
-    for method, words in (
-        ("lsq", "68, 95 % bands (least squares)"),
-        ("bootstrap", "68, 95 % bands (bootstrap)"),
-        ("exact", "68, 95 % credible bands"),
-        ("mcmc", "68, 95 % credible bands"),
+    local, sampled = made.fine(), made.posterior()
+    for result, method, words in (
+        (local, "lsq", "68, 95 % bands (least squares)"),
+        # the profiles are of the constants: the bands are still those of the optimum
+        (local, "profile", "68, 95 % bands (least squares)"),
+        (sampled, "bootstrap", "68, 95 % bands (bootstrap)"),
+        (sampled, "exact", "68, 95 % credible bands"),
+        (sampled, "mcmc", "68, 95 % credible bands"),
     ):
-        found = texts(plot(replace(made.fine(), method=method)))
+        found = texts(plot(replace(result, method=method)))
         assert [text for text in found if "68, 95 %" in text] == [words]
     assert "residuals of ±2 σ" in found
 

@@ -7,7 +7,7 @@ import pytest
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import Estimate, Noise
+from ifrfit.inference.result import Estimate, Fact, Noise
 from ifrfit.report import summary
 from ifrfit.report.provenance import provenance_sentences, reference, stand_in_sentence
 from ifrfit.report.words import findings, headline
@@ -83,6 +83,31 @@ closure IFR, least squares, one unknown noise
   ok    No lack of fit (p = 0.42).
   ok    No outliers."""
 
+POSTERIOR = """\
+impacts.csv   68 impacts, beta, measured, no sigma given
+              Values as their authors measured them.
+              2 of 70 rows left out: 2 not measured.
+closure IFR, exact posterior, two unknown noises
+
+            value      sd   95 % interval      status
+  e_n        0.94       -                      fixed by you
+  e_t      -0.980   0.013   [-1.000, -0.957]   one-sided: lies on its bound -1
+  mu       0.1200  0.0041   [0.1120, 0.1280]   determined
+  kappa    0.2328  0.0080   [0.2171, 0.2485]   mu (1 + e_n)
+  noise    0.0481  0.0062   [0.0359, 0.0603]   of beta in dry
+  noise    0.0555  0.0062   [0.0433, 0.0677]   of beta in wet & <oiled>
+
+  dry: 12 impacts stick, 22 slide; transition at 30.20 +- 0.80 degrees
+  wet & <oiled>: 20 impacts stick, 14 slide; transition at 50.42 +- 0.80 degrees
+  log evidence 41.24
+
+  ok    Global optimum certified, the only one.
+  ok    No lack of fit (p = 0.42).
+  ok    No outliers.
+  ok    the posterior predicts data like these (smallest p of 4 checks = 0.31, runs)
+  note  beta cannot tell e_n from mu: mu scales with 1/(1 + 0.94). Measure e_n (one drop test) to
+        free it."""
+
 MARKDOWN = """\
 **STAND-IN data, not an experiment.**
 
@@ -120,7 +145,8 @@ noise & $0.050$ &  & of beta \\
 
 
 @pytest.mark.parametrize(
-    ("name", "golden"), [("fine", FINE), ("stand_in", STAND_IN), ("all_sticking", ALL_STICKING)]
+    ("name", "golden"),
+    [("fine", FINE), ("stand_in", STAND_IN), ("all_sticking", ALL_STICKING), ("posterior", POSTERIOR)],
 )
 def test_golden_text(made, name, golden):
     assert summary(getattr(made, name)()) == golden
@@ -140,7 +166,8 @@ def test_golden_latex(made):
 
 
 def test_the_text_table_is_plain_ascii_and_narrow_whatever_the_case(made):
-    for name in ("fine", "stand_in", "two_observables", "all_sticking", "separate", "contradicted"):
+    cases = ("fine", "stand_in", "two_observables", "all_sticking", "separate", "contradicted", "posterior")
+    for name in cases:
         text = summary(getattr(made, name)())
         assert text.isascii()
         assert max(map(len, text.split("\n"))) <= 100, name
@@ -192,6 +219,92 @@ def test_noises_that_differ_name_their_series(made):
     assert "two unknown noises" in text
     assert "of beta in dry\n" in text
     assert "of beta in wet & <oiled>\n" in text
+
+
+def test_a_common_factor_has_an_uncertainty_where_there_is_a_posterior(made):
+    text = summary(made.scaled_posterior())
+    assert "closure IFR, exact posterior, noise scaled\n" in text
+    assert "  noise    0.0481  0.0062   [0.0359, 0.0603]   times the given sigma\n" in text
+
+
+def test_noise_of_the_only_series_does_not_name_it(made):
+    result = made.posterior()
+    first = dict(list(result.noise.estimates.items())[:1])
+    assert "] of beta\n" in summary(replace(result, noise=replace(result.noise, estimates=first))).replace(
+        "]   of", "] of"
+    )
+
+
+@pytest.mark.parametrize("estimated", [True, False])
+def test_many_noises_of_one_observable_take_one_row(made, estimated):
+    sigma = {f"run {i}/beta": 0.04 + 0.003 * i for i in range(7)} | {"drops/e_n": 0.012}
+    estimates = {name: made.estimate(value, 0.1 * value) for name, value in sigma.items()}
+    noise = Noise("unknown", sigma, estimates if estimated else {})
+    text = summary(replace(made.posterior(), noise=noise))
+    assert "eight unknown noises" in text
+    rows = [line for line in text.splitlines() if line.startswith("  noise")]
+    assert len(rows) == 2
+    assert any(" 0.040..0.058 " in row and row.endswith("of beta, in 7 series") for row in rows)
+    assert any(" 0.012" in row and row.endswith("of e_n") for row in rows)
+
+
+def test_the_evidence_stands_beside_chi2(made):
+    stand_in = made.stand_in()
+    text = summary(replace(stand_in, fit=replace(stand_in.fit, log_evidence=-12.345)))
+    assert "  chi2 = 31.2 for 32 degrees of freedom (p = 0.51); log evidence -12.35\n" in text
+    assert "- log evidence 41.24." in summary(made.posterior(), "markdown")
+    assert r"$0.0481 \pm 0.0062$ & $[0.0359, 0.0603]$ & of beta in dry" in summary(made.posterior(), "latex")
+
+
+def checks(failed, **p):
+    """Failing predictive checks."""
+    figures = {"failed": failed, **{f"p_{name}": value for name, value in p.items()}}
+    return Fact(False, "the posterior does not predict such data, by some checks: this and that", figures, "")
+
+
+def test_predictive_checks_that_fail_beside_the_fit_are_told_with_it(made):
+    base = made.contradicted()
+    failing = checks(["chi2", "runs"], chi2=2e-9, runs=0.0002, largest=0.2, share=0.1)
+    result = replace(base, facts={**base.facts, "predictive": failing})
+    assert headline(result) == headline(base) == "the data contradict the closure; outliers"
+    looks = [says for kind, says in findings(result) if kind == "LOOK"]
+    assert looks[0].endswith(
+        "; posterior predictive checks fail too: chi2 (p = 2e-09) and runs of signs (p = 2e-04)"
+    )
+    assert len(looks) == 2
+    assert "this and that" not in summary(result)
+
+
+def test_a_residual_that_is_too_large_is_told_with_the_outliers(made):
+    base = made.contradicted()
+    failing = checks(["largest"], largest=8e-13)
+    facts = {**base.facts, "predictive": failing, "lack_of_fit": made.fine().facts["lack_of_fit"]}
+    result = replace(base, facts=facts)
+    assert headline(result) == "outliers"
+    looks = [says for kind, says in findings(result) if kind == "LOOK"]
+    assert looks == [
+        "impacts.csv, line 22 is an outlier; posterior predictive checks fail too: "
+        "largest residual (p = 8e-13)"
+    ]
+    # more than the one row: told by itself
+    facts["predictive"] = checks(["largest", "runs"], largest=8e-13, runs=1e-4)
+    assert headline(replace(base, facts=facts)) == "outliers; the posterior does not predict such data"
+
+
+def test_predictive_checks_that_fail_alone_say_so_themselves(made):
+    base = made.fine()
+    result = replace(base, facts={**base.facts, "predictive": checks(["runs"], runs=1e-5)})
+    assert headline(result) == "the posterior does not predict such data"
+    assert summary(result).startswith("LOOK  the posterior does not predict such data. Details below.\n")
+    assert ("LOOK", result.facts["predictive"].says) in findings(result)
+
+
+def test_shared_constants_that_are_refuted_are_in_the_headline(made):
+    base = made.fine()
+    says = "the data favour separate mu over one mu for all series by a factor 31: --separate mu"
+    result = replace(base, facts={**base.facts, "sharing": Fact(False, says, {}, "")})
+    assert headline(result) == "the series do not share their constants"
+    assert ("LOOK", says) in findings(result)
 
 
 def test_two_transitions_and_single_impacts(made):

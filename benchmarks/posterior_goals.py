@@ -1,0 +1,112 @@
+"""Goals of the posterior benchmark, held against what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from _common import verdict
+from posterior_peers import EMCEE
+
+if TYPE_CHECKING:
+    from posterior import Row
+
+KERNEL = {"i": (1e-3, 2e-3), "ii": (1e-3, 5e-3), "v": (1e-3, 1.0)}  # error, seconds
+AHEAD = {"i", "ii", "iii", "iv"}
+TARGET, TIMES = 1e-2, 1000.0
+DRAWS_S = 0.05
+FIT_TIMES = 30.0
+
+Goal = tuple[str, bool | None]  # None: a figure beside the goals, not one of them
+
+
+def goals_of(rows: Sequence[Row]) -> list[Goal]:
+    """Each goal with what was reached, and whether that is enough. Without our rows there is none."""
+    said: list[Goal] = []
+    for key in dict.fromkeys(row.scene for row in rows):
+        of = {
+            kind: [row for row in rows if row.scene == key and row.kind == kind]
+            for kind in ("exact", "fit", "draws", "sampler")
+        }
+        if key in KERNEL and of["exact"]:
+            said += _kernel(key, of["exact"])
+        if key in AHEAD and of["exact"] and of["sampler"]:
+            said += _ahead(key, of["exact"], of["sampler"])
+        if of["draws"]:
+            seconds = of["draws"][0].time_s
+            said.append((f"({key}) 100,000 draws in {_ms(DRAWS_S)}: {_ms(seconds)}", seconds <= DRAWS_S))
+        if key == "i" and of["fit"]:
+            said += _whole(of["fit"][0], of["sampler"])
+    return said
+
+
+def said_of(goals: Sequence[Goal]) -> list[str]:
+    """Each in a line, with its verdict."""
+    return [said if met is None else f"{said}, {verdict(met)}" for said, met in goals]
+
+
+def _kernel(key: str, exact: Sequence[Row]) -> list[Goal]:
+    error, seconds = KERNEL[key]
+    goal = f"({key}) error {error:g} in {_ms(seconds)}"
+    return [
+        _held(f"{goal}, {words}", _fastest(exact, error, whole), seconds)
+        for words, whole in (("from given least squares", False), ("least squares included", True))
+    ]
+
+
+def _held(goal: str, reached: float | None, most: float) -> Goal:
+    if reached is None:
+        return f"{goal}: not reached at any tolerance", False
+    return f"{goal}: {_ms(reached)}", reached <= most
+
+
+def _ahead(key: str, exact: Sequence[Row], samplers: Sequence[Row]) -> list[Goal]:
+    """At 1e-2 by the 1/sqrt law, and at each sampler's own error without it."""
+    best = min((row for row in samplers if row.to_target_s), key=lambda row: row.to_target_s or 0.0)
+    goal = f"({key}) at error {TARGET:g} at least {TIMES:,.0f} times faster than the fastest sampler"
+    how = (
+        f"{best.method}: {best.time_s:.2f} s at {best.error:.3f}, by the 1/sqrt law {best.to_target_s:.2f} s"
+    )
+    said = []
+    for words, whole in (("from given least squares", False), ("least squares included", True)):
+        seconds = _fastest(exact, TARGET, whole)
+        ratio = (best.to_target_s or 0.0) / seconds if seconds else 0.0
+        said.append((f"{goal} ({how}), {words}: {ratio:,.0f}", ratio >= TIMES))
+    ratios = {
+        row.method: row.time_s / seconds
+        for row in samplers
+        if (seconds := _fastest(exact, row.error or 0.0, True))
+    }
+    if ratios:
+        least = min(ratios, key=lambda name: ratios[name])
+        said.append(
+            (
+                f"({key}) the same without the law, each sampler at its own error, least squares included: "
+                f"{ratios[least]:,.0f} ({least})",
+                None,
+            )
+        )
+    return said
+
+
+def _whole(fit: Row, samplers: Sequence[Row]) -> list[Goal]:
+    emcee = next((row for row in samplers if row.method == EMCEE), None)
+    if emcee is None:
+        return []
+    ratio = emcee.time_s / fit.time_s
+    goal = f"(i) ifrfit.fit as a whole at least {FIT_TIMES:g} times faster than {EMCEE}"
+    return [(f"{goal}: {ratio:.1f} ({_ms(fit.time_s)} against {emcee.time_s:.2f} s)", ratio >= FIT_TIMES)]
+
+
+def _fastest(exact: Sequence[Row], error: float, whole: bool) -> float | None:
+    """Least time of a tolerance whose measured error is at most this."""
+    times = [
+        row.with_start_s if whole and row.with_start_s is not None else row.time_s
+        for row in exact
+        if row.error is not None and row.error <= error
+    ]
+    return min(times, default=None)
+
+
+def _ms(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.3g} s"

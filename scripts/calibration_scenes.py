@@ -1,0 +1,258 @@
+"""Scenes of the simulation-based calibration: truth from the prior, impacts from the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.observations import Observations, make_table
+from ifrfit.inference.constants import make_constants
+from ifrfit.inference.problem import Problem, make_problem
+from ifrfit.physics import rebound
+from ifrfit.physics.closures import Closure, Coefficients, get_closure, rotational_share
+
+Array = NDArray[np.float64]
+Range = tuple[float, float]
+
+INERTIA = 0.4
+CLOSURE = "ifr"
+ALWAYS_SLIDES = 1e6  # limit of the friction impulse that no impact reaches
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn, and what is measured.
+
+    Attributes
+    ----------
+    name : str
+    says : str
+        What the scene is for.
+    bounds : mapping
+        Constant to the ends of its uniform prior.
+    gamma : (float, float)
+        Angles of the rows of beta, degrees, drawn uniformly.
+    n_beta, n_e_n : int
+        Rows of each observable.
+    sigma : mapping
+        Observable to its standard uncertainty; empty where it is unknown.
+    noise_bounds : mapping
+        Observable (or "": a common factor on sigma) to the ends of its log-uniform prior; empty where sigma
+        is known.
+    series : tuple of str
+        Each has its own rows of both observables.
+    separate : tuple of str
+        Constants that each series has for itself.
+    """
+
+    name: str
+    says: str
+    bounds: Mapping[str, Range]
+    gamma: Range
+    n_beta: int
+    n_e_n: int
+    sigma: Mapping[str, float] = field(default_factory=dict)
+    noise_bounds: Mapping[str, Range] = field(default_factory=dict)
+    series: tuple[str, ...] = ("run",)
+    separate: tuple[str, ...] = ()
+
+    @property
+    def policy(self) -> str:
+        """Noise policy of the problem."""
+        if not self.noise_bounds:
+            return "known"
+        return "unknown" if "" not in self.noise_bounds else "scaled"
+
+    @property
+    def noise_groups(self) -> dict[str, Range]:
+        """Group of rows as the problem names it to the ends of its noise."""
+        if self.policy != "unknown":
+            return dict(self.noise_bounds)
+        return {f"{s}/{name}": ends for s in self.series for name, ends in self.noise_bounds.items()}
+
+    def label(self, quantity: str, series: str) -> str:
+        """Name of a constant, or of kappa, of one series."""
+        makes = {"e_n", "mu"} if quantity == "kappa" else {quantity}
+        return f"{quantity}[{series}]" if makes & set(self.separate) else quantity
+
+
+SCENES = {
+    scene.name: scene
+    for scene in (
+        Scene(
+            "both regimes",
+            "angles on both sides of the transition",
+            {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.5)},
+            (5.0, 85.0),
+            20,
+            4,
+            sigma={"beta": 0.05, "e_n": 0.02},
+        ),
+        Scene(
+            "sliding only",
+            "steep angles: every impact slides, whatever the constants",
+            {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.34)},
+            (60.0, 85.0),
+            15,
+            4,
+            sigma={"beta": 0.05, "e_n": 0.02},
+        ),
+        Scene(
+            "near a bound",
+            "a domain no wider than the noise: every constant leans on a bound",
+            {"e_n": (0.94, 1.0), "e_t": (-1.0, -0.92), "mu": (0.0, 0.06)},
+            (5.0, 85.0),
+            8,
+            2,
+            sigma={"beta": 0.1, "e_n": 0.04},
+        ),
+        Scene(
+            "unknown noise",
+            "few points, one unknown sigma of beta and one of e_n",
+            {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.5)},
+            (5.0, 85.0),
+            8,
+            3,
+            noise_bounds={"beta": (0.01, 0.2), "e_n": (0.005, 0.1)},
+        ),
+        Scene(
+            "one common factor",
+            "few points, sigma known but for a factor",
+            {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.5)},
+            (5.0, 85.0),
+            8,
+            3,
+            sigma={"beta": 0.05, "e_n": 0.02},
+            noise_bounds={"": (0.3, 3.0)},
+        ),
+        Scene(
+            "two walls",
+            "two series with their own mu and the same e_n and e_t",
+            {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.5)},
+            (5.0, 85.0),
+            8,
+            2,
+            sigma={"beta": 0.1, "e_n": 0.05},
+            series=("a", "b"),
+            separate=("mu",),
+        ),
+    )
+}
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One simulated experiment.
+
+    Attributes
+    ----------
+    scene : Scene
+    truth : mapping
+        True value of every quantity that a posterior names.
+    problem : Problem
+        What the estimators see.
+    """
+
+    scene: Scene
+    truth: Mapping[str, float]
+    problem: Problem
+
+
+def draw_truth(scene: Scene, rng: np.random.Generator) -> dict[str, float]:
+    """Draw every constant and noise from its prior."""
+    truth: dict[str, float] = {}
+    for name, ends in scene.bounds.items():
+        for series in scene.series if name in scene.separate else scene.series[:1]:
+            truth[scene.label(name, series)] = float(rng.uniform(*ends))
+    for series in scene.series:
+        e_n, mu = (truth[scene.label(name, series)] for name in ("e_n", "mu"))
+        truth[scene.label("kappa", series)] = mu * (1.0 + e_n)
+    for group, (low, high) in scene.noise_groups.items():
+        truth[f"noise[{group}]" if group else "noise"] = math.exp(rng.uniform(math.log(low), math.log(high)))
+    return truth
+
+
+def simulate(scene: Scene, rng: np.random.Generator) -> Experiment:
+    """Draw a truth and measure it: ``value = model(truth) + sigma * N(0, 1)``, independent rows."""
+    truth = draw_truth(scene, rng)
+    n = scene.n_beta + scene.n_e_n
+    observable = np.repeat(["beta", "e_n"], (scene.n_beta, scene.n_e_n))
+    gamma, value, sigma = [], [], []
+    for series in scene.series:
+        e_n, e_t, mu = (truth[scene.label(name, series)] for name in ("e_n", "e_t", "mu"))
+        angle = rng.uniform(*scene.gamma, scene.n_beta)
+        beta = rebound(angle, e_n=e_n, e_t=e_t, mu=mu, closure=CLOSURE, degrees=True).beta
+        size = {name: _size(scene, truth, series, name) for name in ("beta", "e_n")}
+        noise = np.array([size[str(name)] for name in observable])
+        gamma.append(np.concatenate((angle, np.full(scene.n_e_n, np.nan))))
+        value.append(np.concatenate((beta, np.full(scene.n_e_n, e_n))) + noise * rng.standard_normal(n))
+        sigma.append([scene.sigma.get(str(name), math.nan) for name in observable])
+    table = make_table(
+        {
+            "series": np.repeat(scene.series, n),
+            "observable": np.tile(observable, len(scene.series)),
+            "gamma_deg": np.concatenate(gamma),
+            "value": np.concatenate(value),
+            "sigma": np.concatenate(sigma),
+            "provenance": "simulated",
+        }
+    )
+    closure = get_closure(CLOSURE)
+    constants = make_constants(closure, INERTIA, bounds=dict(scene.bounds), separate=scene.separate)
+    problem = make_problem(Observations(table), closure, INERTIA, constants, scene.policy)
+    if scene.noise_bounds:
+        problem = replace(problem, noise_bounds=scene.noise_groups)
+    return Experiment(scene, truth, problem)
+
+
+def _size(scene: Scene, truth: Mapping[str, float], series: str, observable: str) -> float:
+    """Noise that a row really has."""
+    if scene.policy == "unknown":
+        return truth[f"noise[{series}/{observable}]"]
+    return truth.get("noise", 1.0) * scene.sigma[observable]
+
+
+def share_sliding(experiment: Experiment) -> float:
+    """Share of the rows of beta that slide at the truth."""
+    problem = experiment.problem
+    theta = np.array([experiment.truth[name] for name in problem.names])
+    _, sticks = problem.impulse(*problem.per_row(theta))
+    return float(1.0 - sticks[problem.rows.rows_of("beta")].mean())
+
+
+def understated_sigma(experiment: Experiment, factor: float) -> Experiment:
+    """The same rows, with a sigma that claims to be smaller than it is: a wrong likelihood."""
+    problem = replace(experiment.problem, sigma=factor * experiment.problem.sigma)
+    return replace(experiment, problem=problem)
+
+
+def without_kink(experiment: Experiment) -> Experiment:
+    """The same rows, in the eyes of a model in which every impact slides: a wrong likelihood."""
+    share = rotational_share(INERTIA)
+    right = experiment.problem.closure
+    slides = Closure(
+        right.name,
+        "IFR without its sticking",
+        right.constant,
+        lambda _: Coefficients(share, share, ALWAYS_SLIDES, 0.0),
+        right.domain,
+        right.source,
+    )
+    return replace(experiment, problem=replace(experiment.problem, closure=slides))
+
+
+def walton(experiment: Experiment) -> Experiment:
+    """The same rows, in the eyes of closure FR: beta0 of sticking is e_t + 7/5, its sliding has no e_t."""
+    closure = get_closure("fr")
+    bounds = dict(experiment.scene.bounds)
+    low, high = bounds.pop("e_t")
+    bounds["beta0"] = (low + 1.4, high + 1.4)
+    constants = make_constants(closure, INERTIA, bounds=bounds)
+    truth = {**experiment.truth, "beta0": experiment.truth["e_t"] + 1.4}
+    del truth["e_t"]
+    problem = replace(experiment.problem, closure=closure, constants=constants)
+    return replace(experiment, truth=truth, problem=problem)
