@@ -188,7 +188,7 @@ def _closure_constant(
     reach = np.broadcast_to(tensor.reach, (*shape, 2)).reshape(-1, 2)
     values = np.broadcast_to(tensor.f, (*shape, tensor.f.shape[-1])).reshape(-1, 2, order + 1)
     ends = []
-    for end in x_ends:
+    for end in x_ends if shape[2] > 1 else [np.zeros_like(row)] * 2:
         flat = (row * shape[1] + e_at) * shape[2] + end
         used, at = np.unique(flat, return_inverse=True)
         both = values[used].copy()

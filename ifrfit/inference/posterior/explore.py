@@ -15,6 +15,7 @@ from ifrfit.inference.posterior import quantity as of
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.marginal import quantiles
+from ifrfit.inference.posterior.of_series import friction_apart, of_series
 from ifrfit.inference.posterior.plan import Plan, make_plan, noise_label
 from ifrfit.inference.posterior.quantity import Quantity
 from ifrfit.inference.posterior.unknown import Unknown
@@ -128,7 +129,7 @@ class Posterior:
         part = self.plan.joint.series[self.plan.tangential[block]]
         c = self.plan.unknowns["c", block]
         if part.stretched and isinstance(c, Unknown):
-            own = of.of_series(self.grid, self.plan.tangential[block], "tau", "tau")
+            own = of_series(self.grid, self.plan.tangential[block], "tau", "tau")
             return _quantiles(own, np.array(LEVELS), own.moments(0), self.tolerance)
         b = float(part.misfit.b(c if not isinstance(c, Unknown) else 0.0))
         names = [name for name in self.quantities if name.startswith("kappa")]
@@ -309,13 +310,13 @@ def _entry(
 ) -> Quantity:
     part = plan.tangential[block]
     if plan.apart and kind == "e_n":
-        return of.of_series(grid, plan.normal[block], "e_n", unknown.name)
+        return of_series(grid, plan.normal[block], "e_n", unknown.name)
     if plan.apart and kind == "mu":
         kappa = _kappa(plan, grid, block, "kappa", shared)
-        return of.friction_apart(grid, kappa, part, plan.normal[block], unknown, unknown.name)
+        return friction_apart(grid, kappa, part, plan.normal[block], unknown, unknown.name)
     if kind in shared:
         return of.shared(grid, shared[kind], unknown.name)
-    return of.of_series(grid, part, kind, unknown.name)
+    return of_series(grid, part, kind, unknown.name)
 
 
 def _kappa(plan: Plan, grid: Grid, block: int, name: str, shared: Mapping[str, int]) -> Quantity:
@@ -331,4 +332,4 @@ def _kappa(plan: Plan, grid: Grid, block: int, name: str, shared: Mapping[str, i
     if series.role == "none" and not isinstance(mu, Unknown):
         own = _entry(plan, grid, "e_n", block, e_n, shared)  # type: ignore[arg-type]
         return of.scaled(own, float(mu), float(mu), name)
-    return of.of_series(grid, part, "kappa", name)
+    return of_series(grid, part, "kappa", name)

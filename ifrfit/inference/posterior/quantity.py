@@ -1,10 +1,13 @@
-"""Marginals: mean, standard deviation and distribution function of every quantity, from a grid of densities."""
+"""Marginals as such: mean, standard deviation and distribution function of a quantity.
+
+What the quantities of one part of the integral are is told in `of_series`.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -12,16 +15,12 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.joint import Grid
-from ifrfit.inference.posterior.marginal import Panels
 from ifrfit.inference.posterior.tensor import Tensor
-from ifrfit.inference.posterior.unknown import Unknown
 
 Array = NDArray[np.float64]
-
 Moments = Callable[[int], tuple[float, float]]
 Cdf = Callable[[Array, int], Array]
 
-_AT_ONCE = 4_000_000  # numbers of a threshold's table held at once
 _SMOOTH = 40  # nodes for functions of a sum of squares
 
 
@@ -58,7 +57,7 @@ class Quantity:
     errors: Callable[[Array], list[tuple[Axis, Array]]] | None = None
 
 
-def _moments(expect: Callable[[Callable[[Array], Array], int], float]) -> Moments:
+def moments_of(expect: Callable[[Callable[[Array], Array], int], float]) -> Moments:
     """Mean and standard deviation from expectations."""
 
     def moments(level: int) -> tuple[float, float]:
@@ -82,7 +81,7 @@ def shared(grid: Grid, number: int, name: str) -> Quantity:
         return float(grid.share[level] @ of(grid.at[one.kind]))
 
     factors = ((-1, grid.at[one.kind]),)
-    return Quantity(name, one.unknown.lower, one.unknown.upper, _moments(expect), cdf, factors=factors)
+    return Quantity(name, one.unknown.lower, one.unknown.upper, moments_of(expect), cdf, factors=factors)
 
 
 def product_of_shared(grid: Grid, e_number: int, mu_number: int, name: str) -> Quantity:
@@ -98,15 +97,7 @@ def product_of_shared(grid: Grid, e_number: int, mu_number: int, name: str) -> Q
         return float(grid.share[level] @ of(grid.at["mu"] * (1.0 + grid.at["e_n"])))
 
     ends = mu.unknown.lower * (1.0 + e.unknown.lower), mu.unknown.upper * (1.0 + e.unknown.upper)
-    return Quantity(name, *ends, _moments(expect), cdf)
-
-
-def of_series(grid: Grid, number: int, kind: str, name: str) -> Quantity:
-    """e_n, c, mu, kappa or tau (the transition) of one series."""
-    tensor = grid.tensors[number]
-    made = {"e_n": _e_n, "c": _c, "mu": _mu, "kappa": _kappa, "tau": _tau}[kind](grid, tensor, name)
-    values = {"e_n": tensor.e_n[..., None], "c": tensor.c, "mu": tensor.mu}
-    return replace(made, factors=((number, values[kind]),)) if kind in values else made
+    return Quantity(name, *ends, moments_of(expect), cdf)
 
 
 def covariance(grid: Grid, quantities: Sequence[Quantity]) -> Array:
@@ -131,223 +122,6 @@ def _product(grid: Grid, factors: tuple[tuple[int, Array], ...]) -> Array:
     for part, values in by_part.items():
         found = found * (values if part < 0 else grid.tensors[part].expect_each(values, 0))
     return found
-
-
-def _of_values(grid: Grid, tensor: Tensor, values: Array) -> Moments:
-    return _moments(
-        lambda of, level: float((grid.share[level] * tensor.expect_each(of(values), level)).sum())
-    )
-
-
-def _e_n(grid: Grid, tensor: Tensor, name: str) -> Quantity:
-    unknown = tensor.series.e_n
-    assert isinstance(unknown, Unknown)
-    moments = _of_values(grid, tensor, tensor.e_n[..., None])
-    if tensor.series.role == "e_n":  # e_n = x b/mu - 1
-        c = tensor.c[..., 0] if tensor.series.c is None else np.zeros((1, 1, 1))
-        mu = tensor.mu[..., 0]
-        b = np.asarray(tensor.series.misfit.b(c))
-        laws = _laws(grid, tensor)
-
-        def by_x(t: Array, level: int) -> Array:
-            return laws(level)((mu * (1.0 + t[:, None, None, None]) / b)[..., 0])
-
-        return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
-    axis = tensor.series.e_axis
-    assert axis is not None
-    rows = []
-    for level in (0, 1):
-        values = tensor.e_density(grid.share[level], level).reshape(1, -1, axis.order + 1)
-        rows.append(Panels.of(axis.low[None], axis.width[None], values, level))
-    return Quantity(
-        name, unknown.lower, unknown.upper, moments, lambda t, level: rows[level].below(t[:, None])[:, 0]
-    )
-
-
-def _c(grid: Grid, tensor: Tensor, name: str) -> Quantity:
-    unknown = tensor.series.c
-    assert isinstance(unknown, Unknown)
-    moments = _of_values(grid, tensor, tensor.c)
-    if tensor.series.role == "c":  # b(c) = mu (1 + e_n)/x falls as x rises
-        kappa = (tensor.mu[..., 0] * (1.0 + tensor.e_n))[..., 0]
-        laws = _laws(grid, tensor)
-
-        def by_x(t: Array, level: int) -> Array:
-            b = np.asarray(tensor.series.misfit.b(t[:, None, None]))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                x = np.where(b > 0.0, kappa / b, np.inf)
-            return 1.0 - laws(level)(x)
-
-        return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
-    below = _by_c(tensor, lambda t: t)
-
-    def errors(at: Array) -> list[tuple[Axis, Array]]:
-        axis = tensor.series.x_axis
-        if axis is None or not tensor.series.has_x_axis:
-            return []
-        each = [tensor.along_x_below_c(t[None, None, None], grid.share[0]) for t in at]
-        return [(axis, np.max([axis.errors(part) for part in each], axis=0))]
-
-    return Quantity(
-        name,
-        unknown.lower,
-        unknown.upper,
-        moments,
-        lambda t, level: below(t, grid.share[level], level),
-        errors=errors,
-    )
-
-
-def _by_c(tensor: Tensor, threshold: Callable[[Array], Array]) -> Callable[[Array, Array, int], Array]:
-    """Distribution function of what is below t where the closure constant is below threshold(t)."""
-    size = int(np.prod(tensor.f.shape[:3])) * (tensor.series.c_order + 2)
-    step = max(1, _AT_ONCE // size)
-
-    def below(t: Array, share: Array, level: int) -> Array:
-        parts = [
-            tensor.below_c(threshold(t[i : i + step, None, None, None]), share, level)
-            for i in range(0, t.size, step)
-        ]
-        return np.concatenate(parts)
-
-    return below
-
-
-def _mu(grid: Grid, tensor: Tensor, name: str) -> Quantity:
-    unknown = tensor.series.mu
-    assert isinstance(unknown, Unknown)
-    moments = _of_values(grid, tensor, tensor.mu)
-    cdf = _friction_cdf(grid, tensor, 1.0 + tensor.e_n)
-
-    def errors(at: Array) -> list[tuple[Axis, Array]]:
-        axis = tensor.series.e_axis
-        k = tensor.series.misfit.coefficients
-        if axis is None or not tensor.series.has_e_axis or (k.b1 and tensor.series.has_c):
-            return []
-        b = np.asarray(tensor.series.misfit.b(tensor.c[..., 0] if k.b1 else 0.0))
-        ratio = ((1.0 + tensor.e_n) / (b.reshape((1, 1, 1)) if b.ndim == 0 else b))[..., 0]
-        each = [tensor.along_e_below_x(t * ratio, grid.share[0]) for t in at]
-        return [(axis, np.max([axis.errors(part) for part in each], axis=0))]
-
-    return Quantity(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
-
-
-def _laws(grid: Grid, tensor: Tensor) -> Callable[[int], Callable[[Array], Array]]:
-    """Distribution function of the transition by level, made once."""
-    return cache(lambda level: tensor.along_x(grid.share[level], level))
-
-
-def _friction_cdf(grid: Grid, tensor: Tensor, factor: Array) -> Cdf:
-    """Distribution function of x b(c)/factor."""
-    below = cache(lambda level: _friction_below(tensor, factor, grid.share[level], level))
-    return lambda t, level: below(level)(t)
-
-
-def _friction_below(tensor: Tensor, factor: Array, share: Array, level: int) -> Callable[[Array], Array]:
-    misfit = tensor.series.misfit
-    k = misfit.coefficients
-    if k.b1 and tensor.series.has_c:
-        per_x = factor / np.maximum(tensor.x, 1e-300)
-        by_c = _by_c(tensor, lambda t: (t * per_x - k.b0) / k.b1)
-        return lambda t: by_c(t, share, level)
-    b = np.asarray(misfit.b(tensor.c[..., 0] if k.b1 else 0.0))
-    ratio = (factor / (b.reshape((1, 1, 1)) if b.ndim == 0 else b))[..., 0]
-    below = tensor.along_x(share, level)
-    return lambda t: below(t[:, None, None] * ratio)
-
-
-def _kappa(grid: Grid, tensor: Tensor, name: str) -> Quantity:
-    series = tensor.series
-    moments = _of_values(grid, tensor, tensor.mu * (1.0 + tensor.e_n[..., None]))
-    ends = []
-    for end in ("lower", "upper"):
-        e, mu = (
-            getattr(u, end)
-            if isinstance(u, Unknown)
-            else (float(np.min(at)) if end == "lower" else float(np.max(at)))
-            for u, at in ((series.e_n, tensor.e_n), (series.mu, tensor.mu))
-        )
-        ends.append(mu * (1.0 + e))
-    if series.role == "c":  # mu is given, so e_n alone moves it
-        mu_value = float(tensor.mu.reshape(-1)[0])
-        e_n = _e_n(grid, tensor, name)
-        return Quantity(name, *ends, moments, lambda t, level: e_n.cdf(t / mu_value - 1.0, level))
-
-    axes = {one.kind: one.axis for one in grid.joint.shared if not one.log}
-    cuts = [
-        (series.e_axis if series.has_e_axis else axes.get("e_n"), series.mu, lambda t, end: t / end - 1.0)
-    ]
-    if series.role == "e_n":
-        cuts = [(axes.get("mu"), series.e_n, lambda t, end: t / (1.0 + end))]
-
-    def split(at: Array) -> bool:
-        """The bounds of mu (of e_n) cut kappa off at another place for each e_n (mu)."""
-        axis, unknown, place = cuts[0]
-        assert axis is not None
-        assert isinstance(unknown, Unknown)
-        ends = [end for end in (unknown.lower, unknown.upper) if series.role == "e_n" or end > 0.0]
-        return bool(axis.split(np.concatenate([place(at, end) for end in ends])))
-
-    kinked = tensor.limits is not None and cuts[0][0] is not None and isinstance(cuts[0][1], Unknown)
-    return Quantity(
-        name, *ends, moments, _friction_cdf(grid, tensor, np.ones((1, 1, 1))), split if kinked else None
-    )
-
-
-def _tau(grid: Grid, tensor: Tensor, name: str) -> Quantity:
-    moments = _of_values(grid, tensor, tensor.x[..., None])
-    laws = _laws(grid, tensor)
-    return Quantity(name, 0.0, math.inf, moments, lambda t, level: laws(level)(t[:, None, None]))
-
-
-def friction_apart(
-    grid: Grid, of_kappa: Quantity, kappa: int, e_n: int, unknown: Unknown, name: str
-) -> Quantity:
-    """mu = kappa/(1 + e_n) where nothing in the data ties the two."""
-    friction, normal = grid.tensors[kappa], grid.tensors[e_n]
-    at = normal.e_n[..., None]
-    together = normal.mass.shape[1] == 1  # e_n has one law, whatever the shared unknowns
-    of_e = _e_n(grid, normal, "e_n")
-    kappa_mean, kappa_sd = of_kappa.moments(0)
-    e_mean, e_sd = of_e.moments(0)
-    e_is_wider = e_sd / (1.0 + e_mean) > kappa_sd / max(kappa_mean, 1e-300)
-
-    @cache
-    def values_of_kappa(level: int) -> tuple[Array, Array]:
-        return friction.values_of(friction.mu, grid.share[level], level)
-
-    def moments(level: int) -> tuple[float, float]:
-        share = grid.share[level]
-        w = normal.expect_each(1.0 / (1.0 + at), level)
-        spread_w = normal.expect_each((1.0 / (1.0 + at) - w[:, None, None, None]) ** 2, level)
-        k = friction.expect_each(friction.mu, level)
-        spread_k = friction.expect_each((friction.mu - k[:, None, None, None]) ** 2, level)
-        mean = float((share * (k * w)).sum())
-        within = spread_k * (w * w + spread_w) + k * k * spread_w
-        return mean, math.sqrt(max(float((share * (within + (k * w - mean) ** 2)).sum()), 0.0))
-
-    def cdf(t: Array, level: int) -> Array:
-        share = grid.share[level]
-        law = normal.e_law(level)  # (m or 1, n_e)
-        kept = np.flatnonzero(law.max(axis=0) > 1e-13)
-        points = 1.0 + at.reshape(-1)[kept]
-        if together and e_is_wider:  # average over kappa, which is the narrower one
-            value, probability = values_of_kappa(level)
-            at_e = value / np.maximum(t, 1e-300)[:, None] - 1.0
-            found = of_e.cdf(at_e.reshape(-1), level).reshape(t.size, -1)
-            return np.asarray((1.0 - found) @ probability)
-        if together:
-            found = of_kappa.cdf((t[:, None] * points).reshape(-1), level).reshape(t.size, -1)
-            return np.asarray(found @ law[0, kept])
-        one = np.ones((1, 1, 1))
-        parts = [
-            _friction_below(friction, one, share * law[:, j], level)(t * point)
-            for j, point in zip(kept, points, strict=True)
-        ]
-        return np.asarray(sum(parts))
-
-    factors = ((kappa, friction.mu), (e_n, 1.0 / (1.0 + at)))
-    return Quantity(name, unknown.lower, unknown.upper, cache(moments), cdf, factors=factors)
 
 
 def scaled(of: Quantity, factor: float, offset: float, name: str) -> Quantity:

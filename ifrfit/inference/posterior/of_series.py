@@ -1,0 +1,284 @@
+"""Marginals of the quantities of one part of the integral, and of mu where e_n is apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.posterior.axis import Axis
+from ifrfit.inference.posterior.joint import Grid
+from ifrfit.inference.posterior.marginal import Panels
+from ifrfit.inference.posterior.quantity import Cdf, Moments, Quantity, moments_of
+from ifrfit.inference.posterior.tensor import Tensor
+from ifrfit.inference.posterior.unknown import Unknown
+
+Array = NDArray[np.float64]
+
+_AT_ONCE = 4_000_000  # numbers of a threshold's table held at once
+
+
+def of_series(grid: Grid, number: int, kind: str, name: str) -> Quantity:
+    """e_n, c, mu, kappa or tau (the transition) of one series."""
+    tensor = grid.tensors[number]
+    made = {"e_n": _e_n, "c": _c, "mu": _mu, "kappa": _kappa, "tau": _tau}[kind](grid, tensor, name)
+    values = {"e_n": tensor.e_n[..., None], "c": tensor.c, "mu": tensor.mu}
+    return replace(made, factors=((number, values[kind]),)) if kind in values else made
+
+
+def _of_values(grid: Grid, tensor: Tensor, values: Array) -> Moments:
+    return moments_of(
+        lambda of, level: float((grid.share[level] * tensor.expect_each(of(values), level)).sum())
+    )
+
+
+def _e_n(grid: Grid, tensor: Tensor, name: str) -> Quantity:
+    unknown = tensor.series.e_n
+    assert isinstance(unknown, Unknown)
+    moments = _of_values(grid, tensor, tensor.e_n[..., None])
+    if tensor.series.role == "e_n":  # e_n = x b/mu - 1
+        c = tensor.c[..., 0] if tensor.series.c is None else np.zeros((1, 1, 1))
+        mu = tensor.mu[..., 0]
+        b = np.asarray(tensor.series.misfit.b(c))
+        laws = _laws(grid, tensor)
+
+        def by_x(t: Array, level: int) -> Array:
+            return laws(level)((mu * (1.0 + t[:, None, None, None]) / b)[..., 0])
+
+        return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
+    axis = tensor.series.e_axis
+    assert axis is not None
+    rows = []
+    for level in (0, 1):
+        values = tensor.e_density(grid.share[level], level).reshape(1, -1, axis.order + 1)
+        rows.append(Panels.of(axis.low[None], axis.width[None], values, level))
+    return Quantity(
+        name, unknown.lower, unknown.upper, moments, lambda t, level: rows[level].below(t[:, None])[:, 0]
+    )
+
+
+def _c(grid: Grid, tensor: Tensor, name: str) -> Quantity:
+    unknown = tensor.series.c
+    assert isinstance(unknown, Unknown)
+    moments = _of_values(grid, tensor, tensor.c)
+    if tensor.series.role == "c":  # b(c) = mu (1 + e_n)/x falls as x rises
+        kappa = (tensor.mu[..., 0] * (1.0 + tensor.e_n))[..., 0]
+        laws = _laws(grid, tensor)
+
+        def by_x(t: Array, level: int) -> Array:
+            b = np.asarray(tensor.series.misfit.b(t[:, None, None]))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                x = np.where(b > 0.0, kappa / b, np.inf)
+            return 1.0 - laws(level)(x)
+
+        return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
+    below = _by_c(tensor, lambda t: t)
+
+    def errors(at: Array) -> list[tuple[Axis, Array]]:
+        axis = tensor.series.x_axis
+        if axis is None or not tensor.series.has_x_axis:
+            return []
+        each = [tensor.along_x_below_c(t[None, None, None], grid.share[0]) for t in at]
+        return [(axis, np.max([axis.errors(part) for part in each], axis=0))]
+
+    return Quantity(
+        name,
+        unknown.lower,
+        unknown.upper,
+        moments,
+        lambda t, level: below(t, grid.share[level], level),
+        errors=errors,
+    )
+
+
+def _by_c(tensor: Tensor, threshold: Callable[[Array], Array]) -> Callable[[Array, Array, int], Array]:
+    """Distribution function of what is below t where the closure constant is below threshold(t)."""
+    size = int(np.prod(tensor.f.shape[:3])) * (tensor.series.c_order + 2)
+    step = max(1, _AT_ONCE // size)
+
+    def below(t: Array, share: Array, level: int) -> Array:
+        parts = [
+            tensor.below_c(threshold(t[i : i + step, None, None, None]), share, level)
+            for i in range(0, t.size, step)
+        ]
+        return np.concatenate(parts)
+
+    return below
+
+
+def _mu(grid: Grid, tensor: Tensor, name: str) -> Quantity:
+    unknown = tensor.series.mu
+    assert isinstance(unknown, Unknown)
+    moments = _of_values(grid, tensor, tensor.mu)
+    factor = 1.0 + tensor.e_n
+    cdf, errors = _friction_cdf(grid, tensor, factor), _friction_errors(grid, tensor, factor)
+    return Quantity(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
+
+
+def _laws(grid: Grid, tensor: Tensor) -> Callable[[int], Callable[[Array], Array]]:
+    """Distribution function of the transition by level, made once."""
+    return cache(lambda level: tensor.along_x(grid.share[level], level))
+
+
+def _friction_cdf(grid: Grid, tensor: Tensor, factor: Array) -> Cdf:
+    """Distribution function of x b(c)/factor."""
+    below = cache(lambda level: _friction_below(tensor, factor, grid.share[level], level))
+    return lambda t, level: below(level)(t)
+
+
+def _friction_below(tensor: Tensor, factor: Array, share: Array, level: int) -> Callable[[Array], Array]:
+    misfit = tensor.series.misfit
+    k = misfit.coefficients
+    if k.b1 and tensor.series.has_c:
+        per_x = factor / np.maximum(tensor.x, 1e-300)
+        by_c = _by_c(tensor, lambda t: (t * per_x - k.b0) / k.b1)
+        return lambda t: by_c(t, share, level)
+    ratio = _per_x(tensor, factor)
+    below = tensor.along_x(share, level)
+    return lambda t: below(t[:, None, None] * ratio)
+
+
+def _friction_errors(
+    grid: Grid, tensor: Tensor, factor: Array
+) -> Callable[[Array], list[tuple[Axis, Array]]]:
+    """Errors of panels over which the distribution function of x b(c)/factor is averaged."""
+    series = tensor.series
+    k = series.misfit.coefficients
+
+    def errors(at: Array) -> list[tuple[Axis, Array]]:
+        share = grid.share[0]
+        if k.b1 and series.has_c:
+            axis = series.x_axis
+            per_x = factor / np.maximum(tensor.x, 1e-300)
+            each = [tensor.along_x_below_c((t * per_x - k.b0) / k.b1, share) for t in at]
+        elif series.has_e_axis and series.has_x_axis:
+            axis = series.e_axis
+            ratio = _per_x(tensor, factor)
+            each = [tensor.along_e_below_x(t * ratio, share) for t in at]
+        else:
+            return []
+        assert axis is not None
+        return [(axis, np.max([axis.errors(part) for part in each], axis=0))]
+
+    return errors
+
+
+def _per_x(tensor: Tensor, factor: Array) -> Array:
+    """The transition over x b(c)/factor, (m, n_e), where the closure constant is no unknown of the part."""
+    misfit = tensor.series.misfit
+    b = np.asarray(misfit.b(tensor.c[..., 0] if misfit.coefficients.b1 else 0.0))
+    return np.asarray((factor / (b.reshape((1, 1, 1)) if b.ndim == 0 else b))[..., 0])
+
+
+def _kappa(grid: Grid, tensor: Tensor, name: str) -> Quantity:
+    series = tensor.series
+    moments = _of_values(grid, tensor, tensor.mu * (1.0 + tensor.e_n[..., None]))
+    ends: list[float] = []
+    for end in ("lower", "upper"):
+        e, mu = (
+            getattr(u, end)
+            if isinstance(u, Unknown)
+            else (float(np.min(at)) if end == "lower" else float(np.max(at)))
+            for u, at in ((series.e_n, tensor.e_n), (series.mu, tensor.mu))
+        )
+        ends.append(mu * (1.0 + e))
+    if series.role == "c":  # mu is given, so e_n alone moves it
+        mu_value = float(tensor.mu.reshape(-1)[0])
+        e_n = _e_n(grid, tensor, name)
+        return Quantity(name, ends[0], ends[1], moments, lambda t, level: e_n.cdf(t / mu_value - 1.0, level))
+
+    one = np.ones((1, 1, 1))
+    cdf, errors = _friction_cdf(grid, tensor, one), _friction_errors(grid, tensor, one)
+    return Quantity(name, ends[0], ends[1], moments, cdf, split=_walls(grid, tensor), errors=errors)
+
+
+def _walls(grid: Grid, tensor: Tensor) -> Callable[[Array], bool] | None:
+    """Splits panels where the bounds of mu (of e_n) cut kappa off, at another place for each e_n (mu)."""
+    series = tensor.series
+    axes = {one.kind: one.axis for one in grid.joint.shared if not one.log}
+    by_mu = series.role == "e_n"
+    axis = axes.get("mu") if by_mu else series.e_axis if series.has_e_axis else axes.get("e_n")
+    unknown = series.e_n if by_mu else series.mu
+    if tensor.limits is None or axis is None or not isinstance(unknown, Unknown):
+        return None
+    ends = [end for end in (unknown.lower, unknown.upper) if by_mu or end > 0.0]
+
+    def split(at: Array) -> bool:
+        return axis.split(np.concatenate([at / (1.0 + end) if by_mu else at / end - 1.0 for end in ends]))
+
+    return split
+
+
+def _tau(grid: Grid, tensor: Tensor, name: str) -> Quantity:
+    moments = _of_values(grid, tensor, tensor.x[..., None])
+    laws = _laws(grid, tensor)
+    return Quantity(name, 0.0, math.inf, moments, lambda t, level: laws(level)(t[:, None, None]))
+
+
+def friction_apart(
+    grid: Grid, of_kappa: Quantity, kappa: int, e_n: int, unknown: Unknown, name: str
+) -> Quantity:
+    """mu = kappa/(1 + e_n) where nothing in the data ties the two."""
+    friction, normal = grid.tensors[kappa], grid.tensors[e_n]
+    at = normal.e_n[..., None]
+    together = normal.mass.shape[1] == 1  # e_n has one law, whatever the shared unknowns
+    of_e = _e_n(grid, normal, "e_n")
+    kappa_mean, kappa_sd = of_kappa.moments(0)
+    e_mean, e_sd = of_e.moments(0)
+    e_is_wider = e_sd / (1.0 + e_mean) > kappa_sd / max(kappa_mean, 1e-300)
+
+    @cache
+    def values_of_kappa(level: int) -> tuple[Array, Array]:
+        return friction.values_of(friction.mu, grid.share[level], level)
+
+    def moments(level: int) -> tuple[float, float]:
+        share = grid.share[level]
+        w = normal.expect_each(1.0 / (1.0 + at), level)
+        spread_w = normal.expect_each((1.0 / (1.0 + at) - w[:, None, None, None]) ** 2, level)
+        k = friction.expect_each(friction.mu, level)
+        spread_k = friction.expect_each((friction.mu - k[:, None, None, None]) ** 2, level)
+        mean = float((share * (k * w)).sum())
+        within = spread_k * (w * w + spread_w) + k * k * spread_w
+        return mean, math.sqrt(max(float((share * (within + (k * w - mean) ** 2)).sum()), 0.0))
+
+    def cdf(t: Array, level: int) -> Array:
+        share = grid.share[level]
+        law = normal.e_law(level)  # (m or 1, n_e)
+        kept = np.flatnonzero(law.max(axis=0) > 1e-13)
+        points = 1.0 + at.reshape(-1)[kept]
+        if together and e_is_wider:  # average over kappa, which is the narrower one
+            value, probability = values_of_kappa(level)
+            at_e = value / np.maximum(t, 1e-300)[:, None] - 1.0
+            found = of_e.cdf(at_e.reshape(-1), level).reshape(t.size, -1)
+            return np.asarray((1.0 - found) @ probability)
+        if together:
+            found = of_kappa.cdf((t[:, None] * points).reshape(-1), level).reshape(t.size, -1)
+            return np.asarray(found @ law[0, kept])
+        one = np.ones((1, 1, 1))
+        parts = [
+            _friction_below(friction, one, share * law[:, j], level)(t * point)
+            for j, point in zip(kept, points, strict=True)
+        ]
+        return np.asarray(sum(parts))
+
+    split = None
+    if together and e_is_wider and not friction.series.stretched:
+        axis, per_kappa = _axis_of_kappa(grid, friction)
+
+        def split(at: Array) -> bool:
+            """Where kappa meets the ends of e_n."""
+            return axis.split(np.concatenate([at * (1.0 + end) * per_kappa for end in (of_e.low, of_e.high)]))
+
+    factors = ((kappa, friction.mu), (e_n, 1.0 / (1.0 + at)))
+    return Quantity(name, unknown.lower, unknown.upper, cache(moments), cdf, split, factors)
+
+
+def _axis_of_kappa(grid: Grid, friction: Tensor) -> tuple[Axis, float]:
+    """Axis along which kappa runs, and its coordinate over kappa (where the bound is not tilted)."""
+    if friction.series.has_x_axis and friction.series.x_axis is not None:
+        return friction.series.x_axis, 1.0 / float(friction.series.misfit.b(0.0))
+    return next(one.axis for one in grid.joint.shared if one.kind == "mu"), 1.0
