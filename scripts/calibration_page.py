@@ -96,7 +96,8 @@ rank of the truth in it is uniform (Cook, Gelman & Rubin 2006; Talts et al. 2018
 
 **{"Not as it must be: " + "; ".join(bad) + "." if bad else good}**
 
-{repeats} experiments in each scene, the first {n_profile} of them profiled; seed {seed}; Python
+{repeats} experiments in each of the first four scenes (a tenth of that in the others, which take longer),
+the first {n_profile} of each profiled; seed {seed}; Python
 {platform.python_version()}, {packages}. All data here are simulated. Written by `make calibrate`.
 
 A method passes if none of its tests fails: chi2 of {BINS} bins of ranks, and the exact binomial tests of the

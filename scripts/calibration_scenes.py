@@ -47,6 +47,8 @@ class Scene:
         Each has its own rows of both observables.
     separate : tuple of str
         Constants that each series has for itself.
+    share : float
+        Of the repeats: scenes beside the four main ones take longer each.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Scene:
     noise_bounds: Mapping[str, Range] = field(default_factory=dict)
     series: tuple[str, ...] = ("run",)
     separate: tuple[str, ...] = ()
+    share: float = 1.0
 
     @property
     def policy(self) -> str:
@@ -128,6 +131,7 @@ SCENES = {
             3,
             sigma={"beta": 0.05, "e_n": 0.02},
             noise_bounds={"": (0.3, 3.0)},
+            share=0.1,
         ),
         Scene(
             "two walls",
@@ -139,6 +143,7 @@ SCENES = {
             sigma={"beta": 0.1, "e_n": 0.05},
             series=("a", "b"),
             separate=("mu",),
+            share=0.1,
         ),
     )
 }

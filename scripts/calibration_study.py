@@ -137,7 +137,7 @@ def tasks_of(
     return [
         Task(scene, i, seed, peers, i < n_profile, scene == CONTROLLED and i < n_controls)
         for scene in scenes
-        for i in range(repeats)
+        for i in range(max(1, round(repeats * SCENES[scene].share)))
     ]
 
 

@@ -30,19 +30,19 @@ def derived_of(
     else:
         found = constants[own]
         if isinstance(found, Estimate):
-            sticking = _beta_sticking(problem, found)
+            sticking = beta_sticking(problem, found)
         else:
-            sticking = {s: _beta_sticking(problem, e) for s, e in found.items()}
+            sticking = {s: beta_sticking(problem, e) for s, e in found.items()}
     return {
         "kappa": each_kappa if separate else each_kappa[problem.series[0]],
         "transition_angle_deg": {
-            s: _transition(problem, fit, i, each_kappa[s]) for i, s in enumerate(problem.series)
+            s: transition(problem, fit, i, each_kappa[s]) for i, s in enumerate(problem.series)
         },
         "beta_sticking": sticking,
     }
 
 
-def _beta_sticking(problem: Problem, c: Estimate) -> Estimate:
+def beta_sticking(problem: Problem, c: Estimate) -> Estimate:
     """(a + b)/(J/(1 + J)) - 1, linear in the closure constant."""
     linear = problem.closure.coefficients(problem.inertia_factor)
     share = rotational_share(problem.inertia_factor)
@@ -57,7 +57,7 @@ def _beta_sticking(problem: Problem, c: Estimate) -> Estimate:
     )
 
 
-def _transition(
+def transition(
     problem: Problem, fit: LeastSquares, series: int, kappa: Estimate
 ) -> Estimate | list[Estimate] | None:
     """Transition angle(s) at the series' median spin; a list where there are two."""
@@ -86,14 +86,14 @@ def _transition(
         ends = []
         for p in (0.16, 0.84), (0.025, 0.975):
             taus = [quantile(q, tau, sd, 0.0, math.inf, fit.noise_dof) for q in p]
-            at = [_angle_near(t, spin_x, spin_y, number, len(angles), angle) for t in taus]
+            at = [angle_near(t, spin_x, spin_y, number, len(angles), angle) for t in taus]
             ends.append((min(at), max(at)))
         half = 0.5 * (ends[0][1] - ends[0][0]) if kappa.stderr is not None else None
         found.append(Estimate(angle, half, ends[0], ends[1], kappa.status, kappa.reason))
     return found[0] if len(found) == 1 else found
 
 
-def _angle_near(tau: float, spin_x: float, spin_y: float, number: int, count: int, angle: float) -> float:
+def angle_near(tau: float, spin_x: float, spin_y: float, number: int, count: int, angle: float) -> float:
     """The same branch of the transition at another tau; the end of the scale where it has none."""
     angles = transition_angles(tau, spin_x, spin_y)
     if len(angles) == count:

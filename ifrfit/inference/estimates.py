@@ -61,13 +61,13 @@ def estimate(
     sd = math.sqrt(fit.local.variance(functional, constant.prior_sd))
     half = HALF * constant.prior_sd
     rivals = [float(theta[position]) for theta in outlying(fit.optimum)]
-    leans = _leans_on_prior(problem, fit, position, constant, sd)
+    leans = leans_on_prior(problem, fit, position, constant, sd)
     # the width of a prior is known, whatever the noise of the rows
     dof = math.inf if leans and constant.prior is not None else fit.noise_dof
     reach = half_width(0.95, dof) * sd
     if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
         return _through_kappa(problem, fit, constant, series or 0)
-    seen = math.isfinite(sd) and not _too_few(problem, constant)
+    seen = math.isfinite(sd) and not too_few(problem, constant)
     if not sd < half or not seen or not is_local(value, reach, rivals):
         return open_estimate(problem, fit, constant, position, series, seen=seen)
     side = _side(constant, value, reach)
@@ -96,7 +96,7 @@ def _through_kappa(problem: Problem, fit: LeastSquares, constant: Constant, seri
     return Estimate(None, None, *ends, "not_determined", "the data fix kappa = mu (1 + e_n) only")
 
 
-def _too_few(problem: Problem, constant: Constant) -> bool:
+def too_few(problem: Problem, constant: Constant) -> bool:
     """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
     kinds = np.array([OBSERVABLES[name].kind for name in problem.rows.names])[problem.rows.which]
     oblique = int(np.isin(kinds, ("tangential", "curved")).sum())
@@ -144,7 +144,7 @@ def _one_sided(fit: LeastSquares, constant: Constant, position: int, side: int, 
     return Estimate(value, sd, ends[0], ends[1], "one_sided", reason)
 
 
-def _leans_on_prior(problem: Problem, fit: LeastSquares, position: int, constant: Constant, sd: float) -> str:
+def leans_on_prior(problem: Problem, fit: LeastSquares, position: int, constant: Constant, sd: float) -> str:
     """The reason if the user's priors halve the sd, else nothing."""
     named = [c.name for c in problem.constants if c.prior is not None]
     if not named:

@@ -54,24 +54,18 @@ def exact_estimate(posterior: Posterior, name: str, constant: Constant, local: E
     """One constant: posterior median, mean, sd and intervals; its status by the table of statuses."""
     if local.status == "fixed":
         return local
+    if local.value is None:
+        # what the data leave open follows the prior: the interval is that of the data alone
+        return local
     low95, low68, median, high68, high95 = np.asarray(posterior.quantile(name, LEVELS))
     mean, sd = posterior.mean(name), posterior.sd(name)
     central = (float(low68), float(high68)), (float(low95), float(high95))
-    lower, upper = constant.lower, constant.upper
-    side = _side(posterior, name, lower, constant.prior_upper, sd)
-    if local.status == "not_determined" or not (sd < HALF * constant.prior_sd or local.value is None):
-        if side and local.status == "one_sided":
-            return _limit(posterior, name, side, constant)
-        reason = local.reason if local.value is None else "the posterior is nearly as wide as the prior"
+    if not sd < HALF * constant.prior_sd:
+        reason = "the posterior is nearly as wide as the prior"
         return Estimate(None, None, *central, "not_determined", reason, mean)
-    if local.value is None:  # least squares found a limit and nothing else
-        if side:
-            return _limit(posterior, name, side, constant)
-        if sd < HALF * constant.prior_sd:
-            return Estimate(float(median), sd, *central, "determined", "", mean)
-        return Estimate(None, None, *central, "not_determined", local.reason, mean)
+    side = _side(posterior, name, constant.lower, constant.prior_upper, sd)
     if side:
-        bound = lower if side < 0 else upper
+        bound = constant.lower if side < 0 else constant.upper
         ends = [_one_sided(posterior, name, side, bound, p) for p in (0.68, 0.95)]
         reason = local.reason if local.status == "one_sided" else f"not told from its bound {bound:g}"
         return Estimate(float(median), sd, ends[0], ends[1], "one_sided", reason, mean)
@@ -101,14 +95,6 @@ def _side(posterior: Posterior, name: str, lower: float, upper: float, sd: float
 def _one_sided(posterior: Posterior, name: str, side: int, bound: float, p: float) -> Interval:
     edge = float(posterior.quantile(name, p if side < 0 else 1.0 - p))
     return (bound, edge) if side < 0 else (edge, bound)
-
-
-def _limit(posterior: Posterior, name: str, side: int, constant: Constant) -> Estimate:
-    """A limit to one side and nothing else: the prior says the rest."""
-    bound = constant.lower if side < 0 else constant.upper
-    ends = [_one_sided(posterior, name, side, bound, p) for p in (0.68, 0.95)]
-    reason = f"only {'an upper' if side < 0 else 'a lower'} limit"
-    return Estimate(None, None, ends[0], ends[1], "one_sided", reason, posterior.mean(name))
 
 
 def exact_derived(
@@ -233,7 +219,13 @@ def exact_noise(
 def exact_state(problem: Problem, posterior: Posterior, state: State, rng: np.random.Generator) -> State:
     """State for predictions: medians, and draws that stand for the posterior."""
     names, sample = in_state_coordinates(problem, posterior.draws(DRAWS, rng), DRAWS)
-    return replace(state, names=names, point=np.median(sample, axis=0), sample=sample)
+    kappas = [name for name in posterior.names if name.startswith("kappa")]
+    point = sample[0].copy()  # fixed entries are the same in all
+    for i, name in enumerate(names):
+        own = _own(kappas, name[name.find("[") + 1 : -1]) if name.startswith("kappa") and kappas else name
+        if own in posterior.names:
+            point[i] = float(posterior.quantile(own, 0.5))
+    return replace(state, names=names, point=point, sample=sample)
 
 
 def in_state_coordinates(
@@ -262,7 +254,7 @@ def exact_converged(posterior: Posterior, settled: Fact) -> Fact:
     } | dict(settled.figures)
     reached = f"{posterior.error:.0e} of a standard deviation"
     if posterior.converged and settled.ok:
-        says = f"quadrature converged to {reached}"
+        says = f"quadrature converged: no result moves by more than {posterior.tolerance:g} of its sd"
     elif not posterior.converged:
         says = f"the quadrature reached {reached} only, for {posterior.tolerance:.0e} wanted"
     else:

@@ -58,7 +58,7 @@ def with_posterior(result: FitResult) -> FitResult:
 
 def with_profiles(result: FitResult) -> FitResult:
     """Put profile intervals in the place of the local ones."""
-    from ifrfit.inference.profiling import profiled_estimates
+    from ifrfit.inference.profiling import profile_converged, profiled_estimates
 
     problem, found = result.problem, result.least_squares
     constants, derived, profiles = profiled_estimates(problem, found)
@@ -67,6 +67,7 @@ def with_profiles(result: FitResult) -> FitResult:
         problem, found, constants, result.fit.n_sticking, result.fit.n_sliding
     )
     facts["at_bound"] = at_bound(constants)
+    facts["converged"] = profile_converged(profiles, facts["converged"])
     return replace(
         result, method="profile", constants=constants, derived=derived, facts=facts, profiles=profiles
     )

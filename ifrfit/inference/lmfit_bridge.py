@@ -105,7 +105,7 @@ def minimizer_result(result: FitResult) -> Any:
     sigma = result.points["sigma_used"].to_numpy(dtype=float)
     params = lmfit.Parameters()
     labels = [_label(name) for name in problem.names]
-    theta = _theta(result)
+    theta = result.least_squares.optimum.theta
     lower, upper = problem.bounds()
     settled = _settled(result)
     for label, name, value, low, high, free in zip(
@@ -126,18 +126,6 @@ def minimizer_result(result: FitResult) -> Any:
 
 def _label(name: str) -> str:
     return "".join(ch if ch.isalnum() or ch == "_" else "_" for ch in name).strip("_")
-
-
-def _theta(result: FitResult) -> np.ndarray:
-    problem: Problem = result.problem
-    values = []
-    for name, value in zip(result.state.names, result.state.point, strict=True):
-        kind, _, bracket = name.partition("[")
-        if kind == "kappa":
-            own = f"e_n[{bracket}" if bracket and f"e_n[{bracket}" in problem.names else "e_n"
-            value = value / (1.0 + result.state.point[result.state.names.index(own)])
-        values.append(value)
-    return np.array(values)
 
 
 def _settled(result: FitResult) -> set[str]:

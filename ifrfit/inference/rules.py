@@ -19,8 +19,10 @@ STATUSES = {
 }
 
 FACTS = {
-    "converged": f"last relative change of the noise <= {AT_REST:g} (none where sigma is known); exact: last "
-    "change of every mean, sd and quantile <= 1e-4 of a standard deviation, of the log evidence <= 1e-4",
+    "converged": f"last relative change of the noise <= {AT_REST:g} (none where sigma is known); profile: "
+    "besides, every profile closes or reaches the end of its domain, and the noise settles at its places "
+    "(last fall of the objective <= 1e-4, relative where the rise is over 1); exact: last change of every mean, "
+    "sd and quantile <= 1e-4 of a standard deviation, of the log evidence <= 1e-4",
     "global_optimum": f"gap between chi2 and a proven lower bound over everything else <= {GAP:g} relative, "
     "and no second optimum within 1e-6; those within 4 are counted",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "

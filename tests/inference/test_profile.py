@@ -4,7 +4,7 @@ import math
 import sys
 import warnings
 from collections.abc import Iterator
-from dataclasses import is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,6 @@ import pytest
 from scipy import special
 
 import ifrfit
-from ifrfit.inference import FitResult
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.profiling import Profile, profile_all, profiled_estimates
@@ -21,7 +20,6 @@ from ifrfit.inference.profiling.objective import limit
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from hard_cases.cases import CASES
 from hard_cases.synthetic import FAN, GRAZING, HEADER, STEEP, TRUTH, noise, rows, table, values
 
 KNOWN = {"e_n": TRUTH["e_n"]}
@@ -275,27 +273,3 @@ def test_over_the_outgoing_velocity_e_n_may_be_open(tmp_path: Path) -> None:
     assert found["e_n"].shape in ("flat", "one_sided")
     assert constants["e_n"].status == lsq.status
     assert constants["e_n"].value is None
-
-
-def _profiled(outcome: Any) -> Any:
-    """The outcome of a hard case with what the profiles say in the place of least squares."""
-    if isinstance(outcome, FitResult):
-        constants, derived, _ = profiled_estimates(outcome.problem, least_squares(outcome.problem))
-        return replace(outcome, constants=constants, derived=derived)
-    if isinstance(outcome, list | tuple):
-        return type(outcome)(_profiled(each) for each in outcome)
-    if is_dataclass(outcome) and hasattr(outcome, "result"):
-        return replace(outcome, result=_profiled(outcome.result))
-    return outcome
-
-
-_SLOW = "random small problems"
-
-
-@pytest.mark.parametrize(
-    "case",
-    [case for case in CASES if case.group in ("identifiability", "numerics") and case.name != _SLOW],
-    ids=lambda case: case.name,
-)
-def test_hard_cases_have_the_same_answers(case: Any, tmp_path: Path) -> None:
-    case.check(_profiled(case.run(tmp_path)))

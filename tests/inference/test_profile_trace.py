@@ -65,12 +65,22 @@ def test_level_to_infinity_stays_open() -> None:
     x, _ = trace.window(limit(0.997))
     assert np.isfinite(x).all()
     assert x.max() == 2.0
+    assert trace.stopped == ""
 
 
 def test_infinity_that_closes_is_found_by_doubling() -> None:
     trace = traced(lambda x: ((x - 1e5) / 1e4) ** 2, 0.0, math.inf, [1e5], 1.0)
     ((_, high),) = trace.pieces(limit(0.95))
     assert high == pytest.approx(1e5 + 1e4 * math.sqrt(limit(0.95)))
+    assert trace.stopped == ""
+
+
+def test_infinity_that_never_closes_is_told() -> None:
+    trace = traced(lambda x: max(0.0, 1.0 - x), 0.0, math.inf, [2.0])
+    assert trace.stopped.startswith("it does not close up to 1e+")
+    trace = traced(lambda x: (x - 0.5) ** 2 / 0.01, 0.0, 1.0, [0.5])
+    trace.restless += [0.1, 0.2]
+    assert trace.stopped == f"the noise has not settled at 2 of its {trace.n_evaluations} places"
 
 
 def test_shapes() -> None:

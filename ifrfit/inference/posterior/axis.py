@@ -71,7 +71,7 @@ class Axis:
         """Halve the panels whose error is not allowed, drop those without mass; whether any was halved."""
         if not (error > allowed / error.size).any():
             return False
-        keep = mass > 1e-4 * allowed / mass.size * mass.sum()
+        keep = mass > 1e-8 * allowed / mass.size * mass.sum()
         self.panels, error = self.panels[keep], error[keep]
         worst = error > allowed / mass.size
         halved = self.panels[worst]

@@ -26,13 +26,15 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
 LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 
-_NORMAL = np.array([-1.959964, -0.994458, 0.0, 0.994458, 1.959964])  # quantiles of the normal law, at LEVELS
-_DENSITY = np.exp(-0.5 * _NORMAL**2) / math.sqrt(2.0 * math.pi)
+# places in sd at which a normal law has its quantiles at `LEVELS`, and further out for skewed ones
+_NORMAL = np.array([-2.8, -1.959964, -0.994458, 0.0, 0.994458, 1.959964, 2.8])
+_DENSITY = np.exp(-0.5 * np.minimum(np.abs(_NORMAL), 1.959964) ** 2) / math.sqrt(2.0 * math.pi)
+_NEARLY = 0.01
 _ROUNDS = 30
-_DEAR = 400_000  # values of the density beyond which a round is dear
+_DEAR = 1_500_000  # values of the density beyond which a round is dear
 _PATIENCE, _PATIENT = 2, 8  # rounds in which the error must halve, dear ones and others
-_NOTHING = 1e-5  # share of the mass, times the tolerance, that a first look may leave out
-_LARGEST = 3_000_000  # values of the density held at once
+_NOTHING = 1e-7  # share of the mass, times the tolerance, that a first look may leave out: tails can be long
+_LARGEST = 6_000_000  # values of the density held at once
 _THRESHOLDS = 256  # of a distribution function, taken at once
 _WALL = 1e-12  # mass at the end of kappa's domain above which e_n does not separate
 
@@ -243,19 +245,32 @@ def _change(quantities: Mapping[str, Quantity], tolerance: float) -> float:
         mean, sd = own.moments(0)
         if sd == 0.0:
             continue
-        change = math.inf
+        change, normal = math.inf, False
         if own.split is None:
-            change = _moved(own, np.clip(mean + sd * _NORMAL, own.low, own.high))
-        if change > tolerance:  # the integrand may have kinks or steps at the quantiles themselves
-            change = _moved(own, _quantiles(own, np.array(LEVELS), (mean, sd), tolerance))
-        worst = max(worst, change)
+            change, normal = _moved_as_if_normal(own, mean, sd)
+        if change > tolerance or not normal:  # the integrand may have kinks or steps at the quantiles themselves
+            change = _moved(own, mean, sd, tolerance)
+        worst = max(worst, change if math.isfinite(change) else math.inf)
     return worst
 
 
-def _moved(own: Quantity, at: Array) -> float:
-    """Largest change of quantiles near some places, in sd."""
-    change = float((np.abs(own.cdf(at, 1) - own.cdf(at, 0)) / (0.5 * _DENSITY)).max())
-    return change if math.isfinite(change) else math.inf
+def _moved_as_if_normal(own: Quantity, mean: float, sd: float) -> tuple[float, bool]:
+    """Largest change of quantiles, in sd, where a normal law has them; and whether this one is near to it."""
+    at = np.clip(mean + sd * _NORMAL, own.low, own.high)
+    fine = own.cdf(at, 0)
+    change = float((np.abs(own.cdf(at, 1) - fine) / (0.5 * _DENSITY)).max())
+    return change, bool((np.abs(fine[[1, -2]] - (LEVELS[0], LEVELS[-1])) < _NEARLY).all())
+
+
+def _moved(own: Quantity, mean: float, sd: float, tolerance: float) -> float:
+    """Largest change of the quantiles, in sd, with the density there."""
+    at = _quantiles(own, np.array(LEVELS), (mean, sd), tolerance)
+    step = 0.02 * sd
+    around = np.clip(np.concatenate((at - step, at + step)), own.low, own.high)
+    share = own.cdf(around, 0)
+    density = (share[at.size :] - share[: at.size]) / (around[at.size :] - around[: at.size])
+    moved = np.abs(own.cdf(at, 1) - own.cdf(at, 0))
+    return float((moved / np.maximum(density, 1e-4 / sd)).max()) / sd
 
 
 def _steps(quantities: Mapping[str, Quantity], tolerance: float) -> list[tuple[Axis, Array]]:

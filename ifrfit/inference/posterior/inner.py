@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 _STEPS = 4  # Gauss-Newton steps to the conditional mode of the closure constant, rows that are not linear
 _FRICTIONLESS = 1e-12  # mu below which e_n does not follow from the transition
+_CURVED = 3.0
 _HAIR = 1e-12  # of the largest transition: no more than rounding
 _FARTHEST = 1.0 - 1e-12  # end of the scale of an unbounded transition
 
@@ -247,7 +248,10 @@ class Series:
         mean = self.c.prior[0] - reference if self.c.prior else 0.0
         d = np.zeros((1, 1, 1))
         factor = 1.0 if noise is None else 1.0 / noise[..., 0] ** 2
-        count = sum(group.n for group in self.noise) if self.noise else 0
+        count = 0  # rows behind the noises that widen the tails
+        for number, group in enumerate(self.noise or ()):
+            takes_part = np.ndim(squares[number].slope) > 0 or self.misfit.has_curved(number)
+            count += group.n if takes_part else 0
         for _ in range(_STEPS if not self.misfit.is_quadratic else 1 + (self.noise is not None)):
             slope, curvature = added * mean, np.asarray(added)
             curved = self._curved_steps(
@@ -278,6 +282,8 @@ class Series:
         if count:  # Student's tails: so far out that their mass does not count either
             tail = 0.5 * count * math.expm1(min(2.0 * self.tail / max(count - 1.0, 1.0), 30.0))
         far = size * 2.0 * tail / (pull + np.sqrt(pull * pull + 2.0 * tail))
+        if not self.misfit.is_quadratic:
+            far = _CURVED * far  # an angle saturates, so its misfit rises more slowly than it begins
         size = size / (1.0 + pull)
         room = np.stack((mode - lower, upper - mode), axis=-1)
         reach = np.arcsinh(np.minimum(room, far[..., None]) / size[..., None])

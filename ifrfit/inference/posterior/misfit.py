@@ -109,6 +109,10 @@ class Misfit:
         """Whether every row is linear in the closure constant, given e_n and the transition."""
         return not any(rows.size for rows in self._curved)
 
+    def has_curved(self, group: int) -> bool:
+        """Whether a noise group holds rows that are not linear."""
+        return self._curved[group].size > 0
+
     @property
     def kinks(self) -> Array:
         """Transitions at which a row changes its regime, ascending."""

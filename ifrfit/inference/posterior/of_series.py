@@ -78,13 +78,7 @@ def _c(grid: Grid, tensor: Tensor, name: str) -> Quantity:
         return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
     below = _by_c(tensor, lambda t: t)
 
-    def errors(at: Array) -> list[tuple[Axis, Array]]:
-        axis = tensor.series.x_axis
-        if axis is None or not tensor.series.has_x_axis:
-            return []
-        each = [tensor.along_x_below_c(t[None, None, None], grid.share[0]) for t in at]
-        return [(axis, np.max([axis.errors(part) for part in each], axis=0))]
-
+    errors = _errors_by_c(grid, tensor, lambda t: np.full((1, 1, 1), t))
     return Quantity(
         name,
         unknown.lower,
@@ -142,6 +136,26 @@ def _friction_below(tensor: Tensor, factor: Array, share: Array, level: int) -> 
     return lambda t: below(t[:, None, None] * ratio)
 
 
+def _errors_by_c(
+    grid: Grid, tensor: Tensor, threshold: Callable[[float], Array]
+) -> Callable[[Array], list[tuple[Axis, Array]]]:
+    """Errors of panels over which conditional distribution functions of the closure constant are averaged."""
+
+    def errors(at: Array) -> list[tuple[Axis, Array]]:
+        share, series = grid.share[0], tensor.series
+        found = []
+        for axis, used, along in (
+            (series.x_axis, series.has_x_axis, tensor.along_x_below_c),
+            (series.e_axis, series.has_e_axis, tensor.along_e_below_c),
+        ):
+            if axis is not None and used:
+                each = [axis.errors(along(threshold(float(t)), share)) for t in at]
+                found.append((axis, np.asarray(np.max(each, axis=0))))
+        return found
+
+    return errors
+
+
 def _friction_errors(
     grid: Grid, tensor: Tensor, factor: Array
 ) -> Callable[[Array], list[tuple[Axis, Array]]]:
@@ -152,10 +166,9 @@ def _friction_errors(
     def errors(at: Array) -> list[tuple[Axis, Array]]:
         share = grid.share[0]
         if k.b1 and series.has_c:
-            axis = series.x_axis
             per_x = factor / np.maximum(tensor.x, 1e-300)
-            each = [tensor.along_x_below_c((t * per_x - k.b0) / k.b1, share) for t in at]
-        elif series.has_e_axis and series.has_x_axis:
+            return _errors_by_c(grid, tensor, lambda t: (t * per_x - k.b0) / k.b1)(at)
+        if series.has_e_axis and series.has_x_axis:
             axis = series.e_axis
             ratio = _per_x(tensor, factor)
             each = [tensor.along_e_below_x(t * ratio, share) for t in at]

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Moments = Callable[[int], tuple[float, float]]
 Cdf = Callable[[Array, int], Array]
 
-_SMOOTH = 40  # nodes for functions of a sum of squares
+_SMOOTH = 64  # nodes for functions of a sum of squares
 
 
 @dataclass(frozen=True)

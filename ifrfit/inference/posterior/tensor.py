@@ -192,6 +192,14 @@ class Tensor:
         across = self.outer(share, 0) * self.e_weight[0][:, None]
         return np.asarray(self._below_c(c, 0) * self.apart * across).reshape(-1, *self.series.x_axis.shape)
 
+    def along_e_below_c(self, c: Array, share: Array) -> Array:
+        """Density along e_n of what lies below c, (rows, panels, nodes)."""
+        assert self.series.e_axis is not None
+        inner = (self._below_c(c, 0) * self.apart * self.x_weight[0]).sum(axis=-1) * self.outer(share, 0)[
+            ..., 0
+        ]
+        return np.asarray(inner.reshape(-1, *self.series.e_axis.shape))
+
     def along_e_below_x(self, x: Array, share: Array) -> Array:
         """Density along e_n of what lies below a transition x, (m, n_e), as (rows, panels, nodes)."""
         assert self.series.e_axis is not None

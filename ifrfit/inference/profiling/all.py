@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.inference.derived import _angle_near, _beta_sticking, _transition
-from ifrfit.inference.estimates import _leans_on_prior, _too_few
+from ifrfit.inference.derived import angle_near, beta_sticking, transition
+from ifrfit.inference.estimates import leans_on_prior, too_few
 from ifrfit.inference.identifiability import only_kappa_is_seen
 from ifrfit.inference.kappa import kappa_of
 from ifrfit.inference.least_squares import LeastSquares
@@ -80,8 +80,8 @@ def _known(problem: Problem, fit: LeastSquares, quantity: Quantity) -> Known:
         return Known(math.isfinite(sd), unique, plain="mu (1 + e_n)")
     place = problem.names.index(quantity.name)
     constant = problem.entries()[place]
-    seen = math.isfinite(sd) and not _too_few(problem, constant)
-    leans = _leans_on_prior(problem, fit, place, constant, sd) if math.isfinite(sd) else ""
+    seen = math.isfinite(sd) and not too_few(problem, constant)
+    leans = leans_on_prior(problem, fit, place, constant, sd) if math.isfinite(sd) else ""
     if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
         loose = "the data fix kappa = mu (1 + e_n) only" if constant.name == "mu" else Known.loose
         return Known(False, True, leans, loose=loose)
@@ -121,7 +121,7 @@ def _transitions(
         def at(x: float, i: int = i, angle: float = angle) -> float:
             if math.isinf(x):  # every impact sticks
                 return 0.0 if len(angles) == 2 and i == 0 else 90.0
-            return _angle_near(x, spin_x, spin_y, i, len(angles), angle)
+            return angle_near(x, spin_x, spin_y, i, len(angles), angle)
 
         name = f"transition_angle_deg[{series}]" + ("" if len(angles) == 1 else (" (first)", " (second)")[i])
         out[name] = tau.mapped(name, at)
@@ -179,9 +179,9 @@ def _derived(
     else:
         found = constants[own]
         if isinstance(found, Estimate):
-            sticking = _beta_sticking(problem, found)
+            sticking = beta_sticking(problem, found)
         else:
-            sticking = {series: _beta_sticking(problem, each) for series, each in found.items()}
+            sticking = {series: beta_sticking(problem, each) for series, each in found.items()}
     return {
         "kappa": kappa if separate else kappa[problem.series[0]],
         "transition_angle_deg": {
@@ -206,7 +206,7 @@ def _transition_of(
     name = f"transition_angle_deg[{series}]"
     found = [profiles[key] for key in (name, f"{name} (first)", f"{name} (second)") if key in profiles]
     if not found:
-        return _transition(problem, fit, number, kappa)
+        return transition(problem, fit, number, kappa)
     each = [
         Estimate(
             profile.value,

@@ -90,6 +90,7 @@ def judged(
         x=x,
         rise=rise,
         n_evaluations=trace.n_evaluations,
+        stopped=trace.stopped,
     )
 
 

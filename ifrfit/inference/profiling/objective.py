@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,14 @@ _ROUNDS = 40  # of weights and constants in turn
 _AT_REST = 1e-7  # fall of the objective at which they have come to rest
 
 Held = Callable[[Array, Array], Array]  # row sigma and a theta nearby to the best theta
+
+
+class Minimum(NamedTuple):
+    """Least rise, where it is, and how far it still fell in the last round (0 where none is needed)."""
+
+    rise: float
+    theta: Array
+    fall: float
 
 
 @dataclass(frozen=True)
@@ -68,7 +77,7 @@ class Misfit:
             return self._chi2(theta) - self._chi2(self.fit.optimum.theta) + change
         return float(self.dof @ np.log(self._squares(theta) / self.squares)) + change
 
-    def minimum(self, held: Held, near: Array) -> tuple[float, Array]:
+    def minimum(self, held: Held, near: Array) -> Minimum:
         """Least rise, and where, over what `held` leaves free.
 
         With several noises, or a prior beside one, weights and constants are improved in turn: each round
@@ -77,7 +86,8 @@ class Misfit:
         theta = held(self.fit.sigma if not self.groups else self._sigma(near), near)
         rise = self.rise(theta)
         if not self.groups or (len(self.groups) == 1 and not self._has_prior):
-            return rise, theta
+            return Minimum(rise, theta, 0.0)
+        fall = math.inf
         for _ in range(_ROUNDS):
             moved = held(self._sigma(theta), theta)
             fall = rise - self.rise(moved)
@@ -85,7 +95,7 @@ class Misfit:
                 rise, theta = rise - fall, moved
             if fall < _AT_REST:
                 break
-        return rise, theta
+        return Minimum(rise, theta, max(fall, 0.0))
 
     def dof_of(self, functional: Array) -> float:
         """Degrees of freedom behind the sd of functional @ phi, after Satterthwaite.

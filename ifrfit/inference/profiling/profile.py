@@ -58,6 +58,8 @@ class Profile:
         The curve over the 99.7 % region, denser where it bends.
     n_evaluations : int
         Places at which everything else was brought to its best.
+    stopped : str
+        What a budget cut short, in words; empty where the profile closes or reaches the end of its domain.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Profile:
     x: Array
     rise: Array
     n_evaluations: int
+    stopped: str = ""
 
     def __post_init__(self) -> None:
         for name in ("x", "rise"):

@@ -26,6 +26,7 @@ from ifrfit.inference.profiling.trace import Trace
 from ifrfit.physics.observables import OBSERVABLES
 
 _COVERED = 0.997
+_RESTLESS = 1e-4  # last fall of the rise, relative where it is over 1, above which the noise still moves
 
 Held = Callable[[float, Array, Array], Array]  # value, row sigma, theta nearby -> theta
 
@@ -185,9 +186,11 @@ def follow(misfit: Misfit, quantity: Quantity, dof: float) -> Trace:
 
     def rise(x: float) -> float:
         near = thetas[min(thetas, key=lambda place: abs(place - x))]
-        found, theta = misfit.minimum(lambda sigma, near: quantity.held(x, sigma, near), near)
-        thetas[x] = theta
-        return found
+        found = misfit.minimum(lambda sigma, near: quantity.held(x, sigma, near), near)
+        thetas[x] = found.theta
+        if not found.fall <= _RESTLESS * max(1.0, found.rise):
+            trace.restless.append(x)
+        return found.rise
 
     variance = fit.local.variance(quantity.functional, quantity.domain.prior_sd)
     sd = math.sqrt(variance)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ifrfit.inference.block import Block, Constants, is_separable, normal_part, without_normal
+from ifrfit.inference.block import Block, Constants, is_separable, normal_part, normal_sums, without_normal
 from ifrfit.inference.dual import KAPPA, C, constants_at
 from ifrfit.inference.linear import kappa_form
 from ifrfit.inference.optimum import Array, theta_of
@@ -39,22 +39,78 @@ def best_of_series(problem: Problem, sigma: Array, at: Mapping[int, float], near
     blocks = _settled(problem, series_blocks(problem, sigma), whole, at)
     if blocks is None:
         return None
-    shared = [x for x in (whole.c, whole.mu) if not x.separate and x.fixed is None]
-    shared = [x for x in shared if int(problem.positions()[x.name][0]) not in at]
-    if not shared:
-        best = [_alone(block) for block in blocks]
-    elif len(shared) == 1:
-        place = C if shared[0] is whole.c else KAPPA
-        if place == KAPPA and len({block.e_n.fixed for block in blocks}) > 1:
-            return None
-        x = _shared_value(problem, blocks, place, shared[0].prior, near)
-        best = [constants_at(block, place, x) for block in blocks]
-    else:
+    leads = _leads(problem, whole, at)
+    for number, mu in leads.items():
+        own = series_blocks(problem, sigma)[number] if whole.e_n.separate else whole
+        blocks[number] = _led(blocks[number], own, mu)
+    found = _best(problem, whole, blocks, at, leads, near)
+    if found is None:
         return None
-    theta = theta_of(problem, best)
+    theta = theta_of(problem, _unled(whole, found, leads))
     for place, value in at.items():
         theta[place] = value
     return theta
+
+
+def _best(
+    problem: Problem,
+    whole: Block,
+    blocks: list[Block],
+    at: Mapping[int, float],
+    leads: Mapping[int, float],
+    near: Array,
+) -> list[Constants] | None:
+    """Best constants of each series; None if more than one constant is shared."""
+    places = problem.positions()
+    shared = [x for x in (whole.c, whole.mu) if not x.separate and x.fixed is None]
+    shared = [x for x in shared if int(places[x.name][0]) not in at or (x is whole.mu and leads)]
+    if not shared:
+        return [_alone(block) for block in blocks]
+    if len(shared) > 1:
+        return None
+    place = C if shared[0] is whole.c else KAPPA
+    if place == KAPPA and len({block.e_n.fixed for block in blocks}) > 1:
+        return None
+    prior = whole.c.prior if place == C else blocks[0].mu.prior if leads else whole.mu.prior
+    x = _shared_value(problem, blocks, place, prior, near)
+    return [constants_at(block, place, x) for block in blocks]
+
+
+def _leads(problem: Problem, whole: Block, at: Mapping[int, float]) -> dict[int, float]:
+    """Series whose mu is held while e_n is free: there e_n is no longer settled apart, kappa leads it."""
+    places = problem.positions()
+    if whole.e_n.fixed is not None:
+        return {}
+    return {
+        number: at[i_mu]
+        for number, (i_e, i_mu) in enumerate(zip(places["e_n"].tolist(), places["mu"].tolist(), strict=True))
+        if i_e not in at and at.get(i_mu, 0.0) > 0.0
+    }
+
+
+def _led(block: Block, own: Block, mu: float) -> Block:
+    """The block with kappa = mu (1 + e_n) free in the place of e_n.
+
+    e_n stays where it was settled, and a stand-in for mu moves kappa: over the domain of e_n, and with what
+    measures e_n directly (`own` has it) as its prior, which leaves the same sum of squares.
+    """
+    factor = mu / (1.0 + (block.e_n.fixed or 0.0))
+    weight, product, _ = normal_sums(own)
+    prior = None if weight == 0.0 else (factor * (1.0 + product / weight), factor / math.sqrt(weight))
+    low, high = (factor * (1.0 + end) for end in (own.e_n.lower, own.e_n.upper))
+    return replace(block, mu=replace(block.mu, lower=low, upper=high, fixed=None, prior=prior))
+
+
+def _unled(whole: Block, found: list[Constants], leads: Mapping[int, float]) -> list[Constants]:
+    """Constants with e_n where kappa has led it, and kappa kept in every series that shares it."""
+    out = list(found)
+    for number, held in leads.items():
+        settled, c, mu = found[number]
+        e_n = min(max(mu * (1.0 + settled) / held - 1.0, whole.e_n.lower), whole.e_n.upper)
+        if not whole.e_n.separate and whole.mu.separate:
+            out = [(e_n, c, mu * (1.0 + settled) / (1.0 + e_n)) for settled, c, mu in out]
+        out[number] = e_n, c, held
+    return out
 
 
 def _settled(

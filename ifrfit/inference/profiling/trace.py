@@ -31,6 +31,11 @@ class Trace:
         Domain; the upper end may be infinite.
     far : float, optional
         Place from which on the profile is level, where the domain has no end.
+
+    Attributes
+    ----------
+    restless : list of float
+        Places at which the function ran out of rounds, for it to note.
     """
 
     def __init__(
@@ -42,6 +47,8 @@ class Trace:
         self._last = upper
         self._known: dict[float, float] = {}
         self._base = 0.0
+        self._endless = False
+        self.restless: list[float] = []
 
     def __call__(self, x: float) -> float:
         """Rise at a place."""
@@ -53,6 +60,15 @@ class Trace:
     def n_evaluations(self) -> int:
         """Places looked at so far."""
         return len(self._known)
+
+    @property
+    def stopped(self) -> str:
+        """What a budget cut short, in words; nothing if all came to its end."""
+        if self._endless:
+            return f"it does not close up to {self._last:.0e}"
+        if self.restless:
+            return f"the noise has not settled at {len(self.restless)} of its {self.n_evaluations} places"
+        return ""
 
     def settle(self, value: float) -> float:
         """Place of the optimum: the given one, unless the profile has met a better one.
@@ -93,7 +109,8 @@ class Trace:
         for _ in range(_DOUBLINGS):
             start, step = start + step, 2.0 * step
             if self(start) > limit:
-                break
+                return start
+        self._endless = True
         return start
 
     def _outward(self, x: float, step: float, limit: float) -> None:
