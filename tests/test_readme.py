@@ -13,18 +13,13 @@ import ifrfit
 README = (Path(__file__).resolve().parent.parent / "README.md").read_text(encoding="utf-8")
 
 
-def without_last_digits(text: str) -> str:
-    """Text without the error that the quadrature reached: it depends on the machine's last digit."""
-    return re.sub(r"(?<=quadrature converged to )\de-\d\d", "", text)
-
-
 def test_the_fit_that_is_shown_is_the_fit_that_is_made():
     found = ifrfit.fit("kharaz-2001", prior={"e_n": (0.98, 0.01)}, gamma_min=15)
     shown = re.search(r"    closure IFR.*?(?=\n`--out`)", README, re.DOTALL)
     assert shown is not None
     lines = [line[4:].rstrip() for line in shown.group().rstrip().splitlines()]
     made = "\n".join(line.rstrip() for line in found.summary().splitlines())
-    assert without_last_digits("\n".join(lines)) in without_last_digits(made)
+    assert "\n".join(lines) in made
 
 
 def test_the_library_example_runs(impacts, tmp_path, monkeypatch):

@@ -139,8 +139,9 @@ def fit(
     problem = make_problem(observations, chosen, j, constants, noise)
     found = least_squares(problem)
     result = _result(problem, found, seed, command)
-    finish = {"lsq": lambda r: r, "profile": with_profiles, "exact": with_posterior}[method]
-    return finish(result)
+    if method == "lsq":
+        return result
+    return with_profiles(result) if method == "profile" else with_posterior(result)
 
 
 def _tuple(value: Any) -> tuple[Any, ...]:

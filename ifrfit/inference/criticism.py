@@ -83,7 +83,8 @@ def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals, *, re
     where, signs, near_normal = misfit(problem, r)
     figures["where"] = where
     says = (
-        f"the data contradict one set of constants (p = {p_text(p)}, {test}); the misfit sits {where}: {signs}"
+        f"the data contradict one set of constants (p = {p_text(p)}, {test}); "
+        f"the misfit sits {where}: {signs}"
         f"{_oblique_remedy(problem) if near_normal and remedy else ''}"
     )
     return Fact(False, says, figures, rule)

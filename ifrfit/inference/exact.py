@@ -168,11 +168,11 @@ def _transition(problem: Problem, posterior: Posterior, series: int, kappa: Esti
     locals_ = [local] if isinstance(local, Estimate) else list(local)
     found = []
     for number, old in enumerate(locals_):
-        angles = np.array([_angle(t, spin, number, len(locals_), old.value) for t in tau])
+        angles = np.array([_angle(t, spin, number, len(locals_), float(old.value or 0.0)) for t in tau])
         ends = sorted((angles[1], angles[3])), sorted((angles[0], angles[4]))
         half = 0.5 * (ends[0][1] - ends[0][0]) if kappa.stderr is not None else None
-        intervals = [(float(low), float(high)) for low, high in ends]
-        found.append(Estimate(float(angles[2]), half, *intervals, kappa.status, kappa.reason))
+        within68, within95 = ((float(low), float(high)) for low, high in ends)
+        found.append(Estimate(float(angles[2]), half, within68, within95, kappa.status, kappa.reason))
     return found[0] if isinstance(local, Estimate) else found
 
 

@@ -72,6 +72,7 @@ def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None)
 
 
 def row_name(problem: Problem, i: int) -> str:
+    """Where a row comes from, in words."""
     row = problem.observations.table.iloc[i]
     return f"{row['source']} line {row['row']} ({row['observable']})"
 

@@ -20,9 +20,9 @@ STATUSES = {
 
 FACTS = {
     "converged": f"last relative change of the noise <= {AT_REST:g} (none where sigma is known); profile: "
-    "besides, every profile closes or reaches the end of its domain, and the noise settles at its places "
-    "(last fall of the objective <= 1e-4, relative where the rise is over 1); exact: last change of every mean, "
-    "sd and quantile <= 1e-4 of a standard deviation, of the log evidence <= 1e-4",
+    "besides, every profile closes or reaches the end of its domain, and the noise settles there "
+    "(last fall of the objective <= 1e-4, relative where the rise is over 1); exact: last change of every "
+    "mean, sd and quantile <= 1e-4 of a standard deviation, of the log evidence <= 1e-4",
     "global_optimum": f"gap between chi2 and a proven lower bound over everything else <= {GAP:g} relative, "
     "and no second optimum within 1e-6; those within 4 are counted",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
@@ -31,8 +31,8 @@ FACTS = {
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
     "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
-    "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along tau, "
-    "largest residual, share of the rows inside their 95 % band",
+    "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
+    "tau, largest residual, share of the rows inside their 95 % band",
     "sharing": "constants shared by all series are not refuted: evidence of separate ones less than 20 times "
     "that of shared ones (below a factor 3 there is no preference); the factor depends on the priors' widths",
     "angular_momentum": "velocities and spins close within 5 % (raw velocities with spin after only)",

@@ -45,7 +45,7 @@ class Observable:
     scale : {"one", "impulse", "rebound"}
         Factor of the tangential kind: 1, 1/(1 + e_n) or 1/e_n.
     by_impulse : callable or None
-        Of the curved kind: from `Incidence`, the impulse factor k, e_n and J to the value, for many k at once.
+        Of the curved kind: from `Incidence`, impulse factor k, e_n and J to the value, for many k at once.
     """
 
     name: str
@@ -136,7 +136,9 @@ OBSERVABLES: dict[str, Observable] = {
             _beta_cm,
         ),
         Observable(
-            "beta_tot", r"$\beta_\mathrm{tot}$", "total restitution",
+            "beta_tot",
+            r"$\beta_\mathrm{tot}$",
+            "total restitution",
             "",
             "curved",
             lambda r, mu: r.beta_tot,

@@ -41,7 +41,12 @@ class Axis:
         return self.panels.shape[0], self.order + 1
 
     def errors(self, density: Array) -> Array:
-        """Largest difference between the rules in any panel, up to its end or inside; (rows, panels, nodes)."""
+        """Largest difference between the rules in each panel, up to its end or inside.
+
+        Parameters
+        ----------
+        density : ndarray, (rows, panels, nodes)
+        """
         difference = np.abs(density @ rule(self.order).differences.T).sum(axis=0)
         return np.asarray(difference.max(axis=-1) * self.width)
 

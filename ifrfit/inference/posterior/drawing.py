@@ -116,7 +116,7 @@ def _series(
 ) -> dict[str, Array]:
     """e_n, transition, closure constant and mu of one series."""
     series = tensor.series
-    m, n_e, n_x = tensor.g.shape[1:]
+    m = tensor.g.shape[1]
     row = outer if m > 1 else np.zeros(n, dtype=np.intp)
     found: dict[str, Array] = {}
     e_at = np.zeros(n, dtype=np.intp)

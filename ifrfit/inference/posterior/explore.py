@@ -248,7 +248,9 @@ def _change(quantities: Mapping[str, Quantity], tolerance: float) -> float:
         change, normal = math.inf, False
         if own.split is None:
             change, normal = _moved_as_if_normal(own, mean, sd)
-        if change > tolerance or not normal:  # the integrand may have kinks or steps at the quantiles themselves
+        if (
+            change > tolerance or not normal
+        ):  # the integrand may have kinks or steps at the quantiles themselves
             change = _moved(own, mean, sd, tolerance)
         worst = max(worst, change if math.isfinite(change) else math.inf)
     return worst

@@ -116,7 +116,7 @@ class Series:
         return np.asarray(np.minimum(t, _FARTHEST))
 
     def _limits(self, e_n: Array | None, c: Array | None, mu: Array | None) -> tuple[Array, Array] | None:
-        """Ends of the transition's coordinate where the domain cuts panels, (m, n_e); None where it does not."""
+        """Ends of the transition's coordinate, (m, n_e), where the domain cuts panels; else None."""
         assert self.x_axis is not None
         lower, upper = self._c_ends(c)
         with np.errstate(divide="ignore"):
@@ -127,8 +127,13 @@ class Series:
             ends = mu * (1.0 + self.e_n.lower) * least, mu * (1.0 + self.e_n.upper) * least
         else:
             assert e_n is not None
-            of = (self.mu.lower, self.mu.upper) if isinstance(self.mu, Unknown) else (mu, mu)
-            ends = of[0] * (1.0 + e_n) * least, of[1] * (1.0 + e_n) * most
+            floor: Array | float
+            if isinstance(self.mu, Unknown):
+                floor, top = self.mu.lower, np.asarray(self.mu.upper)
+            else:
+                assert mu is not None
+                floor, top = mu, mu
+            ends = floor * (1.0 + e_n) * least, top * (1.0 + e_n) * most
         low, high = (self.to_t(end[..., 0]) for end in ends)
         panels = self.x_axis.panels
         first, last = float(panels.min()), float(panels.max())

@@ -107,7 +107,7 @@ class Joint:
         changed = False
 
         def worst(axis: Axis, error: Array) -> Array:
-            return np.max([error, *(found for own, found in more if own is axis)], axis=0)
+            return np.asarray(np.max([error, *(found for own, found in more if own is axis)], axis=0))
 
         outer = [grid.outer_errors(number) for number in range(len(self.shared))]
         for one, (mass, error) in zip(self.shared, outer, strict=True):

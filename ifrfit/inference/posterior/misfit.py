@@ -111,7 +111,7 @@ class Misfit:
 
     def has_curved(self, group: int) -> bool:
         """Whether a noise group holds rows that are not linear."""
-        return self._curved[group].size > 0
+        return bool(self._curved[group].size)
 
     @property
     def kinks(self) -> Array:
@@ -228,10 +228,10 @@ class Misfit:
                 total += powers[:, None] * part.products[:, at] / s**2
         rr, _, rp, rq, _, _, _, pp, pq, qq = total
         if c_prior is not None:
-            shift = c_prior[0] - self.reference.c
+            off = c_prior[0] - self.reference.c
             rr, rp, pp = (
-                rr + (shift / c_prior[1]) ** 2,
-                rp + shift / c_prior[1] ** 2,
+                rr + (off / c_prior[1]) ** 2,
+                rp + off / c_prior[1] ** 2,
                 pp + 1.0 / c_prior[1] ** 2,
             )
         k, ref = self.coefficients, self.reference

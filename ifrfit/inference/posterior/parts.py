@@ -107,16 +107,11 @@ def _x_edges(
     series: Series, center: float, sd: float, known: Mapping[str, Unknown | float | None], crowded: float
 ) -> Array:
     """First edges of the transition: a ladder about the optimum, and the kinks of the data."""
-    ends = []
-    for end in ("lower", "upper"):
-        e, c, mu = (
-            getattr(u, end) if isinstance(u, Unknown) else u for u in (known["e_n"], known["c"], known["mu"])
-        )
-        ends.append(
-            (float(end == "upper") if e is None else e, c, 2.0 * (end == "upper") if mu is None else mu)
-        )
+    # a shared unknown may be anywhere that the default domain allows
+    e_low, e_high = _ends(known["e_n"], 0.0, 1.0)
+    c_low, c_high = _ends(known["c"], 0.0, 0.0)
+    mu_low, mu_high = _ends(known["mu"], 0.0, 2.0)
     if series.role == "c":  # x = mu (1 + e_n)/b(c)
-        (e_low, c_low, mu_low), (e_high, c_high, mu_high) = ends
         with np.errstate(divide="ignore"):
             span = [
                 np.divide(mu * (1.0 + e), series.misfit.b(c))
@@ -127,7 +122,6 @@ def _x_edges(
         low, high = 0.0, 1.0 - 1e-12
     else:
         b = float(series.misfit.b(0.0))
-        (e_low, _, mu_low), (e_high, _, mu_high) = ends
         low = mu_low * (1.0 + e_low) / b if known["mu"] is not None and known["e_n"] is not None else 0.0
         high = mu_high * (1.0 + e_high) / b
         if known["mu"] is None or known["e_n"] is None:
@@ -158,7 +152,14 @@ def _next_to(one: tuple[float, float], other: tuple[float, float]) -> bool:
     return abs(one[0] - other[0]) <= min(one[1], other[1]) and 0.2 < one[1] / other[1] < 5.0
 
 
+def _ends(known: Unknown | float | None, lower: float, upper: float) -> tuple[float, float]:
+    if known is None:
+        return lower, upper
+    return (known.lower, known.upper) if isinstance(known, Unknown) else (known, known)
+
+
 def thinned(kinks: Array, most: int) -> Array:
+    """At most so many of the kinks, evenly by rank."""
     if kinks.size <= most:
         return kinks
-    return kinks[np.unique(np.linspace(0, kinks.size - 1, most).astype(int))]
+    return np.asarray(kinks[np.unique(np.linspace(0, kinks.size - 1, most).astype(int))])

@@ -102,7 +102,7 @@ def make_plan(problem: Problem, start: LeastSquares, tolerance: float, *, apart:
 
 
 def _serious(unknown: Unknown, constant: Constant, problem: Problem) -> Unknown:
-    """The unknown; e_n where values are over the outgoing normal velocity not below what is meant seriously."""
+    """The unknown; e_n not below what is meant seriously where values are over the outgoing velocity."""
     if constant.name == "e_n" and any(OBSERVABLES[name].scale == "rebound" for name in problem.rows.names):
         return replace(unknown, lower=max(unknown.lower, LOWEST))
     return unknown

@@ -40,8 +40,8 @@ class Quantity:
     split : callable or None
         Splits panels where these quantiles put a kink into the integrand; whether it split any.
     errors : callable or None
-        From thresholds to the error in each panel of an axis over which conditional distribution functions are
-        averaged: these can be steps where the densities themselves are smooth.
+        From thresholds to the error in each panel of an axis over which conditional distribution functions
+        are averaged: these can be steps where the densities themselves are smooth.
     factors : tuple of (int, ndarray)
         The quantity as a product over independent parts of the integral: part and values at its nodes; -1 for
         values at the outer nodes.
@@ -91,7 +91,7 @@ def product_of_shared(grid: Grid, e_number: int, mu_number: int, name: str) -> Q
     at = 1.0 + e.values()
 
     def cdf(t: Array, level: int) -> Array:
-        return rows[level].below(t[:, None] / at) @ e.axis.weights()[level]
+        return np.asarray(rows[level].below(t[:, None] / at) @ e.axis.weights()[level])
 
     def expect(of: Callable[[Array], Array], level: int) -> float:
         return float(grid.share[level] @ of(grid.at["mu"] * (1.0 + grid.at["e_n"])))

@@ -239,7 +239,8 @@ class Tensor:
         more = misfit.curved(self.e_n[..., None], self.x[..., None], self.c, self.mu)[group]
         weight = self.x_weight[level] * self.e_weight[level][:, None] * self.outer(share, level)
         if np.ndim(q.slope) == np.ndim(more) == 0:  # the group sees no more than e_n
-            square = q.square.reshape(q.square.shape or (1, 1, 1))
+            square: Array = np.asarray(q.square)
+            square = square.reshape((1, 1, 1)) if square.ndim == 0 else square
             probability = self.g[level] * weight
         else:
             square = _lifted(q.square) + more
@@ -250,7 +251,7 @@ class Tensor:
             if square.shape[1] == 1 and self.f.shape[1] == 1:
                 probability = probability.sum(axis=1, keepdims=True)
             probability = self.f * probability[..., None] * self.c_weight[level]
-        alone = tuple(axis for axis, size in enumerate(square.shape) if size == 1)
+        alone = tuple(int(axis) for axis in np.flatnonzero(np.array(square.shape) == 1))
         probability = probability.sum(axis=alone, keepdims=True)
         return np.broadcast_to(square, probability.shape).reshape(-1), probability.reshape(-1)
 
