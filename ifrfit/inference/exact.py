@@ -56,7 +56,7 @@ def exact_estimate(posterior: Posterior, name: str, constant: Constant, local: E
         return local
     if local.value is None:
         # what the data leave open follows the prior: the interval is that of the data alone
-        return local
+        return replace(local, mean=posterior.mean(name))
     low95, low68, median, high68, high95 = np.asarray(posterior.quantile(name, LEVELS))
     mean, sd = posterior.mean(name), posterior.sd(name)
     central = (float(low68), float(high68)), (float(low95), float(high95))

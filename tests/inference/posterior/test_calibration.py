@@ -228,6 +228,7 @@ def study():
     return gather(run_many(tasks, min(2, os.cpu_count() or 1)))
 
 
+@pytest.mark.long
 def test_exact_is_calibrated_in_every_scene(study):
     own = [line for line in study.lines if line.method == EXACT]
     assert {line.scene for line in own} == {*QUICK, EVERYWHERE}
@@ -239,6 +240,7 @@ def test_exact_is_calibrated_in_every_scene(study):
     assert named == {"e_n", "e_t", "mu", "kappa", "noise[run/beta]", "noise[run/e_n]"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("control", [NARROW, WRONG_SIGMA, NO_KINK, WALTON])
 def test_every_negative_control_fails_the_same_test(study, control):
     own = [line for line in study.lines if line.method == control]
@@ -246,6 +248,7 @@ def test_every_negative_control_fails_the_same_test(study, control):
     assert not passes(study.lines, control)
 
 
+@pytest.mark.long
 def test_page_tells_good_from_bad(study):
     assert verdict(study) == []
     text = page(study, SEED, REPEATS, 0)
@@ -273,6 +276,7 @@ def test_method_that_dies_is_on_record(monkeypatch):
     assert "exact gave no answer to 1 experiments" in verdict(study)
 
 
+@pytest.mark.long
 def test_workers_do_not_change_the_study():
     tasks = [
         Task(scene, i, SEED, profile=i == 0) for scene in ("near a bound", "two walls") for i in range(2)
@@ -281,6 +285,7 @@ def test_workers_do_not_change_the_study():
     assert [repr(x) for x in run_many(tasks, 2)] == [repr(x) for x in run_many(tasks, 1)]
 
 
+@pytest.mark.long
 def test_published_page_is_of_a_full_study_that_holds():
     text = PAGE.read_text(encoding="utf-8")
     assert f"calibrated in all {len(SCENES)} scenes; every control fails" in text
