@@ -154,9 +154,9 @@ def _assemble(
     tangential: list[int] = []
     is_normal = np.array([OBSERVABLES[n].kind == "normal" for n in setting.problem.rows.names])
     direct = is_normal[setting.problem.rows.which]
-    # where e_n and c meet in the same rows a common factor of the noise is better integrated inside
+    # a common factor of the noise is integrated inside where one part has all rows, or e_n and c meet in them
     tied = setting.constant("e_n").fixed is not None or not _sees_e_n_apart(setting.problem)
-    whole = len(blocks) == 1 and not apart and tied
+    whole = len(blocks) == 1 and (not direct.any() or (not apart and tied))
     for block, rows in enumerate(blocks):
         known: dict[str, Unknown | float | None] = {kind: unknowns[kind, block] for kind in _KINDS}
         if apart:
