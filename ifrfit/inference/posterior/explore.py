@@ -222,7 +222,7 @@ def _refined(plan: Plan, problem: Problem, tolerance: float) -> Posterior:
 
 
 def _size(grid: Grid) -> int:
-    return sum(tensor.f.size + tensor.g.size for tensor in grid.tensors)
+    return sum(max(tensor.f.size, tensor.g[0].size) for tensor in grid.tensors)
 
 
 def _change(quantities: Mapping[str, Quantity], tolerance: float) -> float:
