@@ -348,6 +348,7 @@ class Student:
         return float(self.over_e(lambda e: self.sigma_moment(e, 0, mpf(x))) / self.z)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("values", "low", "high"),
     [

@@ -12,6 +12,8 @@ from posterior_questions import Question, Row, measured
 
 from ifrfit.inference.posterior import Posterior, explore
 
+pytestmark = pytest.mark.long
+
 N = 100_000
 FAR = 5.3  # standard errors: one in ten million
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)

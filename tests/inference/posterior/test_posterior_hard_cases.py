@@ -21,6 +21,8 @@ from ifrfit.inference.posterior import Posterior, explore
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import FitResult
 
+pytestmark = pytest.mark.long
+
 FITTED = {case.name: case for case in CASES if case.methods and not case.answer.startswith("Refused")}
 KINK = {"e_t": -0.9, "mu": 0.25}
 

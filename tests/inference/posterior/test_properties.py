@@ -14,6 +14,8 @@ from scipy import special
 
 from ifrfit.inference.posterior import Posterior, explore
 
+pytestmark = pytest.mark.long
+
 CLOSE = 2e-4  # sd: either side is within 1e-4
 FEW = settings(max_examples=6)
 CLOSURES = {"ifr": (-1.0, -0.4), "ifr-contact": (-1.0, 0.0), "fr": (-0.5, 1.0), "f": (0.0, 0.0)}
