@@ -23,23 +23,24 @@ def derived_of(
     """kappa, transition_angle_deg and beta_sticking; by series where they differ."""
     each_kappa = {s: kappa_of(problem, fit, i) for i, s in enumerate(problem.series)}
     separate = any(c.separate for c in problem.constants if c.name in ("e_n", "mu"))
-    own = problem.closure.constant
-    sticking: Any
-    if own is None:
-        sticking = Estimate(0.0, None, (0.0, 0.0), (0.0, 0.0), "fixed", "zero in closure F")
-    else:
-        found = constants[own]
-        if isinstance(found, Estimate):
-            sticking = beta_sticking(problem, found)
-        else:
-            sticking = {s: beta_sticking(problem, e) for s, e in found.items()}
     return {
         "kappa": each_kappa if separate else each_kappa[problem.series[0]],
         "transition_angle_deg": {
             s: transition(problem, fit, i, each_kappa[s]) for i, s in enumerate(problem.series)
         },
-        "beta_sticking": sticking,
+        "beta_sticking": sticking_of(problem, constants),
     }
+
+
+def sticking_of(problem: Problem, constants: Mapping[str, Estimate | Mapping[str, Estimate]]) -> Any:
+    """Restitution of the contact point in sticking, from the estimates of the closure constant."""
+    own = problem.closure.constant
+    if own is None:
+        return Estimate(0.0, None, (0.0, 0.0), (0.0, 0.0), "fixed", "zero in closure F")
+    found = constants[own]
+    if isinstance(found, Estimate):
+        return beta_sticking(problem, found)
+    return {series: beta_sticking(problem, each) for series, each in found.items()}
 
 
 def beta_sticking(problem: Problem, c: Estimate) -> Estimate:
@@ -54,6 +55,7 @@ def beta_sticking(problem: Problem, c: Estimate) -> Estimate:
         (offset + slope * c.interval95[0], offset + slope * c.interval95[1]),
         c.status,
         c.reason,
+        None if c.mean is None else offset + slope * c.mean,
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ifrfit.inference.constants import Constant
+from ifrfit.inference.derived import sticking_of
 from ifrfit.inference.kappa import kappa_bounds
 from ifrfit.inference.local import kappa_coordinates
 from ifrfit.inference.optimum import Array
@@ -16,7 +17,6 @@ from ifrfit.inference.posterior import LEVELS, Posterior
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import Estimate, Fact, Interval, Noise, State
 from ifrfit.inference.rules import FACTS, HALF
-from ifrfit.physics.closures import rotational_share
 from ifrfit.physics.transition import transition_angles
 
 DRAWS = 2000  # kept in the result, for predictions
@@ -118,7 +118,7 @@ def exact_derived(
             series: _transition(problem, posterior, i, kappas[series], local["transition_angle_deg"][series])
             for i, series in enumerate(problem.series)
         },
-        "beta_sticking": _sticking(problem, constants, local["beta_sticking"]),
+        "beta_sticking": sticking_of(problem, constants),
     }
 
 
@@ -136,26 +136,6 @@ def _kappa(
 
 def _own(names: list[str], series: str) -> str:
     return next((name for name in names if name.endswith(f"[{series}]")), names[0])
-
-
-def _sticking(problem: Problem, constants: Mapping[str, Any], local: Any) -> Any:
-    own = problem.closure.constant
-    if own is None:
-        return local
-    linear = problem.closure.coefficients(problem.inertia_factor)
-    share = rotational_share(problem.inertia_factor)
-    offset, slope = (linear.a0 + linear.b0) / share - 1.0, (linear.a1 + linear.b1) / share
-
-    def moved(of: Estimate) -> Estimate:
-        def line(x: float | None) -> float | None:
-            return None if x is None else offset + slope * x
-
-        ends = [(offset + slope * low, offset + slope * high) for low, high in (of.interval68, of.interval95)]
-        sd = None if of.stderr is None else slope * of.stderr
-        return Estimate(line(of.value), sd, ends[0], ends[1], of.status, of.reason, line(of.mean))
-
-    found = constants[own]
-    return moved(found) if isinstance(found, Estimate) else {s: moved(each) for s, each in found.items()}
 
 
 def _transition(problem: Problem, posterior: Posterior, series: int, kappa: Estimate, local: Any) -> Any:

@@ -1,6 +1,6 @@
 """The exact posterior by deterministic quadrature."""
 
-from ifrfit.inference.posterior.explore import LEVELS as LEVELS
 from ifrfit.inference.posterior.explore import TOLERANCE as TOLERANCE
 from ifrfit.inference.posterior.explore import Posterior as Posterior
 from ifrfit.inference.posterior.explore import explore as explore
+from ifrfit.inference.posterior.settled import LEVELS as LEVELS

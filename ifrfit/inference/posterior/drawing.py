@@ -178,14 +178,12 @@ def _closure_constant(
     tensor: Tensor, row: Index, e_at: Index, x_ends: list[Index], x_share: Array, p: Array
 ) -> Array:
     """The closure constant: quantiles at the two nodes of the transition about the draw, interpolated."""
-    assert tensor.mode is not None
-    assert tensor.size is not None
-    assert tensor.reach is not None
+    assert tensor.spread is not None
     order = tensor.series.c_order
-    shape = np.broadcast_shapes(tensor.f.shape[:3], tensor.mode.shape)
+    shape = np.broadcast_shapes(tensor.f.shape[:3], tensor.spread.mode.shape)
     row, e_at = (at if n > 1 else np.zeros_like(at) for at, n in ((row, shape[0]), (e_at, shape[1])))
-    mode, size = (np.broadcast_to(y, shape).reshape(-1) for y in (tensor.mode, tensor.size))
-    reach = np.broadcast_to(tensor.reach, (*shape, 2)).reshape(-1, 2)
+    mode, size = (np.broadcast_to(y, shape).reshape(-1) for y in (tensor.spread.mode, tensor.spread.size))
+    reach = np.broadcast_to(tensor.spread.reach, (*shape, 2)).reshape(-1, 2)
     values = np.broadcast_to(tensor.f, (*shape, tensor.f.shape[-1])).reshape(-1, 2, order + 1)
     ends = []
     for end in x_ends if shape[2] > 1 else [np.zeros_like(row)] * 2:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,24 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.posterior import quantity as of
-from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.joint import Grid
-from ifrfit.inference.posterior.marginal import quantiles
-from ifrfit.inference.posterior.of_series import friction_apart, of_series
-from ifrfit.inference.posterior.plan import Plan, make_plan, noise_label
+from ifrfit.inference.posterior.of_series import of_series
+from ifrfit.inference.posterior.plan import Plan, make_plan
 from ifrfit.inference.posterior.quantity import Quantity
+from ifrfit.inference.posterior.settled import LEVELS, largest_change, panel_errors, quantiles_of
 from ifrfit.inference.posterior.unknown import Unknown
+from ifrfit.inference.posterior.whereabouts import quantities_of
 from ifrfit.inference.problem import Problem
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
-LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 
-# places in sd at which a normal law has its quantiles at `LEVELS`, and further out for skewed ones
-_NORMAL = np.array([-2.8, -1.959964, -0.994458, 0.0, 0.994458, 1.959964, 2.8])
-_DENSITY = np.exp(-0.5 * np.minimum(np.abs(_NORMAL), 1.959964) ** 2) / math.sqrt(2.0 * math.pi)
-_NEARLY = 0.01
 _ROUNDS = 30
 _DEAR = 1_500_000  # values of the density beyond which a round is dear
 _PATIENCE, _PATIENT = 2, 8  # rounds in which the error must halve, dear ones and others
@@ -108,7 +102,7 @@ class Posterior:
         return float(found[0]) if np.ndim(p) == 0 else found
 
     def _inverted(self, name: str, p: Array) -> Array:
-        return _quantiles(self.quantities[name], p, self._moment(name), self.tolerance)
+        return quantiles_of(self.quantities[name], p, self._moment(name), self.tolerance)
 
     def cdf(self, name: str, value: ArrayLike) -> NDArray[np.float64] | float:
         """Posterior probability below a value."""
@@ -132,7 +126,7 @@ class Posterior:
         c = self.plan.unknowns["c", block]
         if part.stretched and isinstance(c, Unknown):
             own = of_series(self.grid, self.plan.tangential[block], "tau", "tau")
-            return _quantiles(own, np.array(LEVELS), own.moments(0), self.tolerance)
+            return quantiles_of(own, np.array(LEVELS), own.moments(0), self.tolerance)
         b = float(part.misfit.b(c if not isinstance(c, Unknown) else 0.0))
         names = [name for name in self.quantities if name.startswith("kappa")]
         name = next((n for n in names if n.endswith(f"[{series}]")), names[0])
@@ -184,7 +178,6 @@ def _touches_wall(plan: Plan, found: Posterior) -> bool:
         if unknown is None:
             unknown = next(s.unknown for s in plan.joint.shared if s.kind == "mu")
         assert isinstance(unknown, Unknown)
-        name = next(n for n in found.quantities if n.startswith("kappa"))
         for name in (n for n in found.quantities if n.startswith("kappa")):
             if 1.0 - found.quantities[name].cdf(np.array([0.999 * unknown.upper]), 0)[0] > _WALL:
                 return True
@@ -202,18 +195,18 @@ def _refined(plan: Plan, problem: Problem, tolerance: float) -> Posterior:
         last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST
         if error_evidence <= tolerance or last:
             quantities = quantities_of(plan, grid)
-            error = _change(quantities, tolerance)
+            error = largest_change(quantities, tolerance)
             errors.append(error)
             patience = _PATIENCE if _size(grid) > _DEAR else _PATIENT
             stuck = len(errors) > patience and error > 0.5 * errors[-1 - patience]
             if last or stuck or error <= tolerance:
                 break
-        more = _steps(quantities, tolerance) if error_evidence <= tolerance else []
+        more = panel_errors(quantities, tolerance) if error_evidence <= tolerance else []
         changed = plan.joint.refine(grid, allowed, more)
         if error_evidence <= tolerance:
             for own in quantities.values():
                 if own.split is not None:
-                    changed |= own.split(_quantiles(own, np.array(LEVELS), own.moments(0), tolerance))
+                    changed |= own.split(quantiles_of(own, np.array(LEVELS), own.moments(0), tolerance))
         while not changed and allowed > 1e-15:
             allowed *= 0.1
             changed = plan.joint.refine(grid, allowed, more)
@@ -223,130 +216,3 @@ def _refined(plan: Plan, problem: Problem, tolerance: float) -> Posterior:
 
 def _size(grid: Grid) -> int:
     return sum(max(tensor.f.size, tensor.g[0].size) for tensor in grid.tensors)
-
-
-def _change(quantities: Mapping[str, Quantity], tolerance: float) -> float:
-    """Largest change of any result between the rules and the coarse ones inside them, in sd.
-
-    A quantile changes by the change of the distribution function there over the density. Both are taken
-    where a normal law has its quantiles, and the density as no less than half of that law's.
-    """
-    worst = 0.0
-    for own in quantities.values():
-        mean, sd = own.moments(0)
-        if sd == 0.0:
-            continue
-        coarse_mean, coarse_sd = own.moments(1)
-        changes = [abs(coarse_mean - mean) / sd, abs(coarse_sd - sd) / sd]
-        worst = max(worst, *(change if math.isfinite(change) else math.inf for change in changes))
-    if worst > tolerance:  # the rest would be no use yet
-        return worst
-    for own in quantities.values():
-        mean, sd = own.moments(0)
-        if sd == 0.0:
-            continue
-        change, normal = math.inf, False
-        if own.split is None:
-            change, normal = _moved_as_if_normal(own, mean, sd)
-        if (
-            change > tolerance or not normal
-        ):  # the integrand may have kinks or steps at the quantiles themselves
-            change = _moved(own, mean, sd, tolerance)
-        worst = max(worst, change if math.isfinite(change) else math.inf)
-    return worst
-
-
-def _moved_as_if_normal(own: Quantity, mean: float, sd: float) -> tuple[float, bool]:
-    """Largest change of quantiles, in sd, where a normal law has them; and whether this one is near to it."""
-    at = np.clip(mean + sd * _NORMAL, own.low, own.high)
-    fine = own.cdf(at, 0)
-    change = float((np.abs(own.cdf(at, 1) - fine) / (0.5 * _DENSITY)).max())
-    return change, bool((np.abs(fine[[1, -2]] - (LEVELS[0], LEVELS[-1])) < _NEARLY).all())
-
-
-def _moved(own: Quantity, mean: float, sd: float, tolerance: float) -> float:
-    """Largest change of the quantiles, in sd, with the density there."""
-    at = _quantiles(own, np.array(LEVELS), (mean, sd), tolerance)
-    step = 0.02 * sd
-    around = np.clip(np.concatenate((at - step, at + step)), own.low, own.high)
-    share = own.cdf(around, 0)
-    density = (share[at.size :] - share[: at.size]) / (around[at.size :] - around[: at.size])
-    moved = np.abs(own.cdf(at, 1) - own.cdf(at, 0))
-    return float((moved / np.maximum(density, 1e-4 / sd)).max()) / sd
-
-
-def _steps(quantities: Mapping[str, Quantity], tolerance: float) -> list[tuple[Axis, Array]]:
-    """Errors of panels that only distribution functions show, at the quantiles that people will ask for."""
-    found = []
-    for own in quantities.values():
-        if own.errors is not None:
-            found += own.errors(_quantiles(own, np.array(LEVELS), own.moments(0), tolerance))
-    return found
-
-
-def _quantiles(own: Quantity, p: Array, moments: tuple[float, float], tolerance: float) -> Array:
-    mean, sd = moments
-    low, high = own.low, own.high if math.isfinite(own.high) else mean + 1e6 * sd
-    return quantiles(lambda t: own.cdf(t, 0), p, low, high, mean, sd, 1e-3 * min(tolerance, 1e-3))
-
-
-def quantities_of(plan: Plan, grid: Grid) -> dict[str, Quantity]:
-    """Every marginal, in the order of theta, then kappa, then noises."""
-    found: dict[str, Quantity] = {}
-    shared = {one.kind: number for number, one in enumerate(plan.joint.shared)}
-    several = len(plan.blocks) > 1
-    kappas: dict[str, Quantity] = {}
-    for kind in ("e_n", "c", "mu"):
-        for block in range(len(plan.blocks)):
-            unknown = plan.unknowns[kind, block]
-            if not isinstance(unknown, Unknown) or unknown.name in found:
-                continue
-            found[unknown.name] = _entry(plan, grid, kind, block, unknown, shared)
-    for block in range(len(plan.blocks)):
-        e_n, mu = plan.unknowns["e_n", block], plan.unknowns["mu", block]
-        if not isinstance(e_n, Unknown) and not isinstance(mu, Unknown):
-            continue
-        bracket = next(
-            (u.name[u.name.index("[") :] for u in (mu, e_n) if isinstance(u, Unknown) and "[" in u.name), ""
-        )
-        name = f"kappa{bracket if several else ''}"
-        if name not in kappas:
-            kappas[name] = _kappa(plan, grid, block, name, shared)
-    found |= kappas
-    if "noise" in shared:
-        found["noise"] = of.shared(grid, shared["noise"], "noise")
-    for number, names in enumerate(plan.groups):
-        for group, name in enumerate(names):
-            label = noise_label(name)
-            found[label] = of.noise(grid, number, group, label)
-    return found
-
-
-def _entry(
-    plan: Plan, grid: Grid, kind: str, block: int, unknown: Unknown, shared: Mapping[str, int]
-) -> Quantity:
-    part = plan.tangential[block]
-    if plan.apart and kind == "e_n":
-        return of_series(grid, plan.normal[block], "e_n", unknown.name)
-    if plan.apart and kind == "mu":
-        kappa = _kappa(plan, grid, block, "kappa", shared)
-        return friction_apart(grid, kappa, part, plan.normal[block], unknown, unknown.name)
-    if kind in shared:
-        return of.shared(grid, shared[kind], unknown.name)
-    return of_series(grid, part, kind, unknown.name)
-
-
-def _kappa(plan: Plan, grid: Grid, block: int, name: str, shared: Mapping[str, int]) -> Quantity:
-    part = plan.tangential[block]
-    e_n, mu = plan.unknowns["e_n", block], plan.unknowns["mu", block]
-    if "mu" in shared and plan.apart:
-        return of.shared(grid, shared["mu"], name)
-    if "mu" in shared and "e_n" in shared:
-        return of.product_of_shared(grid, shared["e_n"], shared["mu"], name)
-    if not isinstance(e_n, Unknown) and "mu" in shared:
-        return of.scaled(of.shared(grid, shared["mu"], name), 1.0 + float(e_n), 0.0, name)
-    series = plan.joint.series[part]
-    if series.role == "none" and not isinstance(mu, Unknown):
-        own = _entry(plan, grid, "e_n", block, e_n, shared)  # type: ignore[arg-type]
-        return of.scaled(own, float(mu), float(mu), name)
-    return of_series(grid, part, "kappa", name)

@@ -15,17 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.axis import Axis
-from ifrfit.inference.posterior.misfit import Misfit, Quadratic
+from ifrfit.inference.posterior.conditional import Place, Spread, about_mode, c_limits
+from ifrfit.inference.posterior.misfit import Misfit
 from ifrfit.inference.posterior.noise import UnknownNoise
-from ifrfit.inference.posterior.rule import rule
+from ifrfit.inference.posterior.sums import Quadratic, lifted
 from ifrfit.inference.posterior.tensor import Tensor
 from ifrfit.inference.posterior.unknown import Unknown
 
 Array = NDArray[np.float64]
 
-_STEPS = 4  # Gauss-Newton steps to the conditional mode of the closure constant, rows that are not linear
 _FRICTIONLESS = 1e-12  # mu below which e_n does not follow from the transition
-_CURVED = 3.0
 _HAIR = 1e-12  # of the largest transition: no more than rounding
 _FARTHEST = 1.0 - 1e-12  # end of the scale of an unbounded transition
 
@@ -195,14 +194,17 @@ class Series:
         assert e is not None
         noise = at["noise"][:, None, None, None] if "noise" in at else None
         squares = self.misfit.quadratics(e, x)
-        if self.has_c:
-            lower, upper = self._c_limits(e, x)
-            mode, size, reach = self._about_mode(squares, e, x, mu, lower, upper, noise)
-            nodes, log_jacobian = _spread(mode, size, reach, self.c_order)
+        spread: Spread | None = None
+        if isinstance(self.c, Unknown) and self.has_c:
+            mu_ends = (self.mu.lower, self.mu.upper) if isinstance(self.mu, Unknown) else None
+            limits_c = c_limits(self.c, self.misfit.coefficients, mu_ends, e, x)
+            place = Place(squares, e, x, mu, None if noise is None else noise[..., 0])
+            spread = about_mode(self.misfit, self.noise, self.sigma, self.c, place, limits_c, self.tail)
+            nodes, log_jacobian = spread.nodes(self.c_order)
             log_measure = log_measure + log_jacobian
         else:
             assert c is not None
-            mode, size, reach, nodes = None, None, None, c[..., None]
+            nodes = c[..., None]
         if mu is not None:
             mu_at = mu[..., None]
         else:
@@ -214,114 +216,13 @@ class Series:
         else:
             log_f = log_f + log_measure
         logs = log_f, log_apart
-        return Tensor.of(self, e, x, nodes, mu_at, logs, e_weight, limits, (mode, size, reach))
+        return Tensor.of(self, e, x, nodes, mu_at, logs, e_weight, limits, spread)
 
     def _given(self, kind: str, at: Mapping[str, Array]) -> Array | None:
         known = {"e_n": self.e_n, "c": self.c, "mu": self.mu}[kind]
         if isinstance(known, Unknown):
             return None
         return at[kind][:, None, None] if known is None else np.full((1, 1, 1), known)
-
-    def _c_limits(self, e: Array, x: Array) -> tuple[Array, Array]:
-        """Domain of the closure constant, less what the bounds of mu forbid where the bound is tilted."""
-        assert isinstance(self.c, Unknown)
-        lower, upper = np.full((1, 1, 1), self.c.lower), np.full((1, 1, 1), self.c.upper)
-        k = self.misfit.coefficients
-        if k.b1 and isinstance(self.mu, Unknown):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                wall = (self.mu.upper * (1.0 + e) / x - k.b0) / k.b1
-                floor = (self.mu.lower * (1.0 + e) / x - k.b0) / k.b1 if self.mu.lower else self.c.lower
-            lower = np.maximum(lower, np.minimum(floor, self.c.upper))
-            upper = np.maximum(np.minimum(upper, wall), lower)
-        return lower, upper
-
-    def _about_mode(
-        self,
-        squares: list[Quadratic],
-        e: Array,
-        x: Array,
-        mu: Array | None,
-        lower: Array,
-        upper: Array,
-        noise: Array | None,
-    ) -> tuple[Array, Array, Array]:
-        """Conditional mode of c inside its limits, its size, and how far both tails reach, (..., 2)."""
-        assert isinstance(self.c, Unknown)
-        weight = [1.0 / s**2 for s in self.sigma]
-        reference = self.misfit.reference.c
-        added = 1.0 / self.c.prior[1] ** 2 if self.c.prior else 0.0
-        mean = self.c.prior[0] - reference if self.c.prior else 0.0
-        d = np.zeros((1, 1, 1))
-        factor = 1.0 if noise is None else 1.0 / noise[..., 0] ** 2
-        count = 0  # rows behind the noises that widen the tails
-        for number, group in enumerate(self.noise or ()):
-            takes_part = np.ndim(squares[number].slope) > 0 or self.misfit.has_curved(number)
-            count += group.n if takes_part else 0
-        for _ in range(_STEPS if not self.misfit.is_quadratic else 1 + (self.noise is not None)):
-            slope, curvature = added * mean, np.asarray(added)
-            curved = self._curved_steps(
-                e, x, reference + np.clip(d, lower - reference, upper - reference), mu
-            )
-            for w, q, (more_slope, more_curvature) in zip(weight, squares, curved, strict=True):
-                if np.ndim(q.slope) == np.ndim(more_slope) == 0:
-                    continue  # the closure constant takes no part in this group
-                slope = slope + factor * w * (q.slope + more_slope + more_curvature * d)
-                curvature = curvature + factor * w * (q.curvature + more_curvature)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                d = np.where(curvature > 0.0, slope / curvature, 0.5 * (lower + upper) - reference)
-            d = np.broadcast_to(d, np.broadcast_shapes(d.shape, lower.shape))
-            if self.noise:
-                inside = np.clip(d, lower - reference, upper - reference)
-                weight = [
-                    group.n / np.maximum(q.at(inside), group.n * group.lower**2)
-                    if self.misfit.is_quadratic and np.ndim(q.slope)
-                    else w
-                    for group, q, w in zip(self.noise, squares, weight, strict=True)
-                ]
-        with np.errstate(divide="ignore"):
-            size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
-        size = np.maximum(np.broadcast_to(size, d.shape), 1e-300)
-        mode = np.clip(reference + d, lower, upper)
-        pull = np.abs(reference + d - mode) / size  # slope of the log density at the bound, per size
-        tail = self.tail
-        if count:  # Student's tails: so far out that their mass does not count either
-            tail = 0.5 * count * math.expm1(min(2.0 * self.tail / max(count - 1.0, 1.0), 30.0))
-        far = size * 2.0 * tail / (pull + np.sqrt(pull * pull + 2.0 * tail))
-        if not self.misfit.is_quadratic:
-            far = _CURVED * far  # an angle saturates, so its misfit rises more slowly than it begins
-        size = size / (1.0 + pull)
-        room = np.stack((mode - lower, upper - mode), axis=-1)
-        reach = np.arcsinh(np.minimum(room, far[..., None]) / size[..., None])
-        return mode, size, reach
-
-    def _curved_steps(
-        self, e: Array, x: Array, c: Array, mu: Array | None
-    ) -> list[tuple[Array | float, Array | float]]:
-        """Slope and curvature by c of the curved rows, by Gauss and Newton."""
-        found: list[tuple[Array | float, Array | float]] = []
-        for rows in self.misfit._curved:
-            if not rows.size:
-                found.append((0.0, 0.0))
-                continue
-            shape = np.broadcast_shapes(e.shape, x.shape, c.shape)
-            flat = [np.broadcast_to(y, shape).reshape(-1) for y in (e, x, c)]
-            slope, curvature = np.empty(flat[0].size), np.empty(flat[0].size)
-            step = max(1, 40_000 // rows.size)
-            for start in range(0, slope.size, step):
-                here = slice(start, start + step)
-                e_, x_, c_ = (y[here] for y in flat)
-                m = (
-                    x_ * self.misfit.b(c_) / (1.0 + e_)
-                    if mu is None
-                    else np.broadcast_to(mu, shape).reshape(-1)[here]
-                )
-                left = self.misfit.curved_values(rows, e_, x_, c_, m)
-                right = self.misfit.curved_values(rows, e_, x_, c_ + 1e-6, m)
-                by_c = (left - right) / 1e-6
-                slope[here] = np.einsum("ij,ij->i", by_c, left)
-                curvature[here] = np.einsum("ij,ij->i", by_c, by_c)
-            found.append((slope.reshape(shape), curvature.reshape(shape)))
-        return found
 
     def _log_density(
         self, squares: list[Quadratic], e: Array, x: Array, c: Array, mu: Array, noise: Array | None
@@ -339,11 +240,11 @@ class Series:
             n = self.misfit.groups[number].size
             if not n:
                 continue
-            moving = d * (_lifted(q.curvature) * d - 2.0 * _lifted(q.slope)) if np.ndim(q.slope) else 0.0
+            moving = d * (lifted(q.curvature) * d - 2.0 * lifted(q.slope)) if np.ndim(q.slope) else 0.0
             moving = moving + more
             if self.noise is not None:
                 if np.ndim(moving):
-                    square = np.maximum(_lifted(q.square) + moving, 0.0)
+                    square = np.maximum(lifted(q.square) + moving, 0.0)
                     total = total + self.noise[number].log_likelihood(square)
                 else:
                     apart = apart + self.noise[number].log_likelihood(np.maximum(q.square, 0.0))
@@ -370,18 +271,3 @@ class Series:
                 b = self.misfit.b(c[..., 0])
                 apart = apart + self.mu.log_prior(x * b / (1.0 + e))
         return total, apart
-
-
-def _lifted(value: Array) -> Array:
-    return value[..., None] if np.ndim(value) else value
-
-
-def _spread(mode: Array, size: Array, reach: Array, order: int) -> tuple[Array, Array]:
-    """Nodes c = mode -+ size sinh(u), u from 0 to its reach on both sides, and the log of dc/dv."""
-    u = reach[..., None] * rule(order).nodes  # (..., 2, order + 1)
-    sign = np.array([-1.0, 1.0])[:, None]
-    nodes = mode[..., None, None] + sign * size[..., None, None] * np.sinh(u)
-    with np.errstate(divide="ignore"):
-        jacobian = np.log(size[..., None, None] * np.cosh(u) * reach[..., None])
-    shape = (*mode.shape, -1)
-    return nodes.reshape(shape), jacobian.reshape(shape)

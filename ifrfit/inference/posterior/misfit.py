@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.posterior.sums import PAIRS, Quadratic, Sums, expand, scale_of
 from ifrfit.inference.problem import Index, RowModel
 from ifrfit.physics.closures import Closure
 from ifrfit.physics.observables import OBSERVABLES
@@ -22,7 +23,7 @@ from ifrfit.physics.observables import OBSERVABLES
 Array = NDArray[np.float64]
 
 _MOST_MINIMA = 8
-_AT_ONCE = 40_000  # values of curved rows computed at once: their arrays stay in the cache
+AT_ONCE = 40_000  # values of curved rows computed at once: their arrays stay in the cache
 
 
 @dataclass(frozen=True)
@@ -35,37 +36,12 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class Quadratic:
-    """Sum of squares C - 2 B d + A d^2 in d = c - reference."""
-
-    square: Array
-    slope: Array
-    curvature: Array
-
-    def at(self, d: Array | float) -> Array:
-        """The sum of squares."""
-        return np.asarray(self.square + d * (self.curvature * d - 2.0 * self.slope))
-
-
-@dataclass(frozen=True)
-class _Sums:
-    """Tangential rows of one noise group and one scale: the ten products by number of sticking rows."""
-
-    scale: str
-    tau: Array
-    products: Array  # (10, n + 1)
-
-
-@dataclass(frozen=True)
 class _Direct:
     """Rows that measure e_n or mu: sums (w f^2, w f r, w r^2)."""
 
     curvature: float
     slope: float
     square: float
-
-
-_PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]
 
 
 class Misfit:
@@ -99,7 +75,7 @@ class Misfit:
         self.reference = reference
         kinds = np.array([OBSERVABLES[name].kind for name in rows.names])[rows.which]
         self._kinds = kinds
-        self._curved = [group[kinds[group] == "curved"] for group in self.groups]
+        self.curved_rows = [group[kinds[group] == "curved"] for group in self.groups]
         self._sums = [self._tangential(group[kinds[group] == "tangential"]) for group in self.groups]
         self._normal = [self._normal_rows(group[kinds[group] == "normal"]) for group in self.groups]
         self._friction = [self._friction_rows(group[kinds[group] == "friction"]) for group in self.groups]
@@ -107,11 +83,7 @@ class Misfit:
     @property
     def is_quadratic(self) -> bool:
         """Whether every row is linear in the closure constant, given e_n and the transition."""
-        return not any(rows.size for rows in self._curved)
-
-    def has_curved(self, group: int) -> bool:
-        """Whether a noise group holds rows that are not linear."""
-        return bool(self._curved[group].size)
+        return not any(rows.size for rows in self.curved_rows)
 
     @property
     def kinks(self) -> Array:
@@ -124,7 +96,7 @@ class Misfit:
         """Bound of the frictional part of the impulse factor in sticking."""
         return self.coefficients.b0 + self.coefficients.b1 * c
 
-    def _tangential(self, at: Index) -> list[_Sums]:
+    def _tangential(self, at: Index) -> list[Sums]:
         found = []
         for scale in ("one", "impulse", "rebound"):
             of_scale = np.array([OBSERVABLES[name].scale == scale for name in self.rows.names])
@@ -133,7 +105,7 @@ class Misfit:
                 found.append(self._summed(rows, scale))
         return found
 
-    def _summed(self, at: Index, scale: str) -> _Sums:
+    def _summed(self, at: Index, scale: str) -> Sums:
         at = at[np.argsort(self.rows.tau[at], kind="stable")]
         part = self.rows.take(at)
         offset, slope = np.zeros(at.size), np.zeros(at.size)
@@ -147,7 +119,7 @@ class Misfit:
         with np.errstate(divide="ignore", invalid="ignore"):
             over_tau = np.where(slope == 0.0, 0.0, slope / part.tau)
         a = k.a0 + k.a1 * ref.c
-        factor = float(_scale(scale, np.asarray(ref.e_n)))
+        factor = float(scale_of(scale, np.asarray(ref.e_n)))
         regimes = []
         for sticking in (True, False):
             fall = (k.b0 + k.b1 * ref.c) * slope if sticking else kappa * over_tau
@@ -157,11 +129,11 @@ class Misfit:
             by_kappa = np.zeros(at.size) if sticking else np.where(np.isfinite(over_tau), over_tau, 0.0)
             columns = [part.value - factor * value, value, by_c, by_kappa]
             regimes.append([w * column for column in columns])
-        products = np.zeros((len(_PAIRS), at.size + 1))
-        for row, (i, j) in zip(products, _PAIRS, strict=True):
+        products = np.zeros((len(PAIRS), at.size + 1))
+        for row, (i, j) in zip(products, PAIRS, strict=True):
             np.cumsum(regimes[0][i] * regimes[0][j], out=row[1:])
             row[:-1] += np.cumsum((regimes[1][i] * regimes[1][j])[::-1])[::-1]
-        return _Sums(scale, part.tau, products)
+        return Sums(scale, part.tau, products)
 
     def _normal_rows(self, at: Index) -> _Direct:
         is_e_n = np.array([name == "e_n" for name in self.rows.names])[self.rows.which[at]]
@@ -201,7 +173,7 @@ class Misfit:
                     slope = slope + h_mu * (friction.slope - friction.curvature * d_mu)
                     curvature = curvature + friction.curvature * h_mu * h_mu
             for part in sums:
-                more = _expand(part, e_n, x, d_kappa, h if k.b1 else None, ref.e_n)
+                more = expand(part, e_n, x, d_kappa, h if k.b1 else None, ref.e_n)
                 square, slope = square + more.square, slope + more.slope
                 curvature = curvature + more.curvature
             found.append(Quadratic(square, slope, curvature))
@@ -219,10 +191,10 @@ class Misfit:
         if kinks.size == 0 or not any(self._sums):
             return []
         middle = np.concatenate((0.5 * (edges[:-2] + edges[1:-1]), [2.0 * kinks[-1]]))
-        total = np.zeros((len(_PAIRS), middle.size))
+        total = np.zeros((len(PAIRS), middle.size))
         for s, group in zip(sigma, self._sums, strict=True):
             for part in group:
-                factor = float(_scale(part.scale, np.asarray(self.reference.e_n)))
+                factor = float(scale_of(part.scale, np.asarray(self.reference.e_n)))
                 powers = np.array([1.0, 0, factor, factor, 0, 0, 0, factor**2, factor**2, factor**2])
                 at = np.searchsorted(part.tau, middle, side="right")
                 total += powers[:, None] * part.products[:, at] / s**2
@@ -253,7 +225,7 @@ class Misfit:
 
     def curved(self, e_n: Array, x: Array, c: Array, mu: Array) -> list[Array | float]:
         """Sum of squares of the curved rows of each noise group; 0.0 where it has none."""
-        return [self._curved_group(rows, e_n, x, c, mu) if rows.size else 0.0 for rows in self._curved]
+        return [self._curved_group(rows, e_n, x, c, mu) if rows.size else 0.0 for rows in self.curved_rows]
 
     def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array) -> Array:
         """Weighted residuals of curved rows, (..., rows)."""
@@ -283,43 +255,9 @@ class Misfit:
         shape = np.broadcast_shapes(e_n.shape, x.shape, c.shape, mu.shape)
         flat = [np.broadcast_to(y, shape).reshape(-1) for y in (e_n, x, c, mu)]
         out = np.empty(flat[0].size)
-        step = max(1, _AT_ONCE // rows.size)
+        step = max(1, AT_ONCE // rows.size)
         for start in range(0, out.size, step):
             at = slice(start, start + step)
             residual = self.curved_values(rows, *(y[at] for y in flat))
             out[at] = np.einsum("ij,ij->i", residual, residual)
         return out.reshape(shape)
-
-
-def _scale(scale: str, e_n: Array) -> Array:
-    """Factor of tangential observables that depends on e_n alone."""
-    if scale == "impulse":
-        return np.asarray(1.0 / (1.0 + e_n))
-    if scale == "rebound":
-        return np.asarray(1.0 / np.maximum(e_n, 1e-300))
-    return np.asarray(1.0)
-
-
-def _expand(
-    sums: _Sums, e_n: Array, x: Array, d_kappa: Array, h: Array | None, reference_e_n: float
-) -> Quadratic:
-    """The quadratic in d: with v = v0 + d v1 in the four columns, v0'Gv0, -v0'Gv1 and v1'Gv1."""
-    which = np.searchsorted(sums.tau, x, side="right")
-    rr, rm, rp, rq, mm, mp, mq, pp, pq, qq = sums.products[:, which]
-    if sums.scale == "one":
-        square = rr - d_kappa * (2.0 * rq - d_kappa * qq)
-        slope, curvature = rp - d_kappa * pq, pp
-        if h is not None:
-            slope = slope + h * (rq - d_kappa * qq)
-            curvature = curvature + h * (2.0 * pq + h * qq)
-        return Quadratic(square, slope, curvature)
-    factor = _scale(sums.scale, e_n)
-    shift = factor - _scale(sums.scale, np.asarray(reference_e_n))
-    y = factor * d_kappa
-    square = rr - 2.0 * shift * rm + shift * shift * mm - y * (2.0 * (rq - shift * mq) - y * qq)
-    slope = factor * (rp - shift * mp - y * pq)
-    curvature = factor * factor * pp
-    if h is not None:
-        slope = slope + factor * h * (rq - shift * mq - y * qq)
-        curvature = curvature + factor * factor * h * (2.0 * pq + h * qq)
-    return Quadratic(square, slope, curvature)

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.posterior.conditional import Spread
 from ifrfit.inference.posterior.marginal import Panels
 from ifrfit.inference.posterior.rule import partial, rule
+from ifrfit.inference.posterior.sums import lifted
 
 if TYPE_CHECKING:
     from ifrfit.inference.posterior.inner import Series
@@ -44,8 +46,8 @@ class Tensor:
         Integral at each outer node, relative to exp(shift).
     limits : (ndarray, ndarray) or None
         Ends of the transition's coordinate where they cut panels, (m, n_e).
-    mode, size, reach : ndarray or None
-        Coordinate of the closure constant.
+    spread : Spread or None
+        Coordinate of the closure constant, where it is an unknown of the part.
     """
 
     series: Series
@@ -62,9 +64,7 @@ class Tensor:
     c_weight: Array
     mass: Array
     limits: tuple[Array, Array] | None
-    mode: Array | None
-    size: Array | None
-    reach: Array | None
+    spread: Spread | None
     _sides: dict[int, Array] = field(default_factory=dict)
 
     @classmethod
@@ -78,7 +78,7 @@ class Tensor:
         logs: tuple[Array, Array],
         e_weight: Array,
         limits: tuple[Array, Array] | None,
-        spread: tuple[Array | None, Array | None, Array | None],
+        spread: Spread | None,
     ) -> Tensor:
         """Integrate the log densities (with the closure constant, apart from it) found at the nodes."""
         top = logs[0].max(axis=-1)
@@ -90,7 +90,7 @@ class Tensor:
         apart = np.exp(whole - shift[:, None, None])
         nodes = (1, *np.broadcast_shapes(e_n.shape, x.shape)[1:])
         apart = np.broadcast_to(apart, np.broadcast_shapes(apart.shape, nodes, f.shape[:-1]))
-        c_weight = np.ones((2, 1)) if spread[0] is None else np.tile(rule(series.c_order).weights, 2)
+        c_weight = np.ones((2, 1)) if spread is None else np.tile(rule(series.c_order).weights, 2)
         g = np.stack([apart * (f @ c_weight[level]) for level in (0, 1)])
         if not series.has_x_axis or series.x_axis is None:
             x_weight = np.ones((2, 1, 1, 1))
@@ -99,7 +99,7 @@ class Tensor:
         h = (g * x_weight).sum(axis=-1)
         mass = (h * e_weight[:, None, :]).sum(axis=-1)
         return cls(
-            series, e_n, x, c, mu, f, apart, shift, g, e_weight, x_weight, c_weight, mass, limits, *spread
+            series, e_n, x, c, mu, f, apart, shift, g, e_weight, x_weight, c_weight, mass, limits, spread
         )
 
     @property
@@ -167,20 +167,19 @@ class Tensor:
 
     def _below_c(self, c: Array, level: int) -> Array:
         """Density at each (outer node, e_n, x), cut off at c."""
-        assert self.mode is not None
-        assert self.size is not None
-        assert self.reach is not None
+        spread = self.spread
+        assert spread is not None
         if level not in self._sides:
             order = self.series.c_order
             sides = self.f.reshape(*self.f.shape[:-1], 2, order + 1)
             self._sides[level] = sides @ rule(order).antiderivative[level].T
         sides = self._sides[level]
         whole = sides.sum(axis=-1)  # of both sides
-        distance = c - self.mode
+        distance = c - spread.mode
         right = distance >= 0.0
-        reach = np.where(right, self.reach[..., 1], self.reach[..., 0])
+        reach = np.where(right, spread.reach[..., 1], spread.reach[..., 0])
         with np.errstate(divide="ignore", invalid="ignore"):
-            v = np.arcsinh(np.abs(distance) / self.size) / reach
+            v = np.arcsinh(np.abs(distance) / spread.size) / reach
         v = np.where(reach > 0.0, np.clip(v, 0.0, 1.0), 1.0)
         chosen = np.where(right[..., None], sides[..., 1, :], sides[..., 0, :])
         part = partial(chosen, v)
@@ -243,10 +242,10 @@ class Tensor:
             square = square.reshape((1, 1, 1)) if square.ndim == 0 else square
             probability = self.g[level] * weight
         else:
-            square = _lifted(q.square) + more
+            square = lifted(q.square) + more
             if np.ndim(q.slope):
                 d = self.c - misfit.reference.c
-                square = square + d * (_lifted(q.curvature) * d - 2.0 * _lifted(q.slope))
+                square = square + d * (lifted(q.curvature) * d - 2.0 * lifted(q.slope))
             probability = self.apart * weight
             if square.shape[1] == 1 and self.f.shape[1] == 1:
                 probability = probability.sum(axis=1, keepdims=True)
@@ -275,7 +274,7 @@ class Tensor:
             h = (g * weight[0]).sum(axis=-1) * outer[..., 0]
             mass = (h * self.e_weight[0]).sum(axis=0).reshape(axis.shape).sum(axis=-1)
             found["e_n"] = mass, axis.errors(h.reshape(-1, *axis.shape))
-        if self.mode is not None:
+        if self.spread is not None:
             sides = self.f.reshape(*self.f.shape[:-1], 2, -1) @ rule(self.series.c_order).differences.T
             part = self.apart * (across * weight[0])
             if sides.shape[0] == sides.shape[1] == 1:
@@ -283,7 +282,3 @@ class Tensor:
             error = (np.abs(sides).sum(axis=-2) * part[..., None]).sum(axis=(0, 1, 2)).max()
             found["c"] = (np.ones(1), np.array([error]))
         return found
-
-
-def _lifted(value: Array) -> Array:
-    return value[..., None] if np.ndim(value) else value

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.inference.derived import angle_near, beta_sticking, transition
+from ifrfit.inference.derived import angle_near, sticking_of, transition
 from ifrfit.inference.estimates import leans_on_prior, too_few
 from ifrfit.inference.identifiability import only_kappa_is_seen
 from ifrfit.inference.kappa import kappa_of
@@ -172,23 +172,13 @@ def _derived(
     for number, series in enumerate(problem.series):
         profile = profiles.get(f"kappa[{series}]" if separate else "kappa")
         kappa[series] = kappa_of(problem, fit, number) if profile is None else profile.estimate()
-    own = problem.closure.constant
-    sticking: Any
-    if own is None:
-        sticking = Estimate(0.0, None, (0.0, 0.0), (0.0, 0.0), "fixed", "zero in closure F")
-    else:
-        found = constants[own]
-        if isinstance(found, Estimate):
-            sticking = beta_sticking(problem, found)
-        else:
-            sticking = {series: beta_sticking(problem, each) for series, each in found.items()}
     return {
         "kappa": kappa if separate else kappa[problem.series[0]],
         "transition_angle_deg": {
             series: _transition_of(problem, fit, number, series, kappa[series], profiles)
             for number, series in enumerate(problem.series)
         },
-        "beta_sticking": sticking,
+        "beta_sticking": sticking_of(problem, constants),
     }
 
 
