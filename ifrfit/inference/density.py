@@ -1,0 +1,134 @@
+"""The posterior density itself, at many points at once: for samplers, and for what leaves impacts out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ifrfit.inference.forward import fitted_at
+from ifrfit.inference.posterior.noise import noise_bounds
+from ifrfit.inference.posterior.plan import noise_label
+from ifrfit.inference.posterior.unknown import Unknown
+from ifrfit.inference.problem import Index, Problem
+
+Array = NDArray[np.float64]
+
+_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class Density:
+    """Prior and likelihood of a problem over its free unknowns.
+
+    A point holds the free entries of theta, then the logarithm of each unknown noise: in these coordinates
+    the default prior is flat between `lower` and `upper`, which are finite. The prior is the one of the exact
+    posterior, normalised, so that the densities of two closures compare.
+
+    Attributes
+    ----------
+    problem : Problem
+    """
+
+    problem: Problem
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Free entries of theta."""
+        pairs = zip(self.problem.names, self.problem.entries(), strict=True)
+        return tuple(Unknown.of(name, constant) for name, constant in pairs if constant.fixed is None)
+
+    @cached_property
+    def noises(self) -> Mapping[str, tuple[float, float]]:
+        """Ends of each unknown noise by its group; "" is a common factor on sigma."""
+        return noise_bounds(self.problem)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the coordinates of a point stand for: free constants, then noises."""
+        return (*(u.name for u in self.unknowns), *(noise_label(group) for group in self.noises))
+
+    @cached_property
+    def lower(self) -> Array:
+        """Lower ends of the coordinates, (d,)."""
+        return np.array([*(u.lower for u in self.unknowns), *(math.log(a) for a, _ in self.noises.values())])
+
+    @cached_property
+    def upper(self) -> Array:
+        """Upper ends of the coordinates, (d,)."""
+        return np.array([*(u.upper for u in self.unknowns), *(math.log(b) for _, b in self.noises.values())])
+
+    def __call__(self, points: Array) -> Array:
+        """Log of prior times likelihood, (m,); -inf outside the domain.
+
+        Parameters
+        ----------
+        points : ndarray, (m, d)
+        """
+        prior = self.log_prior(points)
+        inside = np.isfinite(prior)
+        prior[inside] += self.rows(points[inside]).sum(axis=1)
+        return prior
+
+    def log_prior(self, points: Array) -> Array:
+        """Log of the normalised prior density, (m,); -inf outside the domain."""
+        inside = ((points >= self.lower) & (points <= self.upper)).all(axis=1)
+        total = np.where(inside, 0.0, -np.inf)
+        for unknown, at in zip(self.unknowns, points.T, strict=False):
+            total = total + unknown.log_prior(at)
+        spans = (self.upper - self.lower)[len(self.unknowns) :]
+        return np.asarray(total - np.log(spans).sum())
+
+    def rows(self, points: Array) -> Array:
+        """Log likelihood of each row, (m, n)."""
+        sigma = self.sigma(points)
+        z = (self.problem.rows.value - fitted_at(self.problem, self.theta(points))) / sigma
+        return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
+
+    def impacts(self, points: Array) -> Array:
+        """Log likelihood of each impact, (m, n_impacts), in the order of `impact`."""
+        n = int(self.impact.max()) + 1
+        if n == self.impact.size:
+            return self.rows(points)
+        return np.asarray(self.rows(points) @ (self.impact[:, None] == np.arange(n)).astype(float))
+
+    @cached_property
+    def impact(self) -> Index:
+        """Impact of each row, (n,), numbered as they first occur; a row without an impact_id is its own."""
+        table = self.problem.observations.table
+        alone = pd.Series([f"row {i}" for i in range(len(table))], index=table.index)
+        named = table["source"].astype(str) + "/" + table["impact_id"].astype(str)
+        codes, _ = pd.factorize(named.where(table["impact_id"] != "", alone))
+        return np.asarray(codes, dtype=np.intp)
+
+    def theta(self, points: Array) -> Array:
+        """Entries of theta, fixed ones included, (m, p)."""
+        free = self.problem.free
+        fixed = [0.0 if c.fixed is None else c.fixed for c in self.problem.entries()]
+        theta = np.tile(fixed, (points.shape[0], 1))
+        theta[:, free] = points[:, : len(self.unknowns)]
+        return theta
+
+    def sigma(self, points: Array) -> Array:
+        """Noise of each row, (m, n) or (1, n)."""
+        noise = np.exp(points[:, len(self.unknowns) :])
+        if self.problem.noise == "known":
+            return self.problem.sigma[None, :]
+        if self.problem.noise == "scaled":
+            return np.asarray(noise * self.problem.sigma)
+        sigma = np.empty((points.shape[0], self.problem.rows.value.size))
+        groups = self.problem.groups()
+        for name, own in zip(self.noises, noise.T, strict=True):
+            sigma[:, groups[name]] = own[:, None]
+        return sigma
+
+    def draws(self, points: Array) -> dict[str, Array]:
+        """The points as the exact posterior names its draws, noises as they are; without kappa."""
+        noise = len(self.unknowns)
+        columns = [*points[:, :noise].T, *np.exp(points[:, noise:].T)]
+        return dict(zip(self.names, columns, strict=True))
