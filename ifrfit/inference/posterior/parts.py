@@ -62,7 +62,8 @@ def make_part(
         reference = Reference(optimum["e_n"][0], 0.0, 0.0)
     names, groups, noise, weight, sigma = _noise(setting, at, whole)
     misfit = Misfit(rows, weight, groups, problem.closure, problem.inertia_factor, reference)
-    law = None if problem.scatter.is_plain else RowLaw.of(problem, at, setting.start.optimum.theta)
+    plain = problem.scatter.is_plain or at.size == 0
+    law = None if plain else RowLaw.of(problem, at, setting.start.optimum.theta)
     series = Series(misfit, noise, known["e_n"], known["c"], known["mu"], sigma, n_normal, law=law)
     series.c_order, series.tail = setting.c_order, setting.tail
     if series.has_e_axis:
