@@ -204,7 +204,8 @@ class Series:
             mu_ends = (self.mu.lower, self.mu.upper) if isinstance(self.mu, Unknown) else None
             limits_c = c_limits(self.c, self.misfit.coefficients, mu_ends, e, x)
             place = Place(squares, e, x, mu, None if noise is None else noise[..., 0])
-            spread = about_mode(self.misfit, self.noise, self.sigma, self.c, place, limits_c, self.tail)
+            own = (self.misfit, self.noise, self.sigma, self.c)
+            spread = about_mode(*own, place, limits_c, self.tail, self.law)
             nodes, log_jacobian = spread.nodes(self.c_order)
             log_measure = log_measure + log_jacobian
         else:
