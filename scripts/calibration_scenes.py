@@ -171,7 +171,7 @@ SCATTERED = {
             sigma=_SIGMA, scatter=Scatter(angles="set", gamma=2.0),
         ),
         Scene(
-            "measured angles", "measured ones scatter by 2 degrees about the true ones", _BOTH, _STEEPER, 16, 4,
+            "measured angles", "measured ones scatter by 2 degrees about true ones", _BOTH, _STEEPER, 16, 4,
             sigma=_SIGMA, scatter=Scatter(angles="measured", population=_STEEPER, gamma=2.0),
         ),
         Scene(
