@@ -94,10 +94,10 @@ class RowLaw:
 
     def _fine_enough(self, problem: Problem, theta: Array) -> RowLaw:
         """Nodes for the narrower of the two laws whose product is integrated: of the angle, of the value."""
-        steep = np.zeros(self.latent.gamma.size)
+        steep = np.zeros(self.latent.gamma.size)  # squared
         for sd, slope in slopes(self, at_theta(problem, theta[None])):
-            np.maximum.at(steep, self.unit, np.abs(slope[0, 0, :, 0]) * sd / self.sigma)
-        widths = 2.0 * REACH * np.hypot(1.0, np.minimum(steep, _STEEPEST))
+            np.add.at(steep, self.unit, (slope[0, 0, :, 0] * sd / self.sigma) ** 2)
+        widths = 2.0 * REACH * np.sqrt(1.0 + np.minimum(steep, _STEEPEST**2))
         # few different numbers, so that impacts are done together
         order = 16.0 * 1.5 ** np.ceil(np.log((6.0 + 0.9 * widths) / 16.0) / math.log(1.5))
         return replace(self, latent=replace(self.latent, order=np.ceil(order).astype(np.intp)))
