@@ -184,7 +184,7 @@ class FitResult:
         Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
     command, seed, created, versions
         How to repeat it.
-    problem, least_squares, posterior, profiles
+    problem, least_squares, law, profiles
         What the result rests on, for further questions; not kept in result.json.
     """
 
@@ -207,7 +207,7 @@ class FitResult:
     versions: Mapping[str, str] = field(default_factory=dict)
     problem: Any = field(default=None, repr=False, compare=False)
     least_squares: Any = field(default=None, repr=False, compare=False)
-    posterior: Any = field(default=None, repr=False, compare=False)
+    law: Any = field(default=None, repr=False, compare=False)
     profiles: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
@@ -301,13 +301,14 @@ class FitResult:
             For a result that was read from a file: it does not hold the problem any more.
         """
         from ifrfit.inference.intervals import intervals
-        from ifrfit.inference.posterior import explore
+        from ifrfit.inference.posterior import Posterior, explore
 
         if self.problem is None:
             raise UsageError(
                 "A result that was read from a file has no intervals to compare: fit the data again."
             )
-        posterior = self.posterior or explore(self.problem, start=self.least_squares)
+        law = self.law
+        posterior = law if isinstance(law, Posterior) else explore(self.problem, start=self.least_squares)
         return intervals(self.problem, self.least_squares, posterior, self.profiles or None)
 
     def to_dict(self) -> dict[str, Any]:
