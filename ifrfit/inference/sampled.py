@@ -100,7 +100,7 @@ class Sampled:
         return np.asarray(stacked @ stacked.T / max(stacked.shape[1], 1))
 
     def transition(self, series: str) -> Array:
-        """Quantiles, at `LEVELS`, of the tau at which sticking ends in a series; infinite where it does not."""
+        """Quantiles, at `LEVELS`, of the tau where sticking ends in a series; infinite where it does not."""
         number = self.problem.series.index(series)
         e_n, c, mu = (
             entry_draws(self.problem, self.values, kind, number)
