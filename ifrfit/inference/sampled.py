@@ -83,7 +83,7 @@ class Sampled:
 
     def quantile(self, name: str, p: ArrayLike) -> Array | float:
         """Quantiles, interpolated between draws; p scalar or array, 0 to 1."""
-        found = np.quantile(self._sorted[name], p)
+        found = np.quantile(self._sorted[name], np.asarray(p, dtype=float))
         return float(found) if np.ndim(p) == 0 else np.asarray(found)
 
     def cdf(self, name: str, value: ArrayLike) -> Array | float:
