@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -78,6 +80,30 @@ def with_law(
         state=state,
         law=law,
     )
+
+
+def with_chains(
+    result: FitResult,
+    *,
+    max_steps: int | None = None,
+    workers: int = 1,
+    resume: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> FitResult:
+    """Put a sample of the posterior in the place of the local picture; see `ifrfit.inference.mcmc.sample`."""
+    from ifrfit.inference import mcmc
+
+    drawn = mcmc.sample(
+        result.problem,
+        result.least_squares,
+        result.seed,
+        max_steps=mcmc.MAX_STEPS if max_steps is None else max_steps,
+        workers=workers,
+        resume=resume,
+        progress=progress,
+    )
+    converged = mcmc.sample_converged(drawn, result.facts["converged"])
+    return replace(with_law(result, "mcmc", drawn.law, converged), sample=drawn)
 
 
 def with_profiles(result: FitResult) -> FitResult:

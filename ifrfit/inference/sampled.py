@@ -15,7 +15,8 @@ from ifrfit.inference.problem import Problem
 
 Array = NDArray[np.float64]
 
-_GRAIN = 0.2  # sd: at the density that decides on "one-sided", some 25 of 2,000 independent draws
+_GRAIN = 0.02, 0.2  # sd: the least and the most over which a density is taken
+_COUNTED = 3400.0  # over the number of draws: some 200 of them at the density that decides on "one-sided"
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,8 @@ class Sampled:
 
     @property
     def grain(self) -> float:
-        """Width, in sd, over which draws can tell a density."""
-        return _GRAIN
+        """Width, in sd, over which draws can tell a density: the more there are the narrower."""
+        return min(max(_COUNTED / self.kept, _GRAIN[0]), _GRAIN[1])
 
     @property
     def kept(self) -> float:
