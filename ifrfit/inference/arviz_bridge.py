@@ -47,17 +47,36 @@ def to_arviz(result: FitResult) -> Any:
     first = np.unique(density.impact, return_index=True)[1]
     ids = [table["impact_id"].iloc[i] or rows[i] for i in first]
     about = _about(result) | told
+    posterior, dims, coords = _by_name(draws)
     return from_dict(
         {
-            "posterior": dict(draws),
+            "posterior": posterior,
             "sample_stats": {"lp": _in_parts(density, density, points).reshape(shape)},
             "log_likelihood": {"impact": impacts.reshape(*shape, -1)},
             "observed_data": {"value": result.problem.rows.value},
         },
-        coords={"impact_id": ids, "row": rows},
-        dims={"impact": ["impact_id"], "value": ["row"]},
+        coords={"impact_id": ids, "row": rows} | coords,
+        dims={"impact": ["impact_id"], "value": ["row"]} | dims,
         attrs={"/": about, "posterior": about},
     )
+
+
+def _by_name(
+    draws: Mapping[str, Array],
+) -> tuple[dict[str, Array], dict[str, list[str]], dict[str, list[str]]]:
+    """mu[a] and mu[b] as one variable mu with a dimension, as ArviZ has them; its dimensions and labels."""
+    labels: dict[str, list[str]] = {}
+    for name in draws:
+        kind, bracket, label = name.partition("[")
+        labels.setdefault(kind, []).extend([label[:-1]] if bracket else [])
+    posterior, dims, coords = {}, {}, {}
+    for kind, own in labels.items():
+        if own:
+            dims[kind] = ["noise_of" if kind == "noise" else "series"]
+            coords[dims[kind][0]] = own
+        several = [draws[f"{kind}[{label}]"] for label in own]
+        posterior[kind] = np.stack(several, axis=-1) if own else draws[kind]
+    return posterior, dims, coords
 
 
 def _about(result: FitResult) -> dict[str, Any]:
@@ -115,7 +134,7 @@ def _of_chains(result: FitResult) -> tuple[dict[str, Array], dict[str, Any]]:
 
 def _allowed(result: FitResult) -> int:
     """Draws for which the log likelihood is not too large to hold."""
-    return max(_CHAINS, _MOST // max(result.problem.rows.value.size, 1))
+    return int(max(_CHAINS, _MOST // max(result.problem.rows.value.size, 1)))
 
 
 def _points(density: Density, draws: Mapping[str, Array]) -> Array:

@@ -91,6 +91,8 @@ def with_chains(
     progress: Callable[[int, int], None] | None = None,
 ) -> FitResult:
     """Put a sample of the posterior in the place of the local picture; see `ifrfit.inference.mcmc.sample`."""
+    from importlib.metadata import version
+
     from ifrfit.inference import mcmc
 
     drawn = mcmc.sample(
@@ -103,7 +105,8 @@ def with_chains(
         progress=progress,
     )
     converged = mcmc.sample_converged(drawn, result.facts["converged"])
-    return replace(with_law(result, "mcmc", drawn.law, converged), sample=drawn)
+    versions = dict(result.versions) | {name: version(name) for name in ("emcee", "arviz-stats")}
+    return replace(with_law(result, "mcmc", drawn.law, converged), sample=drawn, versions=versions)
 
 
 def with_profiles(result: FitResult) -> FitResult:

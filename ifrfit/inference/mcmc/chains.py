@@ -55,7 +55,7 @@ class Chains:
     def acceptance(self) -> float:
         """Share of the proposals that were accepted."""
         ensembles, steps, walkers = self.log_density.shape
-        return float(self.accepted.sum()) / max(ensembles * steps * walkers, 1)
+        return float(self.accepted.sum() / max(ensembles * steps * walkers, 1))
 
     def longer(self, stretches: Sequence[Stretch]) -> Chains:
         """The same with what each ensemble walked since."""

@@ -78,8 +78,8 @@ def load_chains(path: Path, question: str) -> Chains:
         raise UsageError(
             f"{path}: there are no chains to resume. Name the folder that --method mcmc --out wrote."
         ) from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError) as error:
-        raise DataError(f"{place}: cannot be read as chains ({error}). Run again without --resume.") from None
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError):
+        raise DataError(f"{place}: cannot be read as chains. Run again without --resume.") from None
     if str(content.get("schema", "")) != SCHEMA:
         raise DataError(f"{place}: is no file of chains ('{SCHEMA}'). Run again without --resume.")
     if str(content.get("question", "")) != question:

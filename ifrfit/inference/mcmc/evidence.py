@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from arviz_stats.base import array_stats
+from arviz_stats.base.array import array_stats
 from emcee.autocorr import integrated_time
 from numpy.typing import NDArray
 from scipy import special, stats

@@ -64,7 +64,7 @@ class Verdict:
         most = max(finding.steps_more for finding in self.findings)
         if not math.isfinite(most):
             return None
-        unit = 10 ** max(0, math.floor(math.log10(max(most, 1.0))) - 1)
+        unit = int(10 ** max(0, math.floor(math.log10(max(most, 1.0))) - 1))
         return math.ceil(most / unit) * unit
 
 
