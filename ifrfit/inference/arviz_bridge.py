@@ -93,7 +93,7 @@ def _about(result: FitResult) -> dict[str, Any]:
         "created": result.created,
         "data": ", ".join(source.name for source in result.inputs),
         "sha256": ", ".join(source.sha256 for source in result.inputs),
-        "provenance": ", ".join(result.provenance),
+        "provenance": ", ".join(kind for kind in result.provenance if kind) or "not stated",
         "versions": ", ".join(f"{name} {version}" for name, version in result.versions.items()),
         "converged": str(result.facts["converged"].ok),
     }

@@ -72,7 +72,7 @@ def load_chains(path: Path, question: str) -> Chains:
     """
     place = path / FILE if path.is_dir() else path
     try:
-        with np.load(place, allow_pickle=False) as file:
+        with place.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             content = {name: file[name] for name in file.files}
     except FileNotFoundError:
         raise UsageError(

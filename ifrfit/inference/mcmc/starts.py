@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 ENSEMBLES = 4
 _WALKERS, _PER_DIMENSION = 64, 6
 _APART = 2.0  # sd from an optimum to where an ensemble starts: R-hat needs starts wider than the posterior
-_MAIN = 0.5  # share of an ensemble's walkers that start at its own optimum
+_MAIN = 0.75  # share of an ensemble's walkers that start at its own optimum
 _TRIES = 40  # each draws nearer to the optimum than the one before
 _INSIDE = 1e-6  # of the domain's width, from its walls
 
@@ -29,9 +29,9 @@ def starts(
 
     About each optimum that least squares knows of (all local minima within 4 of the least) walkers are drawn
     from its Gaussian, about a centre that lies 2 sd off, in another direction for each ensemble. Of several
-    optima each ensemble has another as its own: half of its walkers start there, and the others share the
-    rest. So every ensemble can reach every mode, and if their weights do not settle, the ensembles disagree:
-    R-hat sees it.
+    optima each ensemble has another as its own: three quarters of its walkers start there, and the others
+    share the rest. So every ensemble can reach every mode, and if their weights do not settle, the ensembles
+    disagree: R-hat sees it.
 
     Parameters
     ----------
