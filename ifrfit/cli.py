@@ -16,6 +16,7 @@ import typer
 from ifrfit._version import __version__
 from ifrfit.cli_datasets import datasets
 from ifrfit.cli_errors import command
+from ifrfit.cli_progress import working
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -89,7 +90,9 @@ def fit(
     closure: Annotated[str, typer.Option(help="ifr, fr, f or ifr-contact.")] = "ifr",
     method: Annotated[
         str,
-        typer.Option(help="exact: the posterior; lsq: least squares; profile: profile likelihood."),
+        typer.Option(
+            help="exact: the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov chains."
+        ),
     ] = "exact",
     fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
     prior: Annotated[
@@ -161,6 +164,14 @@ def fit(
         bool,
         typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
     ] = False,
+    max_steps: Annotated[
+        int | None, typer.Option(metavar="N", help="mcmc: most steps, 10000 by default.", show_default=False)
+    ] = None,
+    workers: Annotated[int, typer.Option(metavar="N", help="mcmc: processes; the draws are the same.")] = 1,
+    resume: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="mcmc: walk on with the chains in DIR, and replace its result."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write result.json, fit.svg and fit.png there.")
     ] = None,
@@ -180,11 +191,13 @@ def fit(
 
     if intervals and (as_json or quiet):
         raise UsageError(f"--intervals prints a table, {'--json' if as_json else '--quiet'} none: keep one.")
+    if resume is not None and out is None:
+        out, force = resume, True
     if out is not None and not force:
         from ifrfit.report.folder import check_free
 
         check_free(out, force=False)
-    with _working(quiet or as_json):
+    with working(quiet or as_json) as progress:
         result = run(
             data,
             closure=closure,
@@ -211,6 +224,10 @@ def fit(
             sigma_spin=sigma_spin,
             inertia_factor=inertia_factor,
             convention=convention,
+            max_steps=max_steps,
+            workers=workers,
+            resume=resume,
+            progress=progress,
             seed=seed,
             command=_command_line(),
         )
@@ -235,17 +252,6 @@ def fit(
 def _command_line() -> str:
     """The command as text, for the record; file names that are no UTF-8 lose those bytes."""
     return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
-
-
-def _working(quiet: bool) -> Any:
-    """Show that work goes on, at a terminal."""
-    import contextlib
-
-    if quiet or not sys.stderr.isatty():
-        return contextlib.nullcontext()
-    from rich.console import Console
-
-    return Console(stderr=True).status("fitting")
 
 
 def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from ifrfit.inference.criticism import residuals_of
 from ifrfit.inference.derived import derived_of
 from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.facts import facts_of
-from ifrfit.inference.finish import with_posterior, with_profiles
+from ifrfit.inference.finish import with_chains, with_posterior, with_profiles
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.result import FitResult, Noise
@@ -28,7 +28,7 @@ from ifrfit.inference.scatter.setup import reported_policy, with_propagated_sigm
 from ifrfit.inference.statistics import state_of, statistics_of
 from ifrfit.physics.closures import get_closure
 
-METHODS = ("exact", "lsq", "profile")
+METHODS = ("exact", "lsq", "profile", "mcmc")
 
 Data = str | Path | Observations
 
@@ -61,6 +61,10 @@ def fit(
     inertia_factor: float | None = None,
     convention: Sequence[str] | Mapping[str, str] = (),
     params: Any = None,
+    max_steps: int | None = None,
+    workers: int = 1,
+    resume: str | Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
     seed: int = 0,
     command: str = "",
 ) -> FitResult:
@@ -74,7 +78,8 @@ def fit(
         ifr, fr, f or ifr-contact.
     method : str
         exact: the posterior by deterministic quadrature; lsq: least squares with a certificate of the global
-        optimum; profile: the profile likelihood of each constant.
+        optimum; profile: the profile likelihood of each constant; mcmc: the posterior by Markov chains that
+        stop on evidence.
     fix : mapping
         Constant to its known value.
     prior : mapping
@@ -116,8 +121,17 @@ def fit(
         How columns are meant, see `read`.
     params : lmfit.Parameters, optional
         Fixed values and bounds in lmfit's form.
+    max_steps : int, optional
+        mcmc: steps of each ensemble after which it stops without enough evidence; 10,000 by default.
+    workers : int
+        mcmc: processes. The draws do not depend on it. A script that asks for more than one needs
+        ``if __name__ == "__main__":`` about what it does.
+    resume : str or Path, optional
+        mcmc: folder (or file) with the chains of an earlier run of the same question, to walk on with.
+    progress : callable, optional
+        mcmc: called with the steps walked and the most that there may be.
     seed : int
-        Of the bands.
+        Of the draws and bands.
     command : str
         The command line, for the record.
 
@@ -134,6 +148,7 @@ def fit(
     """
     if method not in METHODS:
         raise UsageError(f"There is no method '{method}'. This version has {', '.join(METHODS)}.")
+    _check_walk(method, max_steps, workers, resume)
     chosen = get_closure(closure)
     observations = _gather(data, convention, inertia_factor)
     selection = Selection(
@@ -174,7 +189,22 @@ def fit(
     result = _result(problem, found, seed, command)
     if method == "lsq":
         return result
+    if method == "mcmc":
+        place = None if resume is None else Path(resume)
+        return with_chains(result, max_steps=max_steps, workers=workers, resume=place, progress=progress)
     return with_profiles(result) if method == "profile" else with_posterior(result)
+
+
+def _check_walk(method: str, max_steps: int | None, workers: int, resume: str | Path | None) -> None:
+    """Refuse choices about chains that make no sense."""
+    given = {"max-steps": max_steps is not None, "workers": workers != 1, "resume": resume is not None}
+    alien = [f"--{name}" for name, is_given in given.items() if is_given]
+    if alien and method != "mcmc":
+        raise UsageError(f"{alien[0]} belongs to --method mcmc, not to --method {method}.")
+    if max_steps is not None and max_steps < 1:
+        raise UsageError(f"--max-steps {max_steps}: it must be 1 or more.")
+    if workers < 1:
+        raise UsageError(f"--workers {workers}: it must be 1 or more.")
 
 
 def _tuple(value: Any) -> tuple[Any, ...]:

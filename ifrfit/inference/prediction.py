@@ -44,12 +44,12 @@ def draw(result: FitResult, n: int, rng: np.random.Generator) -> pd.DataFrame:
 
 
 def _phi(result: FitResult, n: int, rng: np.random.Generator) -> Array:
-    """Draws in the coordinates of the state, (n, p): of the posterior where there is one."""
+    """Draws in the coordinates of the state, (n, p): of the law where there is one."""
     state = result.state
-    if result.posterior is not None:
-        from ifrfit.inference.exact import in_state_coordinates
+    if result.law is not None:
+        from ifrfit.inference.from_law import in_state_coordinates
 
-        return in_state_coordinates(result.problem, result.posterior.draws(n, rng), n)[1]
+        return in_state_coordinates(result.problem, result.law.draws(n, rng), n)[1]
     if state.sample is not None:
         kept = state.sample.shape[0]
         return np.asarray(state.sample[rng.choice(kept, n, replace=n > kept)])

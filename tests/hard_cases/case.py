@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 
 FILE = "impacts.csv"
 OUT = "results"
-METHODS = ("lsq", "profile", "exact")
+METHODS = ("lsq", "profile", "exact", "mcmc")
+SLOW = ("mcmc",)
 GROUPS = ("rebound", "data refused", "identifiability", "numerics")
 
 

@@ -8,13 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.law import LEVELS
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.marginal import quantiles
 from ifrfit.inference.posterior.quantity import Quantity
 
 Array = NDArray[np.float64]
-
-LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 
 # places in sd at which a normal law has its quantiles at `LEVELS`, and further out for skewed ones
 _NORMAL = np.array([-2.8, -1.959964, -0.994458, 0.0, 0.994458, 1.959964, 2.8])
