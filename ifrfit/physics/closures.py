@@ -55,6 +55,10 @@ class Closure:
         """Names of all constants, in the order of results."""
         return ("e_n", self.constant, "mu") if self.constant else ("e_n", "mu")
 
+    def __reduce__(self) -> tuple[Callable[[str], Closure], tuple[str]]:
+        # its functions do not travel to another process, its name does
+        return get_closure, (self.name,)
+
 
 def rotational_share(inertia_factor: float) -> float:
     """J/(1 + J): the impulse that stops the contact point, per mass and slip (2/7 for a solid sphere)."""
