@@ -5,9 +5,10 @@ Imports of the library stand inside the commands, so that ``--help`` answers at 
 
 from __future__ import annotations
 
+import contextlib
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -78,7 +79,10 @@ def fit(
     closure: Annotated[str, typer.Option(help="ifr, fr, f or ifr-contact.")] = "ifr",
     method: Annotated[
         str,
-        typer.Option(help="exact: the posterior; lsq: least squares; profile: profile likelihood."),
+        typer.Option(
+            help="exact: the posterior; lsq: least squares; profile: profile likelihood; bootstrap: fits of "
+            "experiments drawn anew."
+        ),
     ] = "exact",
     fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
     prior: Annotated[
@@ -126,6 +130,17 @@ def fit(
         bool,
         typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
     ] = False,
+    resample: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SCHEME",
+            help="What the bootstrap draws: cases (impacts; default), residual, wild or wild-mammen.",
+        ),
+    ] = None,
+    replicates: Annotated[
+        int | None, typer.Option(metavar="N", help="Experiments that the bootstrap draws; 1000 by default.")
+    ] = None,
+    workers: Annotated[int, typer.Option(metavar="N", help="Processes, where several can work.", min=1)] = 1,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write result.json, fit.svg and fit.png there.")
     ] = None,
@@ -149,7 +164,7 @@ def fit(
         from ifrfit.report.folder import check_free
 
         check_free(out, force=False)
-    with _working(quiet or as_json):
+    with _working(quiet or as_json) as progress:
         result = run(
             data,
             closure=closure,
@@ -169,6 +184,10 @@ def fit(
             independent=independent,
             inertia_factor=inertia_factor,
             convention=convention,
+            resample=resample,
+            replicates=replicates,
+            workers=workers,
+            progress=progress,
             seed=seed,
             command=_command_line(),
         )
@@ -195,15 +214,18 @@ def _command_line() -> str:
     return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
 
 
-def _working(quiet: bool) -> Any:
-    """Show that work goes on, at a terminal."""
-    import contextlib
-
+@contextlib.contextmanager
+def _working(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """Show that work goes on, at a terminal; gives what to call with what is done and what there is to do."""
     if quiet or not sys.stderr.isatty():
-        return contextlib.nullcontext()
+        yield None
+        return
     from rich.console import Console
+    from rich.progress import Progress
 
-    return Console(stderr=True).status("fitting")
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("fitting", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:

@@ -19,14 +19,14 @@ from ifrfit.inference.criticism import residuals_of
 from ifrfit.inference.derived import derived_of
 from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.facts import facts_of
-from ifrfit.inference.finish import with_posterior, with_profiles
+from ifrfit.inference.finish import Progress, with_posterior, with_profiles, with_replicates
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.result import FitResult, Noise
 from ifrfit.inference.statistics import state_of, statistics_of
 from ifrfit.physics.closures import get_closure
 
-METHODS = ("exact", "lsq", "profile")
+METHODS = ("exact", "lsq", "profile", "bootstrap")
 
 Data = str | Path | Observations
 
@@ -52,6 +52,10 @@ def fit(
     inertia_factor: float | None = None,
     convention: Sequence[str] | Mapping[str, str] = (),
     params: Any = None,
+    resample: str | None = None,
+    replicates: int | None = None,
+    workers: int = 1,
+    progress: Progress | None = None,
     seed: int = 0,
     command: str = "",
 ) -> FitResult:
@@ -65,7 +69,7 @@ def fit(
         ifr, fr, f or ifr-contact.
     method : str
         exact: the posterior by deterministic quadrature; lsq: least squares with a certificate of the global
-        optimum; profile: the profile likelihood of each constant.
+        optimum; profile: the profile likelihood of each constant; bootstrap: fits of experiments drawn anew.
     fix : mapping
         Constant to its known value.
     prior : mapping
@@ -93,8 +97,17 @@ def fit(
         How columns are meant, see `read`.
     params : lmfit.Parameters, optional
         Fixed values and bounds in lmfit's form.
+    resample : {"cases", "residual", "wild", "wild-mammen"}, optional
+        What the bootstrap draws anew: impacts within each series (the default), residuals, or residuals
+        times random weights (Rademacher's, or Mammen's); see `ifrfit.inference.resampling`.
+    replicates : int, optional
+        Experiments that the bootstrap draws; 1,000 by default.
+    workers : int
+        Processes, where there is work for several. The result does not depend on it.
+    progress : callable, optional
+        Called with what is done and what there is to do, in the same unit.
     seed : int
-        Of the bands.
+        Of everything drawn.
     command : str
         The command line, for the record.
 
@@ -111,6 +124,9 @@ def fit(
     """
     if method not in METHODS:
         raise UsageError(f"There is no method '{method}'. This version has {', '.join(METHODS)}.")
+    if method != "bootstrap" and (resample is not None or replicates is not None):
+        option = "--resample" if resample is not None else "--replicates"
+        raise UsageError(f"{option} belongs to --method bootstrap.")
     chosen = get_closure(closure)
     observations = _gather(data, convention, inertia_factor)
     selection = Selection(
@@ -141,6 +157,8 @@ def fit(
     result = _result(problem, found, seed, command)
     if method == "lsq":
         return result
+    if method == "bootstrap":
+        return with_replicates(result, resample, replicates, workers, progress)
     return with_profiles(result) if method == "profile" else with_posterior(result)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,8 @@ from ifrfit.inference.posterior.noise import noise_bounds
 from ifrfit.inference.predictive import predictive
 from ifrfit.inference.result import Fact, FitResult
 from ifrfit.inference.sharing import sharing
+
+Progress = Callable[[int, int], None]
 
 _CHECKED = 300  # draws behind the posterior predictive checks
 
@@ -78,6 +81,25 @@ def with_law(
         state=state,
         law=law,
     )
+
+
+def with_replicates(
+    result: FitResult, scheme: str | None, replicates: int | None, workers: int, progress: Progress | None
+) -> FitResult:
+    """Put the law of the bootstrap in the place of the local picture."""
+    from ifrfit.inference.resampling import REPLICATES, bootstrap
+    from ifrfit.inference.resampling.told import with_draws
+
+    found = bootstrap(
+        result.problem,
+        result.least_squares,
+        scheme="cases" if scheme is None else scheme,
+        replicates=REPLICATES if replicates is None else replicates,
+        seed=result.seed,
+        workers=workers,
+        progress=progress,
+    )
+    return with_draws(result, found)
 
 
 def with_profiles(result: FitResult) -> FitResult:

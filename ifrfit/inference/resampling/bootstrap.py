@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from multiprocessing import get_context
 
 import numpy as np
@@ -20,6 +21,7 @@ from ifrfit.inference.resampling.one_by_one import OneByOne
 from ifrfit.inference.resampling.schemes import Lot, Scheme, lot_of, make_scheme
 from ifrfit.inference.resampling.solved import Solved, joined
 from ifrfit.inference.resampling.together import Together, noise_groups
+from ifrfit.inference.sampled import kappas_of
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -46,10 +48,12 @@ class Bootstrap:
     replicates : int
     reasons : mapping of str to int
         Why replicates have no answer, and how many.
-    open : mapping of str to int
-        How many replicates leave each entry of theta open although the data do not.
+    open : mapping of str to mapping
+        Entry of theta to how many replicates leave it open although the data do not, by reason.
     certified : int
         Replicates with an answer whose optimum is proven to be global.
+    apart : bool
+        Whether rows of one impact were drawn apart.
     """
 
     problem: Problem
@@ -58,13 +62,24 @@ class Bootstrap:
     draws: Mapping[str, Array] = field(repr=False)
     replicates: int
     reasons: Mapping[str, int]
-    open: Mapping[str, int]
+    open: Mapping[str, Mapping[str, int]]
     certified: int
+    apart: bool
 
     @property
     def failed(self) -> int:
         """Replicates without an answer."""
         return sum(self.reasons.values())
+
+    @property
+    def answered(self) -> int:
+        """Replicates with an answer."""
+        return self.replicates - self.failed
+
+    @cached_property
+    def kappas(self) -> Mapping[str, Array]:
+        """Draws of kappa, by the names of `Law`."""
+        return kappas_of(self.problem, self.draws)
 
 
 def bootstrap(
@@ -114,7 +129,9 @@ def bootstrap(
     constants are shared by some series and not by others, replicates are fitted one by one, certified or not
     as the fit of the data is. Bounds and fixed constants hold in every replicate; the means of priors are
     drawn anew. Known noise stays as given: it weighs the rows, and the scatter is that of the data. A scaled
-    or unknown noise is estimated again in each replicate, from its own misfit over its own degrees of freedom.
+    or unknown noise is estimated again in each replicate, from its own misfit over its own degrees of freedom;
+    wild weights keep the size of every residual, so they tell nothing of its scatter, and no draws are kept of it.
+    Where the data know kappa = mu (1 + e_n) only, e_n is drawn from its default prior.
     """
     if not _FEWEST <= replicates <= _MOST:
         raise UsageError(f"--replicates {replicates}: choose from {_FEWEST} to {_MOST:,}.")
@@ -132,7 +149,7 @@ def bootstrap(
         parts.append(part)
         if progress is not None:
             progress(sum(len(p.reason) for p in parts), replicates)
-    return _gathered(problem, scheme if isinstance(scheme, str) else "", chosen, joined(parts), seed)
+    return _gathered(problem, chosen, joined(parts), seed)
 
 
 @dataclass(frozen=True)
@@ -160,30 +177,31 @@ def _each(
         yield from pool.map(task, lots)
 
 
-def _gathered(problem: Problem, scheme: str, chosen: Scheme, solved: Solved, seed: int) -> Bootstrap:
+def _gathered(problem: Problem, chosen: Scheme, solved: Solved, seed: int) -> Bootstrap:
     """Keep the draws of the replicates that have an answer, and count the others."""
     answered = np.array([not reason for reason in solved.reason])
     theta = solved.theta[answered]
     if only_kappa_is_seen(problem):
         theta = _spread_e_n(problem, theta, seed)
-    draws = {
-        name: column
-        for name, column, is_free in zip(problem.names, theta.T, problem.free, strict=True)
-        if is_free
-    }
-    draws |= {
-        noise_label(group): column
-        for group, column in zip(noise_groups(problem), solved.noise[answered].T, strict=True)
-    }
+    free = zip(problem.names, theta.T, problem.free, strict=True)
+    draws = {name: column for name, column, is_free in free if is_free}
+    if chosen.tells_noise:
+        noises = zip(noise_groups(problem), solved.noise[answered].T, strict=True)
+        draws |= {noise_label(group): column for group, column in noises}
+    is_open: dict[str, Counter[str]] = {}
+    for number in np.flatnonzero(~answered):
+        for place in np.flatnonzero(solved.open[number]):
+            is_open.setdefault(problem.names[place], Counter())[solved.reason[number]] += 1
     return Bootstrap(
         problem,
-        scheme,
+        chosen.name,
         chosen.scarce,
         draws,
         answered.size,
-        dict(Counter(reason for reason in solved.reason if reason)),
-        {name: int(n) for name, n in zip(problem.names, solved.open.sum(axis=0), strict=True) if n},
+        Counter(reason for reason in solved.reason if reason),
+        is_open,
         int(solved.certified[answered].sum()),
+        chosen.apart,
     )
 
 

@@ -138,7 +138,7 @@ def _build(many: Replicated) -> Cells:
     gram = np.empty((q, q, m * count.size))
     for i, j in itertools.combinations_with_replacement(range(q), 2):
         gram[i, j] = gram[j, i] = total(i, j)
-    slope = np.array([total(i, q) for i in range(q)]).reshape(q, -1)
+    slope = np.array([total(i, q) for i in range(q)]).reshape(q, m * count.size)
     low = np.concatenate(([0.0], problem.tau))[count]
     high = np.concatenate((problem.tau, [np.inf]))[count]
     columns = (np.tile(column, m) for column in (count, low, high))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Index, Problem
-from ifrfit.inference.resampling.impacts import kinds_of, number_impacts
+from ifrfit.inference.resampling.impacts import Kind, kinds_of, number_impacts
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,21 @@ class Lot:
 
 class Scheme(Protocol):
     """Draws replicates, each from a generator of its own."""
+
+    @property
+    def name(self) -> str:
+        """As on the command line."""
+        ...
+
+    @property
+    def tells_noise(self) -> bool:
+        """Whether replicates tell how uncertain the noise is."""
+        ...
+
+    @property
+    def apart(self) -> bool:
+        """Whether rows of one impact are drawn apart."""
+        ...
 
     @property
     def prior(self) -> Array:
@@ -133,13 +148,17 @@ class Cases:
     kinds: tuple[Index, ...]
     prior: Array
     scarce: str = ""
+    apart: bool = False
+    name: str = "cases"
+    tells_noise: bool = True
 
     @classmethod
     def of(cls, problem: Problem, impact: Index | None = None) -> Cases:
         """Cases of a problem; `impact` numbers them, by default the impacts."""
         own = number_impacts(problem) if impact is None else impact
         kinds = kinds_of(problem, own)
-        return cls(own, tuple(kind.impacts for kind in kinds), prior_means(problem), _few(kinds))
+        apart = bool(np.unique(own).size > np.unique(number_impacts(problem)).size)
+        return cls(own, tuple(kind.impacts for kind in kinds), prior_means(problem), _few(kinds), apart)
 
     def draw(self, rng: np.random.Generator) -> tuple[Array, None]:
         """Draw each kind."""
@@ -148,12 +167,12 @@ class Cases:
         return count[self.impact].astype(float), None
 
 
-def _few(kinds: Sequence[object]) -> str:
-    few = [str(kind) for kind in kinds if kind.impacts.size < FEWEST]  # type: ignore[attr-defined]
+def _few(kinds: Sequence[Kind]) -> str:
+    few = [str(kind) for kind in kinds if kind.impacts.size < FEWEST]
     if not few:
         return ""
     return (
-        f"too few to draw from: {'; '.join(few)}. Drawn again they hide their scatter: use --resample residual, or "
+        f"{'; '.join(few)}. Drawn again and again they hide their scatter: use --resample residual, or "
         "give a constant that was measured once as --prior NAME=MEAN,SD"
     )
 
@@ -176,6 +195,9 @@ class Residuals:
     sigma: Array = field(repr=False)
     prior: Array
     scarce: str = ""
+    apart: bool = False
+    name: str = "residual"
+    tells_noise: bool = True
 
     @classmethod
     def of(cls, problem: Problem, found: LeastSquares) -> Residuals:
@@ -188,9 +210,10 @@ class Residuals:
             pools.append((rows, own - own.mean() if own.size else np.zeros(1)))
             if own.size < FEWEST:
                 few.append(f"{own.size} in {name}")
-        scarce = f"too few residuals to draw from: {'; '.join(few)}. Use --method exact" if few else ""
+        scarce = f"residuals, {'; '.join(few)}: use --method exact" if few else ""
         base = problem.fitted(found.optimum.theta) - problem.rows.value
-        return cls(tuple(pools), base, found.sigma, fitted_means(problem, found), scarce)
+        apart = int(number_impacts(problem).max()) + 1 < residual.size
+        return cls(tuple(pools), base, found.sigma, fitted_means(problem, found), scarce, apart)
 
     def draw(self, rng: np.random.Generator) -> tuple[None, Array]:
         """Draw each pool."""
@@ -219,6 +242,9 @@ class Wild:
     chance: float  # of the first weight
     prior: Array
     scarce: str = ""
+    name: str = "wild"
+    apart: bool = False
+    tells_noise: bool = False
 
     @classmethod
     def of(cls, problem: Problem, found: LeastSquares, name: str = "wild") -> Wild:
@@ -228,8 +254,8 @@ class Wild:
         weights, chance = mammen if name == "wild-mammen" else ((-1.0, 1.0), 0.5)
         own = int((1.0 - found.local.leverage <= _OWN).sum())
         scarce = (
-            f"{own} row{'s' if own > 1 else ''} fitted by nothing but {'themselves' if own > 1 else 'itself'}, "
-            "without a residual to weigh: use --method exact"
+            f"{own} row{'s' if own > 1 else ''} met exactly whatever the value, without a residual to weigh: "
+            "use --method exact"
         )
         return cls(
             number_impacts(problem),
@@ -239,6 +265,7 @@ class Wild:
             chance,
             fitted_means(problem, found),
             scarce if own else "",
+            name,
         )
 
     def draw(self, rng: np.random.Generator) -> tuple[None, Array]:

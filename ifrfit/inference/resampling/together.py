@@ -52,15 +52,12 @@ class Together:
         Of each part's (e_n, c, mu) in theta; -1 for the constant that the closure has not.
     groups : mapping of str to ndarray of int
         Rows of each noise that is not known.
-    noise : ndarray, (groups,)
-        Of the data as they are: where the replicates' own noise is looked for first.
     """
 
     problem: Problem
     parts: tuple[Part, ...]
     places: tuple[Index, ...]
     groups: Mapping[str, Index]
-    noise: Array
 
     @classmethod
     def of(cls, problem: Problem, found: LeastSquares) -> Together | None:
@@ -82,15 +79,12 @@ class Together:
         places = tuple(
             np.array([at["e_n"][i], at[own][i] if own else -1, at["mu"][i]]) for i in range(len(parts))
         )
-        groups = noise_groups(problem)
-        base = base_of(problem)
-        noise = np.array([found.sigma[rows[0]] / base[rows[0]] for rows in groups.values()])
-        return cls(problem, tuple(parts), places, groups, noise)
+        return cls(problem, tuple(parts), places, noise_groups(problem))
 
     def solve(self, lot: Lot) -> Solved:
         """Fit every replicate of a lot; noise that is not known is looked for until it comes to rest."""
         m, p = lot.size, len(self.problem.names)
-        theta, noise = np.zeros((m, p)), np.tile(self.noise, (m, 1))
+        theta, noise = np.zeros((m, p)), self._first_noise(lot)
         reason, is_open = np.full(m, "", dtype=object), np.zeros((m, p), dtype=bool)
         certified = np.zeros(m, dtype=bool)
         refused, left = self._refused(lot), np.arange(m)
@@ -130,6 +124,19 @@ class Together:
                 if np.unique(code[rows[rows >= 0]]).size + prior > 1:
                     return True
         return False
+
+    def _first_noise(self, lot: Lot) -> Array:
+        """Where the search for the noise begins, as in least squares: at the scatter of the values."""
+        noise = np.ones((lot.size, len(self.groups)))
+        if self.problem.noise == "unknown":
+            value = self.problem.rows.value + (0.0 if lot.shift is None else lot.shift)
+            counts = np.ones_like(value) if lot.counts is None else lot.counts
+            for i, rows in enumerate(self.groups.values()):
+                own = np.broadcast_to(value, (lot.size, value.shape[-1]))[:, rows]
+                share = counts[..., rows] / np.maximum(counts[..., rows].sum(axis=-1, keepdims=True), 1.0)
+                mean = (share * own).sum(axis=1, keepdims=True)
+                noise[:, i] = np.maximum(np.sqrt((share * (own - mean) ** 2).sum(axis=1)), 1e-6)
+        return noise
 
     def _sigma(self, noise: Array) -> Array:
         """Noise of each row, (m, n) or (1, n)."""
