@@ -143,9 +143,9 @@ def bootstrap(
     size = max(1, at_once // problem.rows.value.size) if together else _LOT
     seeds = np.random.SeedSequence(seed).spawn(replicates)
     lots = [seeds[start : start + size] for start in range(0, replicates, size)]
-    task = _Task(problem, chosen, solver)
+    task = Task(problem, chosen, solver)
     parts: list[Solved] = []
-    for part in _each(task, lots, 1 if together else workers):
+    for part in each(task, lots, 1 if together else workers):
         parts.append(part)
         if progress is not None:
             progress(sum(len(p.reason) for p in parts), replicates)
@@ -153,7 +153,7 @@ def bootstrap(
 
 
 @dataclass(frozen=True)
-class _Task:
+class Task:
     """What a worker needs to draw and to fit a lot."""
 
     problem: Problem
@@ -165,9 +165,7 @@ class _Task:
         return self.solver.solve(lot)
 
 
-def _each(
-    task: _Task, lots: list[list[np.random.SeedSequence]], workers: int
-) -> Iterator[Solved]:
+def each(task: Task, lots: list[list[np.random.SeedSequence]], workers: int) -> Iterator[Solved]:
     """Fit the lots in order, here or in processes of their own."""
     if workers == 1 or len(lots) == 1:
         yield from map(task, lots)

@@ -108,6 +108,10 @@ def _why(drawn: Problem, found: LeastSquares) -> str:
     _, sticks = drawn.impulse(*drawn.per_row(found.optimum.theta))
     if oblique.any() and sticks[oblique].all():
         return NO_SLIDING
-    if oblique.any() and not sticks[oblique].any() and drawn.closure.coefficients(drawn.inertia_factor).a1 == 0.0:
+    if (
+        oblique.any()
+        and not sticks[oblique].any()
+        and drawn.closure.coefficients(drawn.inertia_factor).a1 == 0.0
+    ):
         return NO_STICKING
     return TOO_FEW

@@ -66,7 +66,11 @@ class Together:
         if not whole and not all(c.separate or c.fixed is not None for c in problem.constants):
             return None
         every = np.arange(problem.rows.value.size)
-        series = [every] if whole else [np.flatnonzero(problem.rows.series == i) for i in range(len(problem.series))]
+        series = (
+            [every]
+            if whole
+            else [np.flatnonzero(problem.rows.series == i) for i in range(len(problem.series))]
+        )
         blocks = [whole_block(problem, found.sigma)] if whole else series_blocks(problem, found.sigma)
         parts = []
         for block, rows in zip(blocks, series, strict=True):
@@ -148,7 +152,11 @@ class Together:
     def _solve_parts(self, lot: Lot, noise: Array) -> list[PartSolved]:
         """Solve every part at the given noise."""
         weight = 1.0 / self._sigma(noise) ** 2
-        weight = np.broadcast_to(weight, (lot.size, weight.shape[1])) if lot.counts is None else weight * lot.counts
+        weight = (
+            np.broadcast_to(weight, (lot.size, weight.shape[1]))
+            if lot.counts is None
+            else weight * lot.counts
+        )
         index = {c.name: i for i, c in enumerate(self.problem.constants)}
         own = [index["e_n"], index.get(self.problem.closure.constant or "", -1), index["mu"]]
         prior = np.column_stack((lot.prior, np.full(lot.size, np.nan)))[:, own]

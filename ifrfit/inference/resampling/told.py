@@ -23,9 +23,8 @@ from ifrfit.inference.sampled import Sampled
 _LOADED = 1e-6  # share of the prior sd from which on a constant takes part in a loose combination
 _FEWEST = 20  # replicates with an answer below which they are no law of anything
 
-GAUSSIAN = (
-    "Draws and bands are of the Gaussian around the optimum: replicates say nothing of what the data leave open."
-)
+GAUSSIAN = "Draws and bands are of the Gaussian around the optimum: replicates say nothing of what the data leave open."
+ANSWERED = "Draws and bands are those of the replicates that have an answer."
 APART = "Rows of one impact were drawn apart, so errors that they share are lost: --resample cases or wild keeps them."
 
 
@@ -47,6 +46,8 @@ def with_draws(result: FitResult, found: Bootstrap) -> FitResult:
     if law is None or _leaves_open(problem, result.least_squares.local):
         told = replace(told, method="bootstrap", law=None, state=result.state)
         warnings = (*warnings, GAUSSIAN)
+    elif found.failed > FAILED * found.replicates:
+        warnings = (*warnings, ANSWERED)
     says = f"too few to draw from: {found.scarce}" if found.scarce else "enough to draw from"
     facts = {**told.facts, "converged": converged}
     facts["resampling"] = Fact(not found.scarce, says, {"scheme": found.scheme}, FACTS["resampling"])
