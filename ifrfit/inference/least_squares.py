@@ -140,7 +140,7 @@ def inputs_of(problem: Problem, rows: Index) -> Array:
         (problem.rows.which[rows], problem.rows.tau[rows], i.spin_x[rows], i.spin_y[rows], i.sine[rows])
     )
     inputs[np.isin(problem.rows.which[rows], _without_angle(problem))] *= [1, 0, 0, 0, 0]
-    return inputs
+    return np.asarray(inputs, dtype=float)
 
 
 def _without_angle(problem: Problem) -> list[int]:

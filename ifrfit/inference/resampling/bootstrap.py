@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.inference.identifiability import only_kappa_is_seen
 from ifrfit.inference.least_squares import LeastSquares
-from ifrfit.inference.problem import Problem
 from ifrfit.inference.posterior.plan import noise_label
+from ifrfit.inference.problem import Problem
 from ifrfit.inference.resampling.one_by_one import OneByOne
-from ifrfit.inference.resampling.schemes import Lot, Scheme, lot_of, make_scheme
+from ifrfit.inference.resampling.schemes import Scheme, lot_of, make_scheme
 from ifrfit.inference.resampling.solved import Solved, joined
 from ifrfit.inference.resampling.together import Together, noise_groups
 from ifrfit.inference.sampled import kappas_of
@@ -129,9 +129,9 @@ def bootstrap(
     constants are shared by some series and not by others, replicates are fitted one by one, certified or not
     as the fit of the data is. Bounds and fixed constants hold in every replicate; the means of priors are
     drawn anew. Known noise stays as given: it weighs the rows, and the scatter is that of the data. A scaled
-    or unknown noise is estimated again in each replicate, from its own misfit over its own degrees of freedom;
-    wild weights keep the size of every residual, so they tell nothing of its scatter, and no draws are kept of it.
-    Where the data know kappa = mu (1 + e_n) only, e_n is drawn from its default prior.
+    or unknown noise is estimated again in each replicate, from its own misfit over its own degrees of
+    freedom. Wild weights keep the size of every residual: they tell nothing of the noise, which gets no
+    draws. Where the data know kappa = mu (1 + e_n) only, e_n is drawn from its default prior.
     """
     if not _FEWEST <= replicates <= _MOST:
         raise UsageError(f"--replicates {replicates}: choose from {_FEWEST} to {_MOST:,}.")
@@ -161,7 +161,8 @@ class Task:
     solver: Together | OneByOne
 
     def __call__(self, seeds: list[np.random.SeedSequence]) -> Solved:
-        lot: Lot = lot_of(self.problem, self.scheme, seeds)
+        """Draw one replicate a seed, and fit them."""
+        lot = lot_of(self.problem, self.scheme, seeds)
         return self.solver.solve(lot)
 
 

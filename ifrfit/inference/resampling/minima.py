@@ -139,10 +139,11 @@ def _build(many: Replicated) -> Cells:
     for i, j in itertools.combinations_with_replacement(range(q), 2):
         gram[i, j] = gram[j, i] = total(i, j)
     slope = np.array([total(i, q) for i in range(q)]).reshape(q, m * count.size)
+    square = total(q, q)
     low = np.concatenate(([0.0], problem.tau))[count]
     high = np.concatenate((problem.tau, [np.inf]))[count]
-    columns = (np.tile(column, m) for column in (count, low, high))
-    return Cells(gram, slope, total(q, q), *columns, rounding_of(n))
+    count, low, high = np.tile(count, m), np.tile(low, m), np.tile(high, m)
+    return Cells(gram, slope, square, count, low, high, rounding_of(n))
 
 
 def _moved(target: Array, shift: Array | None) -> Array:

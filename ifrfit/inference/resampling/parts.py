@@ -63,7 +63,7 @@ class Part:
 
 @dataclass(frozen=True)
 class PartSolved:
-    """Constants (e_n, c, mu) of each replicate, (m, 3); its minimum; and whether it lost all it had on e_n."""
+    """Constants (e_n, c, mu) of each replicate, (m, 3); its minimum; whether it lost all of e_n."""
 
     constants: Array
     minima: Minima
@@ -182,7 +182,7 @@ def _normal_factor(part: Part) -> Array:
 
 
 def leverage_of(part: Part, weight: Array, solved: PartSolved) -> Array:
-    """How much of its own value each row fits, times how often it occurs, (m, n); 0 in rows of other parts."""
+    """How much of its own value each row fits, times how often it occurs, (m, n); 0 in other parts."""
     found = np.zeros(weight.shape)
     p, u = part.piecewise, solved.minima.points
     if u.shape[1]:

@@ -126,8 +126,8 @@ def make_scheme(name: str, problem: Problem, found: LeastSquares) -> Scheme:
     several = [c.name for c in problem.constants if c.separate and c.prior is not None]
     if several and len(problem.series) > 1:
         raise UsageError(
-            f"--resample {name} cannot draw one prior of {several[0]} anew for several series: use --resample "
-            "cases."
+            f"--resample {name} cannot draw one prior of {several[0]} anew for several series: use "
+            "--resample cases."
         )
     return Residuals.of(problem, found) if name == "residual" else Wild.of(problem, found, name)
 
@@ -275,7 +275,7 @@ class Wild:
 
 
 def corrected(problem: Problem, found: LeastSquares) -> Array:
-    """Residuals over sqrt(1 - leverage), which all have their noise's own variance; 0 where a row fits itself."""
+    """Residuals over sqrt(1 - leverage), with the variance of their noise; 0 where a row fits itself."""
     raw = problem.rows.value - problem.fitted(found.optimum.theta)
     left = 1.0 - found.local.leverage
     return np.asarray(np.where(left > _OWN, raw / np.sqrt(np.maximum(left, _OWN)), 0.0))

@@ -118,7 +118,7 @@ class Together:
 
     @cached_property
     def weighs(self) -> bool:
-        """Whether the optimum depends on noise that is not known: where rows of several noises, or a prior, meet."""
+        """Whether the optimum depends on the unknown noise: where rows of several, or a prior, meet."""
         code = _codes(self.groups, self.problem.rows.value.size)
         for part in self.parts:
             for rows, prior in (
@@ -174,14 +174,16 @@ class Together:
     def _noise(
         self, lot: Lot, noise: Array, solved: Sequence[PartSolved], theta: Array
     ) -> tuple[Array, Bool]:
-        """Noise from the misfit of each group over its degrees of freedom; and whether the misfit tells it."""
+        """Noise from each group's misfit over its degrees of freedom; and whether the misfit tells it."""
         n = self.problem.rows.value.size
         counts = np.ones((lot.size, n)) if lot.counts is None else lot.counts
         value = self.problem.rows.value + (0.0 if lot.shift is None else lot.shift)
         base = base_of(self.problem)
         square = counts * ((value - fitted_at(self.problem, theta)) / base) ** 2
         weight = counts / self._sigma(noise) ** 2
-        leverage = sum(leverage_of(part, weight, one) for part, one in zip(self.parts, solved, strict=True))
+        leverage = np.zeros_like(weight)
+        for part, one in zip(self.parts, solved, strict=True):
+            leverage += leverage_of(part, weight, one)
         new, tells = noise.copy(), np.ones(lot.size, dtype=bool)
         for i, rows in enumerate(self.groups.values()):
             total, number = square[:, rows].sum(axis=1), counts[:, rows].sum(axis=1)
@@ -214,7 +216,7 @@ class Together:
         for part, places, one in zip(self.parts, self.places, solved, strict=True):
             for number in np.flatnonzero((one.minima.rank < part.rank) | one.without_e_n):
                 if one.minima.rank[number] < part.rank:
-                    slides, sticks = self._regimes(lot, part, one, number)
+                    slides, sticks = self._regimes(lot, part, one, int(number))
                     why, which = (
                         (NO_SLIDING, places[2:])
                         if not slides

@@ -23,9 +23,15 @@ from ifrfit.inference.sampled import Sampled
 _LOADED = 1e-6  # share of the prior sd from which on a constant takes part in a loose combination
 _FEWEST = 20  # replicates with an answer below which they are no law of anything
 
-GAUSSIAN = "Draws and bands are of the Gaussian around the optimum: replicates say nothing of what the data leave open."
+GAUSSIAN = (
+    "Draws and bands are those of the Gaussian around the optimum: replicates say nothing of what the data "
+    "leave open."
+)
 ANSWERED = "Draws and bands are those of the replicates that have an answer."
-APART = "Rows of one impact were drawn apart, so errors that they share are lost: --resample cases or wild keeps them."
+APART = (
+    "Rows of one impact were drawn apart, so errors that they share are lost: --resample cases or wild keeps "
+    "them."
+)
 
 
 def with_draws(result: FitResult, found: Bootstrap) -> FitResult:
@@ -74,8 +80,8 @@ def _converged(found: Bootstrap, settled: Fact) -> Fact:
         says = f"{found.failed:,} of {found.replicates:,} replicates have no answer: {why}"
         if many:
             says += (
-                f". More than {100 * FAILED:g} % are too many for a 95 % interval: measure more impacts of the kind "
-                "that is missing, or use --method exact"
+                f". More than {100 * FAILED:g} % are too many for a 95 % interval: measure more impacts of "
+                "the kind that is missing, or use --method exact"
             )
     return Fact(settled.ok and not many, says, figures, FACTS["converged"])
 
@@ -133,7 +139,7 @@ def _open(
 def _leaves_open(problem: Problem, local: Local) -> bool:
     """Whether the data leave anything loose, but e_n and mu that only share kappa."""
     prior_sd = np.array([c.prior_sd for c in problem.entries()])
-    loose = (np.abs(local.vectors[:, ~local.seen]) > _LOADED * prior_sd[:, None]).any(axis=1)
+    loose = np.abs(local.vectors[:, ~local.seen]) > _LOADED * prior_sd[:, None]
     if only_kappa_is_seen(problem):
         loose[sorted(set(problem.positions()["e_n"].tolist()))] = False
     return bool(loose.any())

@@ -32,8 +32,8 @@ def scene(
 ) -> Problem:
     """Impacts at angles from 5 to 85 degrees, each observable with noise of its own.
 
-    `joint` gives the observables of an impact one impact_id; `copies` writes every row several times under one
-    impact_id, with the same value: readings that are perfectly correlated.
+    `joint` gives the observables of an impact one impact_id; `copies` writes every row several times under
+    one impact_id, with the same value: readings that are perfectly correlated.
     """
     rng = np.random.default_rng(seed)
     angles = np.linspace(5.0, 85.0, n) if gamma is None else np.asarray(gamma, dtype=float)

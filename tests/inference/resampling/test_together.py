@@ -149,7 +149,7 @@ def test_a_replicate_that_leaves_something_open_says_what_and_why(question, only
     assert solved.reason == (reason,)
     assert {name for name, is_open in zip(problem.names, solved.open[0], strict=True) if is_open} == left
     alone = OneByOne.of(problem, found).solve(lot)
-    # least squares puts e_n into the middle of its domain; exact rows it meets with the transition on the first
+    # least squares puts e_n into the middle of its domain, and the transition on the first of exact rows
     if reason not in (NO_E_N, NO_STICKING):
         assert alone.reason == (reason,)
     whole = Together.of(problem, found).solve(_counted(problem))

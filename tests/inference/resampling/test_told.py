@@ -94,7 +94,7 @@ def test_sticking_impacts_alone_give_no_neat_interval_of_mu(impacts, seed) -> No
     assert found.fit.n_sliding == (seed == 3)
     assert found.facts["converged"].ok == (seed == 1)
     assert (found.state.sample is None) == (seed == 1)
-    said = "of the Gaussian around the optimum" if seed == 1 else "of the replicates that have an answer"
+    said = "those of the Gaussian" if seed == 1 else "of the replicates that have an answer"
     assert any(said in says for says in found.warnings)
     assert np.isfinite(found.predict([10.0])["hi95"]).all()
 
