@@ -5,10 +5,9 @@ Imports of the library stand inside the commands, so that ``--help`` answers at 
 
 from __future__ import annotations
 
-import contextlib
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +16,7 @@ import typer
 from ifrfit._version import __version__
 from ifrfit.cli_datasets import datasets
 from ifrfit.cli_errors import command
+from ifrfit.cli_progress import working
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -80,8 +80,8 @@ def fit(
     method: Annotated[
         str,
         typer.Option(
-            help="exact: the posterior; lsq: least squares; profile: profile likelihood; bootstrap: fits of "
-            "experiments drawn anew."
+            help="exact: the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov chains; "
+            "bootstrap: fits of experiments drawn anew."
         ),
     ] = "exact",
     fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
@@ -130,17 +130,27 @@ def fit(
         bool,
         typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
     ] = False,
+    max_steps: Annotated[
+        int | None, typer.Option(metavar="N", help="mcmc: most steps, 10000 by default.", show_default=False)
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="mcmc: walk on with the chains in DIR, and replace its result."),
+    ] = None,
     resample: Annotated[
         str | None,
         typer.Option(
             metavar="SCHEME",
-            help="What the bootstrap draws: cases (impacts; default), residual, wild or wild-mammen.",
+            help="bootstrap: what is drawn anew: cases (impacts; default), residual, wild or wild-mammen.",
         ),
     ] = None,
     replicates: Annotated[
-        int | None, typer.Option(metavar="N", help="Experiments that the bootstrap draws; 1000 by default.")
+        int | None,
+        typer.Option(metavar="N", help="bootstrap: experiments drawn, 1000 by default.", show_default=False),
     ] = None,
-    workers: Annotated[int, typer.Option(metavar="N", help="Processes, where several can work.", min=1)] = 1,
+    workers: Annotated[
+        int, typer.Option(metavar="N", help="mcmc, bootstrap: processes; the draws are the same.")
+    ] = 1,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write result.json, fit.svg and fit.png there.")
     ] = None,
@@ -160,11 +170,13 @@ def fit(
 
     if intervals and (as_json or quiet):
         raise UsageError(f"--intervals prints a table, {'--json' if as_json else '--quiet'} none: keep one.")
+    if resume is not None and out is None:
+        out, force = resume, True
     if out is not None and not force:
         from ifrfit.report.folder import check_free
 
         check_free(out, force=False)
-    with _working(quiet or as_json) as progress:
+    with working(quiet or as_json) as progress:
         result = run(
             data,
             closure=closure,
@@ -184,6 +196,8 @@ def fit(
             independent=independent,
             inertia_factor=inertia_factor,
             convention=convention,
+            max_steps=max_steps,
+            resume=resume,
             resample=resample,
             replicates=replicates,
             workers=workers,
@@ -212,20 +226,6 @@ def fit(
 def _command_line() -> str:
     """The command as text, for the record; file names that are no UTF-8 lose those bytes."""
     return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
-
-
-@contextlib.contextmanager
-def _working(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """Show that work goes on, at a terminal; gives what to call with what is done and what there is to do."""
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("fitting", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:

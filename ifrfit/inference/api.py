@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,14 +19,22 @@ from ifrfit.inference.criticism import residuals_of
 from ifrfit.inference.derived import derived_of
 from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.facts import facts_of
-from ifrfit.inference.finish import Progress, with_posterior, with_profiles, with_replicates
+from ifrfit.inference.finish import with_chains, with_posterior, with_profiles, with_replicates
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.result import FitResult, Noise
 from ifrfit.inference.statistics import state_of, statistics_of
 from ifrfit.physics.closures import get_closure
 
-METHODS = ("exact", "lsq", "profile", "bootstrap")
+METHODS = ("exact", "lsq", "profile", "mcmc", "bootstrap")
+# methods that an option belongs to
+_OWN = {
+    "max-steps": ("mcmc",),
+    "resume": ("mcmc",),
+    "resample": ("bootstrap",),
+    "replicates": ("bootstrap",),
+    "workers": ("mcmc", "bootstrap"),
+}
 
 Data = str | Path | Observations
 
@@ -52,10 +60,12 @@ def fit(
     inertia_factor: float | None = None,
     convention: Sequence[str] | Mapping[str, str] = (),
     params: Any = None,
+    max_steps: int | None = None,
+    resume: str | Path | None = None,
     resample: str | None = None,
     replicates: int | None = None,
     workers: int = 1,
-    progress: Progress | None = None,
+    progress: Callable[[int, int], None] | None = None,
     seed: int = 0,
     command: str = "",
 ) -> FitResult:
@@ -69,7 +79,8 @@ def fit(
         ifr, fr, f or ifr-contact.
     method : str
         exact: the posterior by deterministic quadrature; lsq: least squares with a certificate of the global
-        optimum; profile: the profile likelihood of each constant; bootstrap: fits of experiments drawn anew.
+        optimum; profile: the profile likelihood of each constant; mcmc: the posterior by Markov chains that
+        stop on evidence; bootstrap: fits of experiments drawn anew.
     fix : mapping
         Constant to its known value.
     prior : mapping
@@ -97,17 +108,22 @@ def fit(
         How columns are meant, see `read`.
     params : lmfit.Parameters, optional
         Fixed values and bounds in lmfit's form.
+    max_steps : int, optional
+        mcmc: steps of each ensemble after which it stops without enough evidence; 10,000 by default.
+    resume : str or Path, optional
+        mcmc: folder (or file) with the chains of an earlier run of the same question, to walk on with.
     resample : {"cases", "residual", "wild", "wild-mammen"}, optional
-        What the bootstrap draws anew: impacts within each series (the default), residuals, or residuals
+        bootstrap: what is drawn anew: impacts within each series (the default), residuals, or residuals
         times random weights (Rademacher's, or Mammen's); see `ifrfit.inference.resampling`.
     replicates : int, optional
-        Experiments that the bootstrap draws; 1,000 by default.
+        bootstrap: experiments drawn; 1,000 by default.
     workers : int
-        Processes, where there is work for several. The result does not depend on it.
+        mcmc, bootstrap: processes, where there is work for several. The draws do not depend on it. A script
+        that asks for more than one needs ``if __name__ == "__main__":`` about what it does.
     progress : callable, optional
-        Called with what is done and what there is to do, in the same unit.
+        mcmc, bootstrap: called with the steps or replicates done, and the most that there may be.
     seed : int
-        Of everything drawn.
+        Of the draws and bands.
     command : str
         The command line, for the record.
 
@@ -124,9 +140,9 @@ def fit(
     """
     if method not in METHODS:
         raise UsageError(f"There is no method '{method}'. This version has {', '.join(METHODS)}.")
-    if method != "bootstrap" and (resample is not None or replicates is not None):
-        option = "--resample" if resample is not None else "--replicates"
-        raise UsageError(f"{option} belongs to --method bootstrap.")
+    given = {"max-steps": max_steps, "resume": resume, "resample": resample, "replicates": replicates}
+    used = {name: value is not None for name, value in given.items()} | {"workers": workers != 1}
+    _check_own(method, used, max_steps, workers)
     chosen = get_closure(closure)
     observations = _gather(data, convention, inertia_factor)
     selection = Selection(
@@ -157,9 +173,24 @@ def fit(
     result = _result(problem, found, seed, command)
     if method == "lsq":
         return result
+    if method == "mcmc":
+        place = None if resume is None else Path(resume)
+        return with_chains(result, max_steps=max_steps, workers=workers, resume=place, progress=progress)
     if method == "bootstrap":
         return with_replicates(result, resample, replicates, workers, progress)
     return with_profiles(result) if method == "profile" else with_posterior(result)
+
+
+def _check_own(method: str, given: Mapping[str, bool], max_steps: int | None, workers: int) -> None:
+    """Refuse options of a method that is not the chosen one, and numbers that make no sense."""
+    for name, is_given in given.items():
+        if is_given and method not in _OWN[name]:
+            owners = " or ".join(_OWN[name])
+            raise UsageError(f"--{name} belongs to --method {owners}, not to --method {method}.")
+    if max_steps is not None and max_steps < 1:
+        raise UsageError(f"--max-steps {max_steps}: it must be 1 or more.")
+    if workers < 1:
+        raise UsageError(f"--workers {workers}: it must be 1 or more.")
 
 
 def _tuple(value: Any) -> tuple[Any, ...]:

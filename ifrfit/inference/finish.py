@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -23,8 +24,6 @@ from ifrfit.inference.posterior.noise import noise_bounds
 from ifrfit.inference.predictive import predictive
 from ifrfit.inference.result import Fact, FitResult
 from ifrfit.inference.sharing import sharing
-
-Progress = Callable[[int, int], None]
 
 _CHECKED = 300  # draws behind the posterior predictive checks
 
@@ -83,8 +82,39 @@ def with_law(
     )
 
 
+def with_chains(
+    result: FitResult,
+    *,
+    max_steps: int | None = None,
+    workers: int = 1,
+    resume: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> FitResult:
+    """Put a sample of the posterior in the place of the local picture; see `ifrfit.inference.mcmc.sample`."""
+    from importlib.metadata import version
+
+    from ifrfit.inference import mcmc
+
+    drawn = mcmc.sample(
+        result.problem,
+        result.least_squares,
+        result.seed,
+        max_steps=mcmc.MAX_STEPS if max_steps is None else max_steps,
+        workers=workers,
+        resume=resume,
+        progress=progress,
+    )
+    converged = mcmc.sample_converged(drawn, result.facts["converged"])
+    versions = dict(result.versions) | {name: version(name) for name in ("emcee", "arviz-stats")}
+    return replace(with_law(result, "mcmc", drawn.law, converged), sample=drawn, versions=versions)
+
+
 def with_replicates(
-    result: FitResult, scheme: str | None, replicates: int | None, workers: int, progress: Progress | None
+    result: FitResult,
+    scheme: str | None,
+    replicates: int | None,
+    workers: int,
+    progress: Callable[[int, int], None] | None,
 ) -> FitResult:
     """Put the law of the bootstrap in the place of the local picture."""
     from ifrfit.inference.resampling import REPLICATES, bootstrap

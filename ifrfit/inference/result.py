@@ -184,7 +184,7 @@ class FitResult:
         Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
     command, seed, created, versions
         How to repeat it.
-    problem, least_squares, law, profiles
+    problem, least_squares, law, profiles, sample
         What the result rests on, for further questions; not kept in result.json.
     """
 
@@ -209,6 +209,7 @@ class FitResult:
     least_squares: Any = field(default=None, repr=False, compare=False)
     law: Any = field(default=None, repr=False, compare=False)
     profiles: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    sample: Any = field(default=None, repr=False, compare=False)
 
     @property
     def provenance(self) -> tuple[str, ...]:
@@ -228,8 +229,9 @@ class FitResult:
     def draws(self, n: int, rng: np.random.Generator) -> pd.DataFrame:
         """Draw constants from the estimator's distribution.
 
-        The exact posterior's draws are independent and come from its quadrature (from the 2,000 kept ones,
-        where the result was loaded); those of other methods from the local truncated Gaussian.
+        The exact posterior's draws are independent and come from its quadrature; those of mcmc are picked
+        from the kept steps of its chains (from the 2,000 kept ones, where the result was loaded); those of
+        lsq and profile come from the local truncated Gaussian.
 
         Parameters
         ----------
@@ -310,6 +312,27 @@ class FitResult:
         law = self.law
         posterior = law if isinstance(law, Posterior) else explore(self.problem, start=self.least_squares)
         return intervals(self.problem, self.least_squares, posterior, self.profiles or None)
+
+    def to_arviz(self) -> Any:
+        """The posterior as ArviZ's object; its own ``to_netcdf`` writes it.
+
+        Returns
+        -------
+        xarray.DataTree
+            Groups posterior (free constants, kappa, noises), log_likelihood (by impact), sample_stats (lp)
+            and observed_data. Exact: 4 chains of 1,000 independent draws. mcmc: a chain an ensemble, its
+            walkers' draws in the order of time, thinned until they are independent; what was discarded and
+            thinned is in the attributes, with versions, seed, data and provenance. Fewer draws where there
+            are very many rows.
+
+        Raises
+        ------
+        UsageError
+            Without ArviZ, for a method without a posterior, or for a result that was read from a file.
+        """
+        from ifrfit.inference.arviz_bridge import to_arviz
+
+        return to_arviz(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Exactly the content of result.json."""

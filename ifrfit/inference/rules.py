@@ -9,6 +9,10 @@ REFUTED = 0.001
 OUTLIER = 0.01
 AT_REST = 1e-6
 FAILED = 0.01
+RHAT = 1.01
+ESS = 2000
+LENGTH = 50
+STABLE = 0.2
 
 STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
@@ -23,8 +27,11 @@ FACTS = {
     "converged": f"last relative change of the noise <= {AT_REST:g} (none where sigma is known); profile: "
     "besides, every profile closes or reaches the end of its domain, and the noise settles there "
     "(last fall of the objective <= 1e-4, relative where the rise is over 1); exact: last change of every "
-    "mean, sd and quantile <= 1e-4 of a standard deviation, of the log evidence <= 1e-4; bootstrap: besides, "
-    f"<= {100 * FAILED:g} % of the replicates without an answer",
+    "mean, sd and quantile <= 1e-4 of a standard deviation, of the log evidence <= 1e-4; mcmc: for every "
+    f"constant, kappa and noise, R-hat over the ensembles < {RHAT:g} (rank-normalised, split), >= {ESS:,} "
+    f"effective draws in the bulk and in the tails, and >= {LENGTH} autocorrelation times kept, which change "
+    f"by <= {100 * STABLE:g} % to the later half; bootstrap: besides the noise, <= {100 * FAILED:g} % of the "
+    "replicates without an answer",
     "global_optimum": f"gap between chi2 and a proven lower bound over everything else <= {GAP:g} relative, "
     "and no second optimum within 1e-6; those within 4 are counted",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "

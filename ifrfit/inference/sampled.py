@@ -15,7 +15,8 @@ from ifrfit.inference.problem import Problem
 
 Array = NDArray[np.float64]
 
-_GRAIN = 0.2  # sd: at the density that decides on "one-sided", some 25 of 2,000 independent draws
+_GRAIN = 0.02, 0.2  # sd: the least and the most over which a density is taken
+_COUNTED = 3400.0  # over the number of draws: some 200 of them at the density that decides on "one-sided"
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,8 @@ class Sampled:
 
     @property
     def grain(self) -> float:
-        """Width, in sd, over which draws can tell a density."""
-        return _GRAIN
+        """Width, in sd, over which draws can tell a density: the more there are the narrower."""
+        return min(max(_COUNTED / self.kept, _GRAIN[0]), _GRAIN[1])
 
     @property
     def kept(self) -> float:
@@ -83,7 +84,7 @@ class Sampled:
 
     def quantile(self, name: str, p: ArrayLike) -> Array | float:
         """Quantiles, interpolated between draws; p scalar or array, 0 to 1."""
-        found = np.quantile(self._sorted[name], p)
+        found = np.quantile(self._sorted[name], np.asarray(p, dtype=float))
         return float(found) if np.ndim(p) == 0 else np.asarray(found)
 
     def cdf(self, name: str, value: ArrayLike) -> Array | float:
@@ -100,7 +101,7 @@ class Sampled:
         return np.asarray(stacked @ stacked.T / max(stacked.shape[1], 1))
 
     def transition(self, series: str) -> Array:
-        """Quantiles, at `LEVELS`, of the tau at which sticking ends in a series; infinite where it does not."""
+        """Quantiles, at `LEVELS`, of the tau where sticking ends in a series; infinite where it does not."""
         number = self.problem.series.index(series)
         e_n, c, mu = (
             entry_draws(self.problem, self.values, kind, number)

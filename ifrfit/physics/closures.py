@@ -56,8 +56,7 @@ class Closure:
         return ("e_n", self.constant, "mu") if self.constant else ("e_n", "mu")
 
     def __reduce__(self) -> tuple[Callable[[str], Closure], tuple[str]]:
-        # its functions do not travel to another process, its name does
-        return get_closure, (self.name,)
+        return get_closure, (self.name,)  # to other processes by its name: its functions cannot go there
 
 
 def rotational_share(inertia_factor: float) -> float:

@@ -15,12 +15,13 @@ from ifrfit.report.style import save_figure
 
 RESULT = "result.json"
 FIGURES = ("fit.svg", "fit.png")
+CHAINS = "chains.npz"
 # everything that a fit may have left in a folder; whatever else lies there belongs to the user
-OWN_FILES = (RESULT, *FIGURES, "report.html")
+OWN_FILES = (RESULT, *FIGURES, CHAINS, "report.html")
 
 
 def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = True) -> list[str]:
-    """Write result.json, fit.svg and fit.png into a folder, whole or not at all.
+    """Write result.json, fit.svg, fit.png and the chains of mcmc into a folder, whole or not at all.
 
     Parameters
     ----------
@@ -98,6 +99,9 @@ def _fill(result: FitResult, folder: Path, *, figures: bool) -> list[str]:
         for name in FIGURES:
             save_figure(figure, folder / name)
             names.append(name)
+    if result.sample is not None:
+        result.sample.save(folder / CHAINS)
+        names.append(CHAINS)
     return names
 
 
