@@ -80,8 +80,8 @@ def fit(
     method: Annotated[
         str,
         typer.Option(
-            help="exact: the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov chains; "
-            "bootstrap: fits of experiments drawn anew."
+            help="exact: the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov "
+            "chains; bootstrap: fits of experiments drawn anew."
         ),
     ] = "exact",
     fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
