@@ -91,7 +91,8 @@ def fit(
     method: Annotated[
         str,
         typer.Option(
-            help="exact: the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov chains."
+            help="exact: the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov "
+            "chains; bootstrap: fits of experiments drawn anew."
         ),
     ] = "exact",
     fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
@@ -167,11 +168,24 @@ def fit(
     max_steps: Annotated[
         int | None, typer.Option(metavar="N", help="mcmc: most steps, 10000 by default.", show_default=False)
     ] = None,
-    workers: Annotated[int, typer.Option(metavar="N", help="mcmc: processes; the draws are the same.")] = 1,
     resume: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="mcmc: walk on with the chains in DIR, and replace its result."),
     ] = None,
+    resample: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SCHEME",
+            help="bootstrap: what is drawn anew: cases (impacts; default), residual, wild or wild-mammen.",
+        ),
+    ] = None,
+    replicates: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="bootstrap: experiments drawn, 1000 by default.", show_default=False),
+    ] = None,
+    workers: Annotated[
+        int, typer.Option(metavar="N", help="mcmc, bootstrap: processes; the draws are the same.")
+    ] = 1,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write result.json, fit.svg and fit.png there.")
     ] = None,
@@ -225,8 +239,10 @@ def fit(
             inertia_factor=inertia_factor,
             convention=convention,
             max_steps=max_steps,
-            workers=workers,
             resume=resume,
+            resample=resample,
+            replicates=replicates,
+            workers=workers,
             progress=progress,
             seed=seed,
             command=_command_line(),

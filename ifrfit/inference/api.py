@@ -19,7 +19,7 @@ from ifrfit.inference.criticism import residuals_of
 from ifrfit.inference.derived import derived_of
 from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.facts import facts_of
-from ifrfit.inference.finish import with_chains, with_posterior, with_profiles
+from ifrfit.inference.finish import with_chains, with_posterior, with_profiles, with_replicates
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.result import FitResult, Noise
@@ -28,7 +28,15 @@ from ifrfit.inference.scatter.setup import reported_policy, with_propagated_sigm
 from ifrfit.inference.statistics import state_of, statistics_of
 from ifrfit.physics.closures import get_closure
 
-METHODS = ("exact", "lsq", "profile", "mcmc")
+METHODS = ("exact", "lsq", "profile", "mcmc", "bootstrap")
+# methods that an option belongs to
+_OWN = {
+    "max-steps": ("mcmc",),
+    "resume": ("mcmc",),
+    "resample": ("bootstrap",),
+    "replicates": ("bootstrap",),
+    "workers": ("mcmc", "bootstrap"),
+}
 
 Data = str | Path | Observations
 
@@ -62,8 +70,10 @@ def fit(
     convention: Sequence[str] | Mapping[str, str] = (),
     params: Any = None,
     max_steps: int | None = None,
-    workers: int = 1,
     resume: str | Path | None = None,
+    resample: str | None = None,
+    replicates: int | None = None,
+    workers: int = 1,
     progress: Callable[[int, int], None] | None = None,
     seed: int = 0,
     command: str = "",
@@ -79,7 +89,7 @@ def fit(
     method : str
         exact: the posterior by deterministic quadrature; lsq: least squares with a certificate of the global
         optimum; profile: the profile likelihood of each constant; mcmc: the posterior by Markov chains that
-        stop on evidence.
+        stop on evidence; bootstrap: fits of experiments drawn anew.
     fix : mapping
         Constant to its known value.
     prior : mapping
@@ -123,13 +133,18 @@ def fit(
         Fixed values and bounds in lmfit's form.
     max_steps : int, optional
         mcmc: steps of each ensemble after which it stops without enough evidence; 10,000 by default.
-    workers : int
-        mcmc: processes. The draws do not depend on it. A script that asks for more than one needs
-        ``if __name__ == "__main__":`` about what it does.
     resume : str or Path, optional
         mcmc: folder (or file) with the chains of an earlier run of the same question, to walk on with.
+    resample : {"cases", "residual", "wild", "wild-mammen"}, optional
+        bootstrap: what is drawn anew: impacts within each series (the default), residuals, or residuals
+        times random weights (Rademacher's, or Mammen's); see `ifrfit.inference.resampling`.
+    replicates : int, optional
+        bootstrap: experiments drawn; 1,000 by default.
+    workers : int
+        mcmc, bootstrap: processes, where there is work for several. The draws do not depend on it. A script
+        that asks for more than one needs ``if __name__ == "__main__":`` about what it does.
     progress : callable, optional
-        mcmc: called with the steps walked and the most that there may be.
+        mcmc, bootstrap: called with the steps or replicates done, and the most that there may be.
     seed : int
         Of the draws and bands.
     command : str
@@ -148,7 +163,9 @@ def fit(
     """
     if method not in METHODS:
         raise UsageError(f"There is no method '{method}'. This version has {', '.join(METHODS)}.")
-    _check_walk(method, max_steps, workers, resume)
+    given = {"max-steps": max_steps, "resume": resume, "resample": resample, "replicates": replicates}
+    used = {name: value is not None for name, value in given.items()} | {"workers": workers != 1}
+    _check_own(method, used, max_steps, workers)
     chosen = get_closure(closure)
     observations = _gather(data, convention, inertia_factor)
     selection = Selection(
@@ -192,15 +209,17 @@ def fit(
     if method == "mcmc":
         place = None if resume is None else Path(resume)
         return with_chains(result, max_steps=max_steps, workers=workers, resume=place, progress=progress)
+    if method == "bootstrap":
+        return with_replicates(result, resample, replicates, workers, progress)
     return with_profiles(result) if method == "profile" else with_posterior(result)
 
 
-def _check_walk(method: str, max_steps: int | None, workers: int, resume: str | Path | None) -> None:
-    """Refuse choices about chains that make no sense."""
-    given = {"max-steps": max_steps is not None, "workers": workers != 1, "resume": resume is not None}
-    alien = [f"--{name}" for name, is_given in given.items() if is_given]
-    if alien and method != "mcmc":
-        raise UsageError(f"{alien[0]} belongs to --method mcmc, not to --method {method}.")
+def _check_own(method: str, given: Mapping[str, bool], max_steps: int | None, workers: int) -> None:
+    """Refuse options of a method that is not the chosen one, and numbers that make no sense."""
+    for name, is_given in given.items():
+        if is_given and method not in _OWN[name]:
+            owners = " or ".join(_OWN[name])
+            raise UsageError(f"--{name} belongs to --method {owners}, not to --method {method}.")
     if max_steps is not None and max_steps < 1:
         raise UsageError(f"--max-steps {max_steps}: it must be 1 or more.")
     if workers < 1:

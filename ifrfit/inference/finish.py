@@ -111,6 +111,29 @@ def with_chains(
     return replace(with_law(result, "mcmc", drawn.law, converged), sample=drawn, versions=versions)
 
 
+def with_replicates(
+    result: FitResult,
+    scheme: str | None,
+    replicates: int | None,
+    workers: int,
+    progress: Callable[[int, int], None] | None,
+) -> FitResult:
+    """Put the law of the bootstrap in the place of the local picture."""
+    from ifrfit.inference.resampling import REPLICATES, bootstrap
+    from ifrfit.inference.resampling.told import with_draws
+
+    found = bootstrap(
+        result.problem,
+        result.least_squares,
+        scheme="cases" if scheme is None else scheme,
+        replicates=REPLICATES if replicates is None else replicates,
+        seed=result.seed,
+        workers=workers,
+        progress=progress,
+    )
+    return with_draws(result, found)
+
+
 def with_profiles(result: FitResult) -> FitResult:
     """Put profile intervals in the place of the local ones."""
     from ifrfit.inference.profiling import profile_converged, profiled_estimates

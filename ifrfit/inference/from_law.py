@@ -75,13 +75,17 @@ def estimate_from_law(law: Law, name: str, constant: Constant, local: Estimate) 
 
 def _side(law: Law, name: str, lower: float, upper: float, sd: float) -> int:
     """-1 if the 95 % region of highest density reaches the lower bound, 1 for the upper, 0 for neither."""
+    if sd == 0.0:  # every draw is the same
+        at = law.mean(name)
+        return -1 if at == lower else int(at == upper)
     step = law.grain * sd
     middle = law.mean(name) + sd * np.linspace(-4.0, 4.0, 33)
     edges = np.clip(np.concatenate((middle, [lower, lower + step, upper - step, upper])), lower, upper)
     cdf = np.asarray(law.cdf(name, edges))
     with np.errstate(divide="ignore", invalid="ignore"):
         density = np.diff(cdf[:33]) / np.diff(edges[:33])
-    top = float(np.nanmax(np.where(np.isfinite(density), density, 0.0)))
+    # bounds cut some of these steps short, and draws that lie on a bound would be dense there without limit
+    top = float(np.where(np.diff(edges[:33]) >= step, density, 0.0).max())
     ends = (cdf[34] - cdf[33]) / step, (cdf[36] - cdf[35]) / step
     top = max(top, *ends)
     if max(ends) <= _REACHED * top:

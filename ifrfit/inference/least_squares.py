@@ -111,6 +111,16 @@ def _factors(problem: Problem, theta: Array, base: Array, groups: Mapping[str, I
 
 def _refuse_exact(problem: Problem, name: str, rows: Index) -> None:
     """Refuse a group whose points the free constants could run through exactly."""
+    inputs = inputs_of(problem, rows)
+    values = np.column_stack((inputs, problem.rows.value[rows]))
+    points = np.unique(inputs, axis=0).shape[0]
+    scatter = np.unique(values, axis=0).shape[0] > points
+    if points <= n_taken(problem, rows) and not scatter:
+        raise DataError(_needs_sigma(problem, name, rows))
+
+
+def n_taken(problem: Problem, rows: Index) -> int:
+    """How many free constants, or combinations of them, the rows depend on."""
     free = {c.name for c in problem.constants if c.fixed is None}
     own = {problem.closure.constant}
     takes: set[str] = set()
@@ -124,16 +134,17 @@ def _refuse_exact(problem: Problem, name: str, rows: Index) -> None:
             takes |= (free & own) | ({"kappa"} if free & {"mu", "e_n"} else set())
         else:
             takes |= free
+    return len(takes)
+
+
+def inputs_of(problem: Problem, rows: Index) -> Array:
+    """What was set in each row, as numbers: rows that differ in none of them repeat one point, (n, 5)."""
     i = problem.rows.incidence
     inputs = np.column_stack(
         (problem.rows.which[rows], problem.rows.tau[rows], i.spin_x[rows], i.spin_y[rows], i.sine[rows])
     )
     inputs[np.isin(problem.rows.which[rows], _without_angle(problem))] *= [1, 0, 0, 0, 0]
-    values = np.column_stack((inputs, problem.rows.value[rows]))
-    points = np.unique(inputs, axis=0).shape[0]
-    scatter = np.unique(values, axis=0).shape[0] > points
-    if points <= len(takes) and not scatter:
-        raise DataError(_needs_sigma(problem, name, rows))
+    return np.asarray(inputs, dtype=float)
 
 
 def _without_angle(problem: Problem) -> list[int]:

@@ -162,10 +162,10 @@ def minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
         problem, tau=problem.tau[every], stick=problem.stick.take(every), slide=problem.slide.take(every)
     )
     center = _minimise(sample).t
-    return _moved(_minimise(_about(problem, center)), problem, center)
+    return _moved(_minimise(about(problem, center)), problem, center)
 
 
-def _about(problem: PiecewiseProblem, center: Array) -> PiecewiseProblem:
+def about(problem: PiecewiseProblem, center: Array) -> PiecewiseProblem:
     """Restate the problem in u = t - center."""
 
     def rows(r: Rows) -> Rows:

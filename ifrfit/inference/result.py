@@ -234,8 +234,8 @@ class FitResult:
         """Draw constants from the estimator's distribution.
 
         The exact posterior's draws are independent and come from its quadrature; those of mcmc are picked
-        from the kept steps of its chains (from the 2,000 kept ones, where the result was loaded); those of
-        lsq and profile come from the local truncated Gaussian.
+        from the kept steps of its chains (from the 2,000 kept ones, where the result was loaded); those of a
+        bootstrap are fits of its replicates; those of lsq and profile come from the local truncated Gaussian.
 
         Parameters
         ----------

@@ -24,6 +24,7 @@ HEADLINES = {
     "lack_of_fit": "the data contradict the closure",
     "outliers": "outliers",
     "predictive": "the posterior does not predict such data",
+    "resampling": "there is too little to draw from",
     "sharing": "the series do not share their constants",
     "angular_momentum": "the velocities contradict the inertia factor",
 }
@@ -57,12 +58,21 @@ def model_line(result: FitResult) -> str:
     noise = {"known": "known noise", "scaled": "noise scaled"}.get(
         result.noise.policy, f"{number} unknown noise{'s' if count != 1 else ''}"
     )
-    parts = [f"closure {closure}", METHODS.get(result.method, result.method), noise]
+    parts = [f"closure {closure}", _method_words(result), noise]
     if result.noise.scatter.words:
         parts.append(result.noise.scatter.words)
     if result.inertia_factor != 0.4:
         parts.append(f"inertia factor {result.inertia_factor:.6g}")
     return ", ".join(parts)
+
+
+def _method_words(result: FitResult) -> str:
+    """The method; of a bootstrap also what was drawn anew, and how often."""
+    words = METHODS.get(result.method, result.method)
+    figures = result.facts["converged"].figures if "converged" in result.facts else {}
+    if result.method != "bootstrap" or "replicates" not in figures:
+        return words
+    return f"{words} ({figures['scheme']}, {figures['replicates']:,} replicates)"
 
 
 def misfit_line(result: FitResult) -> str:

@@ -20,6 +20,7 @@ TEXTS = {
     "kharaz-oblique": ("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15"),
     "stand-in": ("fit", "cross-2019", "--fix", "e_n=0.94"),
     "least-squares": ("fit", "cross-2019", "--fix", "e_n=0.94", "--method", "lsq"),
+    "bootstrap": ("fit", "cross-2019", "--fix", "e_n=0.94", "--method", "bootstrap", "--resample", "wild"),
     "beta-alone": ("fit", "cross-2019"),
     "separate": (
         "fit",
@@ -67,7 +68,9 @@ def test_a_line_fits_a_terminal_and_nothing_trails(name):
     assert [line for line in lines if line != line.rstrip()] == []
 
 
-@pytest.mark.parametrize("name", ["stand-in", "least-squares", "separate", "datasets-show-stand-in"])
+@pytest.mark.parametrize(
+    "name", ["stand-in", "least-squares", "bootstrap", "separate", "datasets-show-stand-in"]
+)
 def test_a_stand_in_says_so_within_its_first_two_lines(name):
     head = (GOLDEN / f"{name}.txt").read_text(encoding="utf-8").splitlines()[:2]
     assert "stand-in" in " ".join(head).lower()
