@@ -8,7 +8,9 @@ from .errors import UsageError as UsageError
 from .inference import FitResult as FitResult
 from .inference import fit as fit
 from .inference import lmfit_model as lmfit_model
+from .inference import Simulation as Simulation
 from .inference import load_result as load_result
+from .inference import simulate as simulate
 from .physics import Rebound as Rebound
 from .physics import rebound as rebound
 from .physics import transition_angles as transition_angles
