@@ -184,9 +184,7 @@ def to_dict(simulation: Simulation) -> dict[str, Any]:
             "dropped_together": _number(simulation.plan.dropped),
             "effects": [_line(line) for line in simulation.plan.lines],
         },
-        "curves": [
-            {key: _number(value) for key, value in row.items()} for row in curves.to_dict("records")
-        ],
+        "curves": [{key: _number(value) for key, value in row.items()} for row in curves.to_dict("records")],
         "materials": list(scene.sources),
         "notes": list(simulation.notes),
     }

@@ -239,7 +239,7 @@ def _from_fit(scene: Scene, n: int, points: int, rng: np.random.Generator) -> _C
     draws = result.draws(n, rng)
     own = get_closure(result.closure).constant
     values = {
-        name: np.tile(draws[_column(list(draws), name, scene)].to_numpy(), points)
+        name: np.tile(draws[_column([str(column) for column in draws], name, scene)].to_numpy(), points)
         for name in ("e_n", "mu", *((own,) if own else ()))
     }
     given = {"e_n": "the fit's e_n"}
@@ -278,9 +278,7 @@ def _said_of(result: FitResult, scene: Scene) -> list[str]:
         for source in result.inputs
         if STAND_IN in source.provenance
     ]
-    open_ones = [
-        name for name, entry in result.flat_constants().items() if entry.status == "not_determined"
-    ]
+    open_ones = [name for name, entry in result.flat_constants().items() if entry.status == "not_determined"]
     if open_ones:
         said.append(
             f"The fit does not determine {', '.join(open_ones)}: the draws fill what its prior allows."

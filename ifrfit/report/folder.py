@@ -44,7 +44,11 @@ def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = T
         If the folder holds an earlier result and `force` is not given, or nothing can be written there.
     """
     return write_whole(
-        Path(out), lambda folder: _fill(result, folder, figures=figures), own=OWN_FILES, main=RESULT, force=force
+        Path(out),
+        lambda folder: _fill(result, folder, figures=figures),
+        own=OWN_FILES,
+        main=RESULT,
+        force=force,
     )
 
 

@@ -36,7 +36,10 @@ def summary(simulation: Simulation) -> str:
         lines += [*_wrapped(f"LOOK  {names}: not computed, though {them} here. Details below.", "", 6), ""]
     lines += _head(simulation)
     accuracy = simulation.plan.accuracy
-    lines += ["", f"  effects, for {', '.join(simulation.scene.observables)} to {accuracy:g} (angles in radians)"]
+    lines += [
+        "",
+        f"  effects, for {', '.join(simulation.scene.observables)} to {accuracy:g} (angles in radians)",
+    ]
     for line in simulation.plan.lines:
         lines += plan_text(line)
     lines += [f"  what is dropped as too small changes {_amount(simulation.plan.dropped)} together", ""]
@@ -65,10 +68,12 @@ def _finding(line: PlanLine) -> str:
     side = "above" if number.above else "below"
     says = f"{number.symbol} = {_amount(number.value)} (acts {side} {_amount(number.threshold)}), "
     verb = "" if line.state == "on" else "would "
+    if line.state == "constant" and not line.alarm:
+        return says + line.reason
     if line.change == 0.0:
         says += "changes nothing"
     elif line.change is not None and math.isinf(line.change):
-        says += f"{verb or ''}{'decide' if verb else 'decides'} whether {line.observable} has a value"
+        says += f"{verb}{'decide' if verb else 'decides'} whether {line.observable} exists"
     elif line.change is not None:
         says += f"{verb}{'change' if verb else 'changes'} {line.observable} by {_amount(line.change)}"
     # how good a law is matters where it is used, or missed
@@ -101,7 +106,9 @@ def _head(simulation: Simulation) -> list[str]:
 def _length(diameter: Quantity) -> str:
     """A diameter in the unit that people would use."""
     size = diameter.numbers[0]
-    divisor, unit = next(((d, u) for d, u in ((1.0, "m"), (1e-3, "mm"), (1e-6, "um")) if size >= d), (1e-9, "nm"))
+    divisor, unit = next(
+        ((d, u) for d, u in ((1.0, "m"), (1e-3, "mm"), (1e-6, "um")) if size >= d), (1e-9, "nm")
+    )
     spread = diameter.kind == "lognormal"
     numbers = tuple(n if spread and i else n / divisor for i, n in enumerate(diameter.numbers))
     return f"{quantity_text(replace(diameter, numbers=numbers))} {unit}"

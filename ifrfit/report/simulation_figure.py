@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from ifrfit.inference.simulation import Simulation
 
+STAND_IN = "STAND-IN"
 MOST_CURVES = 5  # more values of a second condition make a map
 _LABELS = {
     "gamma_deg": "incidence angle γ (deg)",
@@ -80,7 +81,10 @@ def _title(simulation: Simulation, width: float) -> str:
     on = [line.title for line in simulation.plan.lines if line.state == "on"]
     effects = f"with {', '.join(on)}" if on else "constant coefficients only"
     lines = textwrap.wrap(f"{simulation.scene.title}: simulated, {effects}", int(15.0 * width))
-    lines += [part for note in simulation.notes for part in textwrap.wrap(note, int(15.0 * width))]
+    missed = [line.title for line in simulation.plan.lines if line.alarm]
+    said = [note for note in simulation.notes if STAND_IN in note]
+    said += [f"LOOK: {', '.join(missed)} would matter, but is not computed"] if missed else []
+    lines += [part for sentence in said for part in textwrap.wrap(sentence, int(15.0 * width))]
     return "\n".join(line.replace("$", "\\$") for line in lines)
 
 
@@ -92,9 +96,10 @@ def _panel(figure: Figure, axes: Axes, simulation: Simulation, name: str) -> Non
     table = simulation.curves()
     table = table[table["observable"] == name]
     if len(grid) == 1:
-        _curve(axes, table, grid[0], style.Look(style.COLOURS[0], "o", "-"), "")
+        _curve(axes, table, grid[0], style.looks([""])[""], "")
     else:
-        x, other = sorted(grid, key=lambda axis: (axis != "gamma_deg", -table[axis].nunique()))
+        few = sorted(grid, key=lambda axis: table[axis].nunique())
+        x, other = (few[1], few[0]) if table[few[0]].nunique() <= MOST_CURVES else (grid[0], grid[1])
         if table[other].nunique() <= MOST_CURVES:
             values = sorted(table[other].unique())
             looks = style.looks([f"{value:.4g}" for value in values])
@@ -131,10 +136,10 @@ def _curve(axes: Axes, table: pd.DataFrame, x: str, look: style.Look, label: str
         for level, alpha in (("95", 0.15), ("68", 0.25)):
             low, high = table[f"lo{level}"], table[f"hi{level}"]
             axes.fill_between(at, low, high, color=look.colour, alpha=alpha, linewidth=0.0)
-    few = {"marker": look.marker, "markersize": 2.5} if at.size <= 40 else {}
+    few: dict[str, Any] = {"marker": look.marker, "markersize": 2.5} if at.size <= 40 else {}
     axes.plot(at, table["value"], **line, **few)
     mostly = table["captured"].to_numpy() > 0.5
-    if mostly.any():
+    if mostly.any() and not label:
         low, high = at[mostly].min(), at[mostly].max()
         axes.axvspan(low, high, color=style.GREY, alpha=0.12, linewidth=0.0)
         axes.text(
@@ -156,7 +161,7 @@ def _map(
     wide = table.pivot(index=y, columns=x, values="value")
     mesh = axes.pcolormesh(wide.columns, wide.index, wide.to_numpy(), shading="nearest", cmap="cividis")
     figure.colorbar(mesh, ax=axes, label=axis_label(name))
-    _x_axis(axes, simulation, x, wide.columns.to_numpy())
+    axes.set_xlabel(_label(simulation, x))
     axes.set_ylabel(_label(simulation, y))
 
 

@@ -64,9 +64,7 @@ class Adhesion:
         small = f"Tabor's number {number:.2g} is below 3: the theory of soft contacts is stretched"
         return Validity(True, small if 0.0 < number < _JKR else "")
 
-    def criterion(
-        self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float
-    ) -> Criterion:
+    def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Largest V_s/V of an impact that approaches; e_n falls by about half its square."""
         normal = impacts.normal_speed
         coming = normal > 0.0

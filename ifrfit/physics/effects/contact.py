@@ -16,7 +16,7 @@ SOLID = 0.4  # I/(m R^2) of a homogeneous sphere, the only body whose contact is
 
 _REMEDIES = {
     "mass": "the mass (sphere.mass_g, or a material with density_kg_m3)",
-    "modulus": "elastic constants of both bodies (young_GPa and poisson of sphere.material and wall.material)",
+    "modulus": "elastic constants of both bodies (sphere.material, wall.material)",
     "stiffness_ratio": "Poisson's ratios of both bodies (sphere.material, wall.material) or constants.chi",
     "limiting_pressure": "a limiting pressure (contact.limiting_pressure_GPa)",
     "interface_energy": "the interface energy (contact.interface_energy_J_m2)",
@@ -105,10 +105,7 @@ class Contact:
             Whether the effect rests on Hertz contact, which only a homogeneous sphere is taken to have.
         """
         if hertzian and not math.isclose(self.inertia_factor, SOLID, rel_tol=1e-9):
-            return (
-                f"the body is not a homogeneous sphere (inertia factor {self.inertia_factor:.4g}), so its "
-                "contact is not taken as Hertzian"
-            )
+            return "not a homogeneous sphere, so not taken as a Hertz contact"
         absent = [name for name in names if not self._knows(name)]
         return "not known: " + " and ".join(_REMEDIES[name] for name in absent) if absent else ""
 

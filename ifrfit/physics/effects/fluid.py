@@ -65,9 +65,7 @@ class AmbientFluid:
         slippery = "lubrication lowers the friction as well: mu must be that of the wet contact"
         return Validity(True, slippery if low < _TANGENTIAL else "")
 
-    def criterion(
-        self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float
-    ) -> Criterion:
+    def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Smallest Stokes number of an impact that approaches; e_n falls by about 35/St of itself."""
         coming = impacts.normal_speed > 0.0
         number = stokes(contact, impacts)[coming]

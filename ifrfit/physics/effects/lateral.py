@@ -36,9 +36,7 @@ class LateralSpin:
         """Holds always."""
         return Validity()
 
-    def criterion(
-        self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float
-    ) -> Criterion:
+    def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Largest |R omega_x|/u."""
         return Criterion("|R omega_x|/u", float(np.max(np.abs(impacts.incidence.spin_x))), 0.0)
 

@@ -8,19 +8,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ifrfit.errors import DataError
+from ifrfit.physics.effects.asked import Wanted, check_closure, check_restitution, check_wanted
 from ifrfit.physics.effects.compose import compose
 from ifrfit.physics.effects.contact import Contact, Impacts
 from ifrfit.physics.effects.difference import differences
+from ifrfit.physics.effects.pilot import pilot_rows
 from ifrfit.physics.effects.protocol import Criterion
 from ifrfit.physics.effects.registry import EFFECTS
 
 State = Literal["on", "off", "constant", "refused", "unknown"]
-Wanted = Literal["auto"] | tuple[str, ...]
-
-PILOT = 400  # impacts on which the plan is made, beside the extreme ones
 
 
 @dataclass(frozen=True)
@@ -122,33 +119,9 @@ def make_plan(
     changes no observable by more than `accuracy` on the pilot impacts. An effect is judged by leaving it
     out of everything that can be computed, so that effects which are strong together are not taken for weak.
     """
-    pilot = impacts.take(_pilot(impacts))
+    pilot = impacts.take(pilot_rows(impacts))
     planner = _Planner(contact, pilot, tuple(observables), accuracy, wanted, dict(given or {}))
     return planner.plan()
-
-
-def _pilot(impacts: Impacts) -> NDArray[np.intp]:
-    """Rows evenly through the scene, and the extreme ones in everything the effects depend on."""
-    n = impacts.speed.size
-    if n <= PILOT:
-        return np.arange(n)
-    columns: list[NDArray[np.float64]] = [
-        impacts.normal_speed,
-        impacts.radius,
-        impacts.normal_speed * impacts.radius,
-        impacts.incidence.tau,
-        impacts.incidence.slip,
-        np.abs(impacts.incidence.spin_x),
-        impacts.e_n,
-        impacts.mu,
-    ]
-    moving = np.flatnonzero(impacts.normal_speed > 0.0)
-    rows = [np.linspace(0, n - 1, PILOT).astype(np.intp)]
-    for column in columns:
-        rows.append(np.array([np.argmin(column), np.argmax(column)]))
-        if moving.size:
-            rows.append(moving[[np.argmin(column[moving]), np.argmax(column[moving])]])
-    return np.unique(np.concatenate(rows))
 
 
 @dataclass(frozen=True)
@@ -165,21 +138,23 @@ class _Planner:
         usable = [name for name, what in lacking.items() if not what]
         valid = {name: EFFECTS[name].validity(self.contact, self.impacts) for name in usable}
         replacing = {name for name in usable if EFFECTS[name].replaces in self.given}
-        self._check_wanted(lacking, {n: v.words for n, v in valid.items() if not v.holds})
+        invalid = {name: v.words for name, v in valid.items() if not v.holds}
+        check_wanted(self.wanted, self.given, lacking | invalid)
+        check_closure(self.impacts, lacking | invalid)
         refused = {name for name in usable if not valid[name].holds and not self._needed(name)}
         laws = [n for n in usable if EFFECTS[n].replaces == "e_n" and n not in replacing]
-        self._check_restitution(laws)
+        check_restitution(laws, self.wanted, self.given)
         # in a list, a law of e_n that is not named has another in its place
         replacing |= {n for n in laws if self.wanted != "auto" and n not in self.wanted}
         # the law of a refused effect is still a bound: it may be dropped as too small, but never be on
         computed = [name for name in usable if name not in replacing | refused]
         everything = compose(self.contact, self.impacts, computed)
+        # in a list, what is not on is judged by adding it, else by leaving it out of everything
+        base = [n for n in computed if self.wanted == "auto" or n in self.wanted or self._needed(n)]
         changes: dict[str, tuple[float, str]] = {}
         for name in usable:
-            if name in computed:
-                changes[name] = self._change(computed, [n for n in computed if n != name])
-            else:
-                changes[name] = self._change(computed, self._with(computed, name))
+            less = [n for n in base if n != name]
+            changes[name] = self._change(base, less if name in base else self._with(base, name))
         dropped, together = self._drop(computed, refused, changes)
         lines = []
         for name in EFFECTS:
@@ -256,7 +231,7 @@ class _Planner:
                 return "off", "not listed"
             return "constant", f"{constant} is given and stays"
         if name in refused:
-            return ("off", "too small") if small else ("refused", "not computed")
+            return ("off", "") if small else ("refused", "not computed")
         if name == "lateral-spin":
             return ("on", "in three dimensions") if self._needed(name) else ("off", "planar")
         if name not in dropped:
@@ -267,39 +242,4 @@ class _Planner:
             return "on", "" if not small else "small, but with the dropped ones too much"
         if self.wanted != "auto":
             return "off", "not listed"
-        return "off", "" if change == 0.0 else "too small"
-
-    def _check_wanted(self, lacking: Mapping[str, str], refused: Mapping[str, str]) -> None:
-        """Refuse a list that asks for what cannot be."""
-        for name in self.wanted if self.wanted != "auto" else ():
-            constant = self.given.get(EFFECTS[name].replaces)
-            if constant is not None:
-                raise DataError(
-                    f"effects lists {name}, which computes what {constant} gives. Remove one of them."
-                )
-            if lacking[name]:
-                raise DataError(f"effects lists {name}, but {lacking[name]}. Give it, or take {name} off.")
-            if name in refused:
-                raise DataError(f"effects lists {name}, but {refused[name]}. Take {name} off.")
-        if self.impacts.constant is None:
-            why = lacking["compliance"] or refused.get("compliance", "")
-            if why:
-                constant = self.impacts.closure.constant
-                raise DataError(
-                    f"constants.{constant} is missing, and tangential compliance cannot take its place: {why}."
-                )
-
-    def _check_restitution(self, laws: Collection[str]) -> None:
-        """Exactly one law of e_n, or a constant."""
-        chosen = [name for name in laws if self.wanted == "auto" or name in self.wanted]
-        if "e_n" in self.given or len(chosen) == 1:
-            return
-        if chosen:
-            raise DataError(
-                f"e_n could be computed by {' or '.join(chosen)}, and their losses are not known together. "
-                "List one of them in effects, or give constants.e_n."
-            )
-        raise DataError(
-            "constants.e_n is missing, and nothing computes it. Give it, or what one of "
-            f"{', '.join(n for n, e in EFFECTS.items() if e.replaces == 'e_n')} needs."
-        )
+        return "off", ""

@@ -63,9 +63,7 @@ class Plasticity:
     stage: Stage = "normal"
     replaces: Literal["e_n"] = "e_n"
     cost_ns: float = 100.0
-    source: str = (
-        "Thornton (1997), J. Appl. Mech. 64, 383; Thornton & Ning (1998), Powder Technol. 99, 154"
-    )
+    source: str = "Thornton (1997), J. Appl. Mech. 64, 383; Thornton & Ning (1998), Powder Technol. 99, 154"
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:
         """Mass, elastic constants and limiting pressure."""
@@ -83,9 +81,7 @@ class Plasticity:
         with np.errstate(divide="ignore", over="ignore"):
             return np.asarray(yield_speed(contact, impacts.radius) / impacts.normal_speed)
 
-    def criterion(
-        self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float
-    ) -> Criterion:
+    def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Largest V/V_y."""
         speed = impacts.normal_speed / yield_speed(contact, impacts.radius)
         return Criterion("V/V_y", float(np.max(speed)), 1.0)

@@ -92,9 +92,7 @@ class Effect(Protocol):
     def validity(self, contact: Contact, impacts: Impacts) -> Validity:
         """Whether its law holds here."""
 
-    def criterion(
-        self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float
-    ) -> Criterion:
+    def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Its dimensionless number; `outcome` is the scene with every effect that can be computed."""
 
     def apply(self, contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:

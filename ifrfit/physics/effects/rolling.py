@@ -35,9 +35,7 @@ class Rolling:
         """Holds by definition."""
         return Validity()
 
-    def criterion(
-        self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float
-    ) -> Criterion:
+    def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Largest mu_r/mu_app: change of spin by the couple over that by friction."""
         friction = np.asarray(outcome.mu_app_magnitude)
         friction = friction[friction > 0.0]

@@ -12,7 +12,9 @@ from ifrfit.physics.effects.bounce import Bounce, Outcome
 from ifrfit.physics.effects.contact import Contact, Impacts, known
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
-_FIRST = 1.153449  # 1 - e = 1.153449 x for small x, exactly sqrt(pi) Gamma(3/5)/(2^(1/5) 5^(2/5) Gamma(21/10))
+_FIRST = (
+    1.153449  # 1 - e = 1.153449 x for small x, exactly sqrt(pi) Gamma(3/5)/(2^(1/5) 5^(2/5) Gamma(21/10))
+)
 _CHECKED = 2.0  # the approximant was compared with the equation of motion up to this x
 
 
@@ -69,9 +71,7 @@ class Viscoelastic:
             time * (stiffness / contact.masses(impacts.radius)) ** 0.4 * impacts.normal_speed**0.2
         )
 
-    def criterion(
-        self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float
-    ) -> Criterion:
+    def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Largest x; 1 - e is about 1.15 x."""
         return Criterion("x", float(np.max(self.number(contact, impacts))), accuracy / _FIRST)
 

@@ -75,8 +75,8 @@ def _material(table: Table) -> Material:
     if isinstance(given, str):
         if given not in MATERIALS:
             raise DataError(
-                f"{table.at('material')}: there is no material '{given}'. Known are {', '.join(MATERIALS)}; or "
-                f"give your own numbers in [{table.path}.material]."
+                f"{table.at('material')}: there is no material '{given}'. Known are "
+                f"{', '.join(MATERIALS)}; or give your own numbers in [{table.path}.material]."
             )
         return MATERIALS[given]
     own = table.table("material")
@@ -136,4 +136,3 @@ def _fluid(top: Table) -> Fluid | None:
             "viscosity_Pa_s."
         )
     return FLUIDS[name]
-

@@ -46,8 +46,8 @@ MATERIALS: dict[str, Material] = {
             0.29,
             8000.0,
             2.8 * 0.215e9,
-            "AISI 304, annealed, suppliers' data sheets (yield strength 215 MPa); limiting pressure 2.8 times "
-            "the yield strength",
+            "AISI 304, annealed, suppliers' data sheets (yield strength 215 MPa); limiting pressure 2.8 "
+            "times the yield strength",
         ),
         Material(
             "granite",
@@ -72,8 +72,8 @@ MATERIALS: dict[str, Material] = {
             0.230,
             3984.0,
             None,
-            "sintered alpha-alumina, Munro (1997), J. Am. Ceram. Soc. 80, 1919 (NIST SRD 30), nu from the bulk "
-            "modulus of 257 GPa",
+            "sintered alpha-alumina, Munro (1997), J. Am. Ceram. Soc. 80, 1919 (NIST SRD 30), nu from the "
+            "bulk modulus of 257 GPa",
         ),
         Material(
             "quartz",

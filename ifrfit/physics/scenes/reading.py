@@ -11,7 +11,7 @@ from typing import Any
 from ifrfit.errors import DataError
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.effects import EFFECTS
-from ifrfit.physics.effects.plan import Wanted
+from ifrfit.physics.effects.asked import Wanted
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.scenes.bodies import read_contact
 from ifrfit.physics.scenes.quantities import Quantity
@@ -132,9 +132,7 @@ def _conditions(impact: Table, diameter: Quantity) -> tuple[dict[str, Quantity],
     return {"gamma_deg": gamma, "speed_m_s": speed, **spins, "diameter_m": diameter}, unit
 
 
-def _constants(
-    table: Table, path: Path, j: float
-) -> tuple[str, dict[str, Quantity], Path | None, str]:
+def _constants(table: Table, path: Path, j: float) -> tuple[str, dict[str, Quantity], Path | None, str]:
     result, series = table.raw("result"), table.text("series")
     if result is not None:
         name = table.text("result")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ifrfit.physics.effects import Contact
-from ifrfit.physics.effects.plan import Wanted
+from ifrfit.physics.effects.asked import Wanted
 from ifrfit.physics.scenes.quantities import Quantity
 
 AXES = ("gamma_deg", "speed_m_s", "spin_x", "spin_y", "diameter_m")

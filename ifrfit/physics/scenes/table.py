@@ -11,9 +11,7 @@ from ifrfit.errors import DataError
 from ifrfit.physics.scenes.quantities import Quantity
 from ifrfit.physics.scenes.units import names, to_si
 
-_FORMS = (
-    "a number, a list of numbers, { from, to, count }, { mean, sd }, { low, high } or { median, gsd }"
-)
+_FORMS = "a number, a list of numbers, { from, to, count }, { mean, sd }, { low, high } or { median, gsd }"
 _MOST = 100_000
 
 
@@ -95,11 +93,10 @@ class Table:
             return None
         value = self.content[name]
         kind, numbers = self._form(name, value)
+        converted = [to_si(number, name, base, dimension) for number in numbers]
         if kind == "lognormal":
-            converted = (to_si(numbers[0], name, base, dimension), numbers[1])
-        else:
-            converted = tuple(to_si(number, name, base, dimension) for number in numbers)
-        return self._within(name, Quantity(kind, converted, low, high), numbers)  # type: ignore[arg-type]
+            converted[1] = numbers[1]  # a ratio
+        return self._within(name, Quantity(kind, tuple(converted), low, high), numbers)  # type: ignore[arg-type]
 
     def done(self) -> None:
         """Refuse keys that nobody asked for."""
@@ -144,7 +141,7 @@ class Table:
                 "{ from = 5, to = 85, count = 17 }."
             )
         steps = int(count) - 1
-        return tuple(first + (last - first) * i / steps for i in range(steps)) + (last,)
+        return (*(first + (last - first) * i / steps for i in range(steps)), last)
 
     def _float(self, name: str, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
