@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ifrfit._version import __version__
 from ifrfit.data.observations import SCHEMA
+from ifrfit.physics.effects import EFFECTS
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.scenes.scene import AXES
 
@@ -66,14 +67,18 @@ def rebounds_of(simulation: Simulation) -> pd.DataFrame:
     -------
     DataFrame
         Columns of the schema; provenance ``simulated``. What is undefined, and all but e_n of a captured
-        impact, is nan: not measured.
+        impact, is nan: not measured. sigma is that of the noise that was added; without noise it is the
+        accuracy of the scene, which the dropped effects may use up.
     """
     import pandas as pd
 
     given = conditions(simulation)
     n, parts = simulation.impacts.speed.size, []
     for name in simulation.scene.observables:
-        sigma = simulation.scene.noise.get(name, math.nan)
+        accuracy = simulation.plan.accuracy
+        if OBSERVABLES[name].unit == "deg":
+            accuracy = math.degrees(accuracy)
+        sigma = simulation.scene.noise.get(name, accuracy)
         frame = {
             "series": simulation.scene.name,
             "observable": name,
@@ -203,6 +208,8 @@ def _line(line: PlanLine) -> dict[str, Any]:
         "observable": line.observable,
         "reason": line.reason,
         "remark": line.remark,
+        "cost_ns": EFFECTS[line.effect].cost_ns,
+        "source": EFFECTS[line.effect].source,
         "alarm": line.alarm,
     }
 

@@ -233,7 +233,7 @@ class _Planner:
         if name in refused:
             return ("off", "") if small else ("refused", "not computed")
         if name == "lateral-spin":
-            return ("on", "in three dimensions") if self._needed(name) else ("off", "planar")
+            return ("on", "in 3-D") if self._needed(name) else ("off", "planar")
         if name not in dropped:
             if self.wanted != "auto":
                 return "on", "listed"

@@ -28,7 +28,7 @@ def test_the_registry_is_in_the_order_of_composition():
     for name, effect in EFFECTS.items():
         assert effect.name == name
         assert effect.source
-        assert effect.cost_ns > 0.0
+        assert effect.cost_ns is None or effect.cost_ns > 0.0
 
 
 def test_one_line_for_every_effect_with_number_threshold_and_change(impacts, glass):
@@ -70,7 +70,7 @@ def scenes(draw):
 
 
 @given(scenes(), st.sampled_from([1e-2, 1e-3, 1e-6]), st.booleans())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_everything_dropped_together_changes_less_than_the_accuracy(impacts, scene, accuracy, computes_e_n):
     contact, where, numbers = scene
     known = {"tangential": "constants.e_t"}
@@ -90,7 +90,7 @@ def test_everything_dropped_together_changes_less_than_the_accuracy(impacts, sce
 
 
 @given(scenes(), st.lists(st.sampled_from(list(EFFECTS)), unique=True))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_energy_never_grows_whatever_acts(impacts, scene, on):
     contact, where, numbers = scene
     some = impacts(*where, **numbers)
