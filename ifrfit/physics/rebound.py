@@ -145,14 +145,13 @@ class Rebound:
 
 
 def impulse_factor(
-    incidence: Incidence, a: ArrayLike, b: ArrayLike, kappa: ArrayLike, slip: Array | None = None
+    incidence: Incidence, a: ArrayLike, b: ArrayLike, kappa: ArrayLike
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Evaluate k = a + min(b, kappa U_n/|U_t|), and whether the impact sticks.
 
     The smaller of the two frictions acts, so k is continuous at the transition and finite without slip.
-    `slip` is |U_t|/u for callers that have it at hand.
     """
-    slip, cosine = incidence.slip if slip is None else slip, incidence.cosine
+    slip, cosine = incidence.slip, incidence.cosine
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         friction = np.where(slip == 0.0, np.inf, np.asarray(kappa) * cosine / slip)
     return np.asarray(a + np.minimum(b, friction)), np.asarray(friction >= b)

@@ -56,8 +56,6 @@ class Bounce:
     ----------
     incidence : Incidence
         Without lateral spin until that effect puts it in.
-    slip : ndarray
-        |U_t|/u.
     lateral : bool
         Whether motion across the plane of incidence is computed.
     e_n : ndarray
@@ -73,7 +71,6 @@ class Bounce:
     """
 
     incidence: Incidence
-    slip: Array
     lateral: bool
     e_n: Array
     captured: NDArray[np.bool_]
@@ -89,8 +86,7 @@ class Bounce:
         zero = np.zeros_like(full.sine)
         planar = replace(full, spin_x=zero, slip_y=zero)
         nothing = np.zeros(full.sine.shape, dtype=bool)
-        slip = np.abs(planar.slip_x)
-        return cls(planar, slip, False, impacts.e_n, nothing, np.ones_like(full.sine))
+        return cls(planar, False, impacts.e_n, nothing, np.ones_like(full.sine))
 
     @property
     def done(self) -> Outcome:

@@ -82,7 +82,7 @@ class Compliance:
     def apply(self, contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
         """Put the compliant contact in the place of the closure."""
         share = rotational_share(contact.inertia_factor)
-        number = self.number(contact, impacts, bounce.e_n, bounce.slip)
+        number = self.number(contact, impacts, bounce.e_n, bounce.incidence.slip)
         chi = 0.5 * stiffness_ratio(contact, impacts) * (1.0 + 1.0 / contact.inertia_factor)
         slides = number >= 4.0 * chi - 1.0
         # gross slip in closed form: the table need not reach to infinity

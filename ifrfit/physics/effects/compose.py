@@ -58,7 +58,6 @@ def _closure(contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
     linear, c = impacts.closure.coefficients(contact.inertia_factor), impacts.constant
     with np.errstate(over="ignore"):
         kappa = np.minimum(impacts.mu * (1.0 + bounce.e_n), np.finfo(float).max)
-    k, sticking = impulse_factor(
-        bounce.incidence, linear.a0 + linear.a1 * c, linear.b0 + linear.b1 * c, kappa, bounce.slip
-    )
+    bounds = linear.a0 + linear.a1 * c, linear.b0 + linear.b1 * c
+    k, sticking = impulse_factor(bounce.incidence, *bounds, kappa)
     return replace(bounce, impulse_factor=k, sticking=sticking)

@@ -42,7 +42,7 @@ class LateralSpin:
 
     def apply(self, contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
         """Take the spin in."""
-        return replace(bounce, incidence=impacts.incidence, slip=impacts.incidence.slip, lateral=True)
+        return replace(bounce, incidence=impacts.incidence, lateral=True)
 
 
 def kernel(bounce: Bounce, contact: Contact) -> Outcome:
