@@ -68,13 +68,13 @@ def _finding(line: PlanLine) -> str:
     side = "above" if number.above else "below"
     says = f"{number.symbol} = {_amount(number.value)} (acts {side} {_amount(number.threshold)}), "
     verb = "" if line.state == "on" else "would "
-    if line.state == "constant" and not line.alarm:
-        return says + line.reason
+    if line.change is None or (line.state == "constant" and not line.alarm):
+        return says + "; ".join(part for part in (line.reason, line.remark) if part)
     if line.change == 0.0:
         says += "changes nothing"
-    elif line.change is not None and math.isinf(line.change):
+    elif math.isinf(line.change):
         says += f"{verb}{'decide' if verb else 'decides'} whether {line.observable} exists"
-    elif line.change is not None:
+    else:
         says += f"{verb}{'change' if verb else 'changes'} {line.observable} by {_amount(line.change)}"
     # how good a law is matters where it is used, or missed
     remark = line.remark if line.state == "on" or line.alarm else ""
@@ -96,7 +96,10 @@ def _head(simulation: Simulation) -> list[str]:
     constants = [f"{name} = {quantity_text(q)}" for name, q in scene.constants.items()]
     if scene.result is not None:
         constants = [f"posterior draws of {scene.result.name}"]
-    lines += _wrapped(f"closure {get_closure(simulation.closure).title}: {', '.join(constants)}", "  ", 4)
+    law = f"closure {get_closure(simulation.closure).title}"
+    if "compliance" in simulation.plan.on:
+        law = "tangential compliance"
+    lines += _wrapped(f"{law}: {', '.join(constants)}", "  ", 4)
     counts = f"{sticking} stick, {count - sticking - captured} slide"
     if captured:
         counts += f", {captured} {'is' if captured == 1 else 'are'} captured"

@@ -34,7 +34,7 @@ class PlanLine:
         None where numbers are missing.
     change : float or None
         Largest change of an observable that it makes (angles in radians); infinite where it decides
-        whether the observable exists.
+        whether the observable exists; None where numbers are missing, or nothing to compare with.
     observable : str
         The one that changes most.
     reason : str
@@ -170,8 +170,10 @@ class _Planner:
             if state == "constant" and acts and change > self.accuracy:
                 reason += f"; remove {self.given[effect.replaces]} to compute it"
             alarm = state != "on" and acts and change > self.accuracy
+            # without the closure's constant there is nothing to compare with
+            shown = None if name == "compliance" and self._needed(name) else change
             lines.append(
-                PlanLine(name, effect.title, state, criterion, change, observable, reason, remark, alarm)
+                PlanLine(name, effect.title, state, criterion, shown, observable, reason, remark, alarm)
             )
         return Plan(tuple(lines), self.accuracy, together)
 
@@ -238,7 +240,7 @@ class _Planner:
             if self.wanted != "auto":
                 return "on", "listed"
             if self._needed(name):
-                return "on", "instead of a constant"
+                return "on", "takes the place of the closure's constant"
             return "on", "" if not small else "small, but with the dropped ones too much"
         if self.wanted != "auto":
             return "off", "not listed"

@@ -9,7 +9,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from ifrfit.physics.effects import EFFECTS, compose
+from ifrfit.errors import DataError
+from ifrfit.physics.effects import EFFECTS, Contact, compose, make_plan
 from ifrfit.physics.effects import compliance as module
 
 COMPLIANCE = EFFECTS["compliance"]
@@ -86,3 +87,34 @@ def test_near_the_normal_the_contact_point_does_not_spring_back(impacts, glass):
     some = impacts(np.degrees(np.arctan(tau)), mu=0.1, e_n=1.0, constant=None)
     found = compose(contact, some, ["compliance"])
     np.testing.assert_allclose(found.beta, [-0.206, 0.467], atol=3e-3)
+
+
+@pytest.mark.usefixtures("stopping")
+def test_without_a_constant_it_is_on_and_with_one_it_only_warns(impacts, glass):
+    near = {"gamma": [1.0, 20.0], "e_n": 0.95}
+    bare = make_plan(
+        glass, impacts(**near, constant=None), ("beta",), accuracy=1e-3, given={"e_n": "constants.e_n"}
+    )
+    assert "compliance" in bare.on
+    given = {"e_n": "constants.e_n", "tangential": "constants.e_t"}
+    held = make_plan(glass, impacts(**near), ("beta",), accuracy=1e-3, given=given)
+    found = next(line for line in held.lines if line.effect == "compliance")
+    assert found.state == "constant"
+    assert found.alarm
+    assert found.change == pytest.approx(0.45, abs=0.01)  # 7/5 - 0.95 against 0
+    assert found.reason == "constants.e_t is given and stays; remove constants.e_t to compute it"
+    listed = {"wanted": ("compliance",), "accuracy": 1e-3}
+    with pytest.raises(DataError, match=r"lists compliance, which computes what constants\.e_t gives"):
+        make_plan(glass, impacts(**near), ("beta",), given=given, **listed)
+
+
+def test_without_either_the_scene_is_refused(impacts, monkeypatch):
+    monkeypatch.setattr(module, "available", lambda: True)
+    with pytest.raises(DataError, match=r"constants\.e_t is missing, and compliance cannot .* Poisson's"):
+        make_plan(
+            Contact(),
+            impacts(constant=None),
+            ("beta",),
+            accuracy=1e-3,
+            given={"e_n": "constants.e_n"},
+        )
