@@ -64,8 +64,8 @@ def line(**changes):
             "computed; a gas",
         ),
         (
-            {"state": "unknown", "criterion": None, "change": None, "reason": "not known: the mass"},
-            "-     adhesion        not known: the mass",
+            {"state": "unknown", "criterion": None, "change": None, "reason": "not given: the mass"},
+            "-     adhesion        not given: the mass",
         ),
         (
             {"state": "constant", "reason": "constants.e_n is given and stays"},

@@ -14,15 +14,16 @@ from ifrfit.physics.closures import Closure
 
 SOLID = 0.4  # I/(m R^2) of a homogeneous sphere, the only body whose contact is taken as Hertzian here
 
-_REMEDIES = {
-    "mass": "the mass (sphere.mass_g, or a material with density_kg_m3)",
-    "modulus": "elastic constants of both bodies (sphere.material, wall.material)",
-    "stiffness_ratio": "Poisson's ratios of both bodies (sphere.material, wall.material) or constants.chi",
-    "limiting_pressure": "a limiting pressure (contact.limiting_pressure_GPa)",
-    "interface_energy": "the interface energy (contact.interface_energy_J_m2)",
-    "dissipation_time": "the dissipation time (contact.dissipation_time_us)",
-    "rolling_friction": "the rolling friction (contact.rolling_friction)",
-    "fluid": "a fluid (table [fluid])",
+# what a number is called, and the key of a scene that gives it
+_CALLED = {
+    "mass": "mass (sphere.mass_g, or a material)",
+    "modulus": "elastic constants (of both materials)",
+    "stiffness_ratio": "Poisson's ratios (of both materials), or constants.chi",
+    "limiting_pressure": "contact.limiting_pressure_GPa",
+    "interface_energy": "contact.interface_energy_J_m2",
+    "dissipation_time": "contact.dissipation_time_us",
+    "rolling_friction": "contact.rolling_friction",
+    "fluid": "the table [fluid]",
 }
 
 
@@ -107,7 +108,7 @@ class Contact:
         if hertzian and not math.isclose(self.inertia_factor, SOLID, rel_tol=1e-9):
             return "not a homogeneous sphere, so not taken as a Hertz contact"
         absent = [name for name in names if not self._knows(name)]
-        return "not known: " + " and ".join(_REMEDIES[name] for name in absent) if absent else ""
+        return "not given: " + ", ".join(_CALLED[name] for name in absent) if absent else ""
 
     def _knows(self, name: str) -> bool:
         if name == "mass":

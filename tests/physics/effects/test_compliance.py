@@ -59,7 +59,7 @@ def test_hard_cases_are_finite(impacts, glass):
 @pytest.mark.usefixtures("stopping")
 def test_chi_beside_the_materials_or_instead(impacts, glass):
     bare = replace(glass, stiffness_ratio=None, modulus=None)
-    assert COMPLIANCE.lacks(bare, impacts()).startswith("not known: Poisson's ratios")
+    assert COMPLIANCE.lacks(bare, impacts()).startswith("not given: Poisson's ratios")
     with_chi = impacts([30.0], constant=None, chi=1.75 * 2 * (1 - 0.222) / (2 - 0.222))
     assert COMPLIANCE.lacks(bare, with_chi) == ""
     one = compose(bare, with_chi, ["compliance"])

@@ -163,7 +163,7 @@ def test_lateral_spin_is_no_choice(impacts, glass):
     ("wanted", "change", "says"),
     [
         ("plasticity", {}, "which computes what constants.e_n gives. Remove one."),
-        ("adhesion", {"interface_energy": None}, "but not known: the interface energy"),
+        ("adhesion", {"interface_energy": None}, "but not given: contact.interface_energy_J_m2"),
         ("fluid", {"fluid": Fluid("air", 1.81e-5, 66e-9)}, "but the law is that of spheres in liquids"),
         ("adhesion", {"inertia_factor": 0.6667}, "but not a homogeneous sphere"),
     ],
