@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from ifrfit._version import __version__
 from ifrfit.data.observations import SCHEMA
+from ifrfit.data.schema import OBSERVABLES as COMMON
+from ifrfit.data.schema import TINY
+from ifrfit.data.validate import without_value
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.scenes.scene import AXES
@@ -24,22 +27,22 @@ Array = NDArray[np.float64]
 
 VERSION = "ifrfit/simulation/1"
 QUANTILES = (0.16, 0.84, 0.025, 0.975)
-_LEAST = 1e-60  # the common schema takes what is smaller for a slip; here it is rounding
 
 
 def observed(simulation: Simulation, name: str) -> Array:
     """An observable of every impact in its unit, with noise; nan where undefined or captured.
 
-    Of a captured impact only e_n = 0 is an observation.
+    Of a captured impact only e_n = 0 is an observation, and that is exact.
     """
-    outcome = simulation.outcome
+    outcome, given = simulation.outcome, conditions(simulation)
     value = np.array(OBSERVABLES[name].value(outcome, simulation.impacts.mu), dtype=float)
-    if name == "e_n":
-        value[outcome.incidence.cosine <= 0.0] = math.nan
-    else:
+    where = without_value(given["gamma_deg"], given["spin_x"], given["spin_y"])
+    for reason in COMMON[name].undefined:
+        value[where[reason]] = math.nan
+    if name != "e_n":
         value[outcome.captured] = math.nan
-    value[np.abs(value) < _LEAST] = 0.0
-    return value + simulation.noise.get(name, 0.0)
+    value[np.abs(value) < TINY] = 0.0
+    return value + np.where(outcome.captured, 0.0, simulation.noise.get(name, 0.0))
 
 
 def conditions(simulation: Simulation) -> dict[str, Array]:

@@ -12,6 +12,7 @@ import pytest
 import ifrfit
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.simulation import simulate
+from ifrfit.physics import OBSERVABLES
 from ifrfit.physics.effects import compose
 from ifrfit.physics.effects.difference import differences
 from ifrfit.physics.scenes import read_scene
@@ -216,6 +217,32 @@ viscosity_Pa_s = 0.001
         plans.append(simulate(tmp_path / "scene.toml").to_dict()["plan"])
     assert plans[0] == plans[1]
     assert {line["state"] for line in plans[0]["effects"]} >= {"on", "constant"}
+
+
+def test_whatever_is_written_can_be_read(scene, tmp_path):
+    """Every observable, at the angles and spins where some of them have no value."""
+    names = [name for name in OBSERVABLES if name != "mu"]
+    path = scene(
+        ('["e_n", "beta"]', json.dumps(names)),
+        ("gamma_deg = { from = 5, to = 85, count = 33 }", "gamma_deg = [0, 45, 90]"),
+        ("speed_m_s = 2.0", "speed_m_s = 2.0\nspin_y = [-1, 0, 0.5]"),
+    )
+    table = simulate(path).rebounds()
+    table.to_csv(tmp_path / "r.csv", index=False)
+    read = ifrfit.read(tmp_path / "r.csv")
+    assert len(read) == table["value"].notna().sum() > 80
+    assert read.provenance == ("simulated",)
+
+
+def test_a_captured_impact_has_no_noise(scene):
+    path = scene(
+        ("diameter_mm = 20", 'diameter_nm = 100\nmaterial = "granite"\n[wall]\nmaterial = "granite"'),
+        ("[constants]", "[noise]\ne_n = 0.1\n[contact]\ninterface_energy_J_m2 = 1\n[constants]"),
+    )
+    found = simulate(path)
+    table = found.rebounds()
+    assert found.outcome.captured.all()
+    assert (table.loc[table["observable"] == "e_n", "value"] == 0.0).all()
 
 
 def test_the_seed_decides_and_nothing_else(scene):

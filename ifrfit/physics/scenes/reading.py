@@ -54,6 +54,8 @@ def read_scene(path: str | Path) -> Scene:
         raise DataError(f"{path}: is not text in UTF-8. Save it as such.") from None
     except tomllib.TOMLDecodeError as error:
         raise DataError(f"{path}: is not TOML ({error}). Correct it there.") from None
+    except RecursionError:
+        raise DataError(f"{path}: is nested too deeply to be a scene. Correct it.") from None
     return _scene(content, path, hashlib.sha256(data).hexdigest())
 
 

@@ -13,6 +13,8 @@ from ifrfit.physics.scenes.units import names, to_si
 
 _FORMS = "a number, a list of numbers, { from, to, count }, { mean, sd }, { low, high } or { median, gsd }"
 _MOST = 100_000
+_LARGEST = 1e300
+_WIDEST = 10.0  # sd over the possible range: beyond it nearly every draw would be thrown away
 
 
 class Table:
@@ -146,8 +148,10 @@ class Table:
     def _float(self, name: str, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise DataError(f"{self.at(name)}: {value!r} is not a number. Give {_FORMS}.")
-        if not math.isfinite(value):
-            raise DataError(f"{self.at(name)}: {value} is not a finite number. Give {_FORMS}.")
+        if abs(value) > _LARGEST:  # also integers that no float can hold, and infinity
+            raise DataError(f"{self.at(name)}: {str(value)[:20]} is too large. Give {_FORMS}.")
+        if math.isnan(value):
+            raise DataError(f"{self.at(name)}: nan is not a number. Give {_FORMS}.")
         return float(value)
 
     def _within(self, name: str, quantity: Quantity, given: tuple[float, ...]) -> Quantity:
@@ -155,8 +159,13 @@ class Table:
         low, high = quantity.low, quantity.high
         if quantity.kind == "normal" and not rest[0] > 0.0:
             raise DataError(f"{self.at(name)}: sd = {given[1]:g} must be positive.")
-        if quantity.kind == "lognormal" and not (first > 0.0 and rest[0] > 1.0):
-            raise DataError(f"{self.at(name)}: median must be positive and gsd above 1.")
+        if quantity.kind == "normal" and rest[0] > _WIDEST * (high - low):
+            raise DataError(
+                f"{self.at(name)}: sd = {given[1]:g} is far wider than what is possible{_span(low, high)}. "
+                "Give { low, high } instead."
+            )
+        if quantity.kind == "lognormal" and not (first > 0.0 and 1.0 < rest[0] <= 100.0):
+            raise DataError(f"{self.at(name)}: median must be positive and gsd between 1 and 100.")
         if quantity.kind == "uniform" and not first < rest[0]:
             raise DataError(f"{self.at(name)}: low = {given[0]:g} must lie below high = {given[1]:g}.")
         checked = quantity.numbers if quantity.kind not in ("normal", "lognormal") else (first,)

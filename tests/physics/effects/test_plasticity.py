@@ -79,4 +79,6 @@ def test_remark_where_flow_is_fast(impacts, glass):
     effect = EFFECTS["plasticity"]
     assert effect.validity(glass, impacts(speed=10.0)).words == ""
     assert "not quasi-static" in effect.validity(glass, impacts(speed=100.0)).words
-    assert effect.lacks(replace(glass, limiting_pressure=None), impacts()).startswith("not given: contact.limiting")
+    assert effect.lacks(replace(glass, limiting_pressure=None), impacts()).startswith(
+        "not given: contact.limiting"
+    )

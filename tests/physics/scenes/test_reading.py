@@ -130,7 +130,7 @@ REFUSED = [
     (("diameter_mm = 5", "diameter_mm = 0"), "sphere.diameter_mm: 0 is impossible"),
     (("diameter_mm = 5", 'diameter_mm = "5"'), "sphere.diameter_mm: '5' is not a number."),
     (("diameter_mm = 5", "diameter_mm = true"), "sphere.diameter_mm: True is not a number."),
-    (("diameter_mm = 5", "diameter_mm = inf"), "sphere.diameter_mm: inf is not a finite number."),
+    (("diameter_mm = 5", "diameter_mm = inf"), "sphere.diameter_mm: inf is too large."),
     (("diameter_mm = 5", "diametre_mm = 5"), "sphere.diameter_mm is missing."),
     (
         (SPHERE, "diameter_mm = 5\ninertia = 0.4"),
@@ -147,7 +147,10 @@ REFUSED = [
     (("speed_m_s = 2", "speed_m_s = 0"), "impact.speed_m_s: 0 is impossible (1e-09 to 100000"),
     (("speed_m_s = 2", "speed_m_s = { mean = 2, sd = 0 }"), "impact.speed_m_s: sd = 0 must be positive"),
     (("speed_m_s = 2", "speed_m_s = { low = 3, high = 2 }"), "low = 3 must lie below high = 2"),
-    (("speed_m_s = 2", "speed_m_s = { median = 2, gsd = 1 }"), "gsd above 1"),
+    (("speed_m_s = 2", "speed_m_s = { median = 2, gsd = 1 }"), "gsd between 1 and 100"),
+    (("e_n = 0.95", "e_n = { mean = 0.9, sd = 1e12 }"), "sd = 1e+12 is far wider than what is possible"),
+    (("diameter_mm = 5", "diameter_mm = nan"), "sphere.diameter_mm: nan is not a number."),
+    (("diameter_mm = 5", f"diameter_mm = 1{400 * '0'}"), "00000 is too large."),
     (
         ("speed_m_s = 2", "speed_m_s = [1, 2]\nspin_y = [0, 1]"),
         "gamma_deg, speed_m_s, spin_y all run over a grid. Keep two at most",
@@ -203,6 +206,9 @@ def test_broken_files(tmp_path):
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(DataError, match="is not text in UTF-8"):
         read_scene(tmp_path / "b.toml")
+    (tmp_path / "c.toml").write_text("a = " + "[" * 100_000)
+    with pytest.raises(DataError, match=r"nested too deeply|is not TOML"):
+        read_scene(tmp_path / "c.toml")
     with pytest.raises(DataError, match="cannot be read"):
         read_scene(tmp_path)
 
