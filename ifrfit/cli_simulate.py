@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ifrfit.cli_errors import command
+
+
+def _working(quiet: bool) -> AbstractContextManager[object]:
+    """Show that work goes on, at a terminal."""
+    if quiet or not sys.stderr.isatty():
+        return nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True).status("simulating")
 
 
 @command
@@ -39,12 +50,13 @@ def simulate(
         from ifrfit.report.simulation_folder import check_simulation_folder
 
         check_simulation_folder(out)
-    found = run(scene, samples=samples, seed=seed)
     written: list[str] = []
-    if out is not None:
-        from ifrfit.report.simulation_folder import write_simulation
+    with _working(quiet or as_json):
+        found = run(scene, samples=samples, seed=seed)
+        if out is not None:
+            from ifrfit.report.simulation_folder import write_simulation
 
-        written = write_simulation(found, out, force=force)
+            written = write_simulation(found, out, force=force)
     if as_json:
         from ifrfit.report.simulation_folder import dumps
 

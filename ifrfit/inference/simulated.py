@@ -15,7 +15,6 @@ from ifrfit.data.schema import TINY
 from ifrfit.data.validate import without_value
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.physics.observables import OBSERVABLES
-from ifrfit.physics.scenes.scene import AXES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,8 +51,7 @@ def conditions(simulation: Simulation) -> dict[str, Array]:
     gamma = np.degrees(np.arctan2(impacts.incidence.sine, impacts.incidence.cosine))
     axis = simulation.scene.conditions["gamma_deg"]
     if axis.kind in ("value", "grid"):
-        order = [simulation.scene.conditions[name].grid for name in AXES]
-        gamma = np.repeat(np.meshgrid(*order, indexing="ij")[0].ravel(), simulation.samples)
+        gamma = np.repeat(simulation.scene.grid()["gamma_deg"], simulation.samples)
     return {
         "gamma_deg": gamma,
         "speed_m_s": impacts.speed,
@@ -140,8 +138,7 @@ def curves_of(simulation: Simulation) -> pd.DataFrame:
 
     scene, shape = simulation.scene, (simulation.points, simulation.samples)
     given = {name: column.reshape(shape)[:, 0] for name, column in conditions(simulation).items()}
-    grids = np.meshgrid(*(scene.conditions[name].grid for name in AXES), indexing="ij")
-    asked = {name: grid.ravel() for name, grid in zip(AXES, grids, strict=True)}
+    asked = scene.grid()
     captured = simulation.outcome.captured.reshape(shape).mean(axis=1)
     parts = []
     for name in scene.observables:
@@ -208,6 +205,7 @@ def _line(line: PlanLine) -> dict[str, Any]:
         "threshold": _number(criterion.threshold) if criterion else None,
         "matters": ("above" if criterion.above else "below") if criterion else None,
         "change": _number(line.change),
+        "decides_existence": line.change is not None and math.isinf(line.change),
         "observable": line.observable,
         "reason": line.reason,
         "remark": line.remark,

@@ -16,7 +16,6 @@ from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects import Contact, Impacts, Outcome, Plan, compose, make_plan
 from ifrfit.physics.scenes import Scene, read_scene
-from ifrfit.physics.scenes.scene import AXES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -178,17 +177,16 @@ class _Constants:
 
 def _conditions(scene: Scene, n: int, rng: np.random.Generator) -> tuple[dict[str, Array], int]:
     """Angle, speed, spins and diameter of every impact; grid points vary slowest."""
-    grids = np.meshgrid(*(scene.conditions[name].grid for name in AXES), indexing="ij")
-    points = grids[0].size
+    points = scene.points
     if points * n > MOST:
         raise UsageError(
             f"{scene.name}.toml: {points} grid points with {n} samples each are more than {MOST} impacts. "
             "Lower --samples or the counts of the scene."
         )
     found = {}
-    for name, grid in zip(AXES, grids, strict=True):
+    for name, grid in scene.grid().items():
         quantity = scene.conditions[name]
-        found[name] = quantity.draw(points * n, rng) if quantity.random else np.repeat(grid.ravel(), n)
+        found[name] = quantity.draw(points * n, rng) if quantity.random else np.repeat(grid, n)
     return found, points
 
 

@@ -290,6 +290,12 @@ def test_impossible_calls(scene, samples, seed, says):
 def test_too_many_impacts_are_refused_before_they_are_made(scene):
     with pytest.raises(UsageError, match=r"33 grid points with 100000 samples each are more than 2000000"):
         simulate(scene(), samples=100_000)
+    huge = scene(
+        ("count = 33", "count = 100000"),
+        ("speed_m_s = 2.0", "speed_m_s = { from = 1, to = 2, count = 100000 }"),
+    )
+    with pytest.raises(UsageError, match=r"10000000000 grid points with 1 samples"):
+        simulate(huge)
 
 
 def test_contradictions_name_the_scene(scene):

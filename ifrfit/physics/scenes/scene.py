@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
+from ifrfit.physics.angles import Array
 from ifrfit.physics.effects import Contact
 from ifrfit.physics.effects.asked import Wanted
 from ifrfit.physics.scenes.quantities import Quantity
@@ -70,6 +74,16 @@ class Scene:
     def axes(self) -> tuple[str, ...]:
         """Conditions that run over a grid."""
         return tuple(name for name in AXES if self.conditions[name].kind == "grid")
+
+    @property
+    def points(self) -> int:
+        """Number of grid points."""
+        return math.prod(self.conditions[name].grid.size for name in AXES)
+
+    def grid(self) -> dict[str, Array]:
+        """Each condition at each grid point, flat; nan where it is drawn. `AXES` vary slowest first."""
+        grids = np.meshgrid(*(self.conditions[name].grid for name in AXES), indexing="ij")
+        return {name: grid.ravel() for name, grid in zip(AXES, grids, strict=True)}
 
     @property
     def random(self) -> bool:
