@@ -17,6 +17,7 @@ from ifrfit._version import __version__
 from ifrfit.cli_datasets import datasets
 from ifrfit.cli_errors import command
 from ifrfit.cli_progress import working
+from ifrfit.cli_simulate import simulate
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -339,6 +340,9 @@ def reproduce(
     from ifrfit.report.reproduce import reproduce as run
 
     typer.echo(run(out, progress=sys.stderr.isatty()), nl=False)
+
+
+app.command()(simulate)
 
 
 def _version(wanted: bool) -> None:

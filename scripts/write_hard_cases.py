@@ -19,6 +19,7 @@ This page is written by `python scripts/write_hard_cases.py` from the table in `
 """
 TITLES = {
     "rebound": "Rebound",
+    "scenes": "Simulated scenes",
     "data refused": "Data refused or skipped",
     "identifiability": "What the data can say",
     "numerics": "Numerics",

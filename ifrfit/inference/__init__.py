@@ -4,5 +4,6 @@ from ifrfit.inference.api import fit
 from ifrfit.inference.lmfit_bridge import lmfit_model
 from ifrfit.inference.result import Estimate, Fact, FitResult
 from ifrfit.inference.serialise import load_result
+from ifrfit.inference.simulation import Simulation, simulate
 
-__all__ = ["Estimate", "Fact", "FitResult", "fit", "lmfit_model", "load_result"]
+__all__ = ["Estimate", "Fact", "FitResult", "Simulation", "fit", "lmfit_model", "load_result", "simulate"]

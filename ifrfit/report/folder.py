@@ -6,6 +6,7 @@ import contextlib
 import os
 import shutil
 import uuid
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ifrfit.errors import UsageError
@@ -43,16 +44,51 @@ def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = T
     UsageError
         If the folder holds an earlier result and `force` is not given, or nothing can be written there.
     """
-    target = Path(out)
+    return write_whole(
+        Path(out),
+        lambda folder: _fill(result, folder, figures=figures),
+        own=OWN_FILES,
+        main=RESULT,
+        force=force,
+    )
+
+
+def write_whole(
+    target: Path, fill: Callable[[Path], list[str]], *, own: Sequence[str], main: str, force: bool
+) -> list[str]:
+    """Let `fill` write files into a folder that then appears whole, or not at all.
+
+    Parameters
+    ----------
+    target : Path
+    fill : callable
+        Writes into the folder it is given and returns the names.
+    own : sequence of str
+        Every name it may ever have written: these files are replaced or removed, no others.
+    main : str
+        The one that tells that a result is there, put in place last.
+    force : bool
+        Replace an earlier result.
+
+    Returns
+    -------
+    list of str
+        What `fill` returned.
+
+    Raises
+    ------
+    UsageError
+        As `write_folder`.
+    """
     # a link stays a link: what it points to is replaced
     place = target.resolve()
-    check_free(target, force=force)
+    check_free(target, force=force, own=own, main=main)
     fresh = _beside(place, "new")
     made = [parent for parent in fresh.parents if not parent.exists()]
     try:
         fresh.mkdir(parents=True)
-        names = _fill(result, fresh, figures=figures)
-        _put_in_place(fresh, place)
+        names = fill(fresh)
+        _put_in_place(fresh, place, own, main)
     except OSError as error:
         raise UsageError(
             f"{target}: cannot be written ({error.strerror or error}). Choose another folder with --out."
@@ -65,7 +101,7 @@ def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = T
     return names
 
 
-def check_free(out: Path, *, force: bool) -> None:
+def check_free(out: Path, *, force: bool, own: Sequence[str] = OWN_FILES, main: str = RESULT) -> None:
     """Refuse a folder that may not be written to, so that nothing is computed in vain.
 
     Raises
@@ -77,9 +113,9 @@ def check_free(out: Path, *, force: bool) -> None:
         raise UsageError(f"{out} is a file. Name a folder with --out.")
     if force or not out.exists():
         return
-    if (out / RESULT).exists():
+    if (out / main).exists():
         raise UsageError(f"{out} holds an earlier result; add --force to replace it.")
-    taken = [name for name in OWN_FILES if (out / name).exists()]
+    taken = [name for name in own if (out / name).exists()]
     if taken:
         raise UsageError(
             f"{out} holds a file {taken[0]} already; add --force to replace it, or choose another folder."
@@ -105,16 +141,16 @@ def _fill(result: FitResult, folder: Path, *, figures: bool) -> list[str]:
     return names
 
 
-def _put_in_place(fresh: Path, place: Path) -> None:
+def _put_in_place(fresh: Path, place: Path, own: Sequence[str], main: str) -> None:
     if not place.exists():
         fresh.rename(place)
         return
-    only_ours = all(entry.name in OWN_FILES for entry in place.iterdir())
+    only_ours = all(entry.name in own for entry in place.iterdir())
     # a folder that someone stands in is filled, not exchanged under their feet
     if only_ours and not Path.cwd().is_relative_to(place):
         _exchange(fresh, place)
     else:
-        _move_in(fresh, place)
+        _move_in(fresh, place, own, main)
 
 
 def _exchange(fresh: Path, place: Path) -> None:
@@ -128,11 +164,11 @@ def _exchange(fresh: Path, place: Path) -> None:
     shutil.rmtree(old, ignore_errors=True)
 
 
-def _move_in(fresh: Path, place: Path) -> None:
-    """Replace file by file, result.json last: it never describes figures that are not there yet."""
-    names = sorted((entry.name for entry in fresh.iterdir()), key=lambda name: name == RESULT)
+def _move_in(fresh: Path, place: Path, own: Sequence[str], main: str) -> None:
+    """Replace file by file, the main one last: it never describes figures that are not there yet."""
+    names = sorted((entry.name for entry in fresh.iterdir()), key=lambda name: name == main)
     for name in names:
         os.replace(fresh / name, place / name)  # noqa: PTH105
-    for name in OWN_FILES:
+    for name in own:
         if name not in names:
             (place / name).unlink(missing_ok=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 GOLDEN = Path(__file__).parent / "golden"
+SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 TEXTS = {
     "help": ("--help",),
     "fit-help": ("fit", "--help"),
@@ -38,6 +39,9 @@ TEXTS = {
     "datasets-list": ("datasets", "list"),
     "datasets-show": ("datasets", "show", "kharaz-2001"),
     "datasets-show-stand-in": ("datasets", "show", "cross-2019"),
+    "simulate-help": ("simulate", "--help"),
+    "simulate-lateral-spin": ("simulate", str(SCENES / "lateral-spin.toml")),
+    "simulate-wet-bead": ("simulate", str(SCENES / "wet-bead.toml"), "--samples", "20"),
     "template": ("template",),
     "template-raw": ("template", "--raw"),
 }

@@ -17,7 +17,7 @@ FILE = "impacts.csv"
 OUT = "results"
 METHODS = ("lsq", "profile", "exact", "mcmc")
 SLOW = ("mcmc",)
-GROUPS = ("rebound", "data refused", "identifiability", "numerics")
+GROUPS = ("rebound", "scenes", "data refused", "identifiability", "numerics")
 
 
 @dataclass(frozen=True)
