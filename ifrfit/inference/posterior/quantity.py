@@ -15,13 +15,10 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.joint import Grid
-from ifrfit.inference.posterior.tensor import Tensor
 
 Array = NDArray[np.float64]
 Moments = Callable[[int], tuple[float, float]]
 Cdf = Callable[[Array, int], Array]
-
-_SMOOTH = 64  # nodes for functions of a sum of squares
 
 
 @dataclass(frozen=True)
@@ -137,50 +134,3 @@ def scaled(of: Quantity, factor: float, offset: float, name: str) -> Quantity:
         return of.cdf((t - offset) / factor, level)
 
     return Quantity(name, offset + factor * of.low, offset + factor * of.high, moments, cdf)
-
-
-def noise(grid: Grid, number: int, group: int, name: str) -> Quantity:
-    """The unknown sigma of a noise group."""
-    tensor = grid.tensors[number]
-    series = tensor.series
-    assert series.noise is not None
-    own = series.noise[group]
-    squares = [_compressed(tensor, grid.share[level], level, group) for level in (0, 1)]
-
-    def moments(level: int) -> tuple[float, float]:
-        square, weight = squares[level]
-        mean = float(weight @ own.moment(square, 1))
-        second = float(weight @ (own.moment(square, 2) - 2.0 * mean * own.moment(square, 1) + mean * mean))
-        return mean, math.sqrt(max(second, 0.0))
-
-    def cdf(t: Array, level: int) -> Array:
-        square, weight = squares[level]
-        return np.asarray(own.cdf(t[:, None], square) @ weight)
-
-    return Quantity(name, own.lower, own.upper, moments, cdf)
-
-
-def _compressed(tensor: Tensor, share: Array, level: int, group: int) -> tuple[Array, Array]:
-    """Sums of squares of a group with their probabilities, told by their values at a few nodes.
-
-    What follows from a sum of squares is smooth in its logarithm: the probabilities of all nodes are shared
-    out over interpolation nodes, exactly for polynomials.
-    """
-    square, weight = tensor.squares(group, share, level)
-    kept = np.abs(weight) > 1e-14
-    log_q, weight = np.log(np.maximum(square[kept], 1e-300)), weight[kept]
-    low, high = float(log_q.min()), float(log_q.max())
-    if high - low < 1e-9:
-        return np.exp(np.array([low])), np.array([weight.sum()])
-    cosine = np.cos(np.pi * (np.arange(_SMOOTH) + 0.5) / _SMOOTH)
-    y = np.clip((2.0 * log_q - low - high) / (high - low), -1.0, 1.0)
-    # sum over the nodes of each Chebyshev polynomial, then the weights that have the same sums
-    sums = np.empty(_SMOOTH)
-    before, now = np.ones_like(y), y
-    sums[0] = weight.sum()
-    for j in range(1, _SMOOTH):
-        sums[j] = weight @ now
-        before, now = now, 2.0 * y * now - before
-    at = np.cos(np.arange(_SMOOTH)[:, None] * np.arccos(cosine))
-    share_out = (at.T * np.where(np.arange(_SMOOTH) == 0, 1.0, 2.0) / _SMOOTH) @ sums
-    return np.exp(0.5 * (low + high) + 0.5 * (high - low) * cosine), share_out

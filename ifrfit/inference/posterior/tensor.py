@@ -231,16 +231,17 @@ class Tensor:
         kept = np.abs(probability) > 1e-14
         return value[kept], probability[kept]
 
-    def squares(self, group: int, share: Array, level: int) -> tuple[Array, Array]:
-        """Sum of squares of a noise group at all nodes, and the probability of each node, flat."""
+    def squares(self, group: int, share: Array) -> tuple[Array, Array]:
+        """Sum of squares of a noise group at all nodes, (n,), and the probabilities of the nodes, (2, n)."""
         misfit = self.series.misfit
         q = misfit.quadratics(self.e_n, self.x)[group]
         more = misfit.curved(self.e_n[..., None], self.x[..., None], self.c, self.mu)[group]
-        weight = self.x_weight[level] * self.e_weight[level][:, None] * self.outer(share, level)
+        outer = np.stack([self.outer(share[level], level) for level in (0, 1)])
+        weight = self.x_weight * self.e_weight[:, None, :, None] * outer
         if np.ndim(q.slope) == np.ndim(more) == 0:  # the group sees no more than e_n
             square: Array = np.asarray(q.square)
             square = square.reshape((1, 1, 1)) if square.ndim == 0 else square
-            probability = self.g[level] * weight
+            probability = self.g * weight
         else:
             square = lifted(q.square) + more
             if np.ndim(q.slope):
@@ -248,11 +249,11 @@ class Tensor:
                 square = square + d * (lifted(q.curvature) * d - 2.0 * lifted(q.slope))
             probability = self.apart * weight
             if square.shape[1] == 1 and self.f.shape[1] == 1:
-                probability = probability.sum(axis=1, keepdims=True)
-            probability = self.f * probability[..., None] * self.c_weight[level]
-        alone = tuple(int(axis) for axis in np.flatnonzero(np.array(square.shape) == 1))
+                probability = probability.sum(axis=2, keepdims=True)
+            probability = probability[..., None] * self.c_weight[:, None, None, None, :] * self.f
+        alone = tuple(1 + axis for axis, size in enumerate(square.shape) if size == 1)
         probability = probability.sum(axis=alone, keepdims=True)
-        return np.broadcast_to(square, probability.shape).reshape(-1), probability.reshape(-1)
+        return np.broadcast_to(square, probability.shape[1:]).reshape(-1), probability.reshape(2, -1)
 
     def e_density(self, share: Array, level: int) -> Array:
         """Marginal density of e_n at its nodes, (n_e,)."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from ifrfit.inference.posterior import quantity as of
 from ifrfit.inference.posterior.joint import Grid
+from ifrfit.inference.posterior.of_noise import noise
 from ifrfit.inference.posterior.of_series import friction_apart, of_series
 from ifrfit.inference.posterior.plan import Plan, noise_label
 from ifrfit.inference.posterior.quantity import Quantity
@@ -40,7 +41,7 @@ def quantities_of(plan: Plan, grid: Grid) -> dict[str, Quantity]:
     for number, names in enumerate(plan.groups):
         for group, name in enumerate(names):
             label = noise_label(name)
-            found[label] = of.noise(grid, number, group, label)
+            found[label] = noise(grid, number, group, label)
     return found
 
 
