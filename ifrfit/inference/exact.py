@@ -63,7 +63,8 @@ def exact_estimate(posterior: Posterior, name: str, constant: Constant, local: E
     if not sd < HALF * constant.prior_sd:
         reason = "the posterior is nearly as wide as the prior"
         return Estimate(None, None, *central, "not_determined", reason, mean)
-    side = _side(posterior, name, constant.lower, constant.prior_upper, sd)
+    most = 0.68 / float(high68 - low68)  # the largest density is no less than this mean of it
+    side = _side(posterior, name, constant.lower, constant.prior_upper, most)
     if side:
         bound = constant.lower if side < 0 else constant.upper
         ends = [_one_sided(posterior, name, side, bound, p) for p in (0.68, 0.95)]
@@ -74,17 +75,21 @@ def exact_estimate(posterior: Posterior, name: str, constant: Constant, local: E
     return Estimate(float(median), sd, *central, status, reason, mean)
 
 
-def _side(posterior: Posterior, name: str, lower: float, upper: float, sd: float) -> int:
-    """-1 if the 95 % region of highest density reaches the lower bound, 1 for the upper, 0 for neither."""
+def _side(posterior: Posterior, name: str, lower: float, upper: float, top: float) -> int:
+    """-1 if the 95 % region of highest density reaches the lower bound, 1 for the upper, 0 for neither.
+
+    `top` is what the largest density is at least.
+    """
+    sd = posterior.sd(name)
     step = _STEP * sd
-    middle = posterior.mean(name) + sd * np.linspace(-4.0, 4.0, 33)
-    edges = np.clip(np.concatenate((middle, [lower, lower + step, upper - step, upper])), lower, upper)
-    cdf = np.asarray(posterior.cdf(name, edges))
+    below = np.asarray(posterior.cdf(name, np.array([lower, lower + step, upper - step, upper])))
+    ends = (below[1] - below[0]) / step, (below[3] - below[2]) / step
+    if max(ends) <= _REACHED * top:
+        return 0
+    edges = np.clip(posterior.mean(name) + sd * np.linspace(-4.0, 4.0, 33), lower, upper)
     with np.errstate(divide="ignore", invalid="ignore"):
-        density = np.diff(cdf[:33]) / np.diff(edges[:33])
-    top = float(np.nanmax(np.where(np.isfinite(density), density, 0.0)))
-    ends = (cdf[34] - cdf[33]) / step, (cdf[36] - cdf[35]) / step
-    top = max(top, *ends)
+        density = np.diff(np.asarray(posterior.cdf(name, edges))) / np.diff(edges)
+    top = max(float(np.nanmax(np.where(np.isfinite(density), density, 0.0))), *ends)
     if max(ends) <= _REACHED * top:
         return 0
     if min(ends) > _REACHED * top:
@@ -196,9 +201,9 @@ def exact_noise(
     return Noise(local.policy, sigma, estimates, dict(bounds))
 
 
-def exact_state(problem: Problem, posterior: Posterior, state: State, rng: np.random.Generator) -> State:
-    """State for predictions: medians, and draws that stand for the posterior."""
-    names, sample = in_state_coordinates(problem, posterior.draws(DRAWS, rng), DRAWS)
+def exact_state(problem: Problem, posterior: Posterior, state: State, drawn: Mapping[str, Array]) -> State:
+    """State for predictions: medians, and `DRAWS` draws that stand for the posterior."""
+    names, sample = in_state_coordinates(problem, drawn, DRAWS)
     kappas = [name for name in posterior.names if name.startswith("kappa")]
     point = sample[0].copy()  # fixed entries are the same in all
     for i, name in enumerate(names):

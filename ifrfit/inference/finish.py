@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.inference.exact import (
+    DRAWS,
     exact_constants,
     exact_converged,
     exact_correlation,
@@ -36,8 +37,9 @@ def with_posterior(result: FitResult) -> FitResult:
     facts["converged"] = exact_converged(posterior, facts["converged"])
     facts["identifiable"] = identifiable(problem, found, constants, fit.n_sticking, fit.n_sliding)
     facts["at_bound"] = at_bound(constants)
-    state = exact_state(problem, posterior, result.state, rng)
-    facts["predictive"] = predictive(problem, posterior.draws(_CHECKED, rng))
+    drawn = posterior.draws(DRAWS, rng)
+    state = exact_state(problem, posterior, result.state, drawn)
+    facts["predictive"] = predictive(problem, {name: x[:_CHECKED] for name, x in drawn.items()})
     shared = sharing(problem, posterior.log_evidence, explore)
     if shared is not None:
         facts["sharing"] = shared

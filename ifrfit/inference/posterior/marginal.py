@@ -14,6 +14,8 @@ from ifrfit.inference.posterior.rule import partial, rule
 Array = NDArray[np.float64]
 
 _NARROWEST = 1e-300  # width of a panel
+_FEW = 12  # values up to which a table is made for themselves
+_BRACKET = 0.25  # in sd, either side of them
 _LEAST = 1e-15  # probability told from none
 _STEPS = 60  # of the safe search at most
 # where distribution functions are tabled, in sd about the mean
@@ -40,11 +42,19 @@ class Panels:
 
     @classmethod
     def of(cls, low: Array, width: Array, values: Array, level: int = 0) -> Panels:
-        """From densities at the nodes."""
-        made = values @ rule(values.shape[-1] - 1).antiderivative[level].T
+        """From densities at the nodes, (rows, panels, nodes)."""
+        return cls._of(low, width, values @ rule(values.shape[-1] - 1).antiderivative[level].T)
+
+    @classmethod
+    def of_levels(cls, low: Array, width: Array, values: Array) -> Panels:
+        """From densities at the nodes, (2, panels, nodes): one row by the rules, one by the coarse ones."""
+        return cls._of(low, width, values @ rule(values.shape[-1] - 1).antiderivative.swapaxes(1, 2))
+
+    @classmethod
+    def _of(cls, low: Array, width: Array, made: Array) -> Panels:
         made *= width[..., None]
-        mass = made.sum(axis=-1)
-        cumulative = np.concatenate((np.zeros((mass.shape[0], 1)), np.cumsum(mass, axis=1)), axis=1)
+        cumulative = np.zeros((made.shape[0], made.shape[1] + 1))
+        np.cumsum(made.sum(axis=-1), axis=1, out=cumulative[:, 1:])
         return cls(low, width, made, cumulative)
 
     @property
@@ -56,7 +66,7 @@ class Panels:
         """Mass below a threshold, (..., rows); thresholds broadcast against rows along the last axis."""
         rows = self.cumulative.shape[0]
         if rows == 1:
-            return self._of_one_row(threshold)
+            return np.asarray(self.below_in_all(threshold, 1)[0])
         t = np.broadcast_to(threshold, (*threshold.shape[:-1], rows))
         high = self.low + self.width
         if self.low.shape[0] == 1:
@@ -70,11 +80,12 @@ class Panels:
         v = np.clip((t - low) / np.maximum(width, _NARROWEST), 0.0, 1.0)
         return np.asarray(self.cumulative[row, at] + partial(self.coefficients[row, at], v))
 
-    def _of_one_row(self, t: Array) -> Array:
+    def below_in_all(self, t: Array, rows: int) -> Array:
+        """Mass below each threshold in the first rows, all of which have the same panels, (rows, ...)."""
         low, width = self.low[0], self.width[0]
         at = np.minimum(np.searchsorted(low + width, t), low.size - 1)
         v = np.clip((t - low[at]) / np.maximum(width[at], _NARROWEST), 0.0, 1.0)
-        return np.asarray(self.cumulative[0][at] + partial(self.coefficients[0][at], v))
+        return np.asarray(self.cumulative[:rows, at] + partial(self.coefficients[:rows, at], v))
 
 
 def quantiles(
@@ -102,7 +113,11 @@ def quantiles(
     """
     if not sd > 0.0:
         return np.full(p.shape, mean)
-    grid = np.unique(np.concatenate(([low], np.clip(mean + sd * _REACH, low, high), [high])))
+    reach = _REACH
+    if p.size <= _FEW:  # about where a normal law has them, and far out
+        z = _normal(p)
+        reach = np.concatenate((z - _BRACKET, z + _BRACKET, [-30.0, z.min() - 2.0, z.max() + 2.0, 30.0]))
+    grid = np.unique(np.concatenate(([low], np.clip(mean + sd * reach, low, high), [high])))
     table = np.maximum.accumulate(cdf(grid))
     right = np.clip(np.searchsorted(table, p), 1, grid.size - 1)
     a, b = grid[right - 1], grid[right]

@@ -138,10 +138,10 @@ class Misfit:
             by_kappa = np.zeros(at.size) if sticking else np.where(np.isfinite(over_tau), over_tau, 0.0)
             columns = [part.value - factor * value, value, by_c, by_kappa]
             regimes.append(w * np.array(columns))
-        sticking, sliding = (np.array([columns[i] * columns[j] for i, j in PAIRS]) for columns in regimes)
+        stick, slide = (np.array([columns[i] * columns[j] for i, j in PAIRS]) for columns in regimes)
         products = np.zeros((len(PAIRS), at.size + 1))
-        np.cumsum(sticking, axis=1, out=products[:, 1:])
-        products[:, :-1] += np.cumsum(sliding[:, ::-1], axis=1)[:, ::-1]
+        np.cumsum(stick, axis=1, out=products[:, 1:])
+        products[:, :-1] += np.cumsum(slide[:, ::-1], axis=1)[:, ::-1]
         return Sums(scale, part.tau, products)
 
     def _normal_rows(self, at: Index) -> _Direct:

@@ -33,8 +33,7 @@ def noise(grid: Grid, number: int, group: int, name: str) -> Quantity:
     nodes = axis.nodes()
     density = weight @ own.density(nodes, square[:, None])
     sigma, rule = np.exp(nodes), axis.weights()[0]
-    values = density.reshape(2, 1, *axis.shape)
-    panels = [Panels.of(axis.low[None], axis.width[None], each) for each in values]
+    panels = Panels.of(axis.low[None], axis.width[None], density.reshape(2, *axis.shape))
 
     @cache
     def moments(level: int) -> tuple[float, float]:
@@ -42,8 +41,8 @@ def noise(grid: Grid, number: int, group: int, name: str) -> Quantity:
         mean = float(probability @ sigma)
         return mean, math.sqrt(max(float(probability @ (sigma - mean) ** 2), 0.0))
 
-    def cdf(t: Array, level: int) -> Array:
-        return panels[level].below(np.log(np.maximum(t, 1e-300))[:, None])[:, 0]
+    def cdf(t: Array, levels: int) -> Array:
+        return panels.below_in_all(np.log(np.maximum(t, 1e-300)), levels)
 
     return Quantity(name, own.lower, own.upper, moments, cdf)
 
