@@ -74,7 +74,7 @@ def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None)
 def row_name(problem: Problem, i: int) -> str:
     """Where a row comes from, in words."""
     table = problem.observations.table
-    source, row, observable = (table[column].iat[i] for column in ("source", "row", "observable"))
+    source, row, observable = (str(table[column].iat[i]) for column in ("source", "row", "observable"))
     return f"{source} line {row} ({observable})"
 
 

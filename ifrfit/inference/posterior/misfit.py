@@ -74,19 +74,16 @@ class Misfit:
         self.coefficients = closure.coefficients(inertia_factor)
         self.inertia_factor = inertia_factor
         self.reference = reference
+        kinds = [OBSERVABLES[name].kind for name in rows.names]
         curved, tangential, normal, friction = (
-            self._of_kind(kind) for kind in ("curved", "tangential", "normal", "friction")
+            np.array([own == kind for own in kinds])[rows.which]
+            for kind in ("curved", "tangential", "normal", "friction")
         )
         self._oblique = curved | tangential
         self.curved_rows = [group[curved[group]] for group in self.groups]
         self._sums = [self._tangential(group[tangential[group]]) for group in self.groups]
         self._normal = [self._normal_rows(group[normal[group]]) for group in self.groups]
         self._friction = [self._friction_rows(group[friction[group]]) for group in self.groups]
-
-    def _of_kind(self, kind: str) -> NDArray[np.bool_]:
-        """Rows whose observable is of a kind."""
-        wanted = np.array([OBSERVABLES[name].kind == kind for name in self.rows.names])
-        return np.asarray(wanted[self.rows.which])
 
     @property
     def is_quadratic(self) -> bool:

@@ -38,6 +38,11 @@ class Setting:
         """Of the noises' priors."""
         return noise_bounds(self.problem)
 
+    @cached_property
+    def groups(self) -> Mapping[str, Index]:
+        """Rows that share a noise."""
+        return self.problem.groups()
+
     @property
     def order(self) -> int:
         """Order of the rules on panels."""

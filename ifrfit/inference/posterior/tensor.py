@@ -191,9 +191,11 @@ class Tensor:
     @cached_property
     def _sides(self) -> Array:
         """Coefficients of the integrals up to c, (2 sides, coefficients, levels, m, n_e, n_x)."""
-        sides = self.f.reshape(*self.f.shape[:-1], 2, -1)
-        levels = [sides @ to_integral.T for to_integral in rule(self.series.c_order).antiderivative]
-        return np.ascontiguousarray(np.moveaxis(np.stack(levels), (-2, -1), (0, 1)))
+        nodes = self.series.c_order + 1
+        sides = self.f.reshape(-1, 2, nodes)
+        to_integral = rule(self.series.c_order).antiderivative.swapaxes(0, 1).reshape(-1, nodes)
+        found = np.stack([to_integral @ sides[:, side].T for side in (0, 1)])
+        return found.reshape(2, nodes + 1, 2, *self.f.shape[:-1])
 
     def _below_c(self, c: Array, levels: int) -> Array:
         """Density at each (outer node, e_n, x), cut off at c, by levels."""
