@@ -258,6 +258,8 @@ def _inertia_factor(observations: Observations) -> float:
 
 
 def _result(problem: Problem, found: LeastSquares, seed: int, command: str) -> FitResult:
+    import pandas as pd
+
     theta = found.optimum.theta
     e_n, c, mu = problem.per_row(theta)
     _, sticks = problem.impulse(e_n, c, mu)
@@ -268,13 +270,16 @@ def _result(problem: Problem, found: LeastSquares, seed: int, command: str) -> F
     capped = found.local.to_theta @ found.local.covariance(capped=True) @ found.local.to_theta.T
     size = np.sqrt(np.diag(capped))[free]
     names = tuple(n for n, is_free in zip(problem.names, free, strict=True) if is_free)
-    points = problem.observations.table.copy()
-    points["sigma_used"] = found.sigma
-    points["fitted"] = problem.rows.value - residuals.raw
-    points["residual"] = residuals.raw
-    points["standardised"] = residuals.studentised
-    points["tau"] = problem.rows.tau
-    points["sticking"] = sticks
+    table = problem.observations.table
+    columns = {
+        "sigma_used": found.sigma,
+        "fitted": problem.rows.value - residuals.raw,
+        "residual": residuals.raw,
+        "standardised": residuals.studentised,
+        "tau": problem.rows.tau,
+        "sticking": sticks,
+    }
+    points = pd.concat([table, pd.DataFrame(columns, index=table.index)], axis=1)
     return FitResult(
         closure=problem.closure.name,
         inertia_factor=problem.inertia_factor,
@@ -304,7 +309,7 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
     ignored = [
         problem.observations.called(column)
         for column in ("sigma_spin_x", "sigma_spin_y", "sigma_gamma_deg")
-        if (table[column].fillna(0.0) > 0.0).any()
+        if (table[column].to_numpy(dtype=float) > 0.0).any()
     ]
     if ignored and problem.scatter.angles == "none":
         said.append(f"Not propagated: {' and '.join(ignored)}; angles and spins are taken as exact.")

@@ -10,6 +10,7 @@ import numpy as np
 
 from ifrfit.inference.facts import at_bound
 from ifrfit.inference.from_law import (
+    DRAWS,
     constants_from_law,
     correlation_from_law,
     derived_from_law,
@@ -67,9 +68,11 @@ def with_law(
         problem, found, constants, result.fit.n_sticking, result.fit.n_sliding
     )
     facts["at_bound"] = at_bound(constants)
-    state = state_from_law(problem, law, result.state, rng)
+    n = int(min(DRAWS, law.kept))
+    drawn = law.draws(n, rng)
+    state = state_from_law(problem, law, result.state, drawn, n)
     if posterior:
-        facts["predictive"] = predictive(problem, law.draws(_CHECKED, rng))
+        facts["predictive"] = predictive(problem, {name: x[:_CHECKED] for name, x in drawn.items()})
     names = result.correlation[0]
     return replace(
         result,

@@ -74,7 +74,10 @@ def estimate_from_law(law: Law, name: str, constant: Constant, local: Estimate) 
 
 
 def _side(law: Law, name: str, lower: float, upper: float, sd: float) -> int:
-    """-1 if the 95 % region of highest density reaches the lower bound, 1 for the upper, 0 for neither."""
+    """-1 if the 95 % region of highest density reaches the lower bound, 1 for the upper, 0 for neither.
+
+    Where no end holds much against what the largest density is at least, that one need not be found.
+    """
     if sd == 0.0:  # every draw is the same
         at = law.mean(name)
         return -1 if at == lower else int(at == upper)
@@ -193,10 +196,9 @@ def noise_from_law(problem: Problem, law: Law, local: Noise, bounds: Mapping[str
     return Noise(local.policy, sigma, estimates, dict(bounds), local.scatter)
 
 
-def state_from_law(problem: Problem, law: Law, state: State, rng: np.random.Generator) -> State:
-    """State for predictions: medians, and draws that stand for the law."""
-    n = int(min(DRAWS, law.kept))
-    names, sample = in_state_coordinates(problem, law.draws(n, rng), n)
+def state_from_law(problem: Problem, law: Law, state: State, drawn: Mapping[str, Array], n: int) -> State:
+    """State for predictions: medians, and n draws that stand for the law."""
+    names, sample = in_state_coordinates(problem, drawn, n)
     kappas = [name for name in law.names if name.startswith("kappa")]
     point = sample[0].copy()  # fixed entries are the same in all
     for i, name in enumerate(names):

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 _MOST = 2_000_000  # row evaluations spent on the checks
 _FEWEST = 8  # draws, however many rows there are
-_AT_ONCE = 8_000  # evaluations whose arrays stay in the cache
+_AT_ONCE = 12_000  # evaluations whose arrays stay in the cache
 _NOTHING = 1.0  # chi2 of the mean residuals below which their order moves no constant by its sd
 _SHARE = 0.95
 _TAIL = 1e-15  # probability beyond which a standardised residual is no longer resolved

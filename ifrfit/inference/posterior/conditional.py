@@ -58,9 +58,11 @@ class Spread:
         u = self.reach[..., None] * rule(order).nodes
         sign = np.array([-1.0, 1.0])[:, None]
         size = self.size[..., None, None]
-        nodes = self.mode[..., None, None] + sign * size * np.sinh(u)
+        rising = np.exp(u)
+        falling = 1.0 / rising
+        nodes = self.mode[..., None, None] + (0.5 * sign * size) * (rising - falling)  # sinh
         with np.errstate(divide="ignore"):
-            jacobian = np.log(size * np.cosh(u) * self.reach[..., None])
+            jacobian = np.log((0.5 * size * self.reach[..., None]) * (rising + falling))  # cosh
         shape = (*self.mode.shape, -1)
         return nodes.reshape(shape), jacobian.reshape(shape)
 
@@ -128,7 +130,7 @@ def about_mode(
             curvature = curvature + factor * w * (q.curvature + more_curvature)
         with np.errstate(divide="ignore", invalid="ignore"):
             d = np.where(curvature > 0.0, slope / curvature, 0.5 * (lower + upper) - reference)
-        d = np.broadcast_to(d, np.broadcast_shapes(d.shape, lower.shape))
+        d = _spread_over(d, np.broadcast(d, lower).shape)
         if noise:
             inside = np.clip(d, lower - reference, upper - reference)
             weight = [
@@ -139,7 +141,7 @@ def about_mode(
             ]
     with np.errstate(divide="ignore"):
         size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
-    size = np.maximum(np.broadcast_to(size, d.shape), 1e-300)
+    size = np.maximum(_spread_over(size, d.shape), 1e-300)
     mode = np.clip(reference + d, lower, upper)
     pull = np.abs(reference + d - mode) / size  # slope of the log density at the bound, per size
     fall = tail
@@ -154,6 +156,10 @@ def about_mode(
     room = np.stack((mode - lower, upper - mode), axis=-1)
     reach = np.arcsinh(np.minimum(room, far[..., None]) / size[..., None])
     return Spread(mode, size, reach)
+
+
+def _spread_over(values: Array, shape: tuple[int, ...]) -> Array:
+    return values if values.shape == shape else np.broadcast_to(values, shape)
 
 
 def _gauss_newton(misfit: Misfit, rows: Index, place: Place, c: Array) -> tuple[Array | float, Array | float]:

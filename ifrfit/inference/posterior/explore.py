@@ -125,7 +125,7 @@ class Posterior:
         inside = (at > own.low) & (at < own.high)
         if inside.any():
             parts = np.array_split(at[inside], 1 + at.size // _THRESHOLDS)
-            found[inside] = np.clip(np.concatenate([own.cdf(part, 0) for part in parts]), 0.0, 1.0)
+            found[inside] = np.clip(np.concatenate([own.cdf(part, 1)[0] for part in parts]), 0.0, 1.0)
         return float(found[0]) if np.ndim(value) == 0 else found
 
     def covariance(self, names: Sequence[str]) -> Array:
@@ -192,7 +192,7 @@ def _touches_wall(plan: Plan, found: Posterior) -> bool:
             unknown = next(s.unknown for s in plan.joint.shared if s.kind == "mu")
         assert isinstance(unknown, Unknown)
         for name in (n for n in found.quantities if n.startswith("kappa")):
-            if 1.0 - found.quantities[name].cdf(np.array([0.999 * unknown.upper]), 0)[0] > _WALL:
+            if 1.0 - found.quantities[name].cdf(np.array([0.999 * unknown.upper]), 1)[0, 0] > _WALL:
                 return True
     return False
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,23 +74,26 @@ class Misfit:
         self.coefficients = closure.coefficients(inertia_factor)
         self.inertia_factor = inertia_factor
         self.reference = reference
-        kinds = np.array([OBSERVABLES[name].kind for name in rows.names])[rows.which]
-        self._kinds = kinds
-        self.curved_rows = [group[kinds[group] == "curved"] for group in self.groups]
-        self._sums = [self._tangential(group[kinds[group] == "tangential"]) for group in self.groups]
-        self._normal = [self._normal_rows(group[kinds[group] == "normal"]) for group in self.groups]
-        self._friction = [self._friction_rows(group[kinds[group] == "friction"]) for group in self.groups]
+        kinds = [OBSERVABLES[name].kind for name in rows.names]
+        curved, tangential, normal, friction = (
+            np.array([own == kind for own in kinds])[rows.which]
+            for kind in ("curved", "tangential", "normal", "friction")
+        )
+        self._oblique = curved | tangential
+        self.curved_rows = [group[curved[group]] for group in self.groups]
+        self._sums = [self._tangential(group[tangential[group]]) for group in self.groups]
+        self._normal = [self._normal_rows(group[normal[group]]) for group in self.groups]
+        self._friction = [self._friction_rows(group[friction[group]]) for group in self.groups]
 
     @property
     def is_quadratic(self) -> bool:
         """Whether every row is linear in the closure constant, given e_n and the transition."""
         return not any(rows.size for rows in self.curved_rows)
 
-    @property
+    @cached_property
     def kinks(self) -> Array:
         """Transitions at which a row changes its regime, ascending."""
-        oblique = np.isin(self._kinds, ("tangential", "curved"))
-        tau = np.unique(self.rows.tau[oblique])
+        tau = np.unique(self.rows.tau[self._oblique])
         return np.asarray(tau[(tau > 0.0) & np.isfinite(tau)])
 
     def b(self, c: Array | float) -> Array | float:
@@ -97,7 +101,9 @@ class Misfit:
         return self.coefficients.b0 + self.coefficients.b1 * c
 
     def _tangential(self, at: Index) -> list[Sums]:
-        found = []
+        found: list[Sums] = []
+        if not at.size:
+            return found
         for scale in ("one", "impulse", "rebound"):
             of_scale = np.array([OBSERVABLES[name].scale == scale for name in self.rows.names])
             rows = at[of_scale[self.rows.which[at]]]
@@ -128,11 +134,11 @@ class Misfit:
             by_c = slope * (k.a1 + k.b1) if sticking else slope * k.a1
             by_kappa = np.zeros(at.size) if sticking else np.where(np.isfinite(over_tau), over_tau, 0.0)
             columns = [part.value - factor * value, value, by_c, by_kappa]
-            regimes.append([w * column for column in columns])
+            regimes.append(w * np.array(columns))
+        stick, slide = (np.array([columns[i] * columns[j] for i, j in PAIRS]) for columns in regimes)
         products = np.zeros((len(PAIRS), at.size + 1))
-        for row, (i, j) in zip(products, PAIRS, strict=True):
-            np.cumsum(regimes[0][i] * regimes[0][j], out=row[1:])
-            row[:-1] += np.cumsum((regimes[1][i] * regimes[1][j])[::-1])[::-1]
+        np.cumsum(stick, axis=1, out=products[:, 1:])
+        products[:, :-1] += np.cumsum(slide[:, ::-1], axis=1)[:, ::-1]
         return Sums(scale, part.tau, products)
 
     def _normal_rows(self, at: Index) -> _Direct:
