@@ -74,6 +74,14 @@ def drawing() -> Iterator[None]:
         yield
 
 
+def settle(figure: Figure) -> None:
+    """Fix the layout: the last bit of its solver depends on addresses, and ids in an svg on that bit."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.set_position(tuple(round(x, 6) for x in axes.get_position().bounds))
+
+
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure by the suffix of `path`: svg with its text kept as text, png at 200 dpi.
 
