@@ -107,6 +107,8 @@ _DEGREES = np.concatenate([[0.01], np.arange(1.0, 90.0), [89.99]])
 _EVERY_15 = tuple(float(x) for x in range(0, 91, 15))
 
 INCIDENCE = Abscissa("incidence angle γ (deg)", 0.0, 90.0, _EVERY_15, _DEGREES, _same, _same)
+# lambda is defined at both ends
+FROM_NORMAL = replace(INCIDENCE, grid=np.arange(0.0, 91.0))
 CONTACT = Abscissa(
     "contact angle before ψ$_{\\mathrm{before}}$ = γ (deg)", 0.0, 90.0, _EVERY_15, _DEGREES, _same, _same
 )

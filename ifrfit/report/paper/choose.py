@@ -51,7 +51,7 @@ def _named(names: Sequence[str]) -> tuple[PaperFigure, ...]:
         return FIGURES
     found: list[PaperFigure] = []
     for name in names:
-        wanted = name.strip().lower().removeprefix("fig").lstrip(". ")
+        wanted = name.strip().lower().removeprefix("fig").lstrip(". ").replace("kharaz-2001", "kharaz")
         hits = [f for f in FIGURES if f.name.lower() == wanted] or [f for f in FIGURES if _part(f, wanted)]
         if not hits:
             there = ", ".join(figure.name for figure in FIGURES)
@@ -66,7 +66,7 @@ def _part(figure: PaperFigure, wanted: str) -> bool:
     if not wanted or not name.startswith(wanted):
         return False
     rest = name.removeprefix(wanted)
-    return rest in ("a", "b") or rest.startswith("-") or (figure.kind == "kharaz" and wanted == "kharaz-2001")
+    return rest in ("a", "b") or rest.startswith("-")
 
 
 def _is_real(dataset: str) -> bool:

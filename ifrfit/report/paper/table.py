@@ -6,7 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from ifrfit.report.paper.axes import CONTACT, INCIDENCE, LATERAL_SPIN, RATIO, TANGENT, Abscissa, Ordinate
+from ifrfit.report.paper.axes import (
+    CONTACT,
+    FROM_NORMAL,
+    INCIDENCE,
+    LATERAL_SPIN,
+    RATIO,
+    TANGENT,
+    Abscissa,
+    Ordinate,
+)
 from ifrfit.report.paper.models import Model, Setting, deviation_as_printed, total_as_printed
 from ifrfit.report.paper.scene import Pen
 from ifrfit.report.style import COLOURS
@@ -154,8 +163,8 @@ PAPER = (
         ),
         says="Minus beta against the angle, Buck et al. (2017); Eq. (27), sliding.",
         uses="(26), since all points slide; (29) if the experiment reports the centre's coefficient",
-        note="The paper lists this experiment among those that use the centre's velocity as well. The two "
-        "readings part at grazing incidence: 0.80 against 0.94. Points beyond 60 degrees decide.",
+        note="The paper lists this experiment among those that use the centre's velocity as well. With the "
+        "printed constants the two readings part at grazing incidence: 0.80 against 0.94.",
     ),
     PaperFigure(
         "4b",
@@ -257,6 +266,7 @@ PAPER = (
         "A2.1a",
         "Lateral deviation, $R\\omega_x/u$ = 0.30",
         "theory",
+        x=FROM_NORMAL,
         y=Ordinate("lambda_deg", -95.0, 95.0),
         settings=(Setting("", 0.30),),
         models=(
