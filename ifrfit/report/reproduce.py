@@ -106,7 +106,9 @@ def _run(folder: Path, choice: Choice, whole: bool, progress: bool) -> dict[str,
             made = make(figure, done)
             if made is not None:
                 _save(made, folder)
-            tell(f"{figure.stem:<17} {figure.title.replace('$', '')}, {time.monotonic() - started:.1f} s")
+            how = f"{time.monotonic() - started:.1f} s" if made is not None else "not drawn, see the table"
+            plain = figure.title.replace("$", "").replace("\\", "")
+            tell(f"{figure.stem:<17} {plain}, {how}")
         for case in CASES if whole else ():
             if case.name not in done and case.dataset in choice.datasets:
                 done[case.name] = fit_case(case)

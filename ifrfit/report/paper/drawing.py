@@ -81,20 +81,7 @@ def _draw_data(axes: Axes, scene: Scene) -> None:
     if len(scene.regimes) == 1:
         shade(axes, scene.regimes[0], words=True)
     if scene.stand_in:
-        axes.text(
-            0.5,
-            0.42,
-            "STAND-IN",
-            transform=axes.transAxes,
-            ha="center",
-            va="center",
-            rotation=18,
-            fontsize=30,
-            weight="bold",
-            color="0.55",
-            alpha=0.2,
-            zorder=0.6,
-        )
+        style.write_across(axes, "STAND-IN", size=30, height=0.42)
 
 
 def limits(scene: Scene) -> tuple[float, float]:

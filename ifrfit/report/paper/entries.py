@@ -64,11 +64,12 @@ def _curves(scene: Scene) -> list[tuple[Any, str]]:
         if not handles or curve.kind == "recovered":
             handles.append(line)
     entries = [(tuple(lines), label) for label, lines in seen.items()]
-    if any(curve.credible is not None for curve in scene.curves):
+    banded = {curve.label for curve in scene.curves if curve.credible is not None}
+    if banded:
         light, dark = (Patch(fc=GREY, alpha=alpha, lw=0) for alpha in (0.18, 0.4))
         dots = Line2D([], [], color=GREY, lw=0.6, ls=(0, (1, 1.5)))
         bands = "68, 95 % credible; dotted: 95 % of further measurements"
-        place = max(i for i, curve in enumerate(entries) if curve[1].startswith(("recovered", "from")))
+        place = max(i for i, (_, label) in enumerate(entries) if label in banded)
         entries.insert(place + 1, ((light, dark, dots), bands))
     return entries
 
