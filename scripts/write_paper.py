@@ -8,7 +8,8 @@ from pathlib import Path
 from ifrfit.data.descriptor import read_package
 from ifrfit.data.finding import entry
 from ifrfit.report.cases import case_named
-from ifrfit.report.paper.table import PAPER, PaperFigure
+from ifrfit.report.paper.figure import PaperFigure
+from ifrfit.report.paper.table import PAPER
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "paper.md"
 

@@ -12,8 +12,8 @@ from ifrfit.inference.result import Estimate, FitResult
 from ifrfit.physics.angles import Array
 from ifrfit.report.figures import NON_BREAKING, contradiction
 from ifrfit.report.paper.axes import Abscissa, Ordinate
+from ifrfit.report.paper.figure import PaperFigure
 from ifrfit.report.paper.scene import Band, Curve, Mark, Pen, Points, Regimes, Scene
-from ifrfit.report.paper.table import PaperFigure
 from ifrfit.report.provenance import STAND_IN, is_stand_in, provenance_words
 from ifrfit.report.regimes import transition_is_open, transitions
 from ifrfit.report.ringed import ringed

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from ifrfit.data.catalogue import dataset_names, load_dataset
 from ifrfit.errors import UsageError
 from ifrfit.report.cases import CASES
-from ifrfit.report.paper.table import FIGURES, PaperFigure
+from ifrfit.report.paper.figure import PaperFigure
+from ifrfit.report.paper.table import FIGURES
 from ifrfit.report.provenance import STAND_IN
 
 REAL = ("digitised", "measured")

@@ -25,9 +25,9 @@ from ifrfit.report.paper.build import (
     recovered,
     regimes_of,
 )
+from ifrfit.report.paper.figure import PaperFigure
 from ifrfit.report.paper.scene import Curve, Pen, Points, Scene
 from ifrfit.report.paper.seen_as import seen_as
-from ifrfit.report.paper.table import PaperFigure
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import transitions
 from ifrfit.report.ringed import ringed

@@ -10,9 +10,9 @@ from ifrfit.inference.result import FitResult
 from ifrfit.report.cases import Case, case_named, fit_case
 from ifrfit.report.paper.build import Fitted, theory, with_points
 from ifrfit.report.paper.drawing import draw
+from ifrfit.report.paper.figure import PaperFigure
 from ifrfit.report.paper.kharaz import kharaz
 from ifrfit.report.paper.scene import Row, Scene, rows_of
-from ifrfit.report.paper.table import PaperFigure
 from ifrfit.report.recovered import Done
 
 if TYPE_CHECKING:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 from ifrfit.report.paper.axes import (
     CONTACT,
     FROM_NORMAL,
-    INCIDENCE,
     LATERAL_SPIN,
     RATIO,
     TANGENT,
-    Abscissa,
     Ordinate,
 )
+from ifrfit.report.paper.figure import PaperFigure
 from ifrfit.report.paper.models import Model, Setting, deviation_as_printed, total_as_printed
 from ifrfit.report.paper.scene import Pen
 from ifrfit.report.style import COLOURS
@@ -23,50 +21,6 @@ from ifrfit.report.style import COLOURS
 PRINTED_PEN = Pen("black", (0, (5, 1.6)), 1.1)
 _THIN = Pen(COLOURS[1], (0, (1.2, 1.6)), 1.0)
 _MISPRINT = Pen(COLOURS[1], (0, (4, 2)), 0.8)
-
-
-@dataclass(frozen=True)
-class PaperFigure:
-    """One figure.
-
-    Attributes
-    ----------
-    name : str
-        As in `--figure`; files are fig{name}.svg, .png and .csv.
-    title : str
-        What is shown, in the picture.
-    kind : str
-        points: data, a fit and lines; theory: lines only; kharaz: the bundled real data; scheme: a drawing.
-    case : str
-        Name of the fit that it shows, see `ifrfit.report.cases`.
-    x, y : Abscissa, Ordinate
-    settings : tuple of Setting
-    models : tuple of Model
-        Lines of given constants; the first one is that of the constants the paper prints.
-    says : str
-        What the caption says, in our words.
-    uses : str
-        Equations that are really used.
-    note : str
-        What else its reader should know.
-    """
-
-    name: str
-    title: str
-    kind: Literal["points", "theory", "kharaz", "scheme"]
-    case: str = ""
-    x: Abscissa = INCIDENCE
-    y: Ordinate | None = None
-    settings: tuple[Setting, ...] = (Setting(""),)
-    models: tuple[Model, ...] = ()
-    says: str = ""
-    uses: str = ""
-    note: str = ""
-
-    @property
-    def stem(self) -> str:
-        """Name of its files without suffix."""
-        return f"fig{self.name}" if self.kind != "kharaz" else self.name
 
 
 def constants_words(constants: Mapping[str, float]) -> str:

@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
+from ifrfit.report.paper.figure import PaperFigure
 from ifrfit.report.paper.make import make, scene_of
-from ifrfit.report.paper.table import FIGURES, PaperFigure
+from ifrfit.report.paper.table import FIGURES
 
 
 def named(name: str) -> PaperFigure:
