@@ -52,6 +52,17 @@ def _pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
     return found
 
 
+def _ends(option: str, text: str | None) -> tuple[float, float] | None:
+    """LO,HI as two numbers."""
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"{option} {text}: write it as LO,HI, with decimal points.") from None
+    return low, high
+
+
 def _numbers(option: str, text: str) -> list[float]:
     """Numbers from ``1,2,3`` or ``from:to:step``."""
     import numpy as np
@@ -114,6 +125,30 @@ def fit(
     independent: Annotated[
         bool, typer.Option("--independent", help="Count faces of the same impacts as independent.")
     ] = False,
+    tails: Annotated[
+        str, typer.Option(help="Law of the errors: gaussian, or student-t where outliers occur.")
+    ] = "gaussian",
+    dof: Annotated[
+        float | None,
+        typer.Option(metavar="NU", help="Degrees of freedom of student-t (4).", show_default=False),
+    ] = None,
+    angle_errors: Annotated[
+        str,
+        typer.Option(help="Errors of angle and spin: none, effective, set (Berkson), measured (classical)."),
+    ] = "none",
+    angle_population: Annotated[
+        str | None, typer.Option(metavar="LO,HI", help="Degrees between which measured angles truly lie.")
+    ] = None,
+    sigma_gamma: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Uncertainty of angles whose row states none.")
+    ] = None,
+    sigma_velocity: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Propagate all errors from that of velocities, over incoming speed,"),
+    ] = None,
+    sigma_spin: Annotated[
+        float | None, typer.Option(metavar="S", help="and from that of R Omega, over incoming speed.")
+    ] = None,
     inertia_factor: Annotated[
         float | None,
         typer.Option(metavar="J", help="I/(m R^2): 2/5 solid (default), 2/3 hollow ball, 1/2 disc."),
@@ -167,6 +202,13 @@ def fit(
             speed_max=speed_max,
             exclude=exclude,
             independent=independent,
+            tails=tails,
+            dof=dof,
+            angle_errors=angle_errors,
+            angle_population=_ends("--angle-population", angle_population),
+            sigma_gamma=sigma_gamma,
+            sigma_velocity=sigma_velocity,
+            sigma_spin=sigma_spin,
             inertia_factor=inertia_factor,
             convention=convention,
             seed=seed,

@@ -23,6 +23,8 @@ from ifrfit.inference.finish import with_posterior, with_profiles
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.result import FitResult, Noise
+from ifrfit.inference.scatter.law import make_scatter
+from ifrfit.inference.scatter.setup import reported_policy, with_propagated_sigma, with_scatter
 from ifrfit.inference.statistics import state_of, statistics_of
 from ifrfit.physics.closures import get_closure
 
@@ -49,6 +51,13 @@ def fit(
     speed_max: float | None = None,
     exclude: str | int | Sequence[str | int] = (),
     independent: bool = False,
+    tails: str = "gaussian",
+    dof: float | None = None,
+    angle_errors: str = "none",
+    angle_population: tuple[float, float] | None = None,
+    sigma_gamma: float | None = None,
+    sigma_velocity: float | None = None,
+    sigma_spin: float | None = None,
     inertia_factor: float | None = None,
     convention: Sequence[str] | Mapping[str, str] = (),
     params: Any = None,
@@ -87,6 +96,20 @@ def fit(
         Row numbers (lines of the file), FILE:ROW, or impact ids.
     independent : bool
         Take faces of the same impacts as independent all the same.
+    tails : {"gaussian", "student-t"}
+        Law of the errors of the values.
+    dof : float, optional
+        Degrees of freedom of Student's t, by default 4.
+    angle_errors : {"none", "effective", "set", "measured"}
+        Errors of angles and spins: taken as exact; added to sigma through the slope; true angles that scatter
+        about the set ones, integrated out; measured angles that scatter about the true ones, integrated out.
+    angle_population : (float, float), optional
+        Degrees between which the true angles are spread evenly, for "measured".
+    sigma_gamma : float, optional
+        Standard uncertainty of the angle, degrees, in rows that state none.
+    sigma_velocity, sigma_spin : float, optional
+        Standard uncertainties of measured velocities and of R Omega after impact, per incoming speed: every
+        row's sigma is propagated from them.
     inertia_factor : float, optional
         J = I/(m R^2); by default the dataset's, else 2/5.
     convention : sequence or mapping
@@ -136,7 +159,17 @@ def fit(
         for key, value in constants_from(params).items():
             choices[key] = value | choices[key]
     constants = make_constants(chosen, j, prior=prior, separate=_tuple(separate), **choices)
-    problem = make_problem(observations, chosen, j, constants, noise)
+    scatter = make_scatter(
+        tails=tails,
+        dof=dof,
+        angle_errors=angle_errors,
+        angle_population=angle_population,
+        sigma_gamma=sigma_gamma,
+        sigma_velocity=sigma_velocity,
+        sigma_spin=sigma_spin,
+    )
+    observations = with_propagated_sigma(observations, scatter)
+    problem = with_scatter(make_problem(observations, chosen, j, constants, noise), scatter, method)
     found = least_squares(problem)
     result = _result(problem, found, seed, command)
     if method == "lsq":
@@ -198,7 +231,7 @@ def _result(problem: Problem, found: LeastSquares, seed: int, command: str) -> F
         inertia_factor=problem.inertia_factor,
         method="lsq",
         inputs=problem.observations.sources,
-        noise=Noise(problem.noise, found.noise),
+        noise=Noise(reported_policy(problem), found.noise, scatter=problem.scatter),
         constants=constants,
         derived=derived_of(problem, found, constants),
         correlation=(names, capped[np.ix_(free, free)] / np.outer(size, size)),
@@ -224,8 +257,13 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
         for column in ("sigma_spin_x", "sigma_spin_y", "sigma_gamma_deg")
         if (table[column].fillna(0.0) > 0.0).any()
     ]
-    if ignored:
+    if ignored and problem.scatter.angles == "none":
         said.append(f"Not propagated: {' and '.join(ignored)}; angles and spins are taken as exact.")
+    if not problem.scatter.is_plain:
+        said.append(
+            f"Scatter: {problem.scatter.words}. chi2, residuals and what is said of misfit and outliers "
+            "are those of the reweighted rows."
+        )
     given = int(np.isfinite(problem.sigma).sum())
     if problem.noise == "unknown" and given:
         said.append(

@@ -193,7 +193,10 @@ def exact_noise(
         assert factor is not None
         for name, rows in problem.groups().items():
             sigma[name] = factor * float(np.sqrt((problem.sigma[rows] ** 2).mean()))
-    return Noise(local.policy, sigma, estimates, dict(bounds))
+    if problem.noise == "scaled" and local.policy == "unknown":  # the factor is on a sigma of 1
+        (group,) = problem.groups()
+        estimates, bounds = {group: estimates[""]}, {group: bounds[""]}
+    return Noise(local.policy, sigma, estimates, dict(bounds), local.scatter)
 
 
 def exact_state(problem: Problem, posterior: Posterior, state: State, rng: np.random.Generator) -> State:

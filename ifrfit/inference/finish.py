@@ -16,19 +16,20 @@ from ifrfit.inference.exact import (
 )
 from ifrfit.inference.facts import at_bound
 from ifrfit.inference.identifiability import identifiable
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import TOLERANCE, explore
 from ifrfit.inference.posterior.noise import noise_bounds
 from ifrfit.inference.predictive import predictive
 from ifrfit.inference.result import FitResult
 from ifrfit.inference.sharing import sharing
 
+COARSE = 1e-3  # tolerance where the scatter is not plain: every node costs all rows
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
 def with_posterior(result: FitResult) -> FitResult:
     """Put the exact posterior in the place of the local picture; the facts about the optimum stay."""
     problem, found = result.problem, result.least_squares
-    posterior = explore(problem, start=found)
+    posterior = explore(problem, start=found, tolerance=TOLERANCE if problem.scatter.is_plain else COARSE)
     rng = np.random.default_rng(result.seed)
     constants = exact_constants(problem, posterior, result.constants)
     fit = replace(result.fit, log_evidence=posterior.log_evidence)

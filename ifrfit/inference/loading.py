@@ -16,6 +16,7 @@ from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
 from ifrfit.inference.checked import REMEDY, Node
 from ifrfit.inference.result import Estimate, Fact, FitResult, FitStatistics, Noise, State, Status
+from ifrfit.inference.scatter.law import PLAIN, Scatter, make_scatter
 from ifrfit.inference.serialise import FACTOR, NULL_MARK, SCHEMA
 
 if TYPE_CHECKING:
@@ -168,6 +169,17 @@ def _noise(node: Node) -> Noise:
         sigma=node["sigma"].mapped(lambda item: item.number(math.nan)),
         estimates=named(node["estimates"].mapped(_estimate)) if "estimates" in node else {},
         prior=named(node["prior"].mapped(_interval)) if "prior" in node else {},
+        scatter=_scatter(node["scatter"]) if "scatter" in node else PLAIN,
+    )
+
+
+def _scatter(node: Node) -> Scatter:
+    population = node["angle_population"]
+    return make_scatter(
+        tails=node["tails"].text(),
+        angle_errors=node["angle_errors"].text(),
+        angle_population=None if population.value is None else _interval(population),
+        **{key: node[key].maybe() for key in ("dof", "sigma_gamma", "sigma_velocity", "sigma_spin")},
     )
 
 

@@ -136,7 +136,9 @@ def predict(
         "value": curves[0],
     }
     table |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
-    noise = rng.standard_normal((sample.shape[0], 1)) * own
+    dof = result.noise.scatter.dof
+    shape = (sample.shape[0], 1)
+    noise = own * (rng.standard_normal(shape) if dof is None else rng.standard_t(dof, shape))
     new = np.quantile(curves[1:] + noise, _QUANTILES, axis=0)
     table |= dict(zip(("new_lo68", "new_hi68", "new_lo95", "new_hi95"), new, strict=True))
     return pd.DataFrame(table)

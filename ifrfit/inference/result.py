@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
+from ifrfit.inference.scatter.law import PLAIN, Scatter
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,12 +101,15 @@ class Noise:
         What the data say of each unknown sigma, by the same names; of the common factor under "".
     prior : mapping
         Bounds of the log-uniform prior of each of these; empty where the method needs none.
+    scatter : Scatter
+        How values scatter about the model, where that is not plainly Gaussian.
     """
 
     policy: str
     sigma: Mapping[str, float]
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     prior: Mapping[str, Interval] = field(default_factory=dict)
+    scatter: Scatter = PLAIN
 
 
 @dataclass(frozen=True)

@@ -222,6 +222,11 @@ def _noise(noise: Noise, nulls: _Nulls) -> dict[str, Any]:
         content["estimates"] = _estimates(named, "noise.estimates", nulls)
     if noise.prior:
         content["prior"] = {name or FACTOR: _ends(bounds, nulls) for name, bounds in noise.prior.items()}
+    if noise.scatter.words:
+        content["scatter"] = {
+            key: list(value) if isinstance(value, tuple) else value
+            for key, value in noise.scatter.choices().items()
+        }
     return content
 
 

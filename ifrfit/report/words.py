@@ -58,6 +58,8 @@ def model_line(result: FitResult) -> str:
         result.noise.policy, f"{number} unknown noise{'s' if count != 1 else ''}"
     )
     parts = [f"closure {closure}", METHODS.get(result.method, result.method), noise]
+    if result.noise.scatter.words:
+        parts.append(result.noise.scatter.words)
     if result.inertia_factor != 0.4:
         parts.append(f"inertia factor {result.inertia_factor:.6g}")
     return ", ".join(parts)

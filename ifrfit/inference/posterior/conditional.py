@@ -14,6 +14,7 @@ from ifrfit.inference.posterior.rule import rule
 from ifrfit.inference.posterior.sums import Quadratic
 from ifrfit.inference.posterior.unknown import Unknown
 from ifrfit.inference.problem import Index
+from ifrfit.inference.scatter.rows import RowLaw
 from ifrfit.physics.closures import Coefficients
 
 Array = NDArray[np.float64]
@@ -86,6 +87,7 @@ def about_mode(
     place: Place,
     limits: tuple[Array, Array],
     tail: float,
+    law: RowLaw | None = None,
 ) -> Spread:
     """Find the conditional mode inside its limits, its size, and how far both tails reach.
 
@@ -101,6 +103,8 @@ def about_mode(
     limits : (ndarray, ndarray)
     tail : float
         Fall of the log density beyond which nothing is counted.
+    law : RowLaw, optional
+        Of the rows, where `misfit` is no more than near to it.
     """
     lower, upper = limits
     weight = [1.0 / s**2 for s in sigma]
@@ -142,8 +146,10 @@ def about_mode(
     if count:  # Student's tails: so far out that their mass does not count either
         fall = 0.5 * count * math.expm1(min(2.0 * tail / max(count - 1.0, 1.0), 30.0))
     far = size * 2.0 * fall / (pull + np.sqrt(pull * pull + 2.0 * fall))
-    if not misfit.is_quadratic:
+    if not misfit.is_quadratic or law is not None:
         far = _CURVED * far  # an angle saturates, so its misfit rises more slowly than it begins
+    if law is not None and law.scatter.dof is not None:
+        far = np.full(far.shape, np.inf)  # rows that disagree keep places likely that are far from the mode
     size = size / (1.0 + pull)
     room = np.stack((mode - lower, upper - mode), axis=-1)
     reach = np.arcsinh(np.minimum(room, far[..., None]) / size[..., None])
