@@ -335,11 +335,18 @@ def template(
 @command
 def reproduce(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where figures and table go.")] = Path("figures"),
+    figure: Annotated[
+        Repeated, typer.Option(metavar="NAME", help="Only this figure, as 5, 4a, A2.1 or kharaz.")
+    ] = [],  # noqa: B006
+    digitised_only: Annotated[
+        bool, typer.Option("--digitised-only", help="Leave out what rests on stand-ins or on no data.")
+    ] = False,
 ) -> None:
-    """Fit and draw every bundled dataset."""
+    """Redraw the paper's figures, and recover its constants."""
     from ifrfit.report.reproduce import reproduce as run
 
-    typer.echo(run(out, progress=sys.stderr.isatty()), nl=False)
+    text = run(out, figures=figure, digitised_only=digitised_only, progress=sys.stderr.isatty())
+    typer.echo(text, nl=False)
 
 
 app.command()(simulate)

@@ -261,6 +261,7 @@ class FitResult:
         observable: str = "beta",
         series: str | None = None,
         degrees: bool = True,
+        sigma: ArrayLike | None = None,
     ) -> pd.DataFrame:
         """Predict an observable with credible and predictive bands.
 
@@ -274,6 +275,11 @@ class FitResult:
             Name in the common schema.
         series : str, optional
             Whose constants and noise to take; needed where constants are separate.
+        degrees : bool
+            Whether gamma is in degrees.
+        sigma : array_like, optional
+            Standard deviation of one more measurement, broadcast against gamma; the noise of the fit if not
+            given.
 
         Returns
         -------
@@ -288,7 +294,16 @@ class FitResult:
         """
         from ifrfit.inference.prediction import predict
 
-        return predict(self, gamma, spin_x, spin_y, observable=observable, series=series, degrees=degrees)
+        return predict(
+            self,
+            gamma,
+            spin_x,
+            spin_y,
+            observable=observable,
+            series=series,
+            degrees=degrees,
+            sigma=sigma,
+        )
 
     def intervals(self) -> pd.DataFrame:
         """Central 95 % intervals of each constant and of kappa by covariance, profile and exact posterior.
