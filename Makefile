@@ -10,7 +10,7 @@ reproduce: $(READY)
 	$(BIN)/python scripts/reproduce_paper.py --out figures
 
 test: lint types
-	$(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -11,7 +11,7 @@ import numpy as np
 from ifrfit.errors import UsageError
 from ifrfit.inference.simulated import conditions, observed
 from ifrfit.report import style
-from ifrfit.report.figures import MOST_COLUMNS, _settle
+from ifrfit.report.figures import MOST_COLUMNS
 from ifrfit.report.panels import axis_label
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def plot(simulation: Simulation) -> Figure:
             axes = figure.add_subplot(rows, columns, number + 1)
             _panel(figure, axes, simulation, name)
         figure.suptitle(title, fontsize=8.0)
-        _settle(figure)
+        style.settle(figure)
     return figure
 
 
