@@ -19,7 +19,8 @@ def moves() -> list[tuple[Any, float]]:
     """Moves and how often each is taken.
 
     Student's move for what is nearly normal; differential evolution, which follows any shape; the same with
-    the whole difference of two walkers, which leads from one mode to another.
+    the whole difference of two walkers, which leads from one mode to another. None of them is good at a thin
+    arm beside a broad region: walkers stay in it for long, and the autocorrelation time does not settle.
 
     References
     ----------
