@@ -112,7 +112,7 @@ def fit(
     if method not in METHODS:
         raise UsageError(f"There is no method '{method}'. This version has {', '.join(METHODS)}.")
     chosen = get_closure(closure)
-    observations = _gather(data, convention, inertia_factor)
+    observations = gather(data, convention, inertia_factor)
     selection = Selection(
         observable=_tuple(observable),
         series=_tuple(series),
@@ -150,7 +150,7 @@ def _tuple(value: Any) -> tuple[Any, ...]:
     return tuple(value)
 
 
-def _gather(
+def gather(
     data: Data | Sequence[Data], convention: Sequence[str] | Mapping[str, str], inertia_factor: float | None
 ) -> Observations:
     parts = [data] if isinstance(data, str | Path | Observations) else list(data)
