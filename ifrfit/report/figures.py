@@ -65,11 +65,11 @@ def plot(result: FitResult) -> Figure:
         if title:
             figure.suptitle(title, fontsize=8.5, weight="bold")
         legend.draw(figure)
-        _settle(figure)
+        settle(figure)
     return figure
 
 
-def _settle(figure: Figure) -> None:
+def settle(figure: Figure) -> None:
     """Fix the layout: the last bit of its solver depends on addresses, and ids in an svg on that bit."""
     figure.draw_without_rendering()
     figure.set_layout_engine("none")

@@ -308,17 +308,17 @@ class Comparison:
 
     def summary(self) -> str:
         """The comparison as text for a terminal, at most 100 columns."""
-        from ifrfit.report.comparison import text
+        from ifrfit.report.comparison_text import text
 
         return text(self)
 
     def plot(self) -> Figure:
         """Figure of data, each closure's line and residuals, and the evidence beside cross-validation."""
-        from ifrfit.report.comparison import plot
+        from ifrfit.report.comparison_figure import plot
 
         return plot(self)
 
     def _repr_html_(self) -> str:
-        from ifrfit.report.comparison import html
+        from ifrfit.report.comparison_text import html
 
         return html(self)

@@ -143,26 +143,32 @@ def _preferred(entries: Mapping[str, Entry], ranked: Sequence[str], priors: Sequ
 
 def _undecided(entries: Mapping[str, Entry], ranked: Sequence[str], tied: Sequence[str]) -> Verdict:
     best = tied[0]
+    gaps = {name: entries[best].log_evidence - entries[name].log_evidence for name in ranked}
+    near = [name for name in tied[1:] if gaps[name] <= INDIFFERENT]
+    alike = [name for name in tied[1:] if gaps[name] > INDIFFERENT]
+    parts = []
+    if near:
+        factor = f"log Bayes factor {_number(max(gaps[name] for name in near))}"
+        parts.append(f"from {joined([title(n) for n in near], 'or')} ({factor}; below 1 is no preference)")
+    if alike:
+        its = "whose best curve coincides" if len(alike) == 1 else "whose best curves coincide"
+        factor = f"log Bayes factor {_number(max(gaps[name] for name in alike))}"
+        parts.append(
+            f"from {joined([title(n) for n in alike], 'or')}, {its} with its own within the noise "
+            f"({factor}, which only weighs the widths of the priors)"
+        )
+    says = f"These data cannot tell {title(best)} {', nor '.join(parts)}"
     rest = [name for name in ranked if name not in tied]
-    largest = max(entries[best].log_evidence - entries[name].log_evidence for name in tied)
-    number = f"log Bayes factor {_number(largest)}"
-    if largest <= INDIFFERENT:
-        why = f"{number}; below 1 is no preference"
-    else:
-        why = f"{number}, but their best curves coincide within the noise, so only the priors' widths count"
-    names = [title(name) for name in tied]
-    says = f"These data cannot tell {names[0]} from {joined(names[1:], 'or')} ({why})"
     if not rest:
         return Verdict("undecided", says + ".", tuple(tied))
     # the weakest of the tied against the best of the rest: what holds for all of them
-    least = min(entries[name].log_evidence for name in tied) - entries[rest[0]].log_evidence
+    least = gaps[rest[0]] - max(gaps[name] for name in tied)
     strength = strength_of(least)
-    gap = entries[best].log_evidence - entries[rest[0]].log_evidence
     if strength:
         each = "both" if len(tied) == 2 else "all of them"
-        over = f"{title(rest[0])}, the next" if len(rest) > 1 else title(rest[0])
-        says += f"; they favour {each} over {over}, {_ADVERBS[strength]} ({_number(least)} or more)"
-    return Verdict("undecided", says + ".", tuple(tied), rest[0], gap, strength)
+        over = f"{title(rest[0])}, the next," if len(rest) > 1 else title(rest[0])
+        says += f"; they favour {each} over {over} {_ADVERBS[strength]} ({_number(least)} or more)"
+    return Verdict("undecided", says + ".", tuple(tied), rest[0], gaps[rest[0]], strength)
 
 
 def _number(x: float) -> str:
