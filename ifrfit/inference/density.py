@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from ifrfit.inference.forward import fitted_at
+from ifrfit.inference.least_squares import least_squares
 from ifrfit.inference.posterior.noise import noise_bounds
 from ifrfit.inference.posterior.plan import noise_label
 from ifrfit.inference.posterior.unknown import Unknown
 from ifrfit.inference.problem import Index, Problem
+from ifrfit.inference.scatter.pieces import At
+from ifrfit.inference.scatter.rows import RowLaw, at_theta, impacts_of
 
 Array = NDArray[np.float64]
 
@@ -72,7 +74,9 @@ class Density:
         """
         prior = self.log_prior(points)
         inside = np.isfinite(prior)
-        prior[inside] += self.rows(points[inside]).sum(axis=1)
+        prior[inside] += (self.rows if self.problem.scatter.is_plain else self.impacts)(points[inside]).sum(
+            axis=1
+        )
         return prior
 
     def log_prior(self, points: Array) -> Array:
@@ -85,7 +89,7 @@ class Density:
         return np.asarray(total - np.log(spans).sum())
 
     def rows(self, points: Array) -> Array:
-        """Log likelihood of each row, (m, n)."""
+        """Log likelihood of each row where rows are independent, (m, n)."""
         sigma = self.sigma(points)
         z = (self.problem.rows.value - fitted_at(self.problem, self.theta(points))) / sigma
         return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
@@ -93,6 +97,8 @@ class Density:
     def impacts(self, points: Array) -> Array:
         """Log likelihood of each impact, (m, n_impacts), in the order of `impact`."""
         n = int(self.impact.max()) + 1
+        if not self.problem.scatter.is_plain:
+            return self._scattered(points, n)
         if n == self.impact.size:
             return self.rows(points)
         return np.asarray(self.rows(points) @ (self.impact[:, None] == np.arange(n)).astype(float))
@@ -100,11 +106,43 @@ class Density:
     @cached_property
     def impact(self) -> Index:
         """Impact of each row, (n,), numbered as they first occur; a row without an impact_id is its own."""
-        table = self.problem.observations.table
-        alone = pd.Series([f"row {i}" for i in range(len(table))], index=table.index)
-        named = table["source"].astype(str) + "/" + table["impact_id"].astype(str)
-        codes, _ = pd.factorize(named.where(table["impact_id"] != "", alone))
-        return np.asarray(codes, dtype=np.intp)
+        return impacts_of(self.problem.observations.table)
+
+    def _scattered(self, points: Array, n: int) -> Array:
+        """The same where angles or tails make the scatter other than plain."""
+        found = np.zeros((points.shape[0], n))
+        for law, at in self._laws_at(points):
+            units = law.log_units(at)[:, 0]
+            first = np.searchsorted(law.unit, np.arange(units.shape[1]))
+            for impact, own in zip(self.impact[law.order[first]], units.T, strict=True):
+                found[:, impact] += own
+        return found
+
+    def below(self, points: Array) -> Array:
+        """Probability of a value below the measured one, row by row, (m, n)."""
+        found = np.empty((points.shape[0], self.impact.size))
+        for law, at in self._laws_at(points):
+            found[:, law.order] = law.below(at)[:, 0]
+        return found
+
+    def _laws_at(self, points: Array) -> Iterator[tuple[RowLaw, At]]:
+        """Law of each series with the constants at the points; its `order` counts the problem's rows."""
+        theta = self.theta(points)
+        scaled = self.problem.noise == "scaled"
+        factor: Array | float = np.exp(points[:, len(self.unknowns)]) if scaled else 1.0
+        for series, law in self._laws:
+            yield law, at_theta(self.problem, theta, factor, series)
+
+    @cached_property
+    def _laws(self) -> list[tuple[int, RowLaw]]:
+        reference = least_squares(self.problem).optimum.theta
+        one = not any(c.separate for c in self.problem.constants)
+        found = []
+        for series in range(1 if one else len(self.problem.series)):
+            rows = np.arange(self.impact.size) if one else np.flatnonzero(self.problem.rows.series == series)
+            law = RowLaw.of(self.problem, rows, reference)
+            found.append((series, replace(law, order=rows[law.order])))
+        return found
 
     def theta(self, points: Array) -> Array:
         """Entries of theta, fixed ones included, (m, p)."""

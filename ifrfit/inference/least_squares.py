@@ -56,17 +56,21 @@ def least_squares(problem: Problem) -> LeastSquares:
 
     known: sigma is taken at its word. scaled: sigma times one common factor, from the misfit.
     unknown: one sigma a series and observable, from the misfit; weights are iterated and the optimum is
-    certified at the final ones.
+    certified at the final ones. The same where the scatter is not plain, see `scatter.reweighted`.
 
     Raises
     ------
     DataError
         If the noise is to come from the misfit and a group could be fitted exactly.
     """
+    if not problem.scatter.is_plain:
+        from ifrfit.inference.scatter.reweighted import reweighted  # which calls this for each set of weights
+
+        return reweighted(problem)
     if problem.noise == "known":
         optimum = solve(problem, problem.sigma)
         local = local_picture(problem, problem.sigma, optimum.theta)
-        return LeastSquares(optimum, problem.sigma, _rms(problem, problem.sigma), math.inf, 0.0, local)
+        return LeastSquares(optimum, problem.sigma, group_sigma(problem, problem.sigma), math.inf, 0.0, local)
     groups = {"": np.arange(problem.rows.value.size)} if problem.noise == "scaled" else problem.groups()
     for name, rows in groups.items():
         _refuse_exact(problem, name, rows)
@@ -87,7 +91,7 @@ def least_squares(problem: Problem) -> LeastSquares:
     sigma = base * factor
     dof = sum(rows.size - float(local.leverage[rows].sum()) for rows in groups.values())
     local = local_picture(problem, sigma, optimum.theta)
-    return LeastSquares(optimum, sigma, _rms(problem, sigma), dof, change, local)
+    return LeastSquares(optimum, sigma, group_sigma(problem, sigma), dof, change, local)
 
 
 def _factors(problem: Problem, theta: Array, base: Array, groups: Mapping[str, Index], local: Local) -> Array:
@@ -148,5 +152,6 @@ def _needs_sigma(problem: Problem, name: str, rows: Index) -> str:
     )
 
 
-def _rms(problem: Problem, sigma: Array) -> dict[str, float]:
+def group_sigma(problem: Problem, sigma: Array) -> dict[str, float]:
+    """Root mean square of sigma in each "series/observable"."""
     return {name: float(np.sqrt((sigma[rows] ** 2).mean())) for name, rows in problem.groups().items()}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.constants import Constant
+from ifrfit.inference.scatter.law import PLAIN, Scatter
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import Closure
 from ifrfit.physics.observables import OBSERVABLES, get_observable
@@ -83,6 +84,7 @@ class Problem:
     sigma: Array  # as given; nan where not
     noise: str  # known, scaled or unknown
     noise_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of its prior, if chosen
+    scatter: Scatter = PLAIN
 
     @property
     def names(self) -> tuple[str, ...]:

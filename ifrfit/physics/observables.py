@@ -46,6 +46,8 @@ class Observable:
         Factor of the tangential kind: 1, 1/(1 + e_n) or 1/e_n.
     by_impulse : callable or None
         Of the curved kind: from `Incidence`, impulse factor k, e_n and J to the value, for many k at once.
+    without_e_n : bool
+        Of the curved kind: whether e_n enters through the impulse factor alone.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Observable:
     linear: Callable[[Incidence, float], tuple[Array, Array]] | None = None
     scale: Scale = "one"
     by_impulse: Callable[[Incidence, Array, Array, float], Array] | None = None
+    without_e_n: bool = False
 
     @property
     def has_angle(self) -> bool:
@@ -171,6 +174,7 @@ OBSERVABLES: dict[str, Observable] = {
             "curved",
             lambda r, mu: np.degrees(r.lambda_),
             by_impulse=_lambda,
+            without_e_n=True,
         ),
         Observable(
             "tan_psi_after",
@@ -199,6 +203,7 @@ OBSERVABLES: dict[str, Observable] = {
             "curved",
             lambda r, mu: np.degrees(r.psi_after),
             by_impulse=_psi_after,
+            without_e_n=True,
         ),
         Observable(
             "psi_out_deg",

@@ -18,9 +18,11 @@ from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.conditional import Place, Spread, about_mode, c_limits
 from ifrfit.inference.posterior.misfit import Misfit
 from ifrfit.inference.posterior.noise import UnknownNoise
+from ifrfit.inference.posterior.scattered import scattered
 from ifrfit.inference.posterior.sums import Quadratic, lifted
 from ifrfit.inference.posterior.tensor import Tensor
 from ifrfit.inference.posterior.unknown import Unknown
+from ifrfit.inference.scatter.rows import RowLaw
 
 Array = NDArray[np.float64]
 
@@ -48,6 +50,8 @@ class Series:
         Of an unbounded transition.
     tail : float
         Fall of the log density beyond which the closure constant is not followed.
+    law : RowLaw or None
+        Of the rows, where their scatter is not plain: `misfit` then only says where to look.
     """
 
     misfit: Misfit
@@ -62,6 +66,7 @@ class Series:
     x_axis: Axis | None = None
     c_order: int = 16
     tail: float = 40.0
+    law: RowLaw | None = None
     role: str = field(init=False)
     log_norm: float = field(init=False)
 
@@ -78,8 +83,8 @@ class Series:
         else:
             self.role = "none"
         weight = self.misfit.weight
-        self.log_norm = float(np.log(weight).sum())
-        if self.noise is None:
+        self.log_norm = 0.0 if self.law is not None else float(np.log(weight).sum())
+        if self.noise is None and self.law is None:
             self.log_norm -= 0.5 * weight.size * math.log(2.0 * math.pi)
 
     @property
@@ -232,10 +237,35 @@ class Series:
         The second has the shape (m, n_e, n_x), the first one axis more; where e_n takes no part in the first
         one, that one is the smaller for it.
         """
-        d = c - self.misfit.reference.c
-        curved = self.misfit.curved(e[..., None], x[..., None], c, mu)
+        total, apart = self._log_likelihood(squares, e, x, c, mu, noise)
+        apart = apart + self.log_norm
+        if isinstance(self.e_n, Unknown):
+            apart = apart + self.e_n.log_prior(e)
+        if self.n_normal:
+            apart = apart - self.n_normal * np.log1p(e)
+        if isinstance(self.c, Unknown):
+            total = total + self.c.log_prior(c)
+        if isinstance(self.mu, Unknown):
+            with np.errstate(divide="ignore"):
+                total = total + np.log(np.maximum(self.misfit.b(c), 0.0))
+            apart = apart - np.log1p(e)
+            if self.misfit.coefficients.b1 and self.mu.prior is not None:
+                total = total + self.mu.log_prior(mu)
+            else:
+                b = self.misfit.b(c[..., 0])
+                apart = apart + self.mu.log_prior(x * b / (1.0 + e))
+        return total, apart
+
+    def _log_likelihood(
+        self, squares: list[Quadratic], e: Array, x: Array, c: Array, mu: Array, noise: Array | None
+    ) -> tuple[Array, Array]:
+        """Of the rows, in two parts as `_log_density` has them."""
         total: Array = np.zeros((1, 1, 1, 1))
         apart: Array = np.zeros((1, 1, 1))
+        if self.law is not None:
+            return scattered(self.law, self.misfit.coefficients, e, x, c, mu, noise), apart
+        d = c - self.misfit.reference.c
+        curved = self.misfit.curved(e[..., None], x[..., None], c, mu)
         for number, (q, more) in enumerate(zip(squares, curved, strict=True)):
             n = self.misfit.groups[number].size
             if not n:
@@ -254,20 +284,4 @@ class Series:
             else:
                 total = total - 0.5 * moving
                 apart = apart - 0.5 * q.square
-        apart = apart + self.log_norm
-        if isinstance(self.e_n, Unknown):
-            apart = apart + self.e_n.log_prior(e)
-        if self.n_normal:
-            apart = apart - self.n_normal * np.log1p(e)
-        if isinstance(self.c, Unknown):
-            total = total + self.c.log_prior(c)
-        if isinstance(self.mu, Unknown):
-            with np.errstate(divide="ignore"):
-                total = total + np.log(np.maximum(self.misfit.b(c), 0.0))
-            apart = apart - np.log1p(e)
-            if self.misfit.coefficients.b1 and self.mu.prior is not None:
-                total = total + self.mu.log_prior(mu)
-            else:
-                b = self.misfit.b(c[..., 0])
-                apart = apart + self.mu.log_prior(x * b / (1.0 + e))
         return total, apart

@@ -15,6 +15,7 @@ from ifrfit.inference.posterior.noise import UnknownNoise
 from ifrfit.inference.posterior.setting import LADDER, Setting, ladder
 from ifrfit.inference.posterior.unknown import Unknown
 from ifrfit.inference.problem import Index, RowModel
+from ifrfit.inference.scatter.rows import RowLaw
 
 Array = NDArray[np.float64]
 
@@ -61,7 +62,8 @@ def make_part(
         reference = Reference(optimum["e_n"][0], 0.0, 0.0)
     names, groups, noise, weight, sigma = _noise(setting, at, whole)
     misfit = Misfit(rows, weight, groups, problem.closure, problem.inertia_factor, reference)
-    series = Series(misfit, noise, known["e_n"], known["c"], known["mu"], sigma, n_normal)
+    law = None if problem.scatter.is_plain else RowLaw.of(problem, at, setting.start.optimum.theta)
+    series = Series(misfit, noise, known["e_n"], known["c"], known["mu"], sigma, n_normal, law=law)
     series.c_order, series.tail = setting.c_order, setting.tail
     if series.has_e_axis:
         assert isinstance(series.e_n, Unknown)
@@ -89,10 +91,12 @@ def _noise(
         sigma = np.array([start.noise[name] for name in names])
         return names, [group for _, group in of_rows], noise, np.ones(at.size), sigma
     everything = [np.arange(at.size)]
+    factor = np.array([float(np.median(start.sigma / problem.sigma)) if problem.noise == "scaled" else 1.0])
+    if not problem.scatter.is_plain:  # no more than where to look
+        return (), everything, None, factor[0] / start.sigma[at], np.ones(1)
     weight = 1.0 / problem.sigma[at]
     if problem.noise == "known":
         return (), everything, None, weight, np.ones(1)
-    factor = np.array([float(np.median(start.sigma / problem.sigma))])
     if whole:
         return ("",), everything, (UnknownNoise(at.size, *setting.bounds[""]),), weight, factor
     return (), everything, None, weight, np.ones(1)  # the factor is shared

@@ -25,7 +25,6 @@ from ifrfit.physics.observables import OBSERVABLES
 Array = NDArray[np.float64]
 
 _KINDS = ("e_n", "c", "mu")
-_FREE_OF_E = ("lambda_deg", "psi_after_deg")  # curved observables that the impulse factor alone decides
 _MOST_KINKS = 48
 
 
@@ -136,7 +135,7 @@ def _sees_e_n_apart(problem: Problem) -> bool:
     """Whether no row sees e_n together with the impulse."""
     for name in problem.rows.names:
         o = OBSERVABLES[name]
-        if (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and name not in _FREE_OF_E):
+        if (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n):
             return False
     return True
 
@@ -156,7 +155,9 @@ def _assemble(
     direct = is_normal[setting.problem.rows.which]
     # a common factor of the noise is integrated inside where one part has all rows, or e_n and c meet in them
     tied = setting.constant("e_n").fixed is not None or not _sees_e_n_apart(setting.problem)
-    whole = len(blocks) == 1 and (not direct.any() or (not apart and tied))
+    whole = (
+        len(blocks) == 1 and (not direct.any() or (not apart and tied)) and setting.problem.scatter.is_plain
+    )
     for block, rows in enumerate(blocks):
         known: dict[str, Unknown | float | None] = {kind: unknowns[kind, block] for kind in _KINDS}
         if apart:
