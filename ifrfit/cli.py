@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ifrfit._version import __version__
+from ifrfit.cli_compare import comparing
 from ifrfit.cli_datasets import datasets
 from ifrfit.cli_errors import command
 from ifrfit.errors import UsageError
@@ -34,7 +35,7 @@ app.add_typer(datasets, name="datasets")
 NOT_DETERMINED = 4
 
 
-def _pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
+def pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
     """NAME=VALUE, or NAME=A,B, as a dictionary."""
     numbers = form.count(",") + 1
     found: dict[str, Any] = {}
@@ -149,14 +150,14 @@ def fit(
         from ifrfit.report.folder import check_free
 
         check_free(out, force=False)
-    with _working(quiet or as_json):
+    with working(quiet or as_json):
         result = run(
             data,
             closure=closure,
             method=method,
-            fix=_pairs("--fix", fix, "NAME=VALUE"),
-            prior=_pairs("--prior", prior, "NAME=MEAN,SD"),
-            bounds=_pairs("--bounds", bounds, "NAME=LO,HI"),
+            fix=pairs("--fix", fix, "NAME=VALUE"),
+            prior=pairs("--prior", prior, "NAME=MEAN,SD"),
+            bounds=pairs("--bounds", bounds, "NAME=LO,HI"),
             separate=separate,
             noise=noise,
             observable=observable,
@@ -170,7 +171,7 @@ def fit(
             inertia_factor=inertia_factor,
             convention=convention,
             seed=seed,
-            command=_command_line(),
+            command=command_line(),
         )
         table = result.intervals() if intervals else None
         written = _write(result, out, force)
@@ -190,12 +191,12 @@ def fit(
         _insist(result)
 
 
-def _command_line() -> str:
+def command_line() -> str:
     """The command as text, for the record; file names that are no UTF-8 lose those bytes."""
     return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
 
 
-def _working(quiet: bool) -> Any:
+def working(quiet: bool, what: str = "fitting") -> Any:
     """Show that work goes on, at a terminal."""
     import contextlib
 
@@ -203,7 +204,7 @@ def _working(quiet: bool) -> Any:
         return contextlib.nullcontext()
     from rich.console import Console
 
-    return Console(stderr=True).status("fitting")
+    return Console(stderr=True).status(what)
 
 
 def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:
@@ -223,6 +224,9 @@ def _insist(result: FitResult) -> None:
     if reasons:
         typer.echo(f"ifrfit: --strict: {'; '.join(reasons)}.", err=True)
         raise typer.Exit(NOT_DETERMINED)
+
+
+app.command()(command(comparing(fit, sys.modules[__name__])))
 
 
 @app.command()

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from ifrfit.errors import UsageError
-
 if TYPE_CHECKING:
     from ifrfit.inference import Comparison
 
@@ -60,9 +58,7 @@ def comparing(fit: Callable[..., None], tools: Any) -> Callable[..., None]:
         out: Annotated[
             Path | None, typer.Option(metavar="DIR", help="Write compare.json, .svg and .png there.")
         ] = None,
-        force: Annotated[
-            bool, typer.Option("--force", help="Replace an earlier comparison in DIR.")
-        ] = False,
+        force: Annotated[bool, typer.Option("--force", help="Replace an earlier comparison in DIR.")] = False,
         as_json: Annotated[
             bool, typer.Option("--json", help="compare.json on standard output, nothing else.")
         ] = False,

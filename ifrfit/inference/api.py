@@ -153,6 +153,7 @@ def _tuple(value: Any) -> tuple[Any, ...]:
 def gather(
     data: Data | Sequence[Data], convention: Sequence[str] | Mapping[str, str], inertia_factor: float | None
 ) -> Observations:
+    """Read what is to be read, and put several files or datasets together."""
     parts = [data] if isinstance(data, str | Path | Observations) else list(data)
     read = [
         part

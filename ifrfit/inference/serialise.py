@@ -156,15 +156,13 @@ def write_whole(text: str, path: Path) -> None:
 
 
 def render(value: Any, depth: int = 0) -> str:
-    """Plain JSON values as text: objects over many lines, lists of numbers on one: points stay readable and small."""
+    """Plain values as text: objects over many lines, lists of numbers on one: points stay readable."""
     pad = "  " * (depth + 1)
     if isinstance(value, dict) and value:
         lines = [f"{pad}{_dump(key)}: {render(item, depth + 1)}" for key, item in value.items()]
         return "{\n" + ",\n".join(lines) + "\n" + "  " * depth + "}"
     if isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        return (
-            "[\n" + ",\n".join(pad + render(item, depth + 1) for item in value) + "\n" + "  " * depth + "]"
-        )
+        return "[\n" + ",\n".join(pad + render(item, depth + 1) for item in value) + "\n" + "  " * depth + "]"
     return _dump(value)
 
 

@@ -108,9 +108,7 @@ def _draw_observable(
     axes[-1].set_xlabel("incidence angle γ (deg)")
 
 
-def _draw_strip(
-    axes: Axes, rows: pd.DataFrame, words: str, look: style.Look, size: float
-) -> None:
+def _draw_strip(axes: Axes, rows: pd.DataFrame, words: str, look: style.Look, size: float) -> None:
     z = rows["standardised"].to_numpy(dtype=float)
     top = max(3.5, 1.25 * float(np.abs(z).max(initial=0.0)))
     axes.axhline(0.0, color=GREY, lw=0.6, zorder=1)

@@ -26,9 +26,7 @@ def text(comparison: Comparison) -> str:
     model = f"{len(comparison.entries)} closures, exact posterior, {noise_words(best)}"
     blocks = [
         [*source_lines(best), *wrapped(model, 2)],
-        textwrap.wrap(
-            comparison.verdict.says, WIDTH, initial_indent="VERDICT  ", subsequent_indent=" " * 9
-        ),
+        textwrap.wrap(comparison.verdict.says, WIDTH, initial_indent="VERDICT  ", subsequent_indent=" " * 9),
         [*_table(comparison, _criteria(comparison)), *wrapped("  " + prior_line(comparison), 4)],
         _prior_lines(comparison),
         _table(comparison, _LOO) if _cross_validated(comparison) else [],
@@ -159,10 +157,7 @@ def _plane_lines(comparison: Comparison) -> list[str]:
         f"  psi plane, V_t/U_n over U_t/U_n with free slopes: {plane.n} rows, {plane.n_sticking} stick, "
         f"{plane.n_sliding} slide"
     )
-    rows = [
-        (words, *_slope_cells(slope), slope)
-        for words, slope in _slopes(plane)
-    ]
+    rows = [(words, *_slope_cells(slope), slope) for words, slope in _slopes(plane)]
     widths = [max(len(str(row[i])) for row in rows) for i in range(4)]
     lines = wrapped(head, 4)
     for *cells, slope in rows:

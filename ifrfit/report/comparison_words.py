@@ -82,10 +82,10 @@ def _of_cross_validation(comparison: Comparison) -> list[str]:
         )
     for name, loo in found.items():
         if loo.doubtful:
-            count = len(loo.doubtful)
+            count, more = len(loo.doubtful), ", ..." if len(loo.doubtful) > 1 else ""
             said.append(
-                f"cross-validation of {title(name)} is not to be trusted: Pareto k over {loo.threshold:.2g} in "
-                f"{count} impact{'s' if count > 1 else ''} ({loo.doubtful[0]}{', ...' if count > 1 else ''})"
+                f"cross-validation of {title(name)} is not to be trusted: Pareto k over {loo.threshold:.2g} "
+                f"in {count} impact{'s' if count > 1 else ''} ({loo.doubtful[0]}{more})"
             )
     return said
 

@@ -64,8 +64,8 @@ def compare(
     """
     if "method" in choices or "closure" in choices:
         raise UsageError(
-            "A comparison is by exact posterior, and its closures are named by `closures`: leave out `method` "
-            "and `closure`."
+            "A comparison is by exact posterior, and `closures` names its closures: leave out `method` and "
+            "`closure`."
         )
     asked = chosen_closures(closures)
     constants = constant_choices(choices)
@@ -83,7 +83,7 @@ def compare(
 
 
 def _cross_validated(fits: dict[str, FitResult], seed: int) -> dict[str, Loo]:
-    """Every closure with draws of its own, the same whichever others are compared; empty for too many rows."""
+    """Every closure with draws of its own, whichever others are compared; empty for too many rows."""
     found = {}
     for name, fit in fits.items():
         own = loo_of(fit, np.random.SeedSequence([seed, *name.encode()]))

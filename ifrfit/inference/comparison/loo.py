@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,8 @@ MOST_REFITS = 20  # a closure; more say that the closure is wrong, not that the 
 
 _FEWEST = 1000  # draws below which the tail says too little
 _LARGEST = 40_000_000  # log likelihoods held at once
-_SAME = 1e-12
+_AT_ONCE = 200_000  # of which the density makes several arrays
+_SAME = 1e-12  # relative spread of a tail that has one value
 
 
 def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
@@ -48,7 +50,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
         return None
     density = Density(problem)
     draws = fit.posterior.draws(n_draws, np.random.default_rng(seed))
-    each = density.impacts(_points(density, draws))
+    each = _likelihoods(density, _points(density, draws))
     elpd, k, p_loo = _smoothed(each)
     threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
     names = _impact_names(density)
@@ -111,13 +113,20 @@ def _standard_error(each: Array) -> float:
     return math.sqrt(each.size * float(each.var(ddof=1))) if each.size > 1 else math.nan
 
 
+def _likelihoods(density: Density, points: Array) -> Array:
+    """Log likelihood of each impact, (n_draws, n_impacts), some draws at a time."""
+    parts = 1 + points.shape[0] * density.impact.size // _AT_ONCE
+    return np.concatenate([density.impacts(part) for part in np.array_split(points, parts)])
+
+
 def _smoothed(each: Array) -> tuple[Array, Array, Array]:
     """Log density, Pareto k and effective number of constants of each impact.
 
     Weights whose whole tail has one value are bounded: nothing is smoothed, and k is -inf.
     """
-    from arviz_stats.base import array_stats
+    from arviz_stats.base.array import array_stats
 
+    smooth: Any = array_stats.loo
     n = each.shape[0]
     tail = np.partition(each, n_tail := math.ceil(3.0 * math.sqrt(n)), axis=0)[:n_tail]
     bounded = np.ptp(tail, axis=0) <= _SAME * (1.0 + np.abs(tail).max(axis=0))
@@ -126,7 +135,7 @@ def _smoothed(each: Array) -> tuple[Array, Array, Array]:
     p_loo = _log_mean_exp(each) - elpd
     with np.errstate(all="ignore"):  # tails of few distinct values: k is nan, which counts as too large
         for i in np.flatnonzero(~bounded):
-            found = array_stats.loo(each[:, i], chain_axis=None, draw_axis=-1)
+            found = smooth(each[:, i], chain_axis=None, draw_axis=-1)
             elpd[i], k[i], p_loo[i] = (float(x) for x in found)
     return elpd, k, p_loo
 

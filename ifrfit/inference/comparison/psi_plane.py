@@ -2,8 +2,8 @@
 
 References
 ----------
-Foerster, Louge, Chang & Allia (1994), Physics of Fluids 6, 1108, for the plane; Doménech-Carbó (2023), Eqs (36)
-and (37), for IFR in it.
+Foerster, Louge, Chang & Allia (1994), Physics of Fluids 6, 1108, for the plane; Doménech-Carbó (2023), Eqs
+(36) and (37), for IFR in it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,7 @@ _SIXTEENTH = 1.0 / 16.0  # a distance to begin with where there is no standard e
 
 @dataclass(frozen=True)
 class _Fitted:
-    """The free-slope fit: its sum of squares at the final noise, the optimum, and the rows behind the noise."""
+    """The free-slope fit: its sum of squares at the final noise, and the optimum."""
 
     problem: PiecewiseProblem
     optimum: PiecewiseOptimum
@@ -81,6 +82,8 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     rows, left_out = psi_rows(problem)
     if any(c.separate for c in problem.constants):
         return PsiPlane("constants are separate, and the lines of several series differ", left_out=left_out)
+    if not problem.scatter.is_plain:
+        return PsiPlane("it knows Gaussian errors of the values only", left_out=left_out)
     if rows is None:
         return PsiPlane(
             "no row is a point of it: " + "; ".join(f"{name} {why}" for name, why in left_out.items()),
@@ -97,9 +100,7 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     errors = _standard_errors(fitted)
     slopes = [
         Slope(float(t[place]), errors[place], _interval(fitted, place, errors[place]), expected)
-        for place, expected in zip(
-            (SLIDING, DIFFERENCE), _expected(problems), strict=True
-        )
+        for place, expected in zip((SLIDING, DIFFERENCE), _expected(problems), strict=True)
     ]
     n_sticking = int(sticks.sum())
     return PsiPlane("", n, n_sticking, n - n_sticking, slopes[0], slopes[1], left_out)
@@ -209,7 +210,7 @@ _NEAR = (0.5, 0.05)  # and of two that stick
 
 def _slopes(closure: Closure, c: float | None, inertia_factor: float) -> tuple[float, float | None]:
     """Slope of sliding, and of sticking where that is a straight line through the origin."""
-    own = {closure.constant: c} if closure.constant else {}
+    own: dict[str, Any] = {closure.constant: c} if closure.constant else {}
     tau = _MU * np.array([*_FAR, *_NEAR])
     impact = rebound(
         np.arctan(tau), e_n=1.0, mu=_MU, closure=closure.name, inertia_factor=inertia_factor, **own

@@ -1,9 +1,9 @@
 """Rows restated in the psi plane, as residuals that are linear in its two slopes and one intercept.
 
-In the plane Psi_1 = U_t/U_n = tau and Psi_2 = V_t/U_n, sticking is a line through the origin and sliding a line
-with an intercept: Psi_2 = (S - D) tau where impacts stick, Psi_2 = S tau - I where they slide, and they stick
-where D tau <= I. Since Psi_2 = (1 - (1 + J)/J k) tau, every observable that is linear in the impulse factor k
-says the same as a point of the plane, with its own error bar.
+In the plane Psi_1 = U_t/U_n = tau and Psi_2 = V_t/U_n, sticking is a line through the origin and sliding a
+line with an intercept: Psi_2 = (S - D) tau where impacts stick, Psi_2 = S tau - I where they slide, and they
+stick where D tau <= I. Since Psi_2 = (1 - (1 + J)/J k) tau, every observable that is linear in the impulse
+factor k says the same as a point of the plane, with its own error bar.
 """
 
 from __future__ import annotations

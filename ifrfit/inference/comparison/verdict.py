@@ -44,9 +44,7 @@ def verdict_of(entries: Mapping[str, Entry], priors: Sequence[PriorRow]) -> Verd
     found = _refuted(entries, ranked)
     if found is None:
         tied = [best] + [name for name in ranked[1:] if _ties(entries, best, name)]
-        found = (
-            _preferred(entries, ranked, priors) if len(tied) == 1 else _undecided(entries, ranked, tied)
-        )
+        found = _preferred(entries, ranked, priors) if len(tied) == 1 else _undecided(entries, ranked, tied)
     says = found.says
     if "simulated" in kinds:
         says = f"Of the simulation, not of an experiment: {says}"
