@@ -22,6 +22,7 @@ types: $(READY)
 calibrate: $(READY)
 	$(BIN)/python scripts/calibrate.py
 	$(BIN)/python scripts/calibrate_intervals.py
+	$(BIN)/python scripts/calibrate_closures.py
 
 benchmark: $(READY)
 	$(BIN)/python benchmarks/least_squares.py

@@ -53,6 +53,7 @@ def plot(comparison: Comparison) -> Figure:
         height = body + bars + 0.16 * (heading.count("\n") + 1) + 0.15 * lines + 0.7
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
+        figure.get_layout_engine().set(w_pad=0.05, h_pad=0.03)  # type: ignore[union-attr, call-arg]
         grid = figure.add_gridspec(2, columns, height_ratios=[max(body, 1e-3), bars])
         for number, observable in enumerate(observables):
             inner = grid[0, number].subgridspec(

@@ -14,7 +14,7 @@ from scipy import special
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.result import Loo
 from ifrfit.inference.density import Density
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.posterior.noise import noise_bounds
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import FitResult
@@ -81,16 +81,16 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     )
 
 
-def left_out(problem: Problem, log_evidence: float, keep: NDArray[np.bool_]) -> float | None:
+def left_out(problem: Problem, whole: float, keep: NDArray[np.bool_]) -> float | None:
     """Log density of the rows that are not kept, as the kept ones predict it; None where these are too few.
 
-    The noise keeps the prior that it has with all rows.
+    `whole` is the log evidence of all rows. The noise keeps the prior that it has with all rows.
     """
     rest = problem.with_rows(np.flatnonzero(keep))
     groups = {"": None, **rest.groups()}
     bounds = {name: ends for name, ends in noise_bounds(problem).items() if name in groups}
     try:
-        return float(log_evidence - explore(replace(rest, noise_bounds=bounds)).log_evidence)
+        return whole - log_evidence(replace(rest, noise_bounds=bounds))
     except (DataError, UsageError):
         return None
 

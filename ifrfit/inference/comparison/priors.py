@@ -11,7 +11,7 @@ import numpy as np
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.result import PriorRow
 from ifrfit.inference.constants import Constant
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.posterior.unknown import Unknown
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import FitResult, Interval
@@ -111,6 +111,6 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
         replace(c, lower=ends[0], upper=ends[1]) if c.name == name else c for c in problem.constants
     )
     try:
-        return explore(replace(problem, constants=constants)).log_evidence
+        return log_evidence(replace(problem, constants=constants))
     except (UsageError, DataError):  # a domain that this closure cannot have
         return None
