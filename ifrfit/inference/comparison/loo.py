@@ -51,16 +51,14 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     density = Density(problem)
     draws = fit.posterior.draws(n_draws, np.random.default_rng(seed))
     each = _likelihoods(density, _points(density, draws))
-    elpd, k, p_loo = _smoothed(each)
+    elpd, k = _smoothed(each)
     threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
     names = _impact_names(density)
-    high = np.flatnonzero(~(k <= threshold))
+    high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
     refitted = []
     for i in high[:MOST_REFITS]:
         exact = left_out(problem, fit.posterior.log_evidence, density.impact != i)
         if exact is not None:
-            # the spread of the likelihood stays: p_loo is its mean less what is predicted
-            p_loo[i] += elpd[i] - exact
             elpd[i] = exact
             refitted.append(names[i])
     for array in (elpd, k):
@@ -68,7 +66,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     return Loo(
         elpd=float(elpd.sum()),
         se=_standard_error(elpd),
-        p_loo=float(p_loo.sum()),
+        p_loo=float((_log_mean_exp(each) - elpd).sum()),
         difference=0.0,
         se_difference=0.0,
         pointwise=elpd,
@@ -119,8 +117,8 @@ def _likelihoods(density: Density, points: Array) -> Array:
     return np.concatenate([density.impacts(part) for part in np.array_split(points, parts)])
 
 
-def _smoothed(each: Array) -> tuple[Array, Array, Array]:
-    """Log density, Pareto k and effective number of constants of each impact.
+def _smoothed(each: Array) -> tuple[Array, Array]:
+    """Log density and Pareto k of each impact.
 
     Weights whose whole tail has one value are bounded: nothing is smoothed, and k is -inf.
     """
@@ -132,12 +130,11 @@ def _smoothed(each: Array) -> tuple[Array, Array, Array]:
     bounded = np.ptp(tail, axis=0) <= _SAME * (1.0 + np.abs(tail).max(axis=0))
     elpd = -_log_mean_exp(-each)
     k = np.full(each.shape[1], -np.inf)
-    p_loo = _log_mean_exp(each) - elpd
     with np.errstate(all="ignore"):  # tails of few distinct values: k is nan, which counts as too large
         for i in np.flatnonzero(~bounded):
-            found = smooth(each[:, i], chain_axis=None, draw_axis=-1)
-            elpd[i], k[i], p_loo[i] = (float(x) for x in found)
-    return elpd, k, p_loo
+            log_density, shape, _ = smooth(each[:, i], chain_axis=None, draw_axis=-1)
+            elpd[i], k[i] = float(log_density), float(shape)
+    return elpd, k
 
 
 def _log_mean_exp(x: Array) -> Array:

@@ -62,7 +62,8 @@ class PsiRows:
         inner = ~(still | grazing)
         reach = float(self.tau[inner].max(initial=1.0))
         walls = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
-        limits = STEEPEST * np.array([1.0, 1.0, 1.0, 0.0, 2.0 * reach, 0.0])
+        # wide enough for slopes of sticking as steep, and for all impacts to stick
+        limits = STEEPEST * np.array([1.0, 1.0, 2.0, 0.0, 4.0 * reach, 0.0])
         return PiecewiseProblem(
             self.tau[inner],
             Rows.of(stick[inner], y[inner]),

@@ -40,7 +40,8 @@ class Loo:
     impacts : tuple of str
         Line of the file, or impact_id.
     refitted, doubtful : tuple of str
-        Impacts whose k is over the threshold: left out in an exact refit instead; or neither.
+        Impacts whose k is over the threshold, or whose weights could not be smoothed: left out in an exact
+        refit instead; or neither.
     n_draws : int
     threshold : float
         Of k.
