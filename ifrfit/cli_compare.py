@@ -68,7 +68,7 @@ def comparing(fit: Callable[..., None], tools: Any) -> Callable[..., None]:
         ] = False,
         **chosen: Any,
     ) -> None:
-        """Closures side by side: which of them the data prefer, and how strongly."""
+        """Closures side by side: which of them the data prefer."""
         from ifrfit.inference import compare as run
         from ifrfit.report.comparison_folder import COMPARISON, write_comparison
         from ifrfit.report.folder import check_free

@@ -116,10 +116,11 @@ def tie_lines(found: Sequence[Tie]) -> list[str]:
     undecided = sum(one.kind == "undecided" for one in found)
     low, middle, high = np.quantile(factor, [0.05, 0.5, 0.95])
     known = f"e_n {FIXED['e_n']:g} and mu {FIXED['mu']:g} known"
+    made = f"{N} values of beta (sigma {SIGMA:g}, {GAMMA[0]:g} to {GAMMA[1]:g} degrees, {known})"
+    spread = f"median {middle:.2f}, 5 and 95 % quantiles {low:.2f} and {high:.2f}"
     return [
-        f"{len(found)} experiments of {N} values of beta (sigma {SIGMA:g}, {GAMMA[0]:g} to {GAMMA[1]:g} degrees,",
-        f"{known}) made by IFR at e_t = -1, which is FR at beta0 = 2/5.",
-        f"Log Bayes factor of FR over IFR: median {middle:.2f}, 5 and 95 % quantiles {low:.2f} and {high:.2f};",
+        f"{len(found)} experiments of {made}",
+        f"made by IFR at e_t = -1, which is FR at beta0 = 2/5. Log Bayes factor of FR over IFR: {spread};",
         f"largest distance to one-dimensional integrals written for this page: {off:.1e}.",
         f'The verdict on FR and IFR is "these data cannot tell" in {undecided} of {len(found)}.',
     ]

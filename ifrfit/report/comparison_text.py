@@ -105,7 +105,7 @@ def _refits(entry: Entry) -> str:
 _LOO: list[Column] = [
     ("leave-one-impact-out", lambda e: fixed(e.loo.elpd, 2) if e.loo else ""),
     ("difference", _difference),
-    ("effective constants", lambda e: fixed(e.loo.p_loo, 1) if e.loo else ""),
+    ("p_loo", lambda e: fixed(e.loo.p_loo, 1) if e.loo else ""),
     ("largest Pareto k", lambda e: _k_text(e.loo.largest_k) if e.loo else ""),
     ("k too large", _refits),
 ]

@@ -101,7 +101,9 @@ def share_held(noise: str, repeats: int) -> int:
     """How many of two intervals an experiment hold their slope."""
     held = 0
     for seed in range(repeats):
-        plane = psi_plane([problem_of(observations("ifr", sigma=0.05, seed=seed, e_t=-0.8), "f", noise=noise)])
+        plane = psi_plane(
+            [problem_of(observations("ifr", sigma=0.05, seed=seed, e_t=-0.8), "f", noise=noise)]
+        )
         for slope, truth in ((plane.sliding, 0.8), (plane.difference, 1.4)):
             held += slope.interval95[0] <= truth <= slope.interval95[1]
     return held
