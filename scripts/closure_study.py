@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from calibration_verdict import Line, judge
+from in_order import in_order
 from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, make_table
@@ -108,12 +107,7 @@ def tasks_of(seed: int, repeats: int, controls: int) -> list[Task]:
 
 def run_many(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
     """Do the experiments, in order; the same for any number of workers."""
-    if workers == 1:
-        yield from map(run, tasks)
-        return
-    # fresh interpreters: the same on every system, and they heed the number of threads
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(run, tasks, chunksize=max(1, min(20, len(tasks) // (4 * workers))))
+    return in_order(run, tasks, workers)
 
 
 @dataclass(frozen=True)
