@@ -23,6 +23,7 @@ calibrate: $(READY)
 	$(BIN)/python scripts/calibrate.py
 	$(BIN)/python scripts/calibrate_intervals.py
 	$(BIN)/python scripts/study_angle_errors.py
+	$(BIN)/python scripts/calibrate_closures.py
 
 benchmark: $(READY)
 	$(BIN)/python benchmarks/least_squares.py

@@ -5,8 +5,10 @@ from .data import read as read
 from .errors import DataError as DataError
 from .errors import IfrfitError as IfrfitError
 from .errors import UsageError as UsageError
+from .inference import Comparison as Comparison
 from .inference import FitResult as FitResult
 from .inference import Simulation as Simulation
+from .inference import compare as compare
 from .inference import fit as fit
 from .inference import lmfit_model as lmfit_model
 from .inference import load_result as load_result

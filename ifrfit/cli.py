@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ifrfit._version import __version__
+from ifrfit.cli_compare import comparing
 from ifrfit.cli_datasets import datasets
 from ifrfit.cli_errors import command
 from ifrfit.cli_progress import working
@@ -36,7 +37,7 @@ app.add_typer(datasets, name="datasets")
 NOT_DETERMINED = 4
 
 
-def _pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
+def pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
     """NAME=VALUE, or NAME=A,B, as a dictionary."""
     numbers = form.count(",") + 1
     found: dict[str, Any] = {}
@@ -54,7 +55,7 @@ def _pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
     return found
 
 
-def _ends(option: str, text: str | None) -> tuple[float, float] | None:
+def ends(option: str, text: str | None) -> tuple[float, float] | None:
     """LO,HI as two numbers."""
     if text is None:
         return None
@@ -217,9 +218,9 @@ def fit(
             data,
             closure=closure,
             method=method,
-            fix=_pairs("--fix", fix, "NAME=VALUE"),
-            prior=_pairs("--prior", prior, "NAME=MEAN,SD"),
-            bounds=_pairs("--bounds", bounds, "NAME=LO,HI"),
+            fix=pairs("--fix", fix, "NAME=VALUE"),
+            prior=pairs("--prior", prior, "NAME=MEAN,SD"),
+            bounds=pairs("--bounds", bounds, "NAME=LO,HI"),
             separate=separate,
             noise=noise,
             observable=observable,
@@ -233,7 +234,7 @@ def fit(
             tails=tails,
             dof=dof,
             angle_errors=angle_errors,
-            angle_population=_ends("--angle-population", angle_population),
+            angle_population=ends("--angle-population", angle_population),
             sigma_gamma=sigma_gamma,
             sigma_velocity=sigma_velocity,
             sigma_spin=sigma_spin,
@@ -246,7 +247,7 @@ def fit(
             workers=workers,
             progress=progress,
             seed=seed,
-            command=_command_line(),
+            command=command_line(),
         )
         table = result.intervals() if intervals else None
         written = _write(result, out, force)
@@ -266,7 +267,7 @@ def fit(
         _insist(result)
 
 
-def _command_line() -> str:
+def command_line() -> str:
     """The command as text, for the record; file names that are no UTF-8 lose those bytes."""
     return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
 
@@ -288,6 +289,9 @@ def _insist(result: FitResult) -> None:
     if reasons:
         typer.echo(f"ifrfit: --strict: {'; '.join(reasons)}.", err=True)
         raise typer.Exit(NOT_DETERMINED)
+
+
+app.command()(command(comparing(fit, sys.modules[__name__])))
 
 
 @app.command()

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 
 @contextlib.contextmanager
-def working(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+def working(quiet: bool, what: str = "fitting") -> Iterator[Callable[[int, int], None] | None]:
     """Show that work goes on, on standard error if that is a terminal.
 
     Yields
@@ -24,7 +24,7 @@ def working(quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
 
     shown = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn())
     with Progress(*shown, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("fitting", total=None)
+        task = bar.add_task(what, total=None)
 
         def progress(done: int, most: int) -> None:
             words = f"{done:,} steps, {most:,} at most"

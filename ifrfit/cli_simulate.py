@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from ifrfit.cli_errors import command
-
-
-def _working(quiet: bool) -> AbstractContextManager[object]:
-    """Show that work goes on, at a terminal."""
-    if quiet or not sys.stderr.isatty():
-        return nullcontext()
-    from rich.console import Console
-
-    return Console(stderr=True).status("simulating")
+from ifrfit.cli_progress import working
 
 
 @command
@@ -51,7 +41,7 @@ def simulate(
 
         check_simulation_folder(out)
     written: list[str] = []
-    with _working(quiet or as_json):
+    with working(quiet or as_json, "simulating"):
         found = run(scene, samples=samples, seed=seed)
         if out is not None:
             from ifrfit.report.simulation_folder import write_simulation

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +21,7 @@ from calibration_methods import (
 )
 from calibration_scenes import SCATTERED, SCENES, Experiment, share_sliding, simulate
 from calibration_verdict import Array, Line, lines_of
+from in_order import in_order
 
 from ifrfit.errors import DataError
 from ifrfit.inference.least_squares import LeastSquares, least_squares
@@ -144,12 +143,7 @@ def tasks_of(
 
 def run_many(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
     """Do the experiments, in order; the same for any number of workers."""
-    if workers == 1:
-        yield from map(run, tasks)
-        return
-    # fresh interpreters: the same on every system, and they heed the number of threads
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(run, tasks, chunksize=max(1, min(20, len(tasks) // (4 * workers))))
+    return in_order(run, tasks, workers)
 
 
 @dataclass(frozen=True)

@@ -167,7 +167,7 @@ def fit(
     used = {name: value is not None for name, value in given.items()} | {"workers": workers != 1}
     _check_own(method, used, max_steps, workers)
     chosen = get_closure(closure)
-    observations = _gather(data, convention, inertia_factor)
+    observations = gather(data, convention, inertia_factor)
     selection = Selection(
         observable=_tuple(observable),
         series=_tuple(series),
@@ -232,9 +232,10 @@ def _tuple(value: Any) -> tuple[Any, ...]:
     return tuple(value)
 
 
-def _gather(
+def gather(
     data: Data | Sequence[Data], convention: Sequence[str] | Mapping[str, str], inertia_factor: float | None
 ) -> Observations:
+    """Read what is to be read, and put several files or datasets together."""
     parts = [data] if isinstance(data, str | Path | Observations) else list(data)
     read = [
         part

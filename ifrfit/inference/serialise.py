@@ -130,7 +130,7 @@ def to_dict(result: FitResult) -> dict[str, Any]:
 
 def dumps(result: FitResult) -> str:
     """The text of result.json: strict JSON, one line a list, ends with a line feed."""
-    return _render(to_dict(result), 0) + "\n"
+    return render(to_dict(result)) + "\n"
 
 
 def save(result: FitResult, path: Path) -> None:
@@ -142,8 +142,11 @@ def save(result: FitResult, path: Path) -> None:
     path : Path
         File to write or replace; its folder must be there.
     """
-    path = Path(path)
-    text = dumps(result)
+    write_whole(dumps(result), Path(path))
+
+
+def write_whole(text: str, path: Path) -> None:
+    """Write a text file that appears whole or not at all."""
     fresh = path.with_name(f".{path.name}-{uuid.uuid4().hex[:12]}.new")
     try:
         fresh.write_text(text, encoding="utf-8", newline="\n")
@@ -152,16 +155,14 @@ def save(result: FitResult, path: Path) -> None:
         fresh.unlink(missing_ok=True)
 
 
-def _render(value: Any, depth: int) -> str:
-    """Objects over many lines, lists of numbers on one: points stay readable and small."""
+def render(value: Any, depth: int = 0) -> str:
+    """Plain values as text: objects over many lines, lists of numbers on one: points stay readable."""
     pad = "  " * (depth + 1)
     if isinstance(value, dict) and value:
-        lines = [f"{pad}{_dump(key)}: {_render(item, depth + 1)}" for key, item in value.items()]
+        lines = [f"{pad}{_dump(key)}: {render(item, depth + 1)}" for key, item in value.items()]
         return "{\n" + ",\n".join(lines) + "\n" + "  " * depth + "}"
     if isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        return (
-            "[\n" + ",\n".join(pad + _render(item, depth + 1) for item in value) + "\n" + "  " * depth + "]"
-        )
+        return "[\n" + ",\n".join(pad + render(item, depth + 1) for item in value) + "\n" + "  " * depth + "]"
     return _dump(value)
 
 

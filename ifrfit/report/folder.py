@@ -1,4 +1,4 @@
-"""The folder that holds a result: it appears whole or not at all."""
+"""The folder that holds a result or a comparison: it appears whole or not at all."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import contextlib
 import os
 import shutil
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from ifrfit.errors import UsageError
@@ -14,11 +15,36 @@ from ifrfit.inference.result import FitResult
 from ifrfit.report.figures import plot
 from ifrfit.report.style import save_figure
 
-RESULT = "result.json"
 FIGURES = ("fit.svg", "fit.png")
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a command leaves in a folder; whatever else lies there belongs to the user.
+
+    Attributes
+    ----------
+    record : str
+        The file that tells that all is there.
+    others : tuple of str
+        Files that may lie beside it.
+    name : str
+        What it is, in messages.
+    """
+
+    record: str
+    others: tuple[str, ...]
+    name: str
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All of them."""
+        return (self.record, *self.others)
+
+
 CHAINS = "chains.npz"
-# everything that a fit may have left in a folder; whatever else lies there belongs to the user
-OWN_FILES = (RESULT, *FIGURES, CHAINS, "report.html")
+FIT = Contents("result.json", (*FIGURES, CHAINS, "report.html"), "result")
+RESULT = FIT.record
 
 
 def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = True) -> list[str]:
@@ -44,36 +70,16 @@ def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = T
     UsageError
         If the folder holds an earlier result and `force` is not given, or nothing can be written there.
     """
-    return write_whole(
-        Path(out),
-        lambda folder: _fill(result, folder, figures=figures),
-        own=OWN_FILES,
-        main=RESULT,
-        force=force,
-    )
+    return deliver(lambda folder: _fill(result, folder, figures=figures), Path(out), FIT, force=force)
 
 
-def write_whole(
-    target: Path, fill: Callable[[Path], list[str]], *, own: Sequence[str], main: str, force: bool
-) -> list[str]:
-    """Let `fill` write files into a folder that then appears whole, or not at all.
-
-    Parameters
-    ----------
-    target : Path
-    fill : callable
-        Writes into the folder it is given and returns the names.
-    own : sequence of str
-        Every name it may ever have written: these files are replaced or removed, no others.
-    main : str
-        The one that tells that a result is there, put in place last.
-    force : bool
-        Replace an earlier result.
+def deliver(fill: Callable[[Path], list[str]], target: Path, of: Contents, *, force: bool) -> list[str]:
+    """Let `fill` write into a folder beside the target, then put that in place.
 
     Returns
     -------
     list of str
-        What `fill` returned.
+        Names of the files written, as `fill` returned them.
 
     Raises
     ------
@@ -82,13 +88,13 @@ def write_whole(
     """
     # a link stays a link: what it points to is replaced
     place = target.resolve()
-    check_free(target, force=force, own=own, main=main)
+    check_free(target, force=force, of=of)
     fresh = _beside(place, "new")
     made = [parent for parent in fresh.parents if not parent.exists()]
     try:
         fresh.mkdir(parents=True)
         names = fill(fresh)
-        _put_in_place(fresh, place, own, main)
+        _put_in_place(fresh, place, of)
     except OSError as error:
         raise UsageError(
             f"{target}: cannot be written ({error.strerror or error}). Choose another folder with --out."
@@ -101,7 +107,7 @@ def write_whole(
     return names
 
 
-def check_free(out: Path, *, force: bool, own: Sequence[str] = OWN_FILES, main: str = RESULT) -> None:
+def check_free(out: Path, *, force: bool, of: Contents = FIT) -> None:
     """Refuse a folder that may not be written to, so that nothing is computed in vain.
 
     Raises
@@ -113,9 +119,9 @@ def check_free(out: Path, *, force: bool, own: Sequence[str] = OWN_FILES, main: 
         raise UsageError(f"{out} is a file. Name a folder with --out.")
     if force or not out.exists():
         return
-    if (out / main).exists():
-        raise UsageError(f"{out} holds an earlier result; add --force to replace it.")
-    taken = [name for name in own if (out / name).exists()]
+    if (out / of.record).exists():
+        raise UsageError(f"{out} holds an earlier {of.name}; add --force to replace it.")
+    taken = [name for name in of.files if (out / name).exists()]
     if taken:
         raise UsageError(
             f"{out} holds a file {taken[0]} already; add --force to replace it, or choose another folder."
@@ -141,16 +147,16 @@ def _fill(result: FitResult, folder: Path, *, figures: bool) -> list[str]:
     return names
 
 
-def _put_in_place(fresh: Path, place: Path, own: Sequence[str], main: str) -> None:
+def _put_in_place(fresh: Path, place: Path, of: Contents) -> None:
     if not place.exists():
         fresh.rename(place)
         return
-    only_ours = all(entry.name in own for entry in place.iterdir())
+    only_ours = all(entry.name in of.files for entry in place.iterdir())
     # a folder that someone stands in is filled, not exchanged under their feet
     if only_ours and not Path.cwd().is_relative_to(place):
         _exchange(fresh, place)
     else:
-        _move_in(fresh, place, own, main)
+        _move_in(fresh, place, of)
 
 
 def _exchange(fresh: Path, place: Path) -> None:
@@ -164,11 +170,11 @@ def _exchange(fresh: Path, place: Path) -> None:
     shutil.rmtree(old, ignore_errors=True)
 
 
-def _move_in(fresh: Path, place: Path, own: Sequence[str], main: str) -> None:
-    """Replace file by file, the main one last: it never describes figures that are not there yet."""
-    names = sorted((entry.name for entry in fresh.iterdir()), key=lambda name: name == main)
+def _move_in(fresh: Path, place: Path, of: Contents) -> None:
+    """Replace file by file, the record last: it never describes figures that are not there yet."""
+    names = sorted((entry.name for entry in fresh.iterdir()), key=lambda name: name == of.record)
     for name in names:
         os.replace(fresh / name, place / name)  # noqa: PTH105
-    for name in own:
+    for name in of.files:
         if name not in names:
             (place / name).unlink(missing_ok=True)

@@ -81,8 +81,13 @@ def draw_data(
         _draw_points(axes, x[own], rows[own], look[curve.series], size, angled)
     _ring(axes, x, rows["value"].to_numpy(dtype=float), ringed(result, rows))
     axes.set_ylim(*value_limits(rows, found, x if angled else None))
-    _set_x(axes, len(rows), angled)
+    set_x(axes, len(rows), angled)
     axes.set_ylabel(axis_label(observable))
+    mark_stand_in(axes, rows)
+
+
+def mark_stand_in(axes: Axes, rows: pd.DataFrame) -> None:
+    """Write across a panel that its data are a stand-in, if they are."""
     if (rows["provenance"] == STAND_IN).any():
         write_across(axes, "STAND-IN", size=34)
 
@@ -110,7 +115,7 @@ def draw_residuals(
     axes.set_ylim(-top, top)
     if top < 6.0:
         axes.set_yticks([-2.0, 0.0, 2.0])
-    _set_x(axes, len(rows), angled)
+    set_x(axes, len(rows), angled)
     axes.set_xlabel("incidence angle γ (deg)" if angled else "measurement (number, in order)")
     axes.set_ylabel("residual (σ)")
 
@@ -167,7 +172,8 @@ def _sensible(x: Array) -> NDArray[np.bool_]:
     return np.asarray((x >= 5.0) & (x <= 85.0)) if x.size > 1 else np.ones(x.size, bool)
 
 
-def _set_x(axes: Axes, count: int, angled: bool) -> None:
+def set_x(axes: Axes, count: int, angled: bool) -> None:
+    """Ticks along the incidence angle, or along the number of the measurement."""
     if angled:
         axes.set_xlim(0.0, 90.0)
         axes.set_xticks(np.arange(0.0, 91.0, 15.0))

@@ -6,17 +6,16 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ifrfit.report.folder import check_free, write_whole
+from ifrfit.report.folder import Contents, check_free, deliver
 from ifrfit.report.simulation_figure import drawable, plot
 from ifrfit.report.style import save_figure
 
 if TYPE_CHECKING:
     from ifrfit.inference.simulation import Simulation
 
-MAIN = "simulation.json"
 TABLES = ("rebounds.csv", "impacts.csv")
 FIGURES = ("simulation.svg", "simulation.png")
-OWN = (MAIN, *TABLES, *FIGURES)
+SIMULATION = Contents("simulation.json", (*TABLES, *FIGURES), "simulation")
 
 
 def check_simulation_folder(out: Path) -> None:
@@ -27,7 +26,7 @@ def check_simulation_folder(out: Path) -> None:
     UsageError
         As `ifrfit.report.folder.check_free`.
     """
-    check_free(out, force=False, own=OWN, main=MAIN)
+    check_free(out, force=False, of=SIMULATION)
 
 
 def write_simulation(simulation: Simulation, out: Path, *, force: bool) -> list[str]:
@@ -50,7 +49,7 @@ def write_simulation(simulation: Simulation, out: Path, *, force: bool) -> list[
     UsageError
         If the folder holds an earlier one and `force` is not given, or nothing can be written there.
     """
-    return write_whole(Path(out), lambda folder: _fill(simulation, folder), own=OWN, main=MAIN, force=force)
+    return deliver(lambda folder: _fill(simulation, folder), Path(out), SIMULATION, force=force)
 
 
 def dumps(simulation: Simulation) -> str:
@@ -59,10 +58,10 @@ def dumps(simulation: Simulation) -> str:
 
 
 def _fill(simulation: Simulation, folder: Path) -> list[str]:
-    (folder / MAIN).write_text(dumps(simulation), encoding="utf-8", newline="\n")
+    (folder / SIMULATION.record).write_text(dumps(simulation), encoding="utf-8", newline="\n")
     for name, table in zip(TABLES, (simulation.rebounds(), simulation.table()), strict=True):
         table.to_csv(folder / name, index=False, lineterminator="\n")
-    names = [MAIN, *TABLES]
+    names = [SIMULATION.record, *TABLES]
     if drawable(simulation):
         figure = plot(simulation)
         for name in FIGURES:

@@ -56,28 +56,34 @@ def text(result: FitResult) -> str:
     lines = []
     alarm = headline(result)
     if alarm:
-        lines += [*_wrapped(f"LOOK  {alarm}. Details below.", 6), ""]
-    lines += _source_lines(result)
-    lines += _wrapped(model_line(result), 2)
+        lines += [*wrapped(f"LOOK  {alarm}. Details below.", 6), ""]
+    lines += source_lines(result)
+    lines += wrapped(model_line(result), 2)
     lines += ["", *_table_lines(table_rows(result)), ""]
     regimes = regime_lines(result)
     misfit = misfit_line(result)
     for line in [*regimes, *([misfit] if misfit else [])]:
-        lines += ["  " + part for part in _wrapped(line, 2, WIDTH - 2)]
+        lines += ["  " + part for part in wrapped(line, 2, WIDTH - 2)]
     if regimes or misfit:
         lines.append("")
     for kind, sentence in findings(result):
-        lines += textwrap.wrap(
-            sentence, WIDTH, initial_indent=f"  {kind:<6}", subsequent_indent=" " * 8, break_on_hyphens=False
-        )
+        lines += finding_lines(kind, sentence)
     return "\n".join(line.rstrip() for line in lines).rstrip("\n")
 
 
-def _wrapped(sentence: str, hang: int, width: int = WIDTH) -> list[str]:
+def finding_lines(kind: str, sentence: str) -> list[str]:
+    """A finding behind its kind: LOOK, ok or note."""
+    return textwrap.wrap(
+        sentence, WIDTH, initial_indent=f"  {kind:<6}", subsequent_indent=" " * 8, break_on_hyphens=False
+    )
+
+
+def wrapped(sentence: str, hang: int, width: int = WIDTH) -> list[str]:
+    """Lines of at most `width` columns, all but the first indented by `hang`."""
     return textwrap.wrap(sentence, width, subsequent_indent=" " * hang, break_on_hyphens=False)
 
 
-def _source_lines(result: FitResult) -> list[str]:
+def source_lines(result: FitResult) -> list[str]:
     """Each source with its contents; a stand-in says so before anything else."""
     indent = min(max((len(source.name) for source in result.inputs), default=0), 30) + 3
     lines: list[str] = []
@@ -86,7 +92,7 @@ def _source_lines(result: FitResult) -> list[str]:
         first = [*kinds[:1], about, *kinds[1:]] if STAND_IN in kinds_of(result, source) else [about, *kinds]
         sentences = [*first, reference(source), left_out(source)]
         paragraphs = [
-            part for sentence in sentences if sentence for part in _wrapped(sentence, 0, WIDTH - indent)
+            part for sentence in sentences if sentence for part in wrapped(sentence, 0, WIDTH - indent)
         ]
         name = source.name
         if len(name) > indent - 3:

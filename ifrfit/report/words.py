@@ -53,12 +53,7 @@ def sigma_words(result: FitResult) -> str:
 def model_line(result: FitResult) -> str:
     """Closure, method and noise in one line."""
     closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
-    count = len(result.noise.estimates or set(result.noise.sigma.values()))
-    number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
-    noise = {"known": "known noise", "scaled": "noise scaled"}.get(
-        result.noise.policy, f"{number} unknown noise{'s' if count != 1 else ''}"
-    )
-    parts = [f"closure {closure}", _method_words(result), noise]
+    parts = [f"closure {closure}", _method_words(result), noise_words(result)]
     if result.noise.scatter.words:
         parts.append(result.noise.scatter.words)
     if result.inertia_factor != 0.4:
@@ -73,6 +68,15 @@ def _method_words(result: FitResult) -> str:
     if result.method != "bootstrap" or "replicates" not in figures:
         return words
     return f"{words} ({figures['scheme']}, {figures['replicates']:,} replicates)"
+
+
+def noise_words(result: FitResult) -> str:
+    """What was taken for noise."""
+    count = len(result.noise.estimates or set(result.noise.sigma.values()))
+    number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
+    return {"known": "known noise", "scaled": "noise scaled"}.get(
+        result.noise.policy, f"{number} unknown noise{'s' if count != 1 else ''}"
+    )
 
 
 def misfit_line(result: FitResult) -> str:

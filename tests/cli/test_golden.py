@@ -36,6 +36,9 @@ TEXTS = {
         "e_n=0.94",
         "--intervals",
     ),
+    "compare-help": ("compare", "--help"),
+    "compare": ("compare", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15"),
+    "compare-stand-in": ("compare", "cross-2019", "--fix", "e_n=0.94", "--no-loo"),
     "datasets-list": ("datasets", "list"),
     "datasets-show": ("datasets", "show", "kharaz-2001"),
     "datasets-show-stand-in": ("datasets", "show", "cross-2019"),
@@ -73,7 +76,8 @@ def test_a_line_fits_a_terminal_and_nothing_trails(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["stand-in", "least-squares", "bootstrap", "separate", "datasets-show-stand-in"]
+    "name",
+    ["stand-in", "least-squares", "bootstrap", "separate", "compare-stand-in", "datasets-show-stand-in"],
 )
 def test_a_stand_in_says_so_within_its_first_two_lines(name):
     head = (GOLDEN / f"{name}.txt").read_text(encoding="utf-8").splitlines()[:2]

@@ -14,7 +14,7 @@ from ifrfit.physics.effects import Criterion, PlanLine
 from ifrfit.physics.scenes import Quantity
 from ifrfit.report.simulation import plan_text, quantity_text
 from ifrfit.report.simulation_figure import plot
-from ifrfit.report.simulation_folder import OWN, check_simulation_folder, write_simulation
+from ifrfit.report.simulation_folder import SIMULATION, check_simulation_folder, write_simulation
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 
@@ -169,7 +169,7 @@ def test_captured_speeds_are_marked(tmp_path):
 def test_the_folder_appears_whole_and_the_same_bytes_each_time(found, tmp_path):
     simulation = found("wet-bead", 5)
     names = write_simulation(simulation, tmp_path / "one", force=False)
-    assert sorted(names) == sorted(OWN) == sorted(p.name for p in (tmp_path / "one").iterdir())
+    assert sorted(names) == sorted(SIMULATION.files) == sorted(p.name for p in (tmp_path / "one").iterdir())
     write_simulation(simulation, tmp_path / "two", force=False)
     for name in names:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name

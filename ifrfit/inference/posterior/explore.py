@@ -178,21 +178,21 @@ def explore(problem: Problem, tolerance: float = TOLERANCE, start: LeastSquares 
         start = least_squares(problem)
     plan = make_plan(problem, start, tolerance, apart=True)
     found = _refined(plan, problem, tolerance)
-    if plan.apart and _touches_wall(plan, found):
+    if plan.apart and touches_wall(plan, found.quantities):
         plan = make_plan(problem, start, tolerance, apart=False)
         found = _refined(plan, problem, tolerance)
     return found
 
 
-def _touches_wall(plan: Plan, found: Posterior) -> bool:
+def touches_wall(plan: Plan, quantities: Mapping[str, Quantity]) -> bool:
     """Whether kappa reaches the end of its domain, where the bound of mu ties it to e_n."""
     for number in set(plan.tangential):
         unknown = plan.joint.series[number].mu
         if unknown is None:
             unknown = next(s.unknown for s in plan.joint.shared if s.kind == "mu")
         assert isinstance(unknown, Unknown)
-        for name in (n for n in found.quantities if n.startswith("kappa")):
-            if 1.0 - found.quantities[name].cdf(np.array([0.999 * unknown.upper]), 1)[0, 0] > _WALL:
+        for name in (n for n in quantities if n.startswith("kappa")):
+            if 1.0 - quantities[name].cdf(np.array([0.999 * unknown.upper]), 1)[0, 0] > _WALL:
                 return True
     return False
 

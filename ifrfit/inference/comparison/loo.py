@@ -1,0 +1,160 @@
+"""Leave-one-impact-out cross-validation from independent draws of the exact posterior."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.comparison.result import Loo
+from ifrfit.inference.density import Density
+from ifrfit.inference.posterior import log_evidence
+from ifrfit.inference.posterior.noise import noise_bounds
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.result import FitResult
+
+Array = NDArray[np.float64]
+
+DRAWS = 4000
+THRESHOLD = 0.7
+MOST_REFITS = 20  # a closure; more say that the closure is wrong, not that the weights are
+
+_FEWEST = 1000  # draws below which the tail says too little
+_LARGEST = 40_000_000  # log likelihoods held at once
+_AT_ONCE = 200_000  # of which the density makes several arrays
+_SAME = 1e-12  # relative spread of a tail that has one value
+
+
+def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
+    """Cross-validate one closure; None for so many rows that draws and rows would not fit.
+
+    The density that the other impacts predict for one is an average over the posterior with weights
+    1/likelihood of that impact, whose tail is smoothed (PSIS). Draws are independent, so the relative
+    effective sample size is 1. Where the Pareto k is over 0.7 the weights are not to be trusted: that impact
+    is left out in earnest, and its log density is log evidence with it less log evidence without it.
+
+    References
+    ----------
+    Vehtari, Gelman & Gabry (2017), Statistics and Computing 27, 1413; Vehtari, Simpson, Gelman, Yao & Gabry
+    (2024), Journal of Machine Learning Research 25(72).
+    """
+    problem: Problem = fit.problem
+    n_draws = min(DRAWS, _LARGEST // problem.rows.value.size)
+    if n_draws < _FEWEST:
+        return None
+    density = Density(problem)
+    draws = fit.law.draws(n_draws, np.random.default_rng(seed))
+    each = _likelihoods(density, _points(density, draws))
+    elpd, k = _smoothed(each)
+    threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
+    names = _impact_names(density)
+    high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
+    refitted = []
+    for i in high[:MOST_REFITS]:
+        exact = left_out(problem, fit.law.log_evidence, density.impact != i)
+        if exact is not None:
+            elpd[i] = exact
+            refitted.append(names[i])
+    for array in (elpd, k):
+        array.flags.writeable = False
+    return Loo(
+        elpd=float(elpd.sum()),
+        se=_standard_error(elpd),
+        p_loo=float((_log_mean_exp(each) - elpd).sum()),
+        difference=0.0,
+        se_difference=0.0,
+        pointwise=elpd,
+        pareto_k=k,
+        impacts=names,
+        refitted=tuple(refitted),
+        doubtful=tuple(names[i] for i in high if names[i] not in refitted),
+        n_draws=n_draws,
+        threshold=threshold,
+    )
+
+
+def left_out(problem: Problem, whole: float, keep: NDArray[np.bool_]) -> float | None:
+    """Log density of the rows that are not kept, as the kept ones predict it; None where these are too few.
+
+    `whole` is the log evidence of all rows. The noise keeps the prior that it has with all rows.
+    """
+    rest = problem.with_rows(np.flatnonzero(keep))
+    groups = {"": None, **rest.groups()}
+    bounds = {name: ends for name, ends in noise_bounds(problem).items() if name in groups}
+    try:
+        return whole - log_evidence(replace(rest, noise_bounds=bounds))
+    except (DataError, UsageError):
+        return None
+
+
+def with_differences(found: Mapping[str, Loo]) -> dict[str, Loo]:
+    """Put the differences from the best in, each with its standard error over the same impacts."""
+    best = max(found.values(), key=lambda one: one.elpd)
+    return {
+        name: replace(
+            one,
+            difference=one.elpd - best.elpd,
+            se_difference=_standard_error(one.pointwise - best.pointwise),
+        )
+        for name, one in found.items()
+    }
+
+
+def _standard_error(each: Array) -> float:
+    """Of a sum over impacts."""
+    return math.sqrt(each.size * float(each.var(ddof=1))) if each.size > 1 else math.nan
+
+
+def _likelihoods(density: Density, points: Array) -> Array:
+    """Log likelihood of each impact, (n_draws, n_impacts), some draws at a time."""
+    parts = 1 + points.shape[0] * density.impact.size // _AT_ONCE
+    return np.concatenate([density.impacts(part) for part in np.array_split(points, parts)])
+
+
+def _smoothed(each: Array) -> tuple[Array, Array]:
+    """Log density and Pareto k of each impact.
+
+    Weights whose whole tail has one value are bounded: nothing is smoothed, and k is -inf.
+    """
+    from arviz_stats.base.array import array_stats
+
+    smooth: Any = array_stats.loo
+    n = each.shape[0]
+    tail = np.partition(each, n_tail := math.ceil(3.0 * math.sqrt(n)), axis=0)[:n_tail]
+    bounded = np.ptp(tail, axis=0) <= _SAME * (1.0 + np.abs(tail).max(axis=0))
+    elpd = -_log_mean_exp(-each)
+    k = np.full(each.shape[1], -np.inf)
+    with np.errstate(all="ignore"):  # tails of few distinct values: k is nan, which counts as too large
+        for i in np.flatnonzero(~bounded):
+            log_density, shape, _ = smooth(each[:, i], chain_axis=None, draw_axis=-1)
+            elpd[i], k[i] = float(log_density), float(shape)
+    return elpd, k
+
+
+def _log_mean_exp(x: Array) -> Array:
+    return np.asarray(special.logsumexp(x, axis=0) - math.log(x.shape[0]))
+
+
+def _points(density: Density, draws: Mapping[str, Array]) -> Array:
+    """Draws in the coordinates of the density: noises as logarithms."""
+    n = len(density.unknowns)
+    columns = [draws[name] for name in density.names]
+    return np.column_stack([*columns[:n], *(np.log(column) for column in columns[n:])])
+
+
+def _impact_names(density: Density) -> tuple[str, ...]:
+    """What each impact is called: its id, else the line of its row."""
+    table = density.problem.observations.table
+    _, first = np.unique(density.impact, return_index=True)
+    rows = table.iloc[first]
+    several = table["source"].nunique() > 1
+    return tuple(
+        (f"{source}: " if several else "") + (f"impact {own}" if own else f"line {row}")
+        for source, own, row in zip(rows["source"], rows["impact_id"], rows["row"], strict=True)
+    )

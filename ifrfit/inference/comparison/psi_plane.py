@@ -1,0 +1,222 @@
+"""Discriminators of the psi plane: the slope of sliding, and how far the slope of sticking lies below it.
+
+References
+----------
+Foerster, Louge, Chang & Allia (1994), Physics of Fluids 6, 1108, for the plane; Doménech-Carbó (2023), Eqs
+(36) and (37), for IFR in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize, special
+
+from ifrfit.inference.comparison.psi_rows import (
+    DIFFERENCE,
+    INTERCEPT,
+    SLIDING,
+    STEEPEST,
+    PsiRows,
+    hold,
+    psi_rows,
+)
+from ifrfit.inference.comparison.result import PsiPlane, Slope
+from ifrfit.inference.piecewise import PiecewiseOptimum, PiecewiseProblem, minimise
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.result import Interval
+from ifrfit.physics.closures import Closure
+from ifrfit.physics.rebound import rebound
+
+Array = NDArray[np.float64]
+
+_UNKNOWNS = 3
+_FEWEST = 5  # rows: three unknowns, and two to tell the noise
+_ITERATIONS = 100
+_SETTLED = 1e-8
+_LEVEL = 0.95
+_STEPS = 2.0 ** np.arange(-1.0, 12.0)  # distances, in standard errors, at which a profile is looked at
+_SIXTEENTH = 1.0 / 16.0  # a distance to begin with where there is no standard error
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """The free-slope fit: its sum of squares at the final noise, and the optimum."""
+
+    problem: PiecewiseProblem
+    optimum: PiecewiseOptimum
+    dof: float  # of the noise; infinite where it is known
+
+    @property
+    def unit(self) -> float:
+        """Variance of a weighted row: 1 where sigma is known, else by the misfit."""
+        return 1.0 if math.isinf(self.dof) else max(self.optimum.chi2 / self.dof, np.finfo(float).tiny)
+
+    def rise(self) -> float:
+        """Of chi2 at the ends of an interval."""
+        if math.isinf(self.dof):
+            return float(special.chdtri(1.0, 1.0 - _LEVEL))
+        return self.unit * float(special.fdtri(1.0, self.dof, _LEVEL))
+
+
+def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
+    """Fit free slopes to the rows that can be restated in the plane.
+
+    Parameters
+    ----------
+    problems : sequence of Problem
+        The same rows for each closure. What each allows of the slopes, under its own bounds, is put beside.
+
+    Notes
+    -----
+    The optimum is global, by the certified piecewise machinery; intervals are those of the profile, each
+    point of which is a global optimum of the other two unknowns. Unknown noise comes from the misfit of this
+    fit, not from that of any closure.
+    """
+    problem = problems[0]
+    rows, left_out = psi_rows(problem)
+    if any(c.separate for c in problem.constants):
+        return PsiPlane("constants are separate, and the lines of several series differ", left_out=left_out)
+    if not problem.scatter.is_plain:
+        return PsiPlane("it knows Gaussian errors of the values only", left_out=left_out)
+    if rows is None:
+        return PsiPlane(
+            "no row is a point of it: " + "; ".join(f"{name} {why}" for name, why in left_out.items()),
+            left_out=left_out,
+        )
+    n = rows.tau.size
+    if n < _FEWEST:
+        return PsiPlane(f"{n} row{'s' if n > 1 else ''} cannot tell two slopes", n=n, left_out=left_out)
+    fitted = _fit(rows, known=problem.noise == "known")
+    if fitted is None:
+        return PsiPlane("the rows leave no misfit to tell their noise from", n=n, left_out=left_out)
+    t = fitted.optimum.t
+    sticks = rows.tau * t[DIFFERENCE] <= t[INTERCEPT]
+    errors = _standard_errors(fitted)
+    slopes = [
+        Slope(float(t[place]), errors[place], _interval(fitted, place, errors[place]), expected)
+        for place, expected in zip((SLIDING, DIFFERENCE), _expected(problems), strict=True)
+    ]
+    n_sticking = int(sticks.sum())
+    return PsiPlane("", n, n_sticking, n - n_sticking, slopes[0], slopes[1], left_out)
+
+
+def _fit(rows: PsiRows, *, known: bool) -> _Fitted | None:
+    """Global optimum; unknown noises settle by iteration. None where a group has no misfit."""
+    factor = np.ones(rows.tau.size)
+    if known:
+        problem = rows.weighted(rows.base)
+        return _Fitted(problem, minimise(problem), math.inf)
+    share = 1.0 - _UNKNOWNS / rows.tau.size  # of the degrees of freedom that the rows keep
+    for _ in range(_ITERATIONS):
+        problem = rows.weighted(rows.base * factor)
+        optimum = minimise(problem)
+        square = (_residuals(rows, optimum.t) / rows.base) ** 2
+        new = np.empty_like(factor)
+        for group in np.unique(rows.group):
+            own = rows.group == group
+            new[own] = math.sqrt(float(square[own].mean()) / share)
+        if not (new > 1e-12 * (1.0 + np.abs(rows.value / rows.base))).all():
+            return None
+        change = float(np.abs(new / factor - 1.0).max())
+        factor = new
+        if change <= _SETTLED:
+            break
+    problem = rows.weighted(rows.base * factor)
+    return _Fitted(problem, minimise(problem), rows.tau.size - _UNKNOWNS)
+
+
+def _residuals(rows: PsiRows, t: Array) -> Array:
+    """Residuals in the units of the observations."""
+    sticks = rows.tau * t[DIFFERENCE] <= t[INTERCEPT]
+    with np.errstate(divide="ignore"):
+        line = np.where(sticks, t[SLIDING] - t[DIFFERENCE], t[SLIDING] - t[INTERCEPT] / rows.tau)
+    return np.asarray(rows.value - rows.weight_of_psi * line)
+
+
+def _standard_errors(fitted: _Fitted) -> tuple[float | None, ...]:
+    """Of each unknown with the regimes held; None where the rows do not see it."""
+    problem, t = fitted.problem, fitted.optimum.t
+    sticks = problem.sticks(t)
+    design = np.where(sticks[:, None], problem.stick.design, problem.slide.design)
+    design = np.concatenate((design, problem.always.design))
+    _, singular, right = np.linalg.svd(design, full_matrices=False)
+    seen = singular > 1e-9 * singular.max(initial=0.0)
+    found: list[float | None] = []
+    for place in range(_UNKNOWNS):
+        loading = right[:, place]
+        if (np.abs(loading[~seen]) > 1e-9).any() or loading.size < _UNKNOWNS:
+            found.append(None)
+        else:
+            found.append(
+                math.sqrt(fitted.unit * float(((loading[seen] / singular[seen]) ** 2).sum())),
+            )
+    return tuple(found)
+
+
+def _interval(fitted: _Fitted, place: int, error: float | None) -> Interval:
+    """Where the profile lies below its rise; an end is infinite where it does not close."""
+    best, least, rise = float(fitted.optimum.t[place]), fitted.optimum.chi2, fitted.rise()
+
+    def above(x: float) -> float:
+        return minimise(hold(fitted.problem, place, x)).chi2 - least - rise
+
+    steps = (error or _SIXTEENTH) * _STEPS
+    ends = []
+    for side, limit in ((-1.0, 0.0 if place == DIFFERENCE else -STEEPEST), (1.0, STEEPEST)):
+        far = np.append(best + side * steps[steps < abs(limit - best)], limit)
+        inside = [x for x in far if above(x) <= 0.0]
+        if inside and inside[-1] == limit:
+            ends.append(side * math.inf)
+            continue
+        start = inside[-1] if inside else best
+        end = next(x for x in far if abs(x - best) > abs(start - best))
+        ends.append(float(optimize.brentq(above, start, end, xtol=1e-6 * abs(end - best) + 1e-12)))
+    return ends[0], ends[1]
+
+
+def _expected(
+    problems: Sequence[Problem],
+) -> tuple[dict[str, Interval | None], dict[str, Interval | None]]:
+    """What each closure allows of both slopes, from its own rebounds."""
+    sliding: dict[str, Interval | None] = {}
+    difference: dict[str, Interval | None] = {}
+    for problem in problems:
+        closure = problem.closure
+        constant = next((c for c in problem.constants if c.name == closure.constant), None)
+        if constant is None:
+            ends: Sequence[float | None] = (None,)
+        elif constant.fixed is not None:
+            ends = (constant.fixed,)
+        else:
+            ends = (constant.lower, constant.upper)
+        found = [_slopes(closure, c, problem.inertia_factor) for c in ends]
+        slides = [slide for slide, _ in found]
+        gaps = [slide - stick for slide, stick in found if stick is not None]
+        sliding[closure.name] = (min(slides), max(slides))
+        difference[closure.name] = (min(gaps), max(gaps)) if len(gaps) == len(found) else None
+    return sliding, difference
+
+
+_MU = 0.1
+_FAR = (2e3, 1e3)  # tau of two impacts that slide, over mu
+_NEAR = (0.5, 0.05)  # and of two that stick
+
+
+def _slopes(closure: Closure, c: float | None, inertia_factor: float) -> tuple[float, float | None]:
+    """Slope of sliding, and of sticking where that is a straight line through the origin."""
+    own: dict[str, Any] = {closure.constant: c} if closure.constant else {}
+    tau = _MU * np.array([*_FAR, *_NEAR])
+    impact = rebound(
+        np.arctan(tau), e_n=1.0, mu=_MU, closure=closure.name, inertia_factor=inertia_factor, **own
+    )
+    psi = impact.contact_x / impact.incidence.cosine
+    slide = float((psi[0] - psi[1]) / (tau[0] - tau[1]))
+    stick = psi[2:] / tau[2:]
+    straight = abs(stick[0] - stick[1]) <= 1e-6
+    return slide, float(stick[1]) if straight else None

@@ -1,0 +1,325 @@
+"""What a comparison of closures found, as frozen values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data import Source
+from ifrfit.inference.result import FitResult, Interval
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Kind = Literal["stand_in", "refuted", "undecided", "preferred"]
+
+
+@dataclass(frozen=True)
+class Loo:
+    """Leave-one-impact-out cross-validation of one closure.
+
+    Attributes
+    ----------
+    elpd, se : float
+        Sum over impacts of the log density that the others predict for it, and its standard error.
+    p_loo : float
+        Effective number of constants.
+    difference, se_difference : float
+        elpd less that of the closure with the largest, at most 0, and the standard error of that, impact by
+        impact.
+    pointwise, pareto_k : ndarray, (n_impacts,)
+        Of each impact, in the order of `impacts`. The k are those before any refit; -inf where the weights
+        are bounded, nan where their tail has too few values.
+    impacts : tuple of str
+        Line of the file, or impact_id.
+    refitted, doubtful : tuple of str
+        Impacts whose k is over the threshold, or whose weights could not be smoothed: left out in an exact
+        refit instead; or neither.
+    n_draws : int
+    threshold : float
+        Of k.
+    """
+
+    elpd: float
+    se: float
+    p_loo: float
+    difference: float
+    se_difference: float
+    pointwise: Array
+    pareto_k: Array
+    impacts: tuple[str, ...]
+    refitted: tuple[str, ...]
+    doubtful: tuple[str, ...]
+    n_draws: int
+    threshold: float
+
+    @property
+    def largest_k(self) -> float:
+        """Largest Pareto k; nan if any is."""
+        return float(self.pareto_k.max())
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One closure of a comparison.
+
+    Attributes
+    ----------
+    fit : FitResult
+        The whole fit by exact posterior.
+    free : int
+        Free constants; ``fit.fit.rank`` of them, or of their combinations, are determined.
+    aicc : float or None
+        None where its form is not defined: it is with one unknown noise scale, and more rows than constants.
+    log_bayes_factor : float
+        Log evidence less that of the best closure, at most 0.
+    probability : float
+        Posterior probability, all closures of the comparison equally probable before.
+    prior : mapping
+        Free constant to the ends of its uniform prior, or to (mean, sd) of the user's.
+    loo : Loo or None
+    """
+
+    fit: FitResult
+    free: int
+    aicc: float | None
+    log_bayes_factor: float
+    probability: float
+    prior: Mapping[str, Mapping[str, float]]
+    loo: Loo | None = None
+
+    @property
+    def log_evidence(self) -> float:
+        """Log of the integral of likelihood times normalised prior."""
+        found = self.fit.fit.log_evidence
+        assert found is not None  # every fit of a comparison is by exact posterior
+        return found
+
+
+@dataclass(frozen=True)
+class PriorRow:
+    """Log evidences under one choice of the priors' widths.
+
+    Attributes
+    ----------
+    varied : str
+        What differs from the stated priors, in words; empty for these themselves.
+    log_evidence : mapping
+        Closure to its log evidence; None where that prior has no meaning for it.
+    """
+
+    varied: str
+    log_evidence: Mapping[str, float | None]
+
+    def log_bayes_factor(self, one: str, other: str) -> float | None:
+        """Log Bayes factor of `one` over `other`; None where either has no evidence here."""
+        first, second = self.log_evidence[one], self.log_evidence[other]
+        return None if first is None or second is None else first - second
+
+
+@dataclass(frozen=True)
+class Slope:
+    """A slope in the psi plane, or a difference of two.
+
+    Attributes
+    ----------
+    value : float
+    stderr : float or None
+        With the regimes held; None where the data do not tell the slope there.
+    interval95 : tuple of float
+        Of the profile; an end is infinite where it does not close.
+    expected : mapping
+        Closure to what it allows, (lowest, highest); None for a closure that has no straight line there.
+    """
+
+    value: float
+    stderr: float | None
+    interval95: Interval
+    expected: Mapping[str, Interval | None]
+
+    @property
+    def determined(self) -> bool:
+        """Whether the profile closes on both sides."""
+        return bool(np.isfinite(self.interval95).all())
+
+    @property
+    def contradicts(self) -> tuple[str, ...]:
+        """Closures of which no constant gives a slope inside the interval."""
+        low, high = self.interval95
+        return tuple(
+            name
+            for name, ends in self.expected.items()
+            if ends is not None and (ends[1] < low - 1e-9 or ends[0] > high + 1e-9)
+        )
+
+
+@dataclass(frozen=True)
+class PsiPlane:
+    """Slopes of V_t/U_n against U_t/U_n, free in both regimes.
+
+    Attributes
+    ----------
+    reason : str
+        Why there are none; empty where there are.
+    n, n_sticking, n_sliding : int
+        Rows that can be restated in the plane, and how they divide at the optimum.
+    sliding : Slope or None
+        Slope of sliding: 1 in FR, -e_t in IFR.
+    difference : Slope or None
+        Slope of sliding minus slope of sticking: 7/5 in IFR, 1 in IFR-contact, 1 + beta0 in FR.
+    left_out : mapping
+        Observable to the reason why its rows are not in the plane.
+    """
+
+    reason: str = ""
+    n: int = 0
+    n_sticking: int = 0
+    n_sliding: int = 0
+    sliding: Slope | None = None
+    difference: Slope | None = None
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Which closure the data prefer, in one sentence.
+
+    Attributes
+    ----------
+    kind : {"stand_in", "refuted", "undecided", "preferred"}
+    says : str
+    tied : tuple of str
+        Closures that the data do not tell apart from the best, which is the first; one alone if it is
+        preferred; empty on stand-ins.
+    next : str or None
+        The best of the others.
+    log_bayes_factor : float or None
+        Of the best over `next`.
+    strength : str
+        positive, strong or very strong; empty where nothing is preferred.
+    over_priors : tuple of float or None
+        Smallest and largest value of that factor over the table of priors.
+    """
+
+    kind: Kind
+    says: str
+    tied: tuple[str, ...] = ()
+    next: str | None = None
+    log_bayes_factor: float | None = None
+    strength: str = ""
+    over_priors: Interval | None = None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Closures side by side. Frozen; `to_dict` gives exactly compare.json.
+
+    Attributes
+    ----------
+    entries : mapping of str to Entry
+        By closure, in the order asked for.
+    priors : tuple of PriorRow
+        The stated priors first.
+    psi_plane : PsiPlane
+    verdict : Verdict
+    notes : tuple of str
+        What was applied to which closure, and what the reader should know.
+    """
+
+    entries: Mapping[str, Entry]
+    priors: tuple[PriorRow, ...]
+    psi_plane: PsiPlane
+    verdict: Verdict
+    notes: tuple[str, ...] = ()
+
+    @property
+    def ranked(self) -> tuple[str, ...]:
+        """Closures by their evidence, the best first."""
+        return tuple(sorted(self.entries, key=lambda name: -self.entries[name].log_evidence))
+
+    @property
+    def best(self) -> FitResult:
+        """Fit of the closure with the largest evidence."""
+        return self.entries[self.ranked[0]].fit
+
+    @property
+    def inputs(self) -> tuple[Source, ...]:
+        """Files or datasets, as in each fit."""
+        return self.best.inputs
+
+    @property
+    def converged(self) -> bool:
+        """Whether the posterior of every closure did."""
+        return all(entry.fit.facts["converged"].ok for entry in self.entries.values())
+
+    def table(self) -> pd.DataFrame:
+        """One row a closure, the best first.
+
+        Returns
+        -------
+        DataFrame
+            Index closure; free, rank, chi2, aic, aicc, bic, log_evidence, log_bayes_factor, probability,
+            lack_of_fit_p, elpd_loo, elpd_difference, se_difference, largest_pareto_k; nan where not defined.
+        """
+        import pandas as pd
+
+        rows = {}
+        for name in self.ranked:
+            entry = self.entries[name]
+            fit, loo = entry.fit.fit, entry.loo
+            rows[name] = {
+                "free": entry.free,
+                "rank": fit.rank,
+                "chi2": fit.chi2,
+                "aic": fit.aic,
+                "aicc": entry.aicc,
+                "bic": fit.bic,
+                "log_evidence": entry.log_evidence,
+                "log_bayes_factor": entry.log_bayes_factor,
+                "probability": entry.probability,
+                "lack_of_fit_p": entry.fit.facts["lack_of_fit"].figures["p"],
+                "elpd_loo": loo.elpd if loo else None,
+                "elpd_difference": loo.difference if loo else None,
+                "se_difference": loo.se_difference if loo else None,
+                "largest_pareto_k": loo.largest_k if loo else None,
+            }
+        table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("closure")
+        return table.astype(dict.fromkeys(table.columns.difference(["free", "rank"]), float))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Exactly the content of compare.json."""
+        from ifrfit.inference.comparison.serialise import to_dict
+
+        return to_dict(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write compare.json; it appears whole or not at all."""
+        from ifrfit.inference.comparison.serialise import save
+
+        save(self, Path(path))
+
+    # The report layer stands after inference; these methods hand the comparison on and import it only then.
+
+    def summary(self) -> str:
+        """The comparison as text for a terminal, at most 100 columns."""
+        from ifrfit.report.comparison_text import text
+
+        return text(self)
+
+    def plot(self) -> Figure:
+        """Figure of data, each closure's line and residuals, and the evidence beside cross-validation."""
+        from ifrfit.report.comparison_figure import plot
+
+        return plot(self)
+
+    def _repr_html_(self) -> str:
+        from ifrfit.report.comparison_text import html
+
+        return html(self)

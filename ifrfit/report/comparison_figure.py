@@ -1,0 +1,189 @@
+"""The figure of a comparison: data with each closure's line, residuals, evidence beside cross-validation."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ifrfit.inference.comparison import Comparison
+from ifrfit.inference.comparison.verdict import INDIFFERENT, title
+from ifrfit.report import panels, style
+from ifrfit.report.figures import MOST_COLUMNS
+from ifrfit.report.provenance import is_stand_in
+from ifrfit.report.regimes import has_angle
+from ifrfit.report.style import GREY
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_DATA, _STRIP, _BAR = 2.2, 0.42, 0.16  # inches
+_LINEAR = 5.0  # log Bayes factor up to which the axis is linear
+_LETTERS = 13.0  # of a title to an inch
+
+
+def plot(comparison: Comparison) -> Figure:
+    """Draw data with each closure's line and residuals, and log Bayes factors beside cross-validation.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        85 mm wide an observable (at most three; those that depend on the angle), not known to pyplot.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    points = comparison.best.points
+    observables = [str(name) for name in points["observable"].unique() if has_angle(str(name))]
+    observables = observables[:MOST_COLUMNS]
+    columns = max(1, len(observables))
+    count = len(comparison.entries)
+    width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
+    look = style.looks(list(comparison.entries))
+    heading = textwrap.fill(comparison.verdict.says, int(_LETTERS * width))
+    body = (_DATA + count * _STRIP) if observables else 0.0
+    bars = 0.2 + count * _BAR
+    with style.drawing():
+        legend = _legend(comparison, look, observables)
+        lines = math.ceil(len(legend) / (2 * columns))
+        height = body + bars + 0.16 * (heading.count("\n") + 1) + 0.15 * lines + 0.7
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        figure.get_layout_engine().set(w_pad=0.05, h_pad=0.03)  # type: ignore[union-attr, call-arg]
+        grid = figure.add_gridspec(2, columns, height_ratios=[max(body, 1e-3), bars])
+        for number, observable in enumerate(observables):
+            inner = grid[0, number].subgridspec(
+                1 + count, 1, height_ratios=[_DATA, *[_STRIP] * count], hspace=0.04
+            )
+            axes = [figure.add_subplot(inner[0])]
+            axes += [figure.add_subplot(inner[i], sharex=axes[0]) for i in range(1, 1 + count)]
+            _draw_observable(axes, comparison, observable, look)
+        _draw_evidence(figure.add_subplot(grid[1, :]), comparison, look)
+        figure.suptitle(heading, fontsize=7.5, weight="bold" if is_stand_in(comparison.best) else "normal")
+        figure.legend(
+            handles=[handle for handle, _ in legend],
+            labels=[label for _, label in legend],
+            loc="outside lower center",
+            ncols=2 * columns,
+            fontsize=6.6,
+            handlelength=2.4,
+        )
+        style.settle(figure)
+    return figure
+
+
+def _draw_observable(
+    axes: list[Axes], comparison: Comparison, observable: str, look: dict[str, style.Look]
+) -> None:
+    """Data and lines on top, under them a strip of standardised residuals for each closure."""
+    rows = _rows(comparison.best.points, observable)
+    names = [str(name) for name in rows["series"].unique()]
+    x, value = (rows[column].to_numpy(dtype=float) for column in ("gamma_deg", "value"))
+    drawn = []
+    for name, entry in comparison.entries.items():
+        for curve in panels.curves(entry.fit, observable, names):
+            own = look[name]
+            axes[0].plot(curve.x, curve.table["value"].to_numpy(), color=own.colour, ls=own.line, zorder=3)
+            drawn.append(curve)
+    markers = style.looks([str(name) for name in comparison.best.points["series"].unique()])
+    size = panels.marker_size(len(rows))
+    error = rows["sigma_used"].to_numpy(dtype=float)
+    for series in names:
+        at = (rows["series"] == series).to_numpy()
+        axes[0].errorbar(
+            x[at], value[at], yerr=error[at], fmt=markers[series].marker, ms=size, mfc="white", mec="black",
+            mew=0.7, ecolor=GREY, elinewidth=0.6, zorder=4, rasterized=len(rows) > panels.MANY,
+        )  # fmt: skip
+    panels.mark_stand_in(axes[0], rows)
+    axes[0].set_ylim(*panels.value_limits(rows, drawn, x))
+    axes[0].set_ylabel(panels.axis_label(observable))
+    for strip, (name, entry) in zip(axes[1:], comparison.entries.items(), strict=True):
+        _draw_strip(strip, _rows(entry.fit.points, observable), title(name), look[name], size)
+    for upper in axes[:-1]:
+        upper.tick_params(labelbottom=False)
+    panels.set_x(axes[-1], len(rows), angled=True)
+    axes[-1].set_xlabel("incidence angle γ (deg)")
+
+
+def _draw_strip(axes: Axes, rows: pd.DataFrame, words: str, look: style.Look, size: float) -> None:
+    z = rows["standardised"].to_numpy(dtype=float)
+    top = max(3.5, 1.25 * float(np.abs(z).max(initial=0.0)))
+    axes.axhline(0.0, color=GREY, lw=0.6, zorder=1)
+    axes.axhspan(-2.0, 2.0, color="0.93", lw=0.0, zorder=0)
+    axes.plot(
+        rows["gamma_deg"], z, ls="none", marker=look.marker, ms=0.75 * size, mfc=look.colour,
+        mec=look.colour, mew=0.4, rasterized=len(rows) > panels.MANY,
+    )  # fmt: skip
+    axes.set_ylim(-top, top)
+    tick = 2.0 if top < 8.0 else float(f"{0.6 * top:.0e}")
+    axes.set_yticks([-tick, tick])
+    axes.set_ylabel(f"{words}\n(σ)", fontsize=6.0, rotation=0, ha="right", va="center")
+
+
+def _draw_evidence(axes: Axes, comparison: Comparison, look: dict[str, style.Look]) -> None:
+    """Bars of log Bayes factors and points of cross-validation, both against the best."""
+    ranked = comparison.ranked
+    axes.axvspan(-INDIFFERENT, 0.0, color="0.9", lw=0.0, zorder=0)
+    for place, name in enumerate(ranked):
+        entry = comparison.entries[name]
+        axes.barh(place, entry.log_bayes_factor, height=0.55, color=look[name].colour, alpha=0.75)
+        if entry.loo is not None:
+            axes.errorbar(
+                entry.loo.difference, place, xerr=np.nan_to_num(entry.loo.se_difference), fmt="o", ms=3.2,
+                color="black", mfc="white", elinewidth=0.8, capsize=2.0, zorder=4,
+            )  # fmt: skip
+    _scale(axes, comparison)
+    axes.set_yticks(range(len(ranked)), [title(name) for name in ranked])
+    axes.set_ylim(len(ranked) - 0.4, -0.6)
+    words = "log Bayes factor against the best (bars)\ngrey: no preference"
+    if any(entry.loo for entry in comparison.entries.values()):
+        words += "; LOO difference ± se (points)"
+    axes.set_xlabel(words, fontsize=7.0)
+
+
+def _scale(axes: Axes, comparison: Comparison) -> None:
+    """Linear to -5, logarithmic beyond: factors reach from nothing to thousands."""
+    ends = [(entry.log_bayes_factor, 0.0) for entry in comparison.entries.values()]
+    for loo in (entry.loo for entry in comparison.entries.values()):
+        if loo is not None:
+            se = float(np.nan_to_num(loo.se_difference))
+            ends.append((loo.difference - se, loo.difference + se))
+    low, high = min(-2.0, *(end for end, _ in ends)), max(0.3, *(end for _, end in ends))
+    axes.set_xscale("symlog", linthresh=_LINEAR)
+    axes.set_xlim(1.6 * low, 1.3 * high)
+    if low < -_LINEAR:
+        decades = [-(10.0**k) for k in range(1, math.ceil(math.log10(-1.6 * low)))]
+        ticks = [*reversed(decades), 0.0]
+    else:
+        ticks = [float(x) for x in range(math.ceil(1.6 * low), 1)]
+    axes.set_xticks(ticks, [f"{x:,.0f}".replace("-", "\u2212").replace(",", "\u2009") for x in ticks])
+    axes.minorticks_off()
+
+
+def _legend(
+    comparison: Comparison, look: dict[str, style.Look], observables: list[str]
+) -> list[tuple[Any, str]]:
+    from matplotlib.lines import Line2D
+
+    entries = [
+        (Line2D([], [], color=own.colour, ls=own.line, marker=own.marker, ms=3.2), title(name))
+        for name, own in look.items()
+    ]
+    points = comparison.best.points
+    markers = style.looks([str(name) for name in points["series"].unique()])
+    shown = points["series"][points["observable"].isin(observables)].unique()
+    for name in map(str, shown):
+        kinds = ", ".join(dict.fromkeys(points["provenance"][points["series"] == name]))
+        mark = Line2D([], [], ls="none", marker=markers[name].marker, ms=4.2, mfc="white", mec="black")
+        # a leading underscore would hide the entry, dollars would be read as mathematics
+        label = textwrap.fill(f"{name} ({kinds or 'provenance not stated'})", 40).replace("$", r"\$")
+        entries.append((mark, f" {label}" if label.startswith("_") else label))
+    return entries
+
+
+def _rows(points: pd.DataFrame, observable: str) -> pd.DataFrame:
+    return points[(points["observable"] == observable) & points["gamma_deg"].notna()]

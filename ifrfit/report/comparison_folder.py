@@ -1,0 +1,30 @@
+"""The folder that holds a comparison."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ifrfit.inference.comparison import Comparison
+from ifrfit.report.folder import Contents, deliver
+from ifrfit.report.style import save_figure
+
+COMPARISON = Contents("compare.json", ("compare.svg", "compare.png"), "comparison")
+
+
+def write_comparison(comparison: Comparison, out: Path, *, force: bool) -> list[str]:
+    """Write compare.json, compare.svg and compare.png into a folder, whole or not at all.
+
+    Raises
+    ------
+    UsageError
+        If the folder holds an earlier comparison and `force` is not given, or nothing can be written there.
+    """
+
+    def fill(folder: Path) -> list[str]:
+        comparison.save(folder / COMPARISON.record)
+        figure = comparison.plot()
+        for name in COMPARISON.others:
+            save_figure(figure, folder / name)
+        return [COMPARISON.record, *COMPARISON.others]
+
+    return deliver(fill, Path(out), COMPARISON, force=force)

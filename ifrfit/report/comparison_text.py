@@ -1,0 +1,208 @@
+"""Closures side by side as text for a terminal, and for notebooks."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable, Sequence
+from html import escape
+
+from ifrfit.inference.comparison import Comparison
+from ifrfit.inference.comparison.result import Entry, PsiPlane, Slope
+from ifrfit.inference.comparison.verdict import joined, title
+from ifrfit.inference.criticism import p_text
+from ifrfit.inference.result import Interval
+from ifrfit.report.comparison_words import findings, prior_line
+from ifrfit.report.rounding import decimals, fixed, interval_text, spread
+from ifrfit.report.terminal import WIDTH, finding_lines, source_lines, wrapped
+from ifrfit.report.words import noise_words
+
+Column = tuple[str, Callable[[Entry], str]]
+
+
+def text(comparison: Comparison) -> str:
+    """The comparison for a terminal, at most 100 columns; ends without a line feed."""
+    best = comparison.best
+    model = f"{len(comparison.entries)} closures, exact posterior, {noise_words(best)}"
+    blocks = [
+        [*source_lines(best), *wrapped(model, 2)],
+        textwrap.wrap(comparison.verdict.says, WIDTH, initial_indent="VERDICT  ", subsequent_indent=" " * 9),
+        [*_table(comparison, _criteria(comparison)), *wrapped("  " + prior_line(comparison), 4)],
+        _prior_lines(comparison),
+        _table(comparison, _LOO) if _cross_validated(comparison) else [],
+        _plane_lines(comparison),
+        [line for kind, says in findings(comparison) for line in finding_lines(kind, says)],
+    ]
+    lines = [line for block in blocks if block for line in (*block, "")]
+    return "\n".join(line.rstrip() for line in lines).rstrip("\n")
+
+
+def html(comparison: Comparison) -> str:
+    """The comparison as an HTML fragment for notebooks; what comes from data is escaped."""
+    table = comparison.table().rename(index=title).dropna(axis="columns", how="all")
+    notes = "".join(f"<li>{escape(f'{kind}: {says}')}</li>" for kind, says in findings(comparison))
+    return (
+        f'<div class="ifrfit-comparison"><p><strong>{escape(comparison.verdict.says)}</strong></p>'
+        f"{table.to_html(float_format='{:.4g}'.format)}<p>{escape(prior_line(comparison))}</p>"
+        f"<ul>{notes}</ul></div>"
+    )
+
+
+def _cross_validated(comparison: Comparison) -> bool:
+    return all(entry.loo is not None for entry in comparison.entries.values())
+
+
+def _criteria(comparison: Comparison) -> list[Column]:
+    """Columns that say something of these data: chi2 does not where sigma follows from the scatter."""
+    columns: list[Column] = [("constants", lambda e: f"{e.fit.fit.rank} of {e.free}")]
+    if comparison.best.noise.policy != "unknown":
+        columns.append(("chi2", lambda e: _short(e.fit.fit.chi2)))
+    columns += [("p of fit", _p_of_fit), ("AIC", lambda e: fixed(e.fit.fit.aic, 1))]
+    if any(entry.aicc is not None for entry in comparison.entries.values()):
+        columns.append(("AICc", lambda e: "-" if e.aicc is None else fixed(e.aicc, 1)))
+    return [
+        *columns,
+        ("BIC", lambda e: fixed(e.fit.fit.bic, 1)),
+        ("log evidence", lambda e: fixed(e.log_evidence, 2)),
+        ("log BF", lambda e: fixed(e.log_bayes_factor, 2)),
+        ("probability", lambda e: _probability(e.probability)),
+    ]
+
+
+def _p_of_fit(entry: Entry) -> str:
+    p = entry.fit.facts["lack_of_fit"].figures["p"]
+    return "-" if p is None else p_text(p).split(",")[0]
+
+
+def _probability(p: float) -> str:
+    if p < 0.001:
+        return "< 0.001"
+    return "> 0.999" if p > 0.999 else f"{p:.3f}"
+
+
+def _short(x: float) -> str:
+    return f"{x:.0f}" if abs(x) >= 1e4 else f"{x:.4g}" if abs(x) >= 1.0 else f"{x:.2g}"
+
+
+def _difference(entry: Entry) -> str:
+    loo = entry.loo
+    assert loo is not None
+    if loo.difference == 0.0:
+        return "the best"
+    if not loo.se_difference > 0.0:
+        return fixed(loo.difference, 1)
+    return f"{fixed(loo.difference, decimals(loo.se_difference))} +- {spread(loo.se_difference)}"
+
+
+def _refits(entry: Entry) -> str:
+    loo = entry.loo
+    assert loo is not None
+    parts = [f"{len(loo.refitted)} refitted"] if loo.refitted else []
+    parts += [f"{len(loo.doubtful)} doubtful"] if loo.doubtful else []
+    return ", ".join(parts) or "none"
+
+
+_LOO: list[Column] = [
+    ("leave-one-impact-out", lambda e: fixed(e.loo.elpd, 2) if e.loo else ""),
+    ("difference", _difference),
+    ("p_loo", lambda e: fixed(e.loo.p_loo, 1) if e.loo else ""),
+    ("largest Pareto k", lambda e: _k_text(e.loo.largest_k) if e.loo else ""),
+    ("k too large", _refits),
+]
+
+
+def _k_text(k: float) -> str:
+    return "< 0" if k == -math.inf else "-" if math.isnan(k) else f"{k:.2f}"
+
+
+def _table(comparison: Comparison, columns: Sequence[Column]) -> list[str]:
+    """One line a closure, the best first."""
+    ranked = comparison.ranked
+    cells = [[title(name) for name in ranked]]
+    cells += [[cell(comparison.entries[name]) for name in ranked] for _, cell in columns]
+    return _aligned(["closure", *(head for head, _ in columns)], cells)
+
+
+def _aligned(heads: Sequence[str], columns: Sequence[Sequence[str]]) -> list[str]:
+    """Columns under their heads: the first to the left, the rest to the right."""
+    widths = [max(len(head), *map(len, column)) for head, column in zip(heads, columns, strict=True)]
+    rows = [list(heads), *(list(row) for row in zip(*columns, strict=True))]
+    return [
+        "  "
+        + "  ".join(
+            f"{cell:<{width}}" if number == 0 else f"{cell:>{width}}"
+            for number, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
+
+
+def _prior_lines(comparison: Comparison) -> list[str]:
+    """How the evidence moves with the priors: log Bayes factors against the best."""
+    if len(comparison.priors) == 1:
+        return []
+    best, *others = comparison.ranked
+    columns = [[row.varied or "priors as stated" for row in comparison.priors]]
+    for name in others:
+        found = [row.log_bayes_factor(name, best) for row in comparison.priors]
+        columns.append(["-" if x is None else fixed(x, 2) for x in found])
+    return _aligned([f"log BF against {title(best)}", *(title(name) for name in others)], columns)
+
+
+def _plane_lines(comparison: Comparison) -> list[str]:
+    plane = comparison.psi_plane
+    if plane.reason:
+        return wrapped(f"  psi plane: not available, as {plane.reason}", 4)
+    head = (
+        f"  psi plane, V_t/U_n over U_t/U_n with free slopes: {plane.n} rows, {plane.n_sticking} stick, "
+        f"{plane.n_sliding} slide"
+    )
+    rows = [(words, *_slope_cells(slope), slope) for words, slope in _slopes(plane)]
+    widths = [max(len(str(row[i])) for row in rows) for i in range(4)]
+    lines = wrapped(head, 4)
+    for *cells, slope in rows:
+        words, value, error, span = (str(cell) for cell in cells)
+        start = f"    {words:<{widths[0]}}  {value:>{widths[1]}}  {error:>{widths[2]}}  {span:<{widths[3]}}"
+        lines.append(start)
+        lines += textwrap.wrap(
+            _expected(slope), WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 8, break_on_hyphens=False
+        )
+    return lines
+
+
+def _slopes(plane: PsiPlane) -> list[tuple[str, Slope]]:
+    assert plane.sliding is not None
+    assert plane.difference is not None
+    return [("slope of sliding", plane.sliding), ("slope of sliding less sticking", plane.difference)]
+
+
+def _slope_cells(slope: Slope) -> tuple[str, str, str]:
+    if not slope.determined:
+        return "-", "-", _open(slope.interval95)
+    width = slope.interval95[1] - slope.interval95[0]
+    places = decimals(slope.stderr or width / 4.0)
+    error = "-" if slope.stderr is None else f"+- {spread(slope.stderr)}"
+    return fixed(slope.value, places), error, f"95 % {interval_text(slope.interval95, places)}"
+
+
+def _open(interval: Interval) -> str:
+    finite = [abs(end) for end in interval if math.isfinite(end)]
+    if not finite:
+        return "not determined"
+    return f"not determined, 95 % {interval_text(interval, decimals(0.1 * finite[0]) if finite[0] else 2)}"
+
+
+def _expected(slope: Slope) -> str:
+    """What the closures want, those that agree on it together."""
+    wants: dict[str, list[str]] = {}
+    for name, ends in slope.expected.items():
+        if ends is None:
+            words = "no straight line"
+        elif ends[1] - ends[0] < 1e-6:
+            words = fixed(ends[0], 3).rstrip("0").rstrip(".")
+        else:
+            low, high = (fixed(end, 3).rstrip("0").rstrip(".") for end in ends)
+            words = f"{low} to {high}"
+        against = " (contradicted)" if name in slope.contradicts else ""
+        wants.setdefault(words, []).append(title(name) + against)
+    return "; ".join(f"{joined(names)}: {words}" for words, names in wants.items())

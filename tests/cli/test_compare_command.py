@@ -1,0 +1,131 @@
+"""`ifrfit compare`: options of `fit`, files, statuses and messages."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from ifrfit.cli_compare import SHARED
+from ifrfit.inference.result import Fact
+
+QUICK = ("--no-loo", "--fix", "e_n=0.94")
+
+
+@pytest.fixture
+def path(impacts):
+    return impacts(gamma=range(5, 85, 5), sigma=0.03, noise=0.03, c=-0.85)
+
+
+def test_a_comparison_is_printed(cli, path):
+    found = cli("compare", path, *QUICK)
+    assert (found.returncode, found.stderr) == (0, "")
+    assert "VERDICT  " in found.stdout
+    assert all(f"\n  {title} " in found.stdout for title in ("F", "FR", "IFR", "IFR-contact"))
+
+
+def test_closures_are_chosen(cli, path):
+    found = json.loads(cli("compare", path, *QUICK, "--closure", "ifr", "--closure", "fr", "--json").stdout)
+    assert set(found["closures"]) == {"ifr", "fr"}
+    assert found["schema"] == "ifrfit/compare/1"
+    assert found["command"].startswith("ifrfit ")
+
+
+def test_loo_is_on_unless_it_is_declined(cli, path):
+    only = ("--closure", "ifr", "--closure", "fr", "--fix", "e_n=0.94", "--json")
+    assert json.loads(cli("compare", path, *only).stdout)["closures"]["ifr"]["loo"] is not None
+    assert json.loads(cli("compare", path, *only, "--no-loo").stdout)["closures"]["ifr"]["loo"] is None
+
+
+def test_options_of_fit_mean_the_same(cli, path):
+    options = ("--gamma-min", "20", "--exclude", "12", "--noise", "scaled", "--prior", "mu=0.12,0.02")
+    fitted = json.loads(cli("fit", path, "--closure", "fr", "--fix", "e_n=0.94", *options, "--json").stdout)
+    compared = json.loads(cli("compare", path, *QUICK, *options, "--json").stdout)
+    assert compared["closures"]["fr"]["fit"] == fitted["fit"]
+    assert compared["closures"]["fr"]["constants"] == fitted["constants"]
+    assert compared["input"] == fitted["input"]
+
+
+def test_every_shared_option_is_offered(cli):
+    text = cli("compare", "--help").stdout
+    for name in SHARED:
+        assert (f"--{name.replace('_', '-')}" in text) == (name != "data")
+    assert "--method" not in text
+
+
+def test_files_appear_and_are_kept(cli, path):
+    found = cli("compare", path, *QUICK, "--out", "results/one")
+    assert found.stdout.rstrip().endswith("written: results/one/  compare.json  compare.svg  compare.png")
+    names = {p.name for p in Path("results/one").iterdir()}
+    assert names == {"compare.json", "compare.svg", "compare.png"}
+    again = cli("compare", path, *QUICK, "--out", "results/one")
+    assert again.returncode == 2
+    assert again.stderr == "ifrfit: results/one holds an earlier comparison; add --force to replace it.\n"
+    assert cli("compare", path, *QUICK, "--out", "results/one", "--force").returncode == 0
+
+
+def test_quiet_says_nothing(cli, path):
+    found = cli("compare", path, *QUICK, "--quiet")
+    assert (found.returncode, found.stdout, found.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "says"),
+    [
+        (("--closure", "ifr"), 2, "Only closure IFR is named, so there is nothing to compare it with."),
+        (("--closure", "walton"), 2, "There is no closure 'walton'."),
+        (("--fix", "beta=1"), 2, "--fix beta: no closure of this comparison has such a constant."),
+        (("--fix", "e_t"), 2, "--fix e_t: write it as NAME=VALUE"),
+        (("--fix", "e_t=-0.2"), 2, "Closure IFR: --fix e_t=-0.2: outside the domain"),
+        (("--gamma-min", "89"), 3, "No row is left."),
+    ],
+)
+def test_wrong_calls_leave_nothing(cli, path, options, status, says):
+    found = cli("compare", path, "--no-loo", *options, "--out", "results")
+    assert (found.returncode, found.stdout) == (status, "")
+    assert says in found.stderr
+    assert "Traceback" not in found.stderr
+    assert list(Path().iterdir()) == []
+
+
+def test_strict_is_4_where_an_evidence_did_not_converge(cli, path, monkeypatch):
+    import ifrfit.inference
+
+    right = ifrfit.inference.compare
+
+    def loose(*arguments, **options):
+        found = right(*arguments, **options)
+        fit = found.entries["fr"].fit
+        bad = Fact(False, "the quadrature reached 1e-02 of a standard deviation only", {}, "rule")
+        entry = replace(found.entries["fr"], fit=replace(fit, facts={**fit.facts, "converged": bad}))
+        return replace(found, entries={**found.entries, "fr": entry})
+
+    assert cli("compare", path, *QUICK, "--strict").returncode == 0
+    monkeypatch.setattr(ifrfit.inference, "compare", loose)
+    found = cli("compare", path, *QUICK, "--strict")
+    assert found.returncode == 4
+    assert found.stderr == (
+        "ifrfit: --strict: fr: the quadrature reached 1e-02 of a standard deviation only.\n"
+    )
+    assert "VERDICT" in found.stdout
+    assert cli("compare", path, *QUICK).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "cross-2019",
+        # total restitution and little data: the whole posteriors take long
+        *(pytest.param(name, marks=pytest.mark.long) for name in ("buck-2017", "reagle-2013")),
+    ],
+)
+def test_bundled_stand_ins_carry_no_verdict(cli, name):
+    found = json.loads(
+        cli("compare", name, "--no-loo", "--closure", "fr", "--closure", "ifr", "--json").stdout
+    )
+    assert found["verdict"]["kind"] == "stand_in"
+    assert found["verdict"]["says"].startswith(
+        f"Not answerable until real points are installed: {name} is a stand-in"
+    )

@@ -1,0 +1,70 @@
+"""Simulated impacts as observations, for tests of comparisons."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ifrfit.data.observations import Observations, Source, make_table
+from ifrfit.inference.constants import make_constants
+from ifrfit.inference.problem import Problem, make_problem
+from ifrfit.physics import get_observable, rebound
+from ifrfit.physics.closures import get_closure
+
+ANGLES = np.linspace(4.0, 84.0, 25)
+
+
+def observations(
+    closure: str = "ifr",
+    gamma: Any = ANGLES,
+    observables: tuple[str, ...] = ("beta",),
+    *,
+    sigma: float = 0.03,
+    noise: float | None = None,
+    seed: int = 0,
+    spin_y: float = 0.0,
+    spin_x: float = 0.0,
+    inertia_factor: float = 0.4,
+    provenance: str = "measured",
+    impact_id: Any = "",
+    e_n: float = 0.9,
+    mu: float = 0.15,
+    given: bool = True,
+    **own: float,
+) -> Observations:
+    """Impacts of a closure; `noise` is the scatter they have, `sigma` what is said of it."""
+    rng = np.random.default_rng(seed)
+    gamma = np.asarray(gamma, dtype=float)
+    state = rebound(
+        gamma, spin_x, spin_y, e_n=e_n, mu=mu, closure=closure, degrees=True,
+        inertia_factor=inertia_factor, **own,
+    )  # fmt: skip
+    values = [get_observable(name).value(state, np.asarray(mu)) for name in observables]
+    value = np.concatenate([np.broadcast_to(v, gamma.shape) for v in values])
+    value = value + (sigma if noise is None else noise) * rng.standard_normal(value.size)
+    n = len(observables)
+    table = make_table(
+        {
+            "series": "run",
+            "observable": np.repeat(observables, gamma.size),
+            "gamma_deg": np.tile(gamma, n),
+            "spin_x": spin_x,
+            "spin_y": spin_y,
+            "value": value,
+            "sigma": sigma if given else np.nan,
+            "impact_id": np.tile(impact_id, n) if np.ndim(impact_id) else impact_id,
+            "provenance": provenance,
+            "source": "made.csv",
+        }
+    )
+    return Observations(table, (Source("made.csv", "0" * 64, len(table), len(table), provenance=provenance),))
+
+
+def problem_of(
+    data: Observations, closure: str, *, noise: str | None = None, inertia_factor: float = 0.4, **choices: Any
+) -> Problem:
+    """The question of one closure."""
+    chosen = get_closure(closure)
+    constants = make_constants(chosen, inertia_factor, **choices)
+    return make_problem(data, chosen, inertia_factor, constants, noise)

@@ -1,0 +1,175 @@
+"""The call: closures of the registry, choices where they apply, errors, and compare.json by its schema."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+
+import jsonschema
+import numpy as np
+import pandas as pd
+import pytest
+import referencing
+from comparison_data import observations
+
+import ifrfit
+from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.comparison import compare
+from ifrfit.inference.comparison.serialise import dumps
+from ifrfit.physics.closures import CLOSURES
+
+
+@pytest.fixture(scope="module")
+def data():
+    return observations("ifr", sigma=0.05, e_t=-0.85)
+
+
+@pytest.fixture(scope="module")
+def found(data):
+    return compare(data, fix={"e_n": 0.9}, noise="known", command="ifrfit compare made.csv")
+
+
+@pytest.fixture(scope="module")
+def schema():
+    def content(name):
+        return json.loads(files("ifrfit").joinpath(name).read_text(encoding="utf-8"))
+
+    result = referencing.Resource.from_contents(content("result.schema.json"))
+    registry = referencing.Registry().with_resources([("urn:ifrfit:result:1", result)])
+    own = content("compare.schema.json")
+    jsonschema.Draft202012Validator.check_schema(own)
+    return jsonschema.Draft202012Validator(own, registry=registry)
+
+
+def test_every_closure_of_the_registry_takes_part(found):
+    assert tuple(found.entries) == tuple(CLOSURES)
+    assert ifrfit.compare is compare
+
+
+def test_a_closure_added_later_takes_part(monkeypatch, data):
+    from dataclasses import replace
+
+    other = replace(CLOSURES["ifr"], name="other", title="Other")
+    monkeypatch.setitem(CLOSURES, "other", other)
+    found = compare(data, loo=False, fix={"e_n": 0.9}, noise="known")
+    assert found.entries["other"].log_evidence == pytest.approx(found.entries["ifr"].log_evidence, abs=1e-9)
+    assert {"ifr", "other"} <= set(found.verdict.tied)
+
+
+def test_fits_are_the_fits(found, data):
+    own = ifrfit.fit(data, closure="fr", fix={"e_n": 0.9}, noise="known")
+    assert found.entries["fr"].log_evidence == own.fit.log_evidence
+    assert found.entries["fr"].fit.constants == own.constants
+
+
+def test_choices_hold_where_the_constant_is(data):
+    found = compare(
+        data, loo=False, fix={"e_n": 0.9, "e_t": -0.8}, bounds={"beta0": (0.0, 1.0)}, noise="known"
+    )
+    assert found.entries["ifr"].fit.constants["e_t"].status == "fixed"
+    assert found.entries["ifr-contact"].fit.constants["e_t"].status == "fixed"
+    assert found.entries["fr"].prior["beta0"] == {"lower": 0.0, "upper": 1.0}
+    assert all(e.fit.constants["e_n"].value == 0.9 for e in found.entries.values())
+    assert found.notes == (
+        "--fix e_t holds for IFR and IFR-contact; F and FR have no such constant.",
+        "--bounds beta0 holds for FR; F and IFR and IFR-contact have no such constant.",
+    )
+
+
+def test_lmfit_parameters_hold_where_the_constant_is(data):
+    import lmfit
+
+    params = lmfit.Parameters()
+    params.add("e_n", value=0.9, vary=False)
+    params.add("e_t", value=-0.8, vary=False)
+    found = compare(data, ("f", "ifr"), loo=False, params=params, noise="known")
+    assert found.entries["ifr"].fit.constants["e_t"].value == -0.8
+    assert found.entries["f"].fit.constants["e_n"].status == "fixed"
+
+
+@pytest.mark.parametrize(
+    ("closures", "choices", "says"),
+    [
+        (("ifr",), {}, "Only closure IFR is named, so there is nothing to compare it with."),
+        ("ifr", {}, "Only closure IFR is named"),
+        (("ifr", "ifr"), {}, "Only closure IFR is named"),
+        (("ifr", "walton"), {}, "There is no closure 'walton'."),
+        (None, {"fix": {"beta": 1.0}}, "--fix beta: no closure of this comparison has such a constant."),
+        (None, {"separate": "e_q"}, "--separate e_q: no closure of this comparison"),
+        (("ifr", "f"), {"fix": {"beta0": 0.4}}, "They have e_n, e_t, mu."),
+        (None, {"fix": {"e_t": -0.2}}, "Closure IFR: --fix e_t=-0.2: outside the domain [-1, -0.4]"),
+        (None, {"fix": {"e_n": 1.4}}, "--fix e_n=1.4: outside the domain [0, 1]"),
+        (None, {"method": "lsq"}, "leave out `method` and `closure`"),
+        (None, {"observable": "betta"}, "--observable betta: not in the data."),
+    ],
+)
+def test_wrong_calls_are_refused(data, closures, choices, says):
+    with pytest.raises(UsageError) as error:
+        compare(data, closures, loo=False, **choices)
+    assert says in str(error.value)
+    if not says.startswith("Closure"):
+        assert not str(error.value).startswith("Closure")
+
+
+def test_a_closure_that_takes_too_much_is_named():
+    few = observations("ifr", [10.0, 70.0], e_t=-0.85, given=False)
+    with pytest.raises(DataError, match="Add a column sigma"):
+        compare(few, loo=False, fix={"e_n": 0.9})
+    few = observations("ifr", [70.0], e_t=-0.85, given=False)
+    with pytest.raises(DataError, match=r"^Closure IFR: .* needs a sigma"):
+        compare(few, ("f", "ifr"), loo=False, fix={"e_n": 0.9, "mu": 0.15})
+
+
+def test_table_has_a_row_a_closure_the_best_first(found):
+    table = found.table()
+    assert list(table.index) == list(found.ranked)
+    assert (np.diff(table["log_evidence"]) <= 0.0).all()
+    assert table["probability"].sum() == pytest.approx(1.0)
+    assert table["aicc"].isna().all()
+    assert table["elpd_loo"].notna().all()
+    assert isinstance(table, pd.DataFrame)
+
+
+def test_json_meets_its_schema(found, schema):
+    content = json.loads(dumps(found))
+    schema.validate(content)
+    assert content == found.to_dict()
+    assert content["command"] == "ifrfit compare made.csv"
+    assert list(content["closures"]) == list(found.ranked)
+    assert len(content["closures"]["ifr"]["loo"]["pareto_k"]) == 25
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [
+        {"loo": False, "noise": "unknown", "provenance": "stand-in"},
+        {"loo": False, "noise": "scaled", "observables": ("delta_deg",)},
+        {"loo": True, "noise": "known", "gamma": [4.0, 6.0, 40.0, 60.0, 80.0]},
+    ],
+)
+def test_json_of_other_cases_meets_the_schema_too(schema, choices):
+    made = {key: choices[key] for key in ("provenance", "observables", "gamma") if key in choices}
+    data = observations("f", sigma=0.05, **made)
+    found = compare(data, loo=choices["loo"], noise=choices["noise"], fix={"e_n": 0.9})
+    schema.validate(json.loads(dumps(found)))
+
+
+def test_schema_refuses_what_it_should(found, schema):
+    content = found.to_dict()
+    for key, value in (("schema", "ifrfit/compare/2"), ("verdict", {}), ("closures", {}), ("extra", 1)):
+        assert not schema.is_valid({**content, key: value}), key
+
+
+def test_it_is_the_same_every_time(found, data):
+    again = compare(data, fix={"e_n": 0.9}, noise="known", command="ifrfit compare made.csv")
+    first, second = found.to_dict(), again.to_dict()
+    for content in (first, second):
+        content.pop("created")
+    assert first == second
+
+
+def test_save_writes_the_whole_file(found, tmp_path):
+    path = tmp_path / "compare.json"
+    found.save(path)
+    assert json.loads(path.read_text(encoding="utf-8")) == found.to_dict()
+    assert [p.name for p in tmp_path.iterdir()] == ["compare.json"]

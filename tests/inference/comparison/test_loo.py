@@ -1,0 +1,136 @@
+"""Leave-one-impact-out by smoothed weights against exact refits without the impact."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from comparison_data import observations, problem_of
+
+from ifrfit.inference.api import fit
+from ifrfit.inference.comparison import compare
+from ifrfit.inference.comparison.loo import left_out, loo_of, with_differences
+from ifrfit.inference.density import Density
+from ifrfit.inference.posterior import explore, log_evidence
+
+SEED = np.random.SeedSequence(5)
+
+
+def fitted(data, closure="ifr", **choices):
+    return fit(data, closure=closure, **choices)
+
+
+@pytest.mark.parametrize("noise", ["known", "unknown"])
+def test_smoothed_weights_agree_with_refits(noise):
+    data = observations("ifr", np.linspace(5, 80, 12), sigma=0.05, e_t=-0.85, seed=2)
+    result = fitted(data, fix={"e_n": 0.9}, noise=noise)
+    found = loo_of(result, SEED)
+    density = Density(result.problem)
+    exact = [left_out(result.problem, result.law.log_evidence, density.impact != i) for i in range(12)]
+    assert found.pareto_k.shape == (12,)
+    assert found.n_draws == 4000
+    for i in range(12):
+        # the error of smoothed weights grows with k
+        assert found.pointwise[i] == pytest.approx(exact[i], abs=0.02 if found.pareto_k[i] < 0.5 else 0.15)
+    assert found.elpd == pytest.approx(sum(exact), abs=0.15)
+    assert found.se == pytest.approx(math.sqrt(12 * np.var(found.pointwise, ddof=1)))
+    assert 0.5 < found.p_loo < 5.0
+
+
+def test_left_out_is_the_ratio_of_evidences_by_hand():
+    data = observations("ifr", [5.0, 8.0, 11.0], sigma=0.1, e_t=-0.7, mu=0.5)
+    problem = problem_of(data, "fr", fix={"e_n": 0.9, "mu": 0.5})
+    keep = np.array([True, True, False])
+    found = left_out(problem, log_evidence(problem), keep)
+    # sticking, far from the bounds: the third value is predicted by a normal law about the mean of the others
+    value = data.table["value"].to_numpy()
+    sd = 0.1 * math.sqrt(1.0 + 1.0 / 2.0)
+    z = (value[2] - value[:2].mean()) / sd
+    assert found == pytest.approx(-0.5 * z * z - math.log(sd * math.sqrt(2.0 * math.pi)), abs=1e-3)
+
+
+def test_an_outlier_is_refitted_and_the_rest_is_not():
+    data = observations("ifr", np.linspace(5, 80, 10), sigma=0.05, e_t=-0.85, seed=2)
+    table = data.table
+    table.loc[4, "value"] += 0.6
+    result = fitted(type(data)(table, data.sources), fix={"e_n": 0.9}, noise="known")
+    found = loo_of(result, SEED)
+    assert found.refitted == ("line 5",)
+    assert found.doubtful == ()
+    assert found.pareto_k[4] > found.threshold
+    keep = np.arange(10) != 4
+    assert found.pointwise[4] == pytest.approx(left_out(result.problem, result.law.log_evidence, keep))
+    small = np.delete(found.pareto_k, 4)
+    assert (small <= found.threshold).all()
+
+
+def test_rows_of_an_impact_are_left_out_together():
+    ids = np.array([f"i{k}" for k in range(8)])
+    data = observations(
+        "ifr", np.linspace(8, 78, 8), ("beta_cm", "spin_y_after"), sigma=0.03, e_t=-0.85, impact_id=ids
+    )
+    result = fitted(data, fix={"e_n": 0.9}, noise="known")
+    found = loo_of(result, SEED)
+    assert found.impacts == tuple(f"impact i{k}" for k in range(8))
+    keep = data.table["impact_id"].to_numpy() != "i3"
+    assert keep.sum() == 14
+    exact = left_out(result.problem, result.law.log_evidence, keep)
+    assert found.pointwise[3] == pytest.approx(exact, abs=0.1)
+    # rows one by one would say something else
+    rows = loo_of(fitted(observations(
+        "ifr", np.linspace(8, 78, 8), ("beta_cm", "spin_y_after"), sigma=0.03, e_t=-0.85
+    ), fix={"e_n": 0.9}, noise="known", independent=True), SEED)  # fmt: skip
+    assert rows.pointwise.size == 16
+
+
+def test_rows_that_no_constant_moves_are_exact():
+    """Closure F gives 0 to every sticking row: their weights are all the same."""
+    data = observations("f", [4.0, 6.0, 40.0, 60.0, 80.0], sigma=0.05)
+    found = loo_of(fitted(data, "f", fix={"e_n": 0.9}, noise="known"), SEED)
+    value = data.table["value"].to_numpy()
+    for i in (0, 1):
+        expected = -0.5 * (value[i] / 0.05) ** 2 - math.log(0.05 * math.sqrt(2.0 * math.pi))
+        assert found.pareto_k[i] == -math.inf
+        assert found.pointwise[i] == pytest.approx(expected, abs=1e-9)
+    assert np.isfinite(found.pareto_k[2:]).all()
+
+
+def test_differences_are_taken_impact_by_impact():
+    data = observations("ifr", sigma=0.05, e_t=-0.7)
+    found = {
+        name: loo_of(fitted(data, name, fix={"e_n": 0.9}, noise="known"), SEED) for name in ("fr", "ifr")
+    }
+    both = with_differences(found)
+    gap = both["fr"].pointwise - both["ifr"].pointwise
+    assert both["ifr"].difference == 0.0
+    assert both["fr"].difference == pytest.approx(gap.sum())
+    assert both["fr"].se_difference == pytest.approx(math.sqrt(gap.size * gap.var(ddof=1)))
+    assert both["fr"].se_difference < both["fr"].se  # the impacts are the same: much of the scatter cancels
+
+
+def test_draws_do_not_depend_on_what_else_is_compared():
+    data = observations("ifr", sigma=0.05, e_t=-0.85)
+    two = compare(data, ("fr", "ifr"), fix={"e_n": 0.9}, noise="known")
+    three = compare(data, ("ifr", "f", "fr"), fix={"e_n": 0.9}, noise="known")
+    other = compare(data, ("fr", "ifr"), fix={"e_n": 0.9}, noise="known", seed=1)
+    assert (two.entries["ifr"].loo.pointwise == three.entries["ifr"].loo.pointwise).all()
+    assert (two.entries["ifr"].loo.pointwise != other.entries["ifr"].loo.pointwise).any()
+
+
+def test_too_many_rows_are_said(monkeypatch):
+    monkeypatch.setattr("ifrfit.inference.comparison.loo._LARGEST", 1000 * 25 - 1)
+    found = compare(observations("ifr", sigma=0.05, e_t=-0.85), ("f", "ifr"), fix={"e_n": 0.9})
+    assert all(entry.loo is None for entry in found.entries.values())
+    assert any("Too many rows for cross-validation" in note for note in found.notes)
+
+
+def test_refits_keep_the_prior_of_the_noise():
+    """The largest value sets the scale of the noise's prior: leaving it out must not change that prior."""
+    data = observations("ifr", np.linspace(5, 80, 8), ("tan_psi_after",), sigma=0.05, e_t=-0.85, given=False)
+    result = fitted(data, fix={"e_n": 0.9})
+    density = Density(result.problem)
+    largest = int(np.argmax(np.abs(data.table["value"].to_numpy())))
+    found = left_out(result.problem, explore(result.problem).log_evidence, density.impact != largest)
+    smoothed = loo_of(result, SEED)
+    assert found == pytest.approx(smoothed.pointwise[largest], abs=0.15)

@@ -1,0 +1,89 @@
+"""How the evidence moves with the widths of the priors: cut posteriors against integrals of their own."""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+import pytest
+from comparison_data import observations, problem_of
+
+from ifrfit.inference.comparison import compare
+from ifrfit.inference.comparison.priors import MU_WIDTHS, prior_of
+from ifrfit.inference.posterior import log_evidence
+
+
+@pytest.fixture(scope="module")
+def found():
+    return compare(observations("ifr", sigma=0.1, e_t=-0.85), loo=False, fix={"e_n": 0.9}, noise="known")
+
+
+def test_stated_priors_come_first(found):
+    first = found.priors[0]
+    assert first.varied == ""
+    assert first.log_evidence == {name: e.log_evidence for name, e in found.entries.items()}
+
+
+def test_every_row_is_the_evidence_under_that_prior(found):
+    data = found.best.problem.observations
+    for row in found.priors[1:]:
+        for name, value in row.log_evidence.items():
+            bounds = {}
+            if row.varied.startswith("mu up to "):
+                bounds = {"mu": (0.0, float(row.varied.removeprefix("mu up to ")))}
+            elif f"of {found.entries[name].fit.problem.closure.title} in" in row.varied:
+                low, high = (float(x) for x in row.varied.partition("[")[2][:-1].split(","))
+                bounds = {row.varied.split()[0]: (low, high)}
+            own = problem_of(data, name, noise="known", fix={"e_n": 0.9}, bounds=bounds)
+            # the ends are printed with four digits
+            assert value == pytest.approx(log_evidence(own), abs=2e-3), (row.varied, name)
+
+
+def test_rows_are_of_mu_and_of_each_closure_with_a_constant(found):
+    words = [row.varied for row in found.priors[1:]]
+    assert words[: len(MU_WIDTHS)] == ["mu up to 0.5", "mu up to 1", "mu up to 4"]
+    assert [w.partition(" in")[0] for w in words[3:]] == ["beta0 of FR", "e_t of IFR", "e_t of IFR-contact"]
+
+
+def test_half_the_domain_gains_log_2_where_the_data_decide():
+    found = compare(observations("ifr", sigma=0.02, e_t=-0.7), ("fr", "ifr"), loo=False, fix={"e_n": 0.9})
+    stated = found.priors[0].log_evidence
+    for row in found.priors[4:]:
+        gains = [row.log_evidence[name] - stated[name] for name in stated]
+        assert sorted(gains) == pytest.approx([0.0, math.log(2.0)], abs=1e-3)
+
+
+def test_what_the_user_set_is_not_varied():
+    data = observations("ifr", sigma=0.1, e_t=-0.85)
+    found = compare(
+        data,
+        ("f", "ifr"),
+        loo=False,
+        fix={"e_n": 0.9, "e_t": -0.9},
+        prior={"mu": (0.15, 0.05)},
+        noise="known",
+    )
+    assert [row.varied for row in found.priors] == [""]
+    assert found.verdict.over_priors is None
+
+
+def test_separate_constants_are_integrated_afresh():
+    one = observations("ifr", [5, 10, 40, 60, 80], sigma=0.1, e_t=-0.85)
+    two = observations("ifr", [5, 10, 40, 60, 80], sigma=0.1, e_t=-0.85, seed=4)
+    other = two.table
+    other["series"] = "second"
+    data = type(one)(pd.concat([one.table, other], ignore_index=True), one.sources)
+    fixed = {"e_n": 0.9, "e_t": -0.85}
+    found = compare(data, ("f", "ifr"), loo=False, fix=fixed, separate=["mu"], noise="known")
+    row = next(r for r in found.priors if r.varied == "mu up to 0.5")
+    own = problem_of(data, "ifr", noise="known", fix=fixed, separate=["mu"], bounds={"mu": (0.0, 0.5)})
+    assert row.log_evidence["ifr"] == pytest.approx(log_evidence(own), abs=1e-3)
+
+
+def test_priors_are_stated():
+    problem = problem_of(observations("ifr", e_t=-0.9), "ifr", prior={"e_n": (0.9, 0.02)})
+    assert prior_of(problem) == {
+        "e_n": {"lower": 0.0, "upper": 1.0, "mean": 0.9, "sd": 0.02},
+        "e_t": {"lower": -1.0, "upper": -0.4},
+        "mu": {"lower": 0.0, "upper": 2.0},
+    }

@@ -1,0 +1,187 @@
+"""Text, HTML and figure of a comparison, by what they hold."""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "inference" / "comparison"))
+
+from comparison_data import observations
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.comparison import compare
+from ifrfit.inference.result import Fact
+from ifrfit.report import write_folder
+from ifrfit.report.comparison_folder import write_comparison
+from ifrfit.report.comparison_words import findings, prior_line
+
+NASTY = "<b>&$ball$_1"
+
+
+@pytest.fixture(scope="module")
+def found():
+    return compare(observations("ifr", sigma=0.05, e_t=-0.85), fix={"e_n": 0.9}, noise="known")
+
+
+@pytest.fixture(scope="module")
+def stand_in():
+    data = observations(
+        "ifr",
+        np.linspace(5, 80, 8),
+        ("beta_cm", "spin_y_after"),
+        sigma=0.05,
+        e_t=-0.85,
+        provenance="stand-in",
+    )
+    return compare(data, ("fr", "ifr"), loo=False, fix={"e_n": 0.9}, noise="scaled")
+
+
+def test_text_fits_a_terminal_and_says_it_all(found):
+    text = found.summary()
+    assert max(map(len, text.splitlines())) <= 100
+    assert [line for line in text.splitlines() if line != line.rstrip()] == []
+    for words in ("VERDICT  ", "log BF against ", "mu up to 0.5", "psi plane", "leave-one-impact-out"):
+        assert words in text
+    assert "4 closures, exact posterior, known noise" in text
+
+
+def test_numbers_of_the_table_are_those_of_the_comparison(found):
+    row = next(x for x in found.summary().splitlines() if x.startswith("  FR "))
+    fit = found.entries["fr"]
+    for number in (f"{fit.log_evidence:.2f}", f"{fit.log_bayes_factor:.2f}", f"{fit.fit.fit.aic:.1f}"):
+        assert number in row.split()
+    assert "2 of 2" in row
+
+
+def test_chi2_is_shown_only_where_it_says_something(found):
+    data = observations("ifr", sigma=0.05, e_t=-0.85)
+    unknown = compare(data, loo=False, fix={"e_n": 0.9}, noise="unknown").summary()
+    assert " chi2 " in found.summary()
+    assert " chi2 " not in unknown
+    assert " AICc " in unknown
+    assert " AICc " not in found.summary()
+
+
+def test_a_stand_in_says_so_before_its_numbers(stand_in):
+    text = stand_in.summary()
+    assert "STAND-IN" in text.splitlines()[0]
+    assert text.index("Not answerable until real points are installed") < text.index("log evidence")
+    assert "favour" not in text
+
+
+def test_priors_are_told_once_where_all_share_them(found):
+    line = prior_line(found)
+    assert "mu 0 to 2," in line
+    assert "beta0 -1 to 1 (FR)" in line
+    assert "e_t -1 to -0.4 (IFR)" in line
+    assert "e_n" not in line  # fixed
+
+
+def test_what_did_not_converge_comes_first(found):
+    entries = dict(found.entries)
+    fit = entries["f"].fit
+    loose = Fact(False, "the quadrature reached 1e-2 only", {}, "rule")
+    entries["f"] = replace(entries["f"], fit=replace(fit, facts={**fit.facts, "converged": loose}))
+    broken = replace(found, entries=entries)
+    assert not broken.converged
+    assert findings(broken)[0] == ("LOOK", "F: the quadrature reached 1e-2 only")
+    assert ("ok", "the evidence of every closure converged") in findings(found)
+
+
+def test_doubtful_cross_validation_is_said(found):
+    entries = dict(found.entries)
+    loo = replace(entries["fr"].loo, doubtful=("line 3", "line 9"))
+    entries["fr"] = replace(entries["fr"], loo=loo)
+    said = [says for kind, says in findings(replace(found, entries=entries)) if kind == "LOOK"]
+    assert said == [
+        "cross-validation of FR is not to be trusted: Pareto k over 0.7 in 2 impacts (line 3, ...)"
+    ]
+
+
+def test_html_escapes_what_comes_from_data(stand_in):
+    nasty = replace(stand_in, notes=(NASTY,), verdict=replace(stand_in.verdict, says=NASTY))
+    text = nasty._repr_html_()
+    assert NASTY not in text
+    assert "&lt;b&gt;&amp;" in text
+
+
+def test_figure_holds_data_lines_residuals_and_factors(found):
+    figure = found.plot()
+    names = [entry.fit.problem.closure.title for entry in found.entries.values()]
+    data, *strips, evidence = figure.axes
+    assert figure.get_size_inches()[0] * 25.4 == pytest.approx(85.0)
+    assert len(strips) == len(names) == 4
+    points = found.best.points
+    assert any(
+        np.allclose(line.get_xdata(), points["gamma_deg"]) for line in data.lines if line.get_marker() == "o"
+    )
+    for strip, (name, entry) in zip(strips, found.entries.items(), strict=True):
+        (marks,) = [line for line in strip.lines if line.get_linestyle() == "None"]
+        assert np.allclose(marks.get_ydata(), entry.fit.points["standardised"]), name
+        assert "σ" in strip.get_ylabel()
+    widths = sorted(bar.get_width() for bar in evidence.patches if bar.get_height() == pytest.approx(0.55))
+    assert widths == pytest.approx(sorted(e.log_bayes_factor for e in found.entries.values()))
+    assert data.get_ylabel().endswith("(–)")
+    assert strips[-1].get_xlabel() == "incidence angle γ (deg)"
+    assert "LOO difference" in evidence.get_xlabel()
+
+
+def test_figure_of_a_stand_in_says_so_everywhere(stand_in):
+    figure = stand_in.plot()
+    texts = [t.get_text() for axes in figure.axes for t in axes.texts]
+    assert texts.count("STAND-IN") == 2  # both observables
+    assert figure._suptitle.get_text().startswith("Not answerable")
+    assert any("stand-in" in t.get_text() for t in figure.legends[0].get_texts())
+    assert "LOO" not in figure.axes[-1].get_xlabel()
+
+
+def test_nothing_of_the_figure_is_cut(found, stand_in):
+    for figure in (found.plot(), stand_in.plot()):
+        figure.draw_without_rendering()
+        renderer, frame = figure.canvas.get_renderer(), figure.bbox
+        boxes = [axes.get_tightbbox(renderer) for axes in figure.axes]
+        boxes += [figure.legends[0].get_window_extent(renderer), figure._suptitle.get_window_extent(renderer)]
+        for box in boxes:
+            assert box.x0 >= frame.x0 - 1.0
+            assert box.x1 <= frame.x1 + 1.0
+            assert box.y0 >= frame.y0 - 1.0
+            assert box.y1 <= frame.y1 + 1.0
+
+
+def test_observables_without_an_angle_leave_the_factors(found):
+    data = observations("ifr", np.zeros(6), ("e_n",), sigma=0.05, e_t=-0.85)
+    figure = compare(data, ("f", "ifr"), loo=False, noise="known").plot()
+    assert len(figure.axes) == 1
+
+
+def test_folder_appears_whole_or_not_at_all(found, tmp_path, monkeypatch):
+    out = tmp_path / "one"
+    assert write_comparison(found, out, force=False) == ["compare.json", "compare.svg", "compare.png"]
+    assert {path.name for path in out.iterdir()} == {"compare.json", "compare.svg", "compare.png"}
+    with pytest.raises(UsageError, match="holds an earlier comparison; add --force"):
+        write_comparison(found, out, force=False)
+    monkeypatch.setattr(type(found), "plot", lambda self: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_comparison(found, tmp_path / "two", force=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["one"]
+
+
+def test_a_fit_and_a_comparison_share_a_folder(found, tmp_path):
+    write_comparison(found, tmp_path / "both", force=False)
+    write_folder(found.best, tmp_path / "both", force=False, figures=False)
+    names = {path.name for path in (tmp_path / "both").iterdir()}
+    assert names == {"compare.json", "compare.svg", "compare.png", "result.json"}
+
+
+def test_open_slopes_are_said_in_words():
+    data = observations("ifr", np.linspace(2, 18, 8), sigma=0.05, e_t=-0.85)
+    found = compare(data, ("f", "ifr"), loo=False, fix={"e_n": 0.9}, noise="known")
+    assert not found.psi_plane.sliding.determined
+    assert "not determined" in found.summary()
+    assert math.isinf(max(map(abs, found.psi_plane.sliding.interval95)))
