@@ -69,8 +69,8 @@ def transition(
     own = problem.closure.constant
     places = problem.positions()
     c = float(fit.optimum.theta[places[own][series]]) if own else 0.0
-    linear = problem.closure.coefficients(problem.inertia_factor)
-    bound = linear.b0 + linear.b1 * c
+    law = problem.closure.law(problem.inertia_factor)
+    bound = float(law.bound(c))
     if kappa.value is None or bound <= 0.0:
         return None
     tau = kappa.value / bound
@@ -81,7 +81,7 @@ def transition(
     e_n, mu = fit.optimum.theta[i_e], fit.optimum.theta[i_mu]
     functional = ((1.0 + e_n) * fit.local.to_theta[i_mu] + mu * fit.local.to_theta[i_e]) / bound
     if own:
-        functional = functional - tau * linear.b1 / bound * fit.local.to_theta[places[own][series]]
+        functional = functional - tau * float(law.bound_slope(c)) / bound * fit.local.to_theta[places[own][series]]
     sd = math.sqrt(fit.local.variance(functional, 1.0))
     found = []
     for number, angle in enumerate(angles):

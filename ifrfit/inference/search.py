@@ -60,7 +60,7 @@ def starts(problem: Problem) -> list[Array]:
     """Constants spread over the domain, with transitions spread over the data's own slip ratios."""
     tau = problem.rows.tau[np.isfinite(problem.rows.tau) & (problem.rows.tau > 0.0)]
     quantiles = np.quantile(tau, np.linspace(0.05, 0.95, _TRANSITIONS)) if tau.size else np.array([0.3])
-    linear = problem.closure.coefficients(problem.inertia_factor)
+    law = problem.closure.law(problem.inertia_factor)
     spread = {c.name: _spread(c.lower, c.upper, c.fixed) for c in problem.constants if c.name != "mu"}
     places = problem.positions()
     out = []
@@ -71,7 +71,7 @@ def starts(problem: Problem) -> list[Array]:
             theta = np.zeros(len(problem.names))
             for name, value in chosen.items():
                 theta[places[name]] = value
-            theta[places["mu"]] = max(linear.b0 + linear.b1 * c, 0.01) * tau_t / (1.0 + chosen["e_n"])
+            theta[places["mu"]] = max(float(law.bound(c)), 0.01) * tau_t / (1.0 + chosen["e_n"])
             out.append(theta)
     return out
 

@@ -1,0 +1,143 @@
+"""Maw, Barber & Fawcett's solution as a table: the restitution beta by scaled velocity and compliance.
+
+Below psi1 = 1 the contact begins by sticking, from 4 chi - 1 on it slips throughout, and at both the solution
+has a kink in its curvature. So the table has one range of nodes from 0 to 1 and one from 1 to 4 chi - 1. Along
+the velocity it is a cubic spline, along chi the cubic through the neighbours' slopes; both have continuous
+slopes, which a search by derivatives needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.errors import UsageError
+
+Array = NDArray[np.float64]
+
+_SLACK = 1e-5  # beyond the ends of chi, for differences taken there
+_AT_ONCE = 50_000  # numbers of chi whose cubics are held at once
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cubics of beta in every interval of the scaled velocity, at nodes of chi.
+
+    Attributes
+    ----------
+    chi : ndarray, (m,)
+        Nodes, evenly spaced.
+    nodes : ndarray, (m + 2, intervals, 4)
+        Coefficients of beta in powers of the place inside an interval, 0 to 1; one row more at either end.
+    first : int
+        Intervals between 0 and 1; the rest lies between 1 and 4 chi - 1.
+    """
+
+    chi: Array
+    nodes: Array
+    first: int
+
+    def cubics(self, chi: Array) -> Array:
+        """Coefficients at a chi, (..., intervals, 4); nan for nan."""
+        i, u = self._place(chi)
+        weights = 0.5 * np.stack(
+            (u * (-1.0 + u * (2.0 - u)), 2.0 + u * u * (3.0 * u - 5.0), u * (1.0 + u * (4.0 - 3.0 * u)),
+             u * u * (u - 1.0))
+        )  # fmt: skip
+        return self._weighted(weights, i)
+
+    def cubics_by_chi(self, chi: Array) -> Array:
+        """Derivatives of `cubics` by chi."""
+        i, u = self._place(chi)
+        weights = 0.5 * np.stack(
+            (-1.0 + u * (4.0 - 3.0 * u), u * (9.0 * u - 10.0), 1.0 + u * (8.0 - 9.0 * u), u * (3.0 * u - 2.0))
+        )
+        return self._weighted(weights / (self.chi[1] - self.chi[0]), i)
+
+    def _weighted(self, weights: Array, i: NDArray[np.intp]) -> Array:
+        return np.asarray(sum(w[..., None, None] * self.nodes[i + k] for k, w in enumerate(weights)))
+
+    def _place(self, chi: Array) -> tuple[NDArray[np.intp], Array]:
+        """Interval of chi, and the place in it."""
+        low, high = float(self.chi[0]), float(self.chi[-1])
+        outside = (chi < low - _SLACK) | (chi > high + _SLACK)
+        if outside.any():
+            raise UsageError(
+                f"chi = {float(chi[outside].flat[0]):g}: the table of closure MAW reaches from {low:g} to "
+                f"{high:g}. A solid sphere of the wall's material has 1.167 to 1.75."
+            )
+        x = (chi - low) / (self.chi[1] - self.chi[0])
+        i = np.clip(np.nan_to_num(x), 0.0, self.chi.size - 2.0).astype(np.intp)
+        return i, x - i
+
+    def beta(self, psi1: Array, chi: Array) -> Array:
+        """Restitution below gross slip; nan from 4 chi - 1 on, where it is 4 chi/psi1 - 1."""
+        return self._evaluated(psi1, chi, slopes=False)[0]
+
+    def slopes(self, psi1: Array, chi: Array) -> tuple[Array, Array, Array]:
+        """beta, and its derivatives by psi1 and by chi; nan in gross slip."""
+        beta, by_psi1, by_chi = self._evaluated(psi1, chi, slopes=True)
+        return beta, by_psi1, by_chi
+
+    def _evaluated(self, psi1: Array, chi: Array, *, slopes: bool) -> tuple[Array, ...]:
+        shape = np.broadcast_shapes(psi1.shape, chi.shape)
+        chi = chi.reshape((1,) * (len(shape) - chi.ndim) + chi.shape)
+        if chi.size > _AT_ONCE // self.nodes.shape[1] and chi.shape[0] > 1:
+            psi1 = np.broadcast_to(psi1, shape)
+            parts = np.array_split(np.arange(chi.shape[0]), min(chi.shape[0], 1 + chi.size // 256))
+            found = [self._evaluated(psi1[part], chi[part], slopes=slopes) for part in parts]
+            return tuple(np.concatenate(each) for each in zip(*found, strict=True))
+        gross = 4.0 * chi - 1.0
+        inside = psi1 < gross
+        sticks_first = psi1 < 1.0
+        second = self.nodes.shape[1] - self.first
+        with np.errstate(invalid="ignore", over="ignore"):
+            x = np.where(sticks_first, psi1 * self.first, self.first + (psi1 - 1.0) / (gross - 1.0) * second)
+        x = np.where(inside, x, 0.0)
+        i = np.minimum(x.astype(np.intp), self.nodes.shape[1] - 1)
+        u = x - i
+        row = np.arange(chi.size).reshape(chi.shape)
+
+        def cubic(coefficients: Array) -> Array:
+            c = coefficients.reshape(-1, 4)[row * self.nodes.shape[1] + i]
+            return np.asarray(c[..., 0] + u * (c[..., 1] + u * (c[..., 2] + u * c[..., 3])))
+
+        cubics = self.cubics(chi).reshape(chi.size, -1, 4)
+        beta = np.where(inside, cubic(cubics), np.nan)
+        if not slopes:
+            return (beta,)
+        slope = np.zeros_like(cubics)
+        slope[..., :3] = cubics[..., 1:] * np.array([1.0, 2.0, 3.0])
+        along = np.where(inside, cubic(slope), np.nan)
+        per_psi1 = np.where(sticks_first, self.first, second / (gross - 1.0))
+        by_chi = cubic(self.cubics_by_chi(chi).reshape(chi.size, -1, 4))
+        # the nodes between 1 and 4 chi - 1 move with chi
+        moved = np.where(sticks_first, 0.0, (x - self.first) * 4.0 / (gross - 1.0))
+        return beta, along * per_psi1, by_chi - along * moved
+
+
+@cache
+def compliance_table() -> Table:
+    """The table that comes with the package, computed by the memory-function solver."""
+    from scipy.interpolate import CubicSpline
+
+    path = files("ifrfit.physics.compliance") / "table.csv"
+    with path.open("r", encoding="utf-8") as lines:
+        rows = np.loadtxt(lines, delimiter=",", comments="#")
+    place, chi, beta = rows[0, 1:], rows[1:, 0], rows[1:, 1:]
+    first = int(np.flatnonzero(place == 1.0)[0])
+    # two more chi by the parabola through the last three
+    beta = np.concatenate(
+        ([3.0 * (beta[0] - beta[1]) + beta[2]], beta, [3.0 * (beta[-1] - beta[-2]) + beta[-3]])
+    )
+    cubics = []
+    for part in (slice(0, first + 1), slice(first, None)):
+        spline = CubicSpline(np.arange(place[part].size), beta[:, part], axis=1)
+        cubics.append(spline.c[::-1].transpose(2, 1, 0))
+    nodes = np.ascontiguousarray(np.concatenate(cubics, axis=1))
+    nodes.flags.writeable = False
+    return Table(chi, nodes, first)
