@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ifrfit.inference.constants import Constant
-from ifrfit.inference.derived import sticking_of
+from ifrfit.inference.derived import meaning_of
 from ifrfit.inference.kappa import kappa_bounds
 from ifrfit.inference.local import kappa_coordinates
 from ifrfit.inference.optimum import Array
@@ -100,7 +100,7 @@ def _one_sided(posterior: Posterior, name: str, side: int, bound: float, p: floa
 def exact_derived(
     problem: Problem, posterior: Posterior, local: Mapping[str, Any], constants: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """kappa, transition angles and the restitution in sticking."""
+    """kappa, transition angles, and what the closure constant stands for."""
     names = [name for name in posterior.names if name.startswith("kappa")]
     kappa = local["kappa"]
     if isinstance(kappa, Estimate):
@@ -118,8 +118,7 @@ def exact_derived(
             series: _transition(problem, posterior, i, kappas[series], local["transition_angle_deg"][series])
             for i, series in enumerate(problem.series)
         },
-        "beta_sticking": sticking_of(problem, constants),
-    }
+    } | meaning_of(problem, constants)
 
 
 def _kappa(

@@ -36,6 +36,10 @@ class Law(Protocol):
         """Derivative of `bound` by c."""
         ...
 
+    def constant_at(self, bound: ArrayLike) -> Array:
+        """The c with this `bound`; infinite where every one has a larger bound."""
+        ...
+
 
 @dataclass(frozen=True)
 class Coefficients:
@@ -68,6 +72,11 @@ class Coefficients:
     def bound_slope(self, c: ArrayLike) -> Array:
         """b1."""
         return np.full(np.shape(c), self.b1)
+
+    def constant_at(self, bound: ArrayLike) -> Array:
+        """(b - b0)/b1."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray((np.asarray(bound, dtype=float) - self.b0) / self.b1)
 
 
 def impulse_factor(

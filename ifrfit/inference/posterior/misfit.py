@@ -4,7 +4,8 @@ Sorted by tau, the rows that stick at a given transition are the first ones. Pre
 products of four columns (residual at a reference, value there, and the derivatives by the closure constant
 and by kappa) give the sum of squares at any constants from sixteen numbers, however many rows there are: a
 quadratic in the closure constant, given e_n and the transition. Rows that are not linear in the impulse
-are evaluated as they stand.
+are evaluated as they stand; under a law that is not bilinear that is every oblique row, and kappa itself is
+the transition's coordinate.
 """
 
 from __future__ import annotations
@@ -17,11 +18,14 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.sums import PAIRS, Quadratic, Sums, expand, scale_of
 from ifrfit.inference.problem import Index, RowModel
-from ifrfit.physics.closures import Closure
-from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.physics.closures import Closure, Coefficients
+from ifrfit.physics.angles import Incidence
+from ifrfit.physics.laws import Law
+from ifrfit.physics.observables import OBSERVABLES, Observable
 
 Array = NDArray[np.float64]
 
+_BY_KAPPA = Coefficients(0.0, 0.0, 1.0, 0.0)  # x = kappa
 _MOST_MINIMA = 8
 AT_ONCE = 40_000  # values of curved rows computed at once: their arrays stay in the cache
 
@@ -70,10 +74,14 @@ class Misfit:
         reference: Reference,
     ) -> None:
         self.rows, self.weight, self.groups = rows, weight, tuple(groups)
-        self.coefficients = closure.coefficients(inertia_factor)
+        # of any other law than a bilinear one; its rows are not linear
+        self.law: Law | None = None if closure.bilinear else closure.law(inertia_factor)
+        self.coefficients = closure.coefficients(inertia_factor) if self.law is None else _BY_KAPPA
         self.inertia_factor = inertia_factor
         self.reference = reference
         kinds = np.array([OBSERVABLES[name].kind for name in rows.names])[rows.which]
+        if self.law is not None:
+            kinds = np.where(kinds == "tangential", "curved", kinds)
         self._kinds = kinds
         self.curved_rows = [group[kinds[group] == "curved"] for group in self.groups]
         self._sums = [self._tangential(group[kinds[group] == "tangential"]) for group in self.groups]
@@ -88,6 +96,8 @@ class Misfit:
     @property
     def kinks(self) -> Array:
         """Transitions at which a row changes its regime, ascending."""
+        if self.law is not None:  # where that is depends on the closure constant, and nothing jumps there
+            return np.empty(0)
         oblique = np.isin(self._kinds, ("tangential", "curved"))
         tau = np.unique(self.rows.tau[oblique])
         return np.asarray(tau[(tau > 0.0) & np.isfinite(tau)])
@@ -230,26 +240,35 @@ class Misfit:
     def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array) -> Array:
         """Weighted residuals of curved rows, (..., rows)."""
         part = self.rows.take(rows)
-        k = self.coefficients
-        a, b = k.a0 + k.a1 * c, k.b0 + k.b1 * c
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(part.tau > 0.0, x[..., None] / part.tau, np.inf)
-        factor = a[..., None] + b[..., None] * np.minimum(1.0, ratio)
+        factor = self._factors(part, x, c)
         out = np.empty(factor.shape)
         for name in part.names:
             at = part.rows_of(name)
-            by_impulse = OBSERVABLES[name].by_impulse
-            if at.size and by_impulse is not None:
+            if at.size:
                 whole = at.size == part.tau.size
                 i = part.incidence if whole else part.take(at).incidence
                 value = by_impulse(
-                    i, factor if whole else factor[..., at], e_n[..., None], self.inertia_factor
+                    OBSERVABLES[name],
+                    i,
+                    factor if whole else factor[..., at],
+                    e_n[..., None],
+                    self.inertia_factor,
                 )
                 if whole:
                     out = value
                 else:
                     out[..., at] = value
         return np.asarray((part.value - out) * self.weight[rows])
+
+    def _factors(self, part: RowModel, x: Array, c: Array) -> Array:
+        """Impulse factors of rows, (..., rows)."""
+        if self.law is not None:
+            return self.law.impulse(part.incidence, c[..., None], x[..., None])[0]
+        k = self.coefficients
+        a, b = k.a0 + k.a1 * c, k.b0 + k.b1 * c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(part.tau > 0.0, x[..., None] / part.tau, np.inf)
+        return np.asarray(a[..., None] + b[..., None] * np.minimum(1.0, ratio))
 
     def _curved_group(self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array) -> Array:
         shape = np.broadcast_shapes(e_n.shape, x.shape, c.shape, mu.shape)
@@ -261,3 +280,12 @@ class Misfit:
             residual = self.curved_values(rows, *(y[at] for y in flat))
             out[at] = np.einsum("ij,ij->i", residual, residual)
         return out.reshape(shape)
+
+
+def by_impulse(observable: Observable, i: Incidence, k: Array, e_n: Array, j: float) -> Array:
+    """Value of an oblique observable at many impulse factors."""
+    if observable.by_impulse is not None:
+        return observable.by_impulse(i, k, e_n, j)
+    assert observable.linear is not None
+    offset, slope = observable.linear(i, j)
+    return np.asarray(scale_of(observable.scale, e_n) * (offset + slope * k))

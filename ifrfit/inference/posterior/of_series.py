@@ -227,9 +227,18 @@ def _walls(grid: Grid, tensor: Tensor) -> Callable[[Array], bool] | None:
 
 
 def _tau(grid: Grid, tensor: Tensor, name: str) -> Quantity:
-    moments = _of_values(grid, tensor, tensor.x[..., None])
+    law = tensor.series.misfit.law
     laws = _laws(grid, tensor)
-    return Quantity(name, 0.0, math.inf, moments, lambda t, level: laws(level)(t[:, None, None]))
+    if law is None:
+        moments = _of_values(grid, tensor, tensor.x[..., None])
+        return Quantity(name, 0.0, math.inf, moments, lambda t, level: laws(level)(t[:, None, None]))
+    moments = _of_values(grid, tensor, tensor.x[..., None] / law.bound(tensor.c))
+    if not tensor.series.has_c:
+        bound = law.bound(tensor.c[..., 0])[..., 0]
+        return Quantity(name, 0.0, math.inf, moments, lambda t, level: laws(level)(t[:, None, None] * bound))
+    # kappa/bound(c) rises with c
+    below = _by_c(tensor, lambda t: law.constant_at(tensor.x / np.maximum(t, 1e-300)))
+    return Quantity(name, 0.0, math.inf, moments, lambda t, level: below(t, grid.share[level], level))
 
 
 def friction_apart(
