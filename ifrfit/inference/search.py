@@ -53,7 +53,7 @@ def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Opt
         found.append((float(2.0 * result.cost), full(result.x)))
     found.sort(key=lambda pair: pair[0])
     best, theta = found[0]
-    return Optimum(theta, best, None, _distinct(found), f"best of {len(chosen)} starts")
+    return Optimum(theta, best, None, _distinct(problem, sigma, found), f"best of {len(chosen)} starts")
 
 
 def starts(problem: Problem) -> list[Array]:
@@ -92,11 +92,21 @@ def _prior_jacobian(problem: Problem) -> Array:
     return out
 
 
-def _distinct(found: list[tuple[float, Array]]) -> tuple[tuple[float, Array], ...]:
-    """Local minima at different places within 4; starts that stopped on the way to a better one go along."""
+def _distinct(
+    problem: Problem, sigma: Array, found: list[tuple[float, Array]]
+) -> tuple[tuple[float, Array], ...]:
+    """Local minima at different places within 4; starts that stopped on the way to a better one go along.
+
+    Places whose rows have the same values are one: a valley along which the data do not tell the constants.
+    """
     best = found[0][0]
     kept: list[tuple[float, Array]] = []
+    values: list[Array] = []
     for value, theta in found:
-        if value <= best + 4.0 and all(np.abs(theta - other).max() > 1e-3 for _, other in kept):
+        if value > best + 4.0 or any(np.abs(theta - other).max() <= 1e-3 for _, other in kept):
+            continue
+        fitted = np.concatenate((problem.fitted(theta) / sigma, problem.prior_residuals(theta)))
+        if all(np.abs(fitted - other).max() > 1e-3 for other in values):
             kept.append((value, theta))
+            values.append(fitted)
     return tuple(kept)

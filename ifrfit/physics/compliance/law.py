@@ -49,7 +49,8 @@ class Compliance:
         _, by_psi1, by_chi = compliance_table().slopes(psi1, chi)
         sticks = psi1 < 4.0 * chi - 1.0
         with np.errstate(divide="ignore", invalid="ignore"):
-            by_kappa = np.where(sticks, -self.share * by_psi1 * psi1 / kappa, 1.0 / incidence.tau)
+            less = np.where(psi1 > 0.0, -self.share * by_psi1 * psi1 / kappa, 0.0)
+            by_kappa = np.where(sticks, less, 1.0 / incidence.tau)
             by_c = np.where(sticks, self.share * (by_chi + by_psi1 * psi1 / chi), 0.0)
         return by_c, by_kappa
 

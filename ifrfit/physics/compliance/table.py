@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 _SLACK = 1e-5  # beyond the ends of chi, for differences taken there
-_AT_ONCE = 50_000  # numbers of chi whose cubics are held at once
 
 
 @dataclass(frozen=True)
@@ -41,27 +41,12 @@ class Table:
     nodes: Array
     first: int
 
-    def cubics(self, chi: Array) -> Array:
-        """Coefficients at a chi, (..., intervals, 4); nan for nan."""
-        i, u = self._place(chi)
-        weights = 0.5 * np.stack(
-            (u * (-1.0 + u * (2.0 - u)), 2.0 + u * u * (3.0 * u - 5.0), u * (1.0 + u * (4.0 - 3.0 * u)),
-             u * u * (u - 1.0))
-        )  # fmt: skip
-        return self._weighted(weights, i)
+    def cubics(self, chi: float) -> Array:
+        """Coefficients of all intervals at one chi, (intervals, 4)."""
+        i, u = self._place(np.array([chi]))
+        return np.asarray(np.tensordot(_weights(u)[:, 0], self.nodes[i[0] : i[0] + 4], axes=1))
 
-    def cubics_by_chi(self, chi: Array) -> Array:
-        """Derivatives of `cubics` by chi."""
-        i, u = self._place(chi)
-        weights = 0.5 * np.stack(
-            (-1.0 + u * (4.0 - 3.0 * u), u * (9.0 * u - 10.0), 1.0 + u * (8.0 - 9.0 * u), u * (3.0 * u - 2.0))
-        )
-        return self._weighted(weights / (self.chi[1] - self.chi[0]), i)
-
-    def _weighted(self, weights: Array, i: NDArray[np.intp]) -> Array:
-        return np.asarray(sum(w[..., None, None] * self.nodes[i + k] for k, w in enumerate(weights)))
-
-    def _place(self, chi: Array) -> tuple[NDArray[np.intp], Array]:
+    def _place(self, chi: Array) -> tuple[Index, Array]:
         """Interval of chi, and the place in it."""
         low, high = float(self.chi[0]), float(self.chi[-1])
         outside = (chi < low - _SLACK) | (chi > high + _SLACK)
@@ -84,13 +69,9 @@ class Table:
         return beta, by_psi1, by_chi
 
     def _evaluated(self, psi1: Array, chi: Array, *, slopes: bool) -> tuple[Array, ...]:
-        shape = np.broadcast_shapes(psi1.shape, chi.shape)
-        chi = chi.reshape((1,) * (len(shape) - chi.ndim) + chi.shape)
-        if chi.size > _AT_ONCE // self.nodes.shape[1] and chi.shape[0] > 1:
-            psi1 = np.broadcast_to(psi1, shape)
-            parts = np.array_split(np.arange(chi.shape[0]), min(chi.shape[0], 1 + chi.size // 256))
-            found = [self._evaluated(psi1[part], chi[part], slopes=slopes) for part in parts]
-            return tuple(np.concatenate(each) for each in zip(*found, strict=True))
+        if chi.size > 1 and (chi == chi.flat[0]).all():
+            chi = chi.reshape(-1)[:1]
+        row, v = self._place(chi)
         gross = 4.0 * chi - 1.0
         inside = psi1 < gross
         sticks_first = psi1 < 1.0
@@ -100,24 +81,48 @@ class Table:
         x = np.where(inside, x, 0.0)
         i = np.minimum(x.astype(np.intp), self.nodes.shape[1] - 1)
         u = x - i
-        row = np.arange(chi.size).reshape(chi.shape)
-
-        def cubic(coefficients: Array) -> Array:
-            c = coefficients.reshape(-1, 4)[row * self.nodes.shape[1] + i]
-            return np.asarray(c[..., 0] + u * (c[..., 1] + u * (c[..., 2] + u * c[..., 3])))
-
-        cubics = self.cubics(chi).reshape(chi.size, -1, 4)
-        beta = np.where(inside, cubic(cubics), np.nan)
+        c = self._cells(row, i, _weights(v))
+        beta = np.where(inside, _horner(c, u), np.nan)
         if not slopes:
             return (beta,)
-        slope = np.zeros_like(cubics)
-        slope[..., :3] = cubics[..., 1:] * np.array([1.0, 2.0, 3.0])
-        along = np.where(inside, cubic(slope), np.nan)
+        along = _horner(c[..., 1:] * np.array([1.0, 2.0, 3.0]), u)
         per_psi1 = np.where(sticks_first, self.first, second / (gross - 1.0))
-        by_chi = cubic(self.cubics_by_chi(chi).reshape(chi.size, -1, 4))
+        by_chi = _horner(self._cells(row, i, _weight_slopes(v)), u) / (self.chi[1] - self.chi[0])
         # the nodes between 1 and 4 chi - 1 move with chi
         moved = np.where(sticks_first, 0.0, (x - self.first) * 4.0 / (gross - 1.0))
-        return beta, along * per_psi1, by_chi - along * moved
+        nothing = np.where(inside, 0.0, np.nan)
+        return beta, along * per_psi1 + nothing, by_chi - along * moved + nothing
+
+    def _cells(self, row: Index, i: Index, weights: Array) -> Array:
+        """Cubics of interval i, (..., 4), summed with weights (4, ...) over the nodes of chi from `row` on."""
+        n = self.nodes.shape[1]
+        if row.size * n <= 2 * i.size:  # few chi: all their intervals first
+            whole = sum(w[..., None, None] * self.nodes[row + k] for k, w in enumerate(weights))
+            return np.asarray(whole).reshape(-1, 4)[np.arange(row.size).reshape(row.shape) * n + i]
+        return np.asarray(sum(w[..., None] * self.nodes[row + k, i] for k, w in enumerate(weights)))
+
+
+def _horner(c: Array, u: Array) -> Array:
+    """Polynomial with coefficients along the last axis, lowest first."""
+    total = c[..., -1]
+    for k in range(c.shape[-1] - 2, -1, -1):
+        total = c[..., k] + u * total
+    return np.asarray(total)
+
+
+def _weights(v: Array) -> Array:
+    """Weights (4, ...) of the neighbours: a cubic with the slopes of their central differences."""
+    return 0.5 * np.stack(
+        (v * (v * (2.0 - v) - 1.0), 2.0 + v * v * (3.0 * v - 5.0), v * (1.0 + v * (4.0 - 3.0 * v)),
+         v * v * (v - 1.0))
+    )  # fmt: skip
+
+
+def _weight_slopes(v: Array) -> Array:
+    """Derivatives of `_weights`."""
+    return 0.5 * np.stack(
+        (v * (4.0 - 3.0 * v) - 1.0, v * (9.0 * v - 10.0), 1.0 + v * (8.0 - 9.0 * v), v * (3.0 * v - 2.0))
+    )
 
 
 @cache

@@ -127,7 +127,7 @@ def _constants(
         return (np.array(numbers, dtype),), np.array([e_n, j], dtype)
     share = rotational_share(j)
     table = compliance_table()
-    cubics = share * table.cubics(np.asarray(own))
+    cubics = share * table.cubics(own)
     cubics[:, 0] += share
     gross = 4.0 * own - 1.0
     first = table.first
