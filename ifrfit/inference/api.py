@@ -62,7 +62,7 @@ def fit(
     data : str, Path, Observations, or a sequence of them
         Files, names of bundled datasets, or what `read` and `load_dataset` return.
     closure : str
-        ifr, fr, f or ifr-contact.
+        ifr, fr, f, ifr-contact or maw.
     method : str
         exact: the posterior by deterministic quadrature; lsq: least squares with a certificate of the global
         optimum; profile: the profile likelihood of each constant.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.physics.angles import Array, Incidence
-from ifrfit.physics.compliance.materials import SOFTEST, STIFFEST
+from ifrfit.physics.compliance.materials import LARGEST_RATIO, LEAST_RATIO
 from ifrfit.physics.compliance.table import compliance_table
 from ifrfit.physics.laws import friction_factor
 
@@ -78,6 +78,9 @@ class Compliance:
 
 
 def chi_range(inertia_factor: float) -> tuple[float, float]:
-    """chi of like materials with a Poisson ratio from 0.5 to 0, as far as the table has it."""
+    """chi of like materials with a Poisson ratio from 0.5 to 0, as far as the table has any of it."""
     per_stiffness = 0.5 * (1.0 + 1.0 / inertia_factor)
-    return max(STIFFEST * per_stiffness, LOWEST_CHI), min(SOFTEST * per_stiffness, HIGHEST_CHI)
+    low, high = LEAST_RATIO * per_stiffness, LARGEST_RATIO * per_stiffness
+    if low >= HIGHEST_CHI or high <= LOWEST_CHI:
+        return low, high
+    return max(low, LOWEST_CHI), min(high, HIGHEST_CHI)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-STIFFEST, SOFTEST = 2.0 / 3.0, 1.0  # tangential over normal stiffness at nu = 0.5 and at nu = 0
+LEAST_RATIO, LARGEST_RATIO = 2.0 / 3.0, 1.0  # tangential over normal stiffness at nu = 0.5 and at nu = 0
 
 
 def stiffness_ratio(nu: ArrayLike) -> Array:

@@ -12,16 +12,8 @@ from typing import Any
 import numba
 import numpy as np
 
-_HUGE, _TINY = 1e30, 1e-30  # squares beyond which hypot takes over; single precision holds them too
-
 _jit = numba.njit(cache=True, error_model="numpy", inline="always")
 _loop = numba.njit(cache=True, error_model="numpy", parallel=True)
-
-
-@_jit
-def _size(along: Any, across: Any) -> Any:
-    square = along * along + across * across
-    return np.sqrt(square) if _TINY < square < _HUGE else np.hypot(along, across)
 
 
 @_jit
@@ -30,21 +22,22 @@ def _bilinear(law: Any, friction: Any) -> Any:
 
 
 @_jit
-def _compliant(law: Any, table: Any, friction: Any) -> Any:
-    """law: reach, gross, first, per_first, per_second; table: cubics of k, (intervals, 4)."""
-    load = law[0] / friction
-    if not load < law[1]:
-        return friction
-    if load < 1.0:
-        at = load * law[3]
-        i = min(int(at), int(law[2]) - 1)
-        u = at - i
-    else:
-        at = (load - 1.0) * law[4]
-        i = min(int(at), table.shape[0] - int(law[2]) - 1)
-        u = at - i
-        i += int(law[2])
-    return table[i, 0] + u * (table[i, 1] + u * (table[i, 2] + u * table[i, 3]))
+def _compliant(law: Any, table: Any, push: Any, size: Any) -> Any:
+    """k by the table at a sliding impulse kappa U_n and a slip.
+
+    law: psi1 over slip and 1/push, gross slip, intervals below psi1 = 1, 1, intervals per psi1 beyond; table:
+    cubics of k. Without branches, which a processor would guess wrong every so often, and with one division:
+    of psi1 where the contact sticks, of the sliding k where it does not.
+    """
+    reach = law[0] * size
+    inside = (reach < law[1] * push) | (size == 0.0)
+    below = push if inside else size
+    load = (reach if inside else push) / (below if below > 0.0 else law[3])
+    x = load * law[2] if load < law[3] else law[2] + (load - law[3]) * law[4]
+    i = min(np.int32(x if inside else law.dtype.type(0.0)), np.int32(table.shape[0] - 1))
+    u = x - law.dtype.type(i)
+    k = table[i, 0] + u * (table[i, 1] + u * (table[i, 2] + u * table[i, 3]))
+    return k if inside else load
 
 
 @_loop
@@ -70,7 +63,7 @@ def spatial(
     """Impacts with lateral spin, otherwise as `planar`."""
     for i in numba.prange(sine.size):
         along, across = sine[i] + spin_y[i], spin_x[i]
-        size = _size(along, across)
+        size = np.sqrt(along * along + across * across)
         friction = law[2] * cosine[i] / size if size > 0.0 else law.dtype.type(np.inf)
         k = _bilinear(law, friction)
         push_x, push_y = k * along, k * across
@@ -89,8 +82,7 @@ def planar_compliant(
     for i in numba.prange(sine.size):
         slip = sine[i] + spin[i]
         size = abs(slip)
-        friction = rest[2] * cosine[i] / size if size > 0.0 else law.dtype.type(np.inf)
-        push = _compliant(law, table, friction) * slip
+        push = _compliant(law, table, rest[2] * cosine[i], size) * slip
         v_x[i] = sine[i] - push
         v_n[i] = rest[0] * cosine[i]
         after[i] = spin[i] - push / rest[1]
@@ -104,9 +96,8 @@ def spatial_compliant(
     """Impacts with lateral spin by the table; rest: e_n, J, kappa."""
     for i in numba.prange(sine.size):
         along, across = sine[i] + spin_y[i], spin_x[i]
-        size = _size(along, across)
-        friction = rest[2] * cosine[i] / size if size > 0.0 else law.dtype.type(np.inf)
-        k = _compliant(law, table, friction)
+        size = np.sqrt(along * along + across * across)
+        k = _compliant(law, table, rest[2] * cosine[i], size)
         push_x, push_y = k * along, k * across
         v_x[i] = sine[i] - push_x
         v_y[i] = 0.0 - push_y

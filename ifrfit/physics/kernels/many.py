@@ -65,7 +65,8 @@ def rebound_many(
     sine, cosine : ndarray, (n,)
         Of the incidence angle, see `ifrfit.physics.angles.sincos`.
     spin_y, spin_x : ndarray, (n,)
-        R omega_y/u and R omega_x/u before. Without spin_x the planar loop runs.
+        R omega_y/u and R omega_x/u before, below 1e150 (1e15 in single precision). Without spin_x the planar
+        loop runs.
     e_n, mu, e_t, beta0, chi, closure, inertia_factor
         As in `ifrfit.rebound`, numbers.
     out : sequence of ndarray, optional
@@ -132,5 +133,5 @@ def _constants(
     gross = 4.0 * own - 1.0
     first = table.first
     second = cubics.shape[0] - first
-    numbers = [4.0 * own * share, gross, first, first, second / (gross - 1.0)]
+    numbers = [4.0 * own * share, gross, first, 1.0, second / (gross - 1.0)]
     return (np.array(numbers, dtype), cubics.astype(dtype)), np.array([e_n, j, kappa], dtype)
