@@ -115,7 +115,11 @@ def goals(rows: list[dict[str, object]], times: dict[str, list[float]]) -> list[
     """One sentence a goal."""
     paces = {str(row["loop"]): float(str(row["of_triad"])) for row in rows}
     slowest = min((p, name) for name, p in paces.items() if name.startswith("spatial") and "," not in name)
-    bilinear = min((p, name) for name, p in paces.items() if name.startswith("spatial") and name[8:] in CLOSURES and name != "spatial maw")
+    bilinear = min(
+        (p, name)
+        for name, p in paces.items()
+        if name.startswith("spatial") and name[8:] in CLOSURES and name != "spatial maw"
+    )
     gain = ratio_of(times["spatial ifr, numpy"], times["spatial ifr"])
     table = ratio_of(times["spatial maw"], times["spatial ifr"])
     flat = ratio_of(times["planar maw"], times["planar ifr"])

@@ -46,11 +46,15 @@ def _error(name: str, dtype: np.dtype) -> float:
         for i in range(N):
             exact = _exact(*(mpmath.mpf(float(part[i])) for part in given), mu)
             scale = 1 + abs(float(given[2][i])) + abs(float(given[3][i]))
-            worst = max(worst, *(abs(mpmath.mpf(float(g)) - e) / scale for g, e in zip(got[:, i], exact, strict=True)))
+            worst = max(
+                worst, *(abs(mpmath.mpf(float(g)) - e) / scale for g, e in zip(got[:, i], exact, strict=True))
+            )
     return float(worst)
 
 
-def _exact(sine: mpmath.mpf, cosine: mpmath.mpf, s_y: mpmath.mpf, s_x: mpmath.mpf, mu: float) -> list[mpmath.mpf]:
+def _exact(
+    sine: mpmath.mpf, cosine: mpmath.mpf, s_y: mpmath.mpf, s_x: mpmath.mpf, mu: float
+) -> list[mpmath.mpf]:
     law = get_closure(CLOSURE).coefficients(0.4)
     share = mpmath.mpf(2) / 7
     a, b = share * (1 + mpmath.mpf(CONSTANT)), mpmath.mpf(law.b0)

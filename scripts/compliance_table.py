@@ -19,7 +19,7 @@ STEPS = 16_000
 SPACING = 0.05  # of chi
 BELOW, BEYOND = 8, 128  # intervals of psi1 from 0 to 1, and from 1 to 4 chi - 1
 SMALLEST = 1e-5  # psi1 that stands for 0, where beta has a limit
-HEADER = f"""# Restitution beta = -psi2/psi1 of the contact point of an elastic sphere with tangential compliance.
+HEADER = f"""# beta = -psi2/psi1 of the contact point of an elastic sphere with tangential compliance.
 # Provenance: computed by scripts/compliance_table.py, memory-function solver with {STEPS} steps a collision.
 # Source of the model: Maw, Barber & Fawcett (1976), Wear 38, 101.
 # First row: place of each column; psi1 itself up to 1, beyond psi1 = 1 + (place - 1)(4 chi - 2).
@@ -27,6 +27,7 @@ HEADER = f"""# Restitution beta = -psi2/psi1 of the contact point of an elastic 
 
 
 def main() -> None:
+    """Solve, write, and compare with the solver between the nodes."""
     chi = np.round(np.arange(LOWEST_CHI, HIGHEST_CHI + 0.5 * SPACING, SPACING), 6)
     place = np.concatenate((np.linspace(0.0, 1.0, BELOW + 1), 1.0 + np.arange(1, BEYOND + 1) / BEYOND))
     lines = [HEADER, ",".join(["0", *(f"{x:.7g}" for x in place)])]

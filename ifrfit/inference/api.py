@@ -226,6 +226,11 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
     ]
     if ignored:
         said.append(f"Not propagated: {' and '.join(ignored)}; angles and spins are taken as exact.")
+    if problem.closure.name == "maw":
+        said.append(
+            "Closure MAW is an elastic solution, scaled to e_n < 1: another rule moves the contact velocity "
+            "by up to 0.09 (e_n = 0.95) or 0.17 (e_n = 0.9) of mu U_n/khat; see docs/compliance.md."
+        )
     given = int(np.isfinite(problem.sigma).sum())
     if problem.noise == "unknown" and given:
         said.append(

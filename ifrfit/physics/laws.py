@@ -86,7 +86,7 @@ def impulse_factor(
 
     The smaller of the two frictions acts, so k is continuous at the transition and finite without slip.
     """
-    friction = friction_factor(incidence, kappa)
+    friction, b = friction_factor(incidence, kappa), np.asarray(b)
     return np.asarray(a + np.minimum(b, friction)), np.asarray(friction >= b)
 
 

@@ -81,9 +81,7 @@ def draw_regimes(axes: Axes, key: Regimes, result: FitResult, *, labels: bool) -
             axes.axvline(value, color=GREY, lw=0.9, zorder=1.5)
 
 
-def draw_strip(
-    axes: Axes, keys: dict[str, Regimes | None], look: dict[str, Look], result: FitResult
-) -> None:
+def draw_strip(axes: Axes, keys: dict[str, Regimes | None], look: dict[str, Look], result: FitResult) -> None:
     """Draw the regimes of several series that differ, one bar a series, above the data."""
     axes.set_xlim(0.0, 90.0)
     axes.set_ylim(len(keys), 0)

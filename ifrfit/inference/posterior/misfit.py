@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.sums import PAIRS, Quadratic, Sums, expand, scale_of
 from ifrfit.inference.problem import Index, RowModel
-from ifrfit.physics.closures import Closure, Coefficients
 from ifrfit.physics.angles import Incidence
+from ifrfit.physics.closures import Closure, Coefficients
 from ifrfit.physics.laws import Law
 from ifrfit.physics.observables import OBSERVABLES, Observable
 

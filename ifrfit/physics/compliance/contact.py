@@ -55,4 +55,4 @@ def loading(angles: Array) -> Loading:
 def speed_at(angle: Array) -> Array:
     """Normal speed where the approach is sin(angle); keeps its digits near the turning point."""
     with np.errstate(divide="ignore"):
-        return np.sqrt(-np.expm1(1.25 * np.log1p(-(np.cos(angle) ** 2))))
+        return np.asarray(np.sqrt(-np.expm1(1.25 * np.log1p(-(np.cos(angle) ** 2)))))

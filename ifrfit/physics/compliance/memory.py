@@ -14,8 +14,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.physics.compliance.contact import loading
 from ifrfit.physics.compiling import compiled
+from ifrfit.physics.compliance.contact import loading
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,9 @@ def memory_ratio(psi1: Array, chi: Array, steps: int = STEPS) -> Array:
     """
     depth, load, time, speed = _steps(max(steps // 2, 2))
     solve = compiled(_collision)
-    one = np.array([solve(float(p), float(x), depth, load, time, speed) for p, x in zip(psi1, chi, strict=True)])
+    one = np.array(
+        [solve(float(p), float(x), depth, load, time, speed) for p, x in zip(psi1, chi, strict=True)]
+    )
     return one.reshape(np.shape(psi1))
 
 

@@ -1,9 +1,9 @@
 """Maw, Barber & Fawcett's solution as a table: the restitution beta by scaled velocity and compliance.
 
-Below psi1 = 1 the contact begins by sticking, from 4 chi - 1 on it slips throughout, and at both the solution
-has a kink in its curvature. So the table has one range of nodes from 0 to 1 and one from 1 to 4 chi - 1. Along
-the velocity it is a cubic spline, along chi the cubic through the neighbours' slopes; both have continuous
-slopes, which a search by derivatives needs.
+Below psi1 = 1 the contact begins by sticking, from 4 chi - 1 on it slips throughout, and at both the
+solution has a kink in its curvature. So the table has one range of nodes from 0 to 1 and one from 1 to
+4 chi - 1. Along the velocity it is a cubic spline, along chi the cubic with the slopes of central
+differences; both have continuous slopes, which a search by derivatives needs.
 """
 
 from __future__ import annotations
@@ -94,11 +94,12 @@ class Table:
         return beta, along * per_psi1 + nothing, by_chi - along * moved + nothing
 
     def _cells(self, row: Index, i: Index, weights: Array) -> Array:
-        """Cubics of interval i, (..., 4), summed with weights (4, ...) over the nodes of chi from `row` on."""
+        """Cubics of interval i, (..., 4): weights (4, ...) times those at the nodes of chi from `row` on."""
         n = self.nodes.shape[1]
         if row.size * n <= 2 * i.size:  # few chi: all their intervals first
-            whole = sum(w[..., None, None] * self.nodes[row + k] for k, w in enumerate(weights))
-            return np.asarray(whole).reshape(-1, 4)[np.arange(row.size).reshape(row.shape) * n + i]
+            whole: Array = sum(w[..., None, None] * self.nodes[row + k] for k, w in enumerate(weights))
+            flat = whole.reshape(-1, 4)
+            return np.asarray(flat[np.arange(row.size).reshape(row.shape) * n + i])
         return np.asarray(sum(w[..., None] * self.nodes[row + k, i] for k, w in enumerate(weights)))
 
 

@@ -41,9 +41,7 @@ def _compliant(law: Any, table: Any, push: Any, size: Any) -> Any:
 
 
 @_loop
-def planar(
-    sine: Any, cosine: Any, spin: Any, law: Any, rest: Any, v_x: Any, v_n: Any, after: Any
-) -> None:
+def planar(sine: Any, cosine: Any, spin: Any, law: Any, rest: Any, v_x: Any, v_n: Any, after: Any) -> None:
     """Impacts without lateral spin, k = a + min(b, kappa U_n/|U_t|); law: a, b, kappa; rest: e_n, J."""
     for i in numba.prange(sine.size):
         slip = sine[i] + spin[i]

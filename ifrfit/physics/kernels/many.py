@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.closures import Closure, get_closure, rotational_share
-from ifrfit.physics.compliance.table import compliance_table
 from ifrfit.physics.compiling import available
+from ifrfit.physics.compliance.table import compliance_table
 from ifrfit.physics.laws import Coefficients
 from ifrfit.physics.rebound import closure_constant
 
@@ -98,10 +98,14 @@ def rebound_many(
     outputs = [np.empty_like(sine) for _ in range(3 if spin_x is None else 5)] if out is None else list(out)
     _check(inputs, outputs, 3 if spin_x is None else 5)
     law, rest = _constants(chosen, own, e_n, mu, inertia_factor, sine.dtype)
+    loop: Any
     if spin_x is None:
-        (loops.planar if chosen.bilinear else loops.planar_compliant)(*inputs, *law, rest, *outputs)
+        loop = loops.planar if chosen.bilinear else loops.planar_compliant
+    else:
+        loop = loops.spatial if chosen.bilinear else loops.spatial_compliant
+    loop(*inputs, *law, rest, *outputs)
+    if spin_x is None:
         return Many(*outputs)
-    (loops.spatial if chosen.bilinear else loops.spatial_compliant)(*inputs, *law, rest, *outputs)
     v_x, v_y, v_n, after_x, after_y = outputs
     return Many(v_x, v_n, after_y, v_y, after_x)
 

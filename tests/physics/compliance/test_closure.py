@@ -19,7 +19,14 @@ spins = st.floats(-2.0, 2.0)
 shares = st.floats(0.0, 1.0)
 
 
-@given(gammas, spins, st.floats(0.0, 1.0), st.floats(0.01, 1.0), st.floats(0.0, 1.0), st.sampled_from([0.4, 0.5, 2 / 3]))
+@given(
+    gammas,
+    spins,
+    st.floats(0.0, 1.0),
+    st.floats(0.01, 1.0),
+    st.floats(0.0, 1.0),
+    st.sampled_from([0.4, 0.5, 2 / 3]),
+)
 @settings(max_examples=200, deadline=None)
 def test_beta_is_that_of_the_scaled_velocities(
     gamma: float, spin: float, e_n: float, mu: float, share: float, j: float
@@ -79,7 +86,9 @@ def test_slopes_are_those_of_differences(j: float, place: float) -> None:
     assert np.abs(by_kappa - expected).max() < 1e-6
     bound = law.bound(chi)
     assert law.constant_at(bound) == pytest.approx(chi, rel=1e-12)
-    assert law.bound_slope(chi) == pytest.approx((law.bound(chi + h) - law.bound(chi - h)) / (2 * h), rel=1e-6)
+    assert law.bound_slope(chi) == pytest.approx(
+        (law.bound(chi + h) - law.bound(chi - h)) / (2 * h), rel=1e-6
+    )
 
 
 def test_edges() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -95,7 +97,7 @@ def test_annuli_converge_to_the_memory_function() -> None:
     errors = [
         np.abs(rebound_ratio(psi1, NU_03, method="annuli", steps=n) - exact).max() for n in (20, 40, 80, 160)
     ]
-    assert all(fine < 0.65 * coarse for coarse, fine in zip(errors, errors[1:], strict=False))
+    assert all(fine < 0.65 * coarse for coarse, fine in pairwise(errors))
     assert errors[-1] < 0.01
 
 
