@@ -195,8 +195,11 @@ def test_refusals(impacts: Impacts, choices: dict[str, object], says: str) -> No
         fit(impacts(gamma=GAMMA, **TRUE), **choices)
 
 
-def gain(impacts: Impacts, closure: str, seed: int) -> float:
-    """Log evidence of maw over that of ifr, of impacts made by one of them with constants of their own."""
+def gain(impacts: Impacts, closure: str, seed: int) -> tuple[float, bool]:
+    """Log evidence of maw over that of ifr, of impacts made by one of them with constants of their own.
+
+    And whether the right one is refuted, which is to happen once in a thousand times.
+    """
     rng = np.random.default_rng(seed)
     e_n, mu = rng.uniform(0.7, 0.95), rng.uniform(0.08, 0.25)
     c = rng.uniform(*get_closure(closure).domain(0.4)) if closure == "maw" else rng.uniform(-1.0, -0.5)
@@ -205,16 +208,18 @@ def gain(impacts: Impacts, closure: str, seed: int) -> float:
     )
     maw, ifr = (fit(path, closure=name, fix={"e_n": e_n}) for name in ("maw", "ifr"))
     right, wrong = (maw, ifr) if closure == "maw" else (ifr, maw)
-    assert right.facts["lack_of_fit"].ok
     assert not wrong.facts["lack_of_fit"].ok
-    return float(maw.fit.log_evidence - ifr.fit.log_evidence)
+    return float(maw.fit.log_evidence - ifr.fit.log_evidence), not right.facts["lack_of_fit"].ok
 
 
 @pytest.mark.parametrize("n", [3, pytest.param(40, marks=pytest.mark.long)])
 def test_blind(impacts: Impacts, n: int) -> None:
     """25 impacts with a noise of 0.04 tell compliance from a constant closure, every time, either way."""
-    assert all(gain(impacts, "maw", 100 + seed) > np.log(20.0) for seed in range(n))
-    assert all(gain(impacts, "ifr", 200 + seed) < -np.log(20.0) for seed in range(n))
+    for_maw, refuted = zip(*(gain(impacts, "maw", 100 + seed) for seed in range(n)), strict=True)
+    for_ifr, also = zip(*(gain(impacts, "ifr", 200 + seed) for seed in range(n)), strict=True)
+    assert min(for_maw) > np.log(20.0)
+    assert max(for_ifr) < -np.log(20.0)
+    assert sum(refuted + also) <= 2
 
 
 def test_kharaz_is_described_better_than_by_any_constant_closure() -> None:
