@@ -126,6 +126,8 @@ def _kappa(
 ) -> Estimate:
     if local.status == "fixed" or not names:
         return local
+    if problem.entries()[int(problem.positions()["mu"][series])].fixed == 0.0:  # whatever e_n is
+        return Estimate(0.0, None, (0.0, 0.0), (0.0, 0.0), "fixed", "mu (1 + e_n)")
     lower, upper = kappa_bounds(problem, series)
     found = exact_estimate(
         posterior, _own(names, problem.series[series]), Constant("kappa", lower, upper), local

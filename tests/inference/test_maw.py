@@ -178,6 +178,12 @@ def test_words(impacts: Impacts) -> None:
     assert "Poisson ratio, if sphere and wall are of one material" in text
 
 
+@pytest.mark.parametrize("closure", ["maw", "ifr"])
+def test_without_friction_kappa_is_zero(impacts: Impacts, closure: str) -> None:
+    found = fit(impacts(gamma=GAMMA[::4], **(TRUE | {"mu": 0.0})), closure=closure, fix={"mu": 0.0})
+    assert (found.derived["kappa"].value, found.derived["kappa"].status) == (0.0, "fixed")
+
+
 @pytest.mark.parametrize(
     ("choices", "says"),
     [
