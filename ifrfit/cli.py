@@ -89,7 +89,7 @@ Data = Annotated[Repeated, typer.Argument(metavar="DATA...", help="Files, or nam
 @command
 def fit(
     data: Data,
-    closure: Annotated[str, typer.Option(help="ifr, fr, f or ifr-contact.")] = "ifr",
+    closure: Annotated[str, typer.Option(help="ifr, fr, f, ifr-contact or maw.")] = "ifr",
     method: Annotated[
         str,
         typer.Option(

@@ -85,7 +85,7 @@ def fit(
     data : str, Path, Observations, or a sequence of them
         Files, names of bundled datasets, or what `read` and `load_dataset` return.
     closure : str
-        ifr, fr, f or ifr-contact.
+        ifr, fr, f, ifr-contact or maw.
     method : str
         exact: the posterior by deterministic quadrature; lsq: least squares with a certificate of the global
         optimum; profile: the profile likelihood of each constant; mcmc: the posterior by Markov chains that
@@ -318,6 +318,11 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
         said.append(
             f"Scatter: {problem.scatter.words}. chi2, residuals and what is said of misfit and outliers "
             "are those of the reweighted rows."
+        )
+    if problem.closure.name == "maw":
+        said.append(
+            "Closure MAW is an elastic solution, scaled to e_n < 1: another rule moves the contact velocity "
+            "by up to 0.09 (e_n = 0.95) or 0.17 (e_n = 0.9) of mu U_n/khat; see docs/compliance.md."
         )
     given = int(np.isfinite(problem.sigma).sum())
     if problem.noise == "unknown" and given:

@@ -26,7 +26,7 @@ def facts_of(
     """All facts of a least-squares fit."""
     facts = {
         "converged": _converged(found),
-        "global_optimum": _global_optimum(found),
+        "global_optimum": _global_optimum(found, bilinear=problem.closure.bilinear),
         "identifiable": identifiable(problem, found, constants, statistics.n_sticking, statistics.n_sliding),
         "at_bound": at_bound(constants),
         "lack_of_fit": lack_of_fit(problem, found, residuals),
@@ -65,7 +65,7 @@ def _angular_momentum(problem: Problem) -> Fact:
     return Fact(not bad, says, figures, FACTS["angular_momentum"])
 
 
-def _global_optimum(found: LeastSquares) -> Fact:
+def _global_optimum(found: LeastSquares, *, bilinear: bool) -> Fact:
     optimum = found.optimum
     figures = {
         "gap": optimum.gap,
@@ -83,7 +83,7 @@ def _global_optimum(found: LeastSquares) -> Fact:
     elif optimum.road.endswith(ITERATED):
         proof = "each set of weights has a certified optimum, but the weights may settle elsewhere, too"
     else:
-        proof = "no bound is known for these observables"
+        proof = f"no bound is known for {'these observables' if bilinear else 'this closure'}"
     return Fact(False, f"the optimum is not proven to be global ({optimum.road}; {proof})", figures, rule)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ifrfit.inference.constants import Constant
-from ifrfit.inference.derived import sticking_of
+from ifrfit.inference.derived import meaning_of
 from ifrfit.inference.kappa import kappa_bounds
 from ifrfit.inference.law import LEVELS, Law
 from ifrfit.inference.local import kappa_coordinates
@@ -106,7 +106,7 @@ def _one_sided(law: Law, name: str, side: int, bound: float, p: float) -> Interv
 def derived_from_law(
     problem: Problem, law: Law, local: Mapping[str, Any], constants: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """kappa, transition angles and the restitution in sticking."""
+    """kappa, transition angles, and what the closure constant stands for."""
     names = [name for name in law.names if name.startswith("kappa")]
     kappa = local["kappa"]
     if isinstance(kappa, Estimate):
@@ -123,13 +123,14 @@ def derived_from_law(
             series: _transition(problem, law, i, kappas[series], local["transition_angle_deg"][series])
             for i, series in enumerate(problem.series)
         },
-        "beta_sticking": sticking_of(problem, constants),
-    }
+    } | meaning_of(problem, constants)
 
 
 def _kappa(problem: Problem, law: Law, names: list[str], series: int, local: Estimate) -> Estimate:
     if local.status == "fixed" or not names:
         return local
+    if problem.entries()[int(problem.positions()["mu"][series])].fixed == 0.0:  # whatever e_n is
+        return Estimate(0.0, None, (0.0, 0.0), (0.0, 0.0), "fixed", "mu (1 + e_n)")
     lower, upper = kappa_bounds(problem, series)
     found = estimate_from_law(
         law, _own(names, problem.series[series]), Constant("kappa", lower, upper), local

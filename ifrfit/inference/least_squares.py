@@ -80,15 +80,19 @@ def least_squares(problem: Problem) -> LeastSquares:
     if problem.noise == "unknown":
         for rows in groups.values():
             factor[rows] = max(float(np.std(problem.rows.value[rows])), 1e-6)
+    near = None  # a search that found the optimum once follows it while the noise settles
     for _ in range(_ITERATIONS):
-        optimum = solve(problem, base * factor)
+        optimum = solve(problem, base * factor, near)
         local = local_picture(problem, base * factor, optimum.theta)
         new = _factors(problem, optimum.theta, base, groups, local)
         change = float(np.abs(new / factor - 1.0).max())
         factor = new
         if change <= _CONVERGED:
             break
+        near = None if problem.closure.bilinear else optimum.theta
     sigma = base * factor
+    if near is not None:
+        optimum = solve(problem, sigma)
     dof = sum(rows.size - float(local.leverage[rows].sum()) for rows in groups.values())
     local = local_picture(problem, sigma, optimum.theta)
     return LeastSquares(optimum, sigma, group_sigma(problem, sigma), dof, change, local)

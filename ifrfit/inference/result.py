@@ -177,7 +177,8 @@ class FitResult:
     constants : mapping
         Name to `Estimate`, or to a mapping of series to `Estimate` where the constant is separate.
     derived : mapping
-        kappa, transition_angle_deg (by series; None where there is no transition), beta_sticking.
+        kappa, transition_angle_deg (by series; None where there is no transition), beta_sticking;
+        poisson_ratio in the place of the latter under closure maw.
     correlation : tuple
         Names of the free constants and their correlation matrix.
     fit : FitStatistics

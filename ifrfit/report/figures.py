@@ -91,14 +91,14 @@ def _draw_panel(
         return
     keys = {series: shading.regime_key(result, series) for series in names}
     if len(set(keys.values())) > 1:
-        shading.draw_strip(figure.add_subplot(inner[0]), keys, look)
+        shading.draw_strip(figure.add_subplot(inner[0]), keys, look, result)
         return
     key = next(iter(keys.values()))
     if key is None:
         shading.note_open_transition(data, result, names[0])
     else:
-        shading.draw_regimes(data, key, labels=True)
-        shading.draw_regimes(residuals, key, labels=False)
+        shading.draw_regimes(data, key, result, labels=True)
+        shading.draw_regimes(residuals, key, result, labels=False)
 
 
 def _series_of(result: FitResult, observable: str) -> list[str]:

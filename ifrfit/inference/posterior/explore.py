@@ -137,7 +137,7 @@ class Posterior:
         block = self.problem.series.index(series) if len(self.plan.blocks) > 1 else 0
         part = self.plan.joint.series[self.plan.tangential[block]]
         c = self.plan.unknowns["c", block]
-        if part.stretched and isinstance(c, Unknown):
+        if part.misfit.law is not None or (part.stretched and isinstance(c, Unknown)):
             own = of_series(self.grid, self.plan.tangential[block], "tau", "tau")
             return quantiles_of(own, np.array(LEVELS), own.moments(0), self.tolerance)
         b = float(part.misfit.b(c if not isinstance(c, Unknown) else 0.0))

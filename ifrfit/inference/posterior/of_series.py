@@ -204,9 +204,20 @@ def _walls(grid: Grid, tensor: Tensor) -> Callable[[Array], bool] | None:
 
 
 def _tau(grid: Grid, tensor: Tensor, name: str) -> Quantity:
-    moments = _of_values(grid, tensor, tensor.x[..., None])
-    law = tensor.along_x(grid.share)
-    return Quantity(name, 0.0, math.inf, moments, lambda t, levels: law(t[:, None, None], levels))
+    own = tensor.series.misfit.law
+    below = tensor.along_x(grid.share)
+    if own is None:
+        moments = _of_values(grid, tensor, tensor.x[..., None])
+        return Quantity(name, 0.0, math.inf, moments, lambda t, levels: below(t[:, None, None], levels))
+    moments = _of_values(grid, tensor, tensor.x[..., None] / own.bound(tensor.c))
+    if not tensor.series.has_c:
+        bound = own.bound(tensor.c[..., 0])[..., 0]
+        return Quantity(
+            name, 0.0, math.inf, moments, lambda t, levels: below(t[:, None, None] * bound, levels)
+        )
+    # kappa/bound(c) rises with c
+    cdf = _by_c(tensor, grid.share, lambda t: own.constant_at(tensor.x / np.maximum(t, 1e-300)))
+    return Quantity(name, 0.0, math.inf, moments, cdf)
 
 
 def friction_apart(

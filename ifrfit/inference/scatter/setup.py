@@ -88,6 +88,11 @@ def _said(scatter: Scatter) -> str:
 def _check_method(problem: Problem, scatter: Scatter, method: str) -> None:
     if scatter.is_plain:
         return
+    if not problem.closure.bilinear:
+        raise UsageError(
+            f"Closure {problem.closure.title} knows independent Gaussian errors of the values only: leave "
+            f"{_said(scatter)} out, or choose another closure."
+        )
     if method in ("profile", "bootstrap"):
         raise UsageError(
             f"--method {method} knows independent Gaussian errors of the values only: use --method exact or "

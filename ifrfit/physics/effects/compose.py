@@ -12,7 +12,6 @@ from ifrfit.physics.effects.contact import Contact, Impacts
 from ifrfit.physics.effects.lateral import kernel
 from ifrfit.physics.effects.protocol import ORDER
 from ifrfit.physics.effects.registry import EFFECTS
-from ifrfit.physics.rebound import impulse_factor
 
 
 def compose(contact: Contact, impacts: Impacts, on: Collection[str]) -> Outcome:
@@ -55,9 +54,8 @@ def _after_contact(contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce
 def _closure(contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
     if impacts.constant is None:
         raise ValueError("the closure needs its constant where compliance is off")
-    linear, c = impacts.closure.coefficients(contact.inertia_factor), impacts.constant
+    law = impacts.closure.law(contact.inertia_factor)
     with np.errstate(over="ignore"):
         kappa = np.minimum(impacts.mu * (1.0 + bounce.e_n), np.finfo(float).max)
-    bounds = linear.a0 + linear.a1 * c, linear.b0 + linear.b1 * c
-    k, sticking = impulse_factor(bounce.incidence, *bounds, kappa)
+    k, sticking = law.impulse(bounce.incidence, impacts.constant, kappa)
     return replace(bounce, impulse_factor=k, sticking=sticking)
