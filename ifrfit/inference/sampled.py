@@ -107,9 +107,9 @@ class Sampled:
             entry_draws(self.problem, self.values, kind, number)
             for kind in ("e_n", self.problem.closure.constant, "mu")
         )
-        linear = self.problem.closure.coefficients(self.problem.inertia_factor)
+        law = self.problem.closure.law(self.problem.inertia_factor)
         with np.errstate(divide="ignore", invalid="ignore"):
-            tau = np.asarray(mu * (1.0 + e_n) / (linear.b0 + linear.b1 * c))
+            tau = np.asarray(mu * (1.0 + e_n) / law.bound(c))
         return np.asarray(np.quantile(np.nan_to_num(tau, nan=math.inf, posinf=math.inf), LEVELS))
 
     def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:

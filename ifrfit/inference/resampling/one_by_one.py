@@ -111,6 +111,7 @@ def _why(drawn: Problem, found: LeastSquares) -> str:
     if (
         oblique.any()
         and not sticks[oblique].any()
+        and drawn.closure.bilinear
         and drawn.closure.coefficients(drawn.inertia_factor).a1 == 0.0
     ):
         return NO_STICKING
