@@ -16,6 +16,7 @@ import typer
 from ifrfit._version import __version__
 from ifrfit.cli_datasets import datasets
 from ifrfit.cli_errors import command
+from ifrfit.cli_report import report
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ app = typer.Typer(
     add_completion=False,
 )
 app.add_typer(datasets, name="datasets")
+app.command()(command(report))
 
 NOT_DETERMINED = 4
 
@@ -127,7 +129,7 @@ def fit(
         typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
     ] = False,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write result.json, fit.svg and fit.png there.")
+        Path | None, typer.Option(metavar="DIR", help="Write result.json, figures and report.html there.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier result in DIR.")] = False,
     as_json: Annotated[

@@ -11,16 +11,18 @@ from pathlib import Path
 from ifrfit.errors import UsageError
 from ifrfit.inference.result import FitResult
 from ifrfit.report.figures import plot
+from ifrfit.report.page.writing import page
 from ifrfit.report.style import save_figure
 
 RESULT = "result.json"
 FIGURES = ("fit.svg", "fit.png")
+REPORT = "report.html"
 # everything that a fit may have left in a folder; whatever else lies there belongs to the user
-OWN_FILES = (RESULT, *FIGURES, "report.html")
+OWN_FILES = (RESULT, *FIGURES, REPORT)
 
 
 def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = True) -> list[str]:
-    """Write result.json, fit.svg and fit.png into a folder, whole or not at all.
+    """Write result.json, fit.svg, fit.png and report.html into a folder, whole or not at all.
 
     Parameters
     ----------
@@ -28,9 +30,9 @@ def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = T
     out : Path
         Folder; it is made if it is not there. Files in it that are not a fit's own are never touched.
     force : bool
-        Replace an earlier result; what it left and this one does not write (report.html) is removed.
+        Replace an earlier result; what it left and this one does not write is removed.
     figures : bool
-        Whether to draw.
+        Whether to draw, and to write the report.
 
     Returns
     -------
@@ -98,6 +100,8 @@ def _fill(result: FitResult, folder: Path, *, figures: bool) -> list[str]:
         for name in FIGURES:
             save_figure(figure, folder / name)
             names.append(name)
+        (folder / REPORT).write_text(page(result, figure=figure), encoding="utf-8", newline="\n")
+        names.append(REPORT)
     return names
 
 

@@ -1,0 +1,34 @@
+"""Data, curves and bands; and the interactive panel over them."""
+
+from __future__ import annotations
+
+from ifrfit.report.figures import plot
+from ifrfit.report.page.blocks import Block, Panel, Paragraph, Picture, Pictures, Section
+from ifrfit.report.page.explorer import payload, why_not
+from ifrfit.report.page.material import Material
+from ifrfit.report.provenance import is_stand_in
+from ifrfit.report.regimes import joined, regime_lines
+
+NO_POINTS = "The result holds no points (it keeps at most 100,000 rows), so there is nothing to draw."
+
+
+def section(material: Material) -> Section:
+    """The figure of the fit and the panel."""
+    result = material.result
+    if not len(result.points):
+        return Section("fit", "Fit", (Paragraph(NO_POINTS, "note"),))
+    observables = joined([str(name) for name in result.points["observable"].unique()])
+    stand_in = "Stand-in data, not an experiment. " if is_stand_in(result) else ""
+    described = f"{stand_in}{len(result.points)} rows of {observables} with the fitted curve. " + " ".join(
+        f"{line}." for line in regime_lines(result, "±")
+    )
+    blocks: list[Block] = [
+        Pictures(
+            (Picture("fit", f"Fit to {observables}", described, material.figure or plot(result)),),
+            f"{stand_in}Data, the fitted curve with its 68 and 95 % bands at the median spin of each series, "
+            "and standardised residuals. Shaded: sticking; grey bar: where sticking turns into sliding.",
+        )
+    ]
+    reason = why_not(result)
+    blocks.append(Paragraph(reason, "note") if reason else Panel(payload(result)))
+    return Section("fit", "Fit", tuple(blocks))
