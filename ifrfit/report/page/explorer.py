@@ -13,6 +13,7 @@ from ifrfit.physics import CLOSURES, OBSERVABLES
 from ifrfit.report import style
 from ifrfit.report.page.drawings.canvas import shortened
 from ifrfit.report.page.state import coordinates, values_of
+from ifrfit.report.provenance import is_stand_in
 
 Array = NDArray[np.float64]
 
@@ -91,6 +92,7 @@ def payload(result: FitResult) -> dict[str, Any]:
                 )
             },
         },
+        "stand_in": is_stand_in(result),
         "thinned": step > 1,
         "n": len(points),
     }

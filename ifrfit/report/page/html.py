@@ -96,8 +96,8 @@ def data_uri(download: Download) -> str:
     return f"data:{download.media};charset=utf-8;base64,{encoded}"
 
 
-def _picture(picture: Any) -> Any:
+def _picture(picture: Any, alone: bool) -> Any:
     from markupsafe import Markup
 
     # our own figure, written by an XML writer that escapes every text
-    return Markup(inline(picture))
+    return Markup(inline(picture, alone=alone))

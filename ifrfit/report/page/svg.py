@@ -20,18 +20,19 @@ _XLINK = "{http://www.w3.org/1999/xlink}href"
 DROPPED = ("metadata", "style")
 PIXELS = 106.0  # an inch: a little larger than in print
 WIDE = 480.0  # pixels from which a picture is scrolled rather than shrunk in a narrow window
+SMALL, LARGER = 400.0, 1.45  # how wide a small figure is at most, and how much larger it is shown
 # Verdana has nearly the widths of DejaVu Sans, which not every reader has
 FAMILY = "DejaVu Sans, Verdana, sans-serif"
 
 
-def inline(picture: Picture) -> str:
+def inline(picture: Picture, *, alone: bool = False) -> str:
     """The figure of a picture as an ``svg`` element.
 
     What matplotlib writes is changed in five ways: ids carry the picture's name, so that several figures of a
     page never share one, and those nobody refers to are left out; style attributes become plain attributes,
     since a strict content policy forbids styles that are not in its list; style sheets, which would hold for
     the whole page, and metadata are left out; coordinates are rounded to 0.01 pt; title and description are
-    added.
+    added. A small figure that stands `alone` is shown larger.
     """
     root = ET.fromstring(_written(picture.figure))
     _plain_names(root)
@@ -54,6 +55,7 @@ def inline(picture: Picture) -> str:
                 value = _NUMBER.sub(lambda found: f"{float(found.group()):.2f}", value)
             element.attrib[key] = value
     _name(root, picture)
+    _size(root, picture.figure, alone)
     return ET.tostring(root, encoding="unicode")
 
 
@@ -106,16 +108,21 @@ def _declared(style: str) -> list[tuple[str, str]]:
 
 
 def _name(root: ET.Element, picture: Picture) -> None:
-    """What it is called and what can be seen on it, and how large it is by nature."""
+    """What it is called and what can be seen on it."""
     root.set("role", "img")
     root.set("aria-labelledby", f"{picture.name}-title {picture.name}-description")
     root.set("stroke-linejoin", "round")
-    width, height = picture.figure.get_size_inches() * PIXELS
-    root.set("width", f"{width:.0f}")
-    root.set("height", f"{height:.0f}")
-    if width > WIDE:
-        root.set("class", "wide")
     for place, (tag, text) in enumerate((("title", picture.title), ("desc", picture.description))):
         element = ET.Element(tag, {"id": f"{picture.name}-{'title' if place == 0 else 'description'}"})
         element.text = text
         root.insert(place, element)
+
+
+def _size(root: ET.Element, figure: Figure, alone: bool) -> None:
+    """How large it is where there is room; wide ones are scrolled in a narrow window, others shrink."""
+    width, height = figure.get_size_inches() * PIXELS
+    scale = LARGER if alone and width <= SMALL else 1.0
+    root.set("width", f"{scale * width:.0f}")
+    root.set("height", f"{scale * height:.0f}")
+    if width > WIDE:
+        root.set("class", "wide")

@@ -11,6 +11,12 @@ from ifrfit.report.rounding import interval_text, places_of, spread, value_text
 from ifrfit.report.words import HEADLINES, METHODS, QUIET_FACTS, headline, undetermined
 
 MOST_NAMED = 6
+VERBS = {
+    "found": "give",
+    "prior": "give, with your prior,",
+    "limit": "say",
+    "open": "do not determine",
+}
 CHECKED = ("lack_of_fit", "outliers", "predictive")
 
 
@@ -40,21 +46,12 @@ def _determined(result: FitResult) -> str:
     groups: dict[str, list[str]] = {}
     for name, estimate in result.flat_constants().items():
         groups.setdefault(_group(estimate), []).append(_told(name, estimate))
-    clauses = []
-    if "found" in groups:
-        clauses.append(f"give {joined(_few(groups['found']))}")
-    if "prior" in groups:
-        clauses.append(f"with your prior, {joined(_few(groups['prior']))}")
-    if "limit" in groups:
-        clauses.append(f"say {joined(_few(groups['limit']))}")
-    if "open" in groups:
-        clauses.append(f"do not determine {joined(_few(groups['open']))}")
+    clauses = [f"{verb} {joined(_few(groups[group]))}" for group, verb in VERBS.items() if group in groups]
     fixed = f"{joined(_few(groups['fixed']))} was given to the fit" if "fixed" in groups else ""
     if len(groups.get("fixed", ())) > 1:
         fixed = fixed.replace(" was ", " were ")
-    said = (
-        f"{_amount(result)} {'; '.join(clauses)}" if clauses else f"{_amount(result)} leave nothing to find"
-    )
+    told = "; they ".join(clauses) or "leave nothing to find"
+    said = f"{_amount(result)} {told}"
     sentence = f"{said}; {fixed}." if fixed else f"{said}."
     if is_stand_in(result):
         what = sentence[:1].lower() + sentence[1:]
@@ -110,12 +107,15 @@ def _contradicted(result: FitResult) -> str:
         if not fact.ok and name not in QUIET_FACTS and not (name == "identifiable" and open_ones)
     ]
     if against:
-        # told in full where the misfit sits; the rest by name, for the findings have the sentences
-        told = [
-            result.facts[name].says.rstrip(".") if name == "lack_of_fit" else HEADLINES.get(name, name)
-            for name in against
-        ]
+        told = [_against(name, result) for name in against]
         return f"Against it stands: {'; '.join(told)}."
     fine = [result.facts[name].says.rstrip(".") for name in CHECKED if name in result.facts]
     fine = [f"{says[:1].lower()}{says[1:]}" for says in fine]
     return f"Nothing found contradicts it: {'; '.join(fine)}." if fine else "Nothing was found against it."
+
+
+def _against(name: str, result: FitResult) -> str:
+    """Where a misfit sits is told at once; the rest by name, for the findings have the sentences."""
+    if name == "lack_of_fit":
+        return result.facts[name].says.rstrip(".").partition(". ")[0]
+    return HEADLINES.get(name, name.replace("_", " "))

@@ -158,6 +158,7 @@
     points(inside, x, y);
     curves(inside, v, c, observable.name, x, y, bounds);
     add("rect", { ...frame, fill: "none", stroke: "#222", "stroke-width": 1 });
+    if (data.stand_in) add("text", { x: w / 2, y: HEIGHT / 2, "text-anchor": "middle", class: "stand-in-mark", transform: `rotate(-18 ${w / 2} ${HEIGHT / 2})` }, plot, "STAND-IN");
   }
 
   function shade(v, c, x) {
@@ -191,10 +192,11 @@
     for (const i of rowsOf(state.observable)) {
       if (data.rows.gamma[i] === null) continue;
       const series = data.series[data.rows.series[i]];
+      const faint = group().series.includes(data.rows.series[i]) ? 1 : 0.3;
       const px = x(data.rows.gamma[i]);
       const s = data.rows.sigma[i];
-      if (s !== null) add("line", { x1: px, x2: px, y1: y(data.rows.value[i] - s), y2: y(data.rows.value[i] + s), stroke: series.colour, "stroke-width": 0.9, "stroke-opacity": 0.7 }, inside);
-      add("path", { d: MARKS[series.marker] ?? MARKS.o, transform: `translate(${px.toFixed(2)} ${y(data.rows.value[i]).toFixed(2)})`, fill: series.colour, "fill-opacity": 0.75, class: "datum" }, inside);
+      if (s !== null) add("line", { x1: px, x2: px, y1: y(data.rows.value[i] - s), y2: y(data.rows.value[i] + s), stroke: series.colour, "stroke-width": 0.9, "stroke-opacity": 0.7 * faint }, inside);
+      add("path", { d: MARKS[series.marker] ?? MARKS.o, transform: `translate(${px.toFixed(2)} ${y(data.rows.value[i]).toFixed(2)})`, fill: series.colour, "fill-opacity": 0.75 * faint, class: "datum" }, inside);
     }
   }
 

@@ -18,7 +18,7 @@ SYMBOLS = {
     "beta0": r"$\beta_0$",
     "chi": r"$\chi$",
     "mu": r"$\mu$",
-    "kappa": r"$\kappa=\mu(1+e_n)$",
+    "kappa": r"$\kappa$",
     "beta_sticking": r"$\beta$ in sticking",
     "transition_angle_deg": "transition (deg)",
 }
@@ -50,11 +50,11 @@ def panel(
     return figure, axes
 
 
-def symbol(name: str) -> str:
-    """A constant as axes write it; a series in brackets stays as it is, whatever characters it has."""
+def symbol(name: str, longest: int = 24) -> str:
+    """A constant as axes write it; its series in brackets as it is, cut where it is longer than `longest`."""
     kind, bracket, rest = name.partition("[")
     shown = SYMBOLS.get(kind, plain(kind))
-    return shown + (plain(f" {bracket}{rest}") if bracket else "")
+    return shown + (plain(f" [{shortened(rest.removesuffix(']'), longest)}]") if bracket else "")
 
 
 def plain(text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,9 +21,12 @@ Array = NDArray[np.float64]
 
 CELL_MM, LEFT_MM, BOTTOM_MM, GAP_MM = 36.0, 15.0, 13.0, 2.0
 BINS = 30
+LONGEST = 10  # characters of a series' name
 SHOWN = 400  # draws drawn as points
 GRID = 40  # cells a side behind the contours
 SMOOTH = 1.6  # cells
+CORRELATED = 0.6  # from here on draws are smoothed along their own axes
+ONE_LINE = 0.9999
 
 
 def draw_corner(columns: Mapping[str, Array], intervals: Mapping[str, Interval]) -> Figure:
@@ -63,9 +67,9 @@ def _label(axes: Axes, across: str, below: str) -> None:
     axes.tick_params(labelbottom=bool(across), labelleft=bool(below))
     axes.tick_params(axis="x", labelrotation=35)
     if across:
-        axes.set_xlabel(symbol(across), labelpad=1.0)
+        axes.set_xlabel(symbol(across, LONGEST), labelpad=1.0)
     if below:
-        axes.set_ylabel(symbol(below), labelpad=1.0)
+        axes.set_ylabel(symbol(below, LONGEST), labelpad=1.0)
 
 
 def _window(column: Array) -> Interval:
@@ -91,28 +95,62 @@ def _pair(axes: Axes, x: Array, y: Array, across: Interval, below: Interval) -> 
     axes.set_ylim(below)
     step = max(1, x.size // SHOWN)
     axes.plot(x[::step], y[::step], ls="none", marker=".", ms=1.8, mew=0.0, color=COLOURS[0], alpha=0.5)
-    density, levels = regions(x, y, across, below)
-    if levels is None:
-        return
-    centres = [np.linspace(low, high, 2 * GRID + 1)[1::2] for low, high in (across, below)]
-    axes.contour(
-        *centres, density.T, levels=levels, colors=[COLOURS[1], COLOURS[0]], linewidths=(0.9, 1.3),
-        linestyles=("--", "-"),
-    )  # fmt: skip
+    found = regions(x, y, across, below)
+    if found is not None:
+        axes.contour(
+            found.x,
+            found.y,
+            found.density,
+            levels=found.levels,
+            colors=[COLOURS[1], COLOURS[0]],
+            linewidths=(0.9, 1.3),
+            linestyles=("--", "-"),
+        )
 
 
-def regions(x: Array, y: Array, across: Interval, below: Interval) -> tuple[Array, list[float] | None]:
-    """Smoothed density on a grid, and its levels around 95 and 68 % of the draws; None where they coincide.
+@dataclass(frozen=True)
+class Regions:
+    """A smoothed density on a mesh, (m, m) each, and its levels around 95 and 68 % of the draws."""
 
-    The edges mirror, so that a density that ends at a bound is not smeared over it.
+    x: Array
+    y: Array
+    density: Array
+    levels: tuple[float, float]
+
+
+def regions(x: Array, y: Array, across: Interval, below: Interval) -> Regions | None:
+    """Where 68 and 95 % of the draws lie; None where they fill no area.
+
+    Draws that are correlated are smoothed along their own axes, or a narrow ridge would grow fat. Others
+    along the plot's, with edges that mirror: a density that ends at a bound is not smeared over it.
     """
     from scipy.ndimage import gaussian_filter
 
-    counts, _, _ = np.histogram2d(x, y, bins=GRID, range=(across, below))
-    density = np.asarray(gaussian_filter(counts, SMOOTH, mode="reflect"), dtype=float)
+    correlation = float(np.corrcoef(x, y)[0, 1])
+    if not abs(correlation) < ONE_LINE:
+        return None
+    centre, turn = np.zeros(2), np.eye(2)
+    if abs(correlation) < CORRELATED:
+        u, v, ranges = x, y, (across, below)
+    else:
+        centre = np.array([x.mean(), y.mean()])
+        turn = np.asarray(np.linalg.cholesky(np.cov(x, y)))
+        u, v = np.linalg.solve(turn, np.stack((x, y)) - centre[:, None])
+        ranges = _around(u), _around(v)
+    counts, edges_u, edges_v = np.histogram2d(u, v, bins=GRID, range=ranges)
+    density: Array = gaussian_filter(counts, SMOOTH, mode="reflect")
     falling = np.sort(density.ravel())[::-1]
-    held = np.cumsum(falling) / max(float(falling.sum()), 1e-300)
-    level95, level68 = (
-        float(falling[min(int(np.searchsorted(held, p)), held.size - 1)]) for p in (0.95, 0.68)
-    )
-    return density, [level95, level68] if 0.0 < level95 < level68 else None
+    held = np.cumsum(falling) / float(falling.sum())
+    places = np.minimum(np.searchsorted(held, (0.95, 0.68)), held.size - 1)
+    outer, inner = (float(level) for level in falling[places])
+    if not 0.0 < outer < inner:
+        return None
+    middle_u, middle_v = (0.5 * (edges[1:] + edges[:-1]) for edges in (edges_u, edges_v))
+    mesh = np.stack(np.meshgrid(middle_u, middle_v, indexing="ij"))
+    placed = np.einsum("ij,jkl->ikl", turn, mesh) + centre[:, None, None]
+    return Regions(placed[0], placed[1], density, (outer, inner))
+
+
+def _around(column: Array) -> Interval:
+    room = 0.1 * float(np.ptp(column))
+    return float(column.min()) - room, float(column.max()) + room

@@ -81,7 +81,7 @@ def _parts(axes: Axes, found: Directions) -> None:
                 lw=0.0,
             )
             axes.text(column, row, share_text(float(share)), ha="center", va="center", fontsize=6.8)
-    axes.set_xticks(range(n), [symbol(name) for name in found.names])
+    axes.set_xticks(range(n), [symbol(name, 4) for name in found.names])
     axes.set_yticks(range(n), ["loosest", *([""] * (n - 2)), "tightest"])
     axes.tick_params(length=0)
     axes.set_title("made of", fontsize=7.5)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_MM, HEIGHT_MM = 62.0, 48.0
+LONGEST = 14  # characters of a series' name
 
 
 def draw_profile(profile: Profile) -> Figure:
@@ -28,11 +29,11 @@ def draw_profile(profile: Profile) -> Figure:
                 axes.axvspan(low, high, color=COLOURS[0], alpha=alpha, lw=0.0)
             axes.axhline(cuts[level], color=GREY, lw=0.7, ls=(0, (4, 3)))
             axes.text(
-                0.985,
+                0.5,
                 cuts[level] + 0.02 * top,
                 f"{100 * level:.0f} %",
                 transform=axes.get_yaxis_transform(),
-                ha="right",
+                ha="center",
                 va="bottom",
                 color=GREY,
                 fontsize=6.5,
@@ -45,6 +46,6 @@ def draw_profile(profile: Profile) -> Figure:
             axes.set_xlim(float(x.min()), float(x.max()))
         axes.set_ylim(0.0, top)
         axes.locator_params(axis="x", nbins=5)
-        axes.set_xlabel(symbol(profile.name))
+        axes.set_xlabel(symbol(profile.name, LONGEST))
         axes.set_ylabel("rise")
     return figure

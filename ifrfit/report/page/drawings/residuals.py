@@ -44,6 +44,7 @@ def draw_against(result: FitResult, look: dict[str, Look], x: Array, label: str)
         _points(axes, result, look, x, z)
         top = _top(z)
         axes.set_ylim(-top, top)
+        axes.locator_params(axis="x", integer=True)
         axes.set_xlabel(label)
         axes.set_ylabel("residual (σ)")
     return figure

@@ -8,6 +8,7 @@ from ifrfit.inference.rules import HALF
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Section
 from ifrfit.report.page.drawings.directions import Directions, draw_directions
 from ifrfit.report.page.material import Material
+from ifrfit.report.page.wording import sentence
 
 MOST = 6
 
@@ -24,7 +25,7 @@ def section(material: Material) -> Section | None:
         if {"rank", "free"} <= set(figures)
         else ""
     )
-    words = f"{fact.says[:1].upper()}{fact.says[1:].rstrip('.')}.{counts}"
+    words = f"{sentence(fact.says)}{counts}"
     blocks: list[Block] = [Paragraph(words, "plain" if fact.ok else "look")]
     found = directions(material)
     if found is not None:
@@ -44,8 +45,9 @@ def section(material: Material) -> Section | None:
                     ),
                 ),
                 "Principal directions of the posterior in the space of the free constants, each measured in "
-                "standard deviations of its default prior. Left: what a direction is made of. Right: how wide "
-                f"the posterior is along it, as a share of the prior; beyond {HALF:g} the data leave it loose.",
+                "standard deviations of its default prior. Left: what a direction is made of. Right: how "
+                "wide the posterior is along it, as a share of the prior; beyond "
+                f"{HALF:g} the data leave it loose.",
             )
         )
     return Section("identifiability", "Identifiability", tuple(blocks))

@@ -18,9 +18,9 @@ def section(material: Material) -> Section | None:
     names = [name for name in estimates if name in draws and draws[name].std() > 0.0]
     if not names:
         return None
-    if "e_n" not in material.free and "mu" in names:
+    if not any(name.partition("[")[0] == "e_n" for name in material.free):
         # kappa is mu times a number then
-        names = [name for name in names if name != "kappa"]
+        names = [name for name in names if not name.startswith("kappa")]
     shown = names[:MOST]
     columns = {name: draws[name].to_numpy(dtype=float) for name in shown}
     if result.state.sample is None:
@@ -29,8 +29,8 @@ def section(material: Material) -> Section | None:
         law = f"the {METHODS.get(result.method, result.method)}"
     left_out = f" Not shown: {', '.join(names[MOST:])}." if len(names) > MOST else ""
     described = "; ".join(
-        f"{name}: median {column.mean():.4g}, sd {column.std():.2g}" for name, column in columns.items()
-    ).replace("median", "mean")
+        f"{name}: mean {column.mean():.4g}, sd {column.std():.2g}" for name, column in columns.items()
+    )
     blocks: list[Block] = [
         Pictures(
             (

@@ -9,6 +9,7 @@ from ifrfit.inference.rules import REFUTED
 from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.drawings.checks import draw_checks
 from ifrfit.report.page.material import Material
+from ifrfit.report.page.wording import sentence
 from ifrfit.report.words import CHECKS
 
 MEANING = {
@@ -37,12 +38,13 @@ def section(material: Material) -> Section:
         "predictive",
         title,
         (
-            Paragraph(f"{fact.says[:1].upper()}{fact.says[1:]}.", "plain" if fact.ok else "look"),
+            Paragraph(sentence(fact.says), "plain" if fact.ok else "look"),
             Table("The checks.", ("check", "asks", "p", "verdict"), rows, frozenset({2})),
             Pictures(
                 (Picture("checks", "Predictive p-values", f"{described}.", draw_checks(known)),),
                 f"p-values of the checks; below {REFUTED:g} a check fails. The data serve twice, for the "
-                "posterior and for its check, so these p-values are conservative: a small one is a strong sign.",
+                "posterior and for its check, so these p-values are conservative: a small one is a "
+                "strong sign.",
             ),
         ),
     )

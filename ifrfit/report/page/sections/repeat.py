@@ -12,6 +12,7 @@ from ifrfit.inference.serialise import dumps
 from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Section, Table
 from ifrfit.report.page.command import from_points
 from ifrfit.report.page.material import Material
+from ifrfit.report.page.wording import stand_in_words
 from ifrfit.report.provenance import kinds_of, left_out, provenance_words
 
 if TYPE_CHECKING:
@@ -37,11 +38,11 @@ def section(material: Material) -> Section:
     text = points_csv(result)
     kept = len(text) <= MOST_INSIDE
     if kept:
-        words = "the data used, in the common schema"
+        words = f"{stand_in_words(result)}The data used, in the common schema."
         blocks.append(Download(POINTS, "text/csv", text, words))
     whole = dumps(result)
     if len(whole) <= MOST_INSIDE:
-        words = "the whole result, which ifrfit report and ifrfit predict read"
+        words = "The whole result, which ifrfit report and ifrfit predict read."
         blocks.append(Download("result.json", "application/json", whole, words))
     again = from_points(result, POINTS)
     if kept and again:
@@ -104,7 +105,10 @@ def _table(result: FitResult) -> Table:
         )
     )
     left = f" The first {MOST_SHOWN} of {len(points)}." if len(points) > MOST_SHOWN else ""
-    caption = f"The data: {len(points)} rows used, with the fitted values and standardised residuals.{left}"
+    caption = (
+        f"{stand_in_words(result)}The data: {len(points)} rows used, with the fitted values and standardised "
+        f"residuals.{left}"
+    )
     return Table(caption, head, rows, frozenset(range(3, len(head) - 1)), folded=len(rows) > FOLDED)
 
 

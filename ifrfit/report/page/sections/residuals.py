@@ -8,6 +8,7 @@ from ifrfit.report import style
 from ifrfit.report.page.blocks import Picture, Pictures, Section
 from ifrfit.report.page.drawings.residuals import draw_against, draw_quantiles
 from ifrfit.report.page.material import Material
+from ifrfit.report.page.wording import stand_in_words
 
 
 def section(material: Material) -> Section | None:
@@ -49,9 +50,9 @@ def section(material: Material) -> Section | None:
         ),
     ]
     caption = (
-        "Standardised residuals at the optimum: each over its own standard deviation, which where the noise "
-        "comes from the misfit does not rest on the row itself. Open: sticking; filled: sliding; ringed: "
-        "outlier. Dashed: ±2 σ. Grey: where 95 % of each ordered residual lies, one by one, if the noise is "
-        f"normal. {beyond} {worst}"
+        f"{stand_in_words(result)}Standardised residuals at the optimum: each over its own standard "
+        "deviation, which where the noise comes from the misfit does not rest on the row itself. Open: "
+        "sticking; filled: sliding; ringed: outlier. Dashed: ±2 σ. Grey: where 95 % of each ordered residual "
+        f"lies, one by one, if the noise is normal. {beyond} {worst}"
     )
     return Section("residuals", "Residuals", (Pictures(tuple(pictures), caption),))
