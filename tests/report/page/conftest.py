@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import os
 import shutil
@@ -15,7 +16,9 @@ import pytest
 
 import ifrfit
 from ifrfit import FitResult
-from ifrfit.report.page import page
+from ifrfit.report.page import assemble
+from ifrfit.report.page.blocks import Report
+from ifrfit.report.page.html import render
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 HOSTILE = (
@@ -52,7 +55,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], FitResu
     folder = tmp_path_factory.mktemp("impacts")
     gamma = np.linspace(3.0, 85.0, 24)
     one = {"gamma": gamma, "noise": 0.05, "c": -0.8}
-    kept: dict[str, FitResult] = {}
 
     def make(name: str) -> FitResult:
         if name == "stand-in":
@@ -71,25 +73,19 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], FitResu
             return ifrfit.fit(path)
         return ifrfit.fit(path, fix={"e_n": 0.94}, method="lsq" if name == "lsq" else "exact")
 
-    def result(name: str) -> FitResult:
-        if name not in kept:
-            kept[name] = make(name)
-        return kept[name]
-
-    return result
+    return functools.cache(make)
 
 
 @pytest.fixture(scope="session")
-def pages(results: Callable[[str], FitResult]) -> Callable[[str], str]:
-    """The pages of these results, each rendered once."""
-    kept: dict[str, str] = {}
+def reports(results: Callable[[str], FitResult]) -> Callable[[str], Report]:
+    """The reports of these results, each put together once."""
+    return functools.cache(lambda name: assemble(results(name)))
 
-    def text(name: str) -> str:
-        if name not in kept:
-            kept[name] = page(results(name))
-        return kept[name]
 
-    return text
+@pytest.fixture(scope="session")
+def pages(reports: Callable[[str], Report]) -> Callable[[str], str]:
+    """Their pages, each rendered once."""
+    return functools.cache(lambda name: render(reports(name)))
 
 
 @pytest.fixture(scope="session")

@@ -52,7 +52,7 @@ def test_a_slider_moves_the_curve_and_the_button_brings_it_back(opened, pages, s
 def test_every_readout_is_what_the_package_computes(opened, pages, results):
     result = results("fixed")
     shown = opened(pages("fixed"))
-    names, best, covariance, free = coordinates(result, None)
+    _, best, covariance, free = coordinates(result, None)
     assert first_number(shown.text("chi2")) == pytest.approx(
         chi2(result, 0.94, best[1], best[2] / 1.94), rel=1e-3
     )
