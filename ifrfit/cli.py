@@ -31,7 +31,6 @@ app = typer.Typer(
     add_completion=False,
 )
 app.add_typer(datasets, name="datasets")
-app.command()(command(report))
 
 NOT_DETERMINED = 4
 
@@ -255,6 +254,9 @@ def predict(
         table.insert(0, "observable", name)
         tables.append(table)
     typer.echo(pd.concat(tables).to_csv(index=False, float_format="%.10g", lineterminator="\n"), nl=False)
+
+
+app.command()(command(report))
 
 
 @app.command()

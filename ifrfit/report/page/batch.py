@@ -15,9 +15,9 @@ from ifrfit.report.page.drawings.forest import draw_forest
 from ifrfit.report.page.html import asset, fill
 from ifrfit.report.page.verdict import verdict
 from ifrfit.report.page.writing import check_free, put, report_files
-from ifrfit.report.provenance import STAND_IN, kinds_of, provenance_words
+from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
 from ifrfit.report.rounding import fixed, interval_text, places_of, spread, value_text
-from ifrfit.report.words import METHODS, headline, status_words
+from ifrfit.report.words import METHODS, headline
 
 INDEX = "index.html"
 _SAFE = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-"
@@ -118,7 +118,7 @@ def index(entries: Sequence[Entry]) -> str:
         numbers=frozenset(range(5, 7 + len(constants))),
         pictures=[picture for picture in pictures if picture is not None],
         verdicts=[(entry, title(entry.result), verdict(entry.result)) for entry in entries],
-        stand_in=any(STAND_IN in kinds_of(e.result, source) for e in entries for source in e.result.inputs),
+        stand_in=any(is_stand_in(entry.result) for entry in entries),
     )
 
 
@@ -165,14 +165,24 @@ def _estimates(found: Sequence[tuple[str, Estimate]]) -> Cell:
     more = f" and {len(found) - 1} more" if len(found) > 1 else ""
     if estimate.value is None:
         span = interval_text(estimate.interval95, places_of(estimate))
-        return Cell(span + more, "", status_words(estimate))
+        return Cell(span + more, "", _status(estimate))
     sd = "" if estimate.stderr is None else f" ± {spread(estimate.stderr)}"
-    return Cell(value_text(estimate) + sd + more, repr(estimate.value), status_words(estimate))
+    return Cell(value_text(estimate) + sd + more, repr(estimate.value), _status(estimate))
+
+
+def _label(entry: Entry, series: str) -> str:
+    """A line of a forest plot: a stand-in says so there, too."""
+    kind = " (stand-in)" if is_stand_in(entry.result) else ""
+    return f"{entry.name}{kind} [{series}]" if series else f"{entry.name}{kind}"
+
+
+def _status(estimate: Estimate) -> str:
+    return estimate.status.replace("_", " ")
 
 
 def _forest(name: str, entries: Sequence[Entry], number: int) -> Picture | None:
     lines = [
-        (f"{entry.name} [{series}]" if series else entry.name, estimate)
+        (_label(entry, series), estimate)
         for entry in entries
         for series, estimate in _constants(entry.result).get(name, [])
     ]

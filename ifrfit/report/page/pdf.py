@@ -25,7 +25,7 @@ from ifrfit.report.style import MM_PER_INCH, drawing
 
 PAGE_MM = (210.0, 297.0)
 MARGIN_MM = 18.0
-COLUMNS = 96  # characters of the small type across the page
+COLUMNS = 104  # characters of the small type across the page
 LINE_MM, SMALL = 3.9, 7.6
 MONO = "DejaVu Sans Mono"
 
@@ -66,7 +66,7 @@ def _text(report: Report) -> Iterator[Line]:
         yield from _wrapped(sentence, 9.0)
     for section in report.sections:
         lines = [line for block in section.blocks for line in _lines(block)]
-        if lines:
+        if any(line.text for line in lines):
             yield Line("")
             yield Line(section.title, 10.5, bold=True)
             yield from lines
@@ -95,7 +95,7 @@ def _lines(block: Block) -> Iterator[Line]:
 def _wrapped(
     text: str, size: float = SMALL, *, hang: int = 0, bold: bool = False, mono: bool = False
 ) -> Iterator[Line]:
-    width = int(COLUMNS * SMALL / size * (1.0 if mono else 1.12))
+    width = int(COLUMNS * SMALL / size * (1.0 if mono else 1.15))
     for part in textwrap.wrap(text, width, subsequent_indent=" " * hang, break_on_hyphens=False):
         yield Line(part, size, bold, mono)
 

@@ -89,7 +89,7 @@ def test_a_batch_has_an_index_of_all(results, tmp_path):
     assert told == ["one", "two"]
     text = (out / "index.html").read_text(encoding="utf-8")
     assert 'href="one.md"' in text
-    assert "not determined: the data do not fix a value" in text
+    assert "<small>not determined</small>" in text
     assert {p.name for p in out.iterdir()} == {
         "index.html", "one.md", "one-figures", "two.md", "two-figures"
     }  # fmt: skip
