@@ -103,8 +103,12 @@ def _observables(result: FitResult) -> list[str]:
 
 
 def _linear(name: str) -> bool:
-    """Whether a closure is a pair (a, b), which is what the script knows."""
-    return callable(getattr(CLOSURES[name], "coefficients", None))
+    """Whether a closure is a pair (a, b), which is what the script knows; one of another law refuses."""
+    try:
+        CLOSURES[name].coefficients(0.4)
+    except TypeError:
+        return False
+    return True
 
 
 def _closure(name: str, inertia_factor: float) -> dict[str, Any]:

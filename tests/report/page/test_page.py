@@ -17,6 +17,7 @@ import ifrfit
 from ifrfit.inference.loading import load_result
 from ifrfit.inference.result import Fact
 from ifrfit.report.page import assemble, page
+from ifrfit.report.page.explorer import payload, why_not
 from ifrfit.report.page.html import policy
 
 EVERY = ("fixed", "loose", "hostile", "stand-in", "digitised", "lsq")
@@ -228,15 +229,18 @@ def test_a_result_without_points_has_a_report_all_the_same(results):
 def test_a_comparison_is_shown_where_there_is_one(results, reports):
     import pandas as pd
 
+    class Verdict:
+        says = "the data prefer IFR: log Bayes factor 7.1"
+
     class Compared:
-        verdict = "The data prefer IFR: log Bayes factor 7.1."
+        verdict = Verdict()
 
         def table(self):
             return pd.DataFrame({"log_evidence": [12.5, np.nan]}, index=["IFR", "FR"])
 
     assert section(reports("fixed"), "closures") is None
     blocks = section(assemble(results("fixed"), Compared()), "closures").blocks
-    assert blocks[0].text == Compared.verdict
+    assert blocks[0].text == "The data prefer IFR: log Bayes factor 7.1."
     assert blocks[1].head == ("closure", "log evidence")
     assert blocks[1].rows == (("IFR", "12.5"), ("FR", "-"))
 
@@ -244,7 +248,7 @@ def test_a_comparison_is_shown_where_there_is_one(results, reports):
 def test_chains_are_shown_only_where_a_sampler_ran(results):
     result = results("fixed")
     assert section(assemble(result), "chains") is None
-    figures = {"rhat": {"e_t": 1.002, "mu": 1.001}, "ess_bulk": {"e_t": 2300.0}, "steps": 4000}
+    figures = {"steps": 4000, "each": {"e_t": {"rhat": 1.002, "ess_bulk": 2300.0}, "mu": {"rhat": 1.001}}}
     sampled = replace(
         result,
         method="mcmc",
@@ -254,6 +258,19 @@ def test_chains_are_shown_only_where_a_sampler_ran(results):
     assert blocks[1].head == ("quantity", "R-hat", "bulk ESS")
     assert blocks[1].rows == (("e_t", "1.002", "2300"), ("mu", "1.001", "-"))
     assert blocks[2].rows == (("steps", "4000"),)
+
+
+def test_a_closure_that_is_no_pair_of_lines_has_no_panel(made, monkeypatch):
+    from ifrfit.physics import CLOSURES
+
+    def refuses(inertia_factor):
+        raise TypeError("not bilinear")
+
+    other = replace(CLOSURES["ifr"], name="other", coefficients=refuses)
+    monkeypatch.setitem(CLOSURES, "other", other)
+    assert "other" not in payload(made.fine())["closures"]
+    says = why_not(replace(made.fine(), closure="other"))
+    assert says == "The panel knows no closure other: the picture above stands alone."
 
 
 def test_every_way_of_result_has_a_page(made):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from ifrfit.report.page.blocks import Block, Findings, Section, Table
 from ifrfit.report.page.material import Material
 
@@ -14,13 +12,13 @@ def section(material: Material) -> Section | None:
     fact = result.facts.get("converged")
     if result.method != "mcmc" or fact is None:
         return None
-    by_name = {key: value for key, value in fact.figures.items() if isinstance(value, Mapping)}
-    plain = {key: value for key, value in fact.figures.items() if isinstance(value, int | float | str)}
+    each = fact.figures.get("each", {})
+    plain = {key: value for key, value in fact.figures.items() if isinstance(value, int | float)}
     blocks: list[Block] = [Findings((("ok" if fact.ok else "LOOK", fact.says),))]
-    if by_name:
-        names = list(dict.fromkeys(name for column in by_name.values() for name in column))
-        rows = tuple((name, *(_cell(column.get(name)) for column in by_name.values())) for name in names)
-        head = ("quantity", *(_words(key) for key in by_name))
+    if each:
+        keys = list(dict.fromkeys(key for column in each.values() for key in column))
+        rows = tuple((name, *(_cell(own.get(key)) for key in keys)) for name, own in each.items())
+        head = ("quantity", *(_words(key) for key in keys))
         blocks.append(Table("By quantity.", head, rows, frozenset(range(1, len(head)))))
     if plain:
         rows = tuple((_words(key), _cell(value)) for key, value in plain.items())

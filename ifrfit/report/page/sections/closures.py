@@ -6,17 +6,26 @@ from typing import TYPE_CHECKING, Protocol
 
 from ifrfit.report.page.blocks import Paragraph, Section, Table
 from ifrfit.report.page.material import Material
+from ifrfit.report.page.wording import sentence
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+class Verdict(Protocol):
+    """Which closure the data prefer."""
+
+    @property
+    def says(self) -> str:
+        """One sentence, with how strongly."""
 
 
 class Comparison(Protocol):
     """What a comparison of closures must give to be shown."""
 
     @property
-    def verdict(self) -> str:
-        """One sentence: which closure the data prefer, and how strongly."""
+    def verdict(self) -> Verdict:
+        """Which closure the data prefer, and how strongly."""
 
     def table(self) -> pd.DataFrame:
         """One row a closure (index: its name), one column a criterion."""
@@ -37,7 +46,7 @@ def section(material: Material) -> Section | None:
         "closures",
         "Closures compared",
         (
-            Paragraph(comparison.verdict),
+            Paragraph(sentence(comparison.verdict.says)),
             Table("Criteria by closure.", head, rows, frozenset(range(1, len(head)))),
         ),
     )
