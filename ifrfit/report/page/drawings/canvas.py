@@ -47,6 +47,7 @@ def panel(
             (height_mm - BOTTOM - TOP) / height_mm,
         )
     )
+    axes.tick_params(top=False, right=False)
     return figure, axes
 
 

@@ -64,7 +64,7 @@ def draw_corner(columns: Mapping[str, Array], intervals: Mapping[str, Interval])
 
 def _label(axes: Axes, across: str, below: str) -> None:
     axes.locator_params(nbins=4)
-    axes.tick_params(labelbottom=bool(across), labelleft=bool(below))
+    axes.tick_params(labelbottom=bool(across), labelleft=bool(below), top=False, right=False)
     axes.tick_params(axis="x", labelrotation=35)
     if across:
         axes.set_xlabel(symbol(across, LONGEST), labelpad=1.0)

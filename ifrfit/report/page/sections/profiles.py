@@ -16,11 +16,11 @@ SHAPES = {
 
 
 def section(material: Material) -> Section:
-    """Profiles of the constants, kappa, restitution in sticking and transition angles."""
+    """Profiles of the constants, of kappa and of the transition angles."""
     profiles = material.profiles
     if not profiles:
         return Section("profiles", "Profile likelihoods", (Paragraph(material.without_profiles, "note"),))
-    names = [name for name in profiles if profiles[name].x.size > 1]
+    names = [name for name in profiles if profiles[name].x.size > 1 and _says_more(material, name)]
     pictures = tuple(
         Picture(
             f"profile-{number}",
@@ -42,3 +42,14 @@ def section(material: Material) -> Section:
         f"interval; shaded: the values below them; dot: the optimum.{left_out}"
     )
     return Section("profiles", "Profile likelihoods", (Pictures(pictures, caption),))
+
+
+def _says_more(material: Material, name: str) -> bool:
+    """Whether a profile is more than that of a constant on a stretched axis.
+
+    The restitution in sticking runs with the closure's constant, kappa with mu where e_n is fixed.
+    """
+    kind = name.partition("[")[0]
+    if kind == "kappa":
+        return any(label.partition("[")[0] == "e_n" for label in material.free)
+    return kind != "beta_sticking"
