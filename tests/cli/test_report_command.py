@@ -8,16 +8,23 @@ import pytest
 
 
 @pytest.fixture
-def result(cli, impacts):
+def fitted(cli, impacts):
     path = impacts(gamma=range(5, 85, 6), sigma=0.05, noise=0.05)
-    assert (
-        cli("fit", path, "--fix", "e_n=0.94", "--method", "lsq", "--out", "results", "--quiet").returncode
-        == 0
-    )
-    return Path("results/result.json")
+    return ("fit", path, "--fix", "e_n=0.94", "--method", "lsq")
 
 
-def test_the_page_of_fit_is_the_page_of_report(cli, result):
+@pytest.fixture
+def result(cli, fitted):
+    """A result.json without its figures."""
+    path = Path("results/result.json")
+    path.parent.mkdir()
+    path.write_text(cli(*fitted, "--json").stdout, encoding="utf-8")
+    return path
+
+
+def test_the_page_of_fit_is_the_page_of_report(cli, fitted):
+    assert cli(*fitted, "--out", "results", "--quiet").returncode == 0
+    result = Path("results/result.json")
     written = Path("results/report.html").read_bytes()
     found = cli("report", result)
     assert (found.returncode, found.stderr) == (0, "")
@@ -52,7 +59,7 @@ def test_several_results_make_an_index(cli, result):
     ("arguments", "status", "says"),
     [
         (("nix.json",), 3, "nix.json: there is no such file. Name the result.json of a fit."),
-        (("results/fit.svg",), 3, "results/fit.svg, line 1, column 1: this is not JSON"),
+        (("notes.txt",), 3, "notes.txt, line 1, column 1: this is not JSON"),
         (("results/result.json", "--format", "doc"), 2, "--format doc: choose one of html, md, pdf."),
         (("results/result.json", "--out", "a.md", "--format", "pdf"), 2, "--out a.md does not end in .pdf"),
         (("results/result.json", "--out", "a.doc"), 2, "a.doc: a report ends in .html, .md, .pdf."),
@@ -69,7 +76,8 @@ def test_several_results_make_an_index(cli, result):
     ],
 )
 def test_what_is_wrong_is_said_in_a_sentence(cli, result, arguments, status, says):
-    Path("notes.html").write_text("mine", encoding="utf-8")
+    for name in ("notes.html", "notes.txt"):
+        Path(name).write_text("mine", encoding="utf-8")
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
     found = cli("report", *arguments)
     assert (found.returncode, found.stdout) == (status, "")

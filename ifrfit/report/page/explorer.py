@@ -14,6 +14,7 @@ from ifrfit.report import style
 from ifrfit.report.page.drawings.canvas import shortened
 from ifrfit.report.page.state import coordinates, values_of
 from ifrfit.report.provenance import is_stand_in
+from ifrfit.report.words import undetermined
 
 Array = NDArray[np.float64]
 
@@ -92,6 +93,7 @@ def payload(result: FitResult) -> dict[str, Any]:
                 )
             },
         },
+        "open": undetermined(result),
         "stand_in": is_stand_in(result),
         "thinned": step > 1,
         "n": len(points),

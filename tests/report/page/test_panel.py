@@ -73,6 +73,11 @@ def test_a_fixed_constant_that_is_moved_is_named(opened, pages):
     assert "e_n had no spread in the fit" in shown.text("distance")
 
 
+def test_a_start_that_the_data_do_not_determine_is_called_that(opened, pages):
+    assert "Not determined by the data: e_n, mu;" in opened(pages("loose")).text("note")
+    assert "Not determined" not in opened(pages("fixed")).text("note")
+
+
 def test_another_closure_keeps_the_restitution_in_sticking(opened, pages):
     shown = opened(pages("fixed"))
     shown.tab.select_option("#explorer-closure", "fr")

@@ -10,6 +10,8 @@ import pytest
 from ifrfit.errors import UsageError
 from ifrfit.report.page import write_batch, write_report
 from ifrfit.report.page.batch import index, named
+from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Report, Section
+from ifrfit.report.page.drawings.checks import draw_checks
 from ifrfit.report.page.html import fill
 from ifrfit.report.page.markdown import escaped, markdown_files
 from ifrfit.report.page.pdf import pdf
@@ -17,6 +19,16 @@ from ifrfit.report.page.pdf import pdf
 KINDS = {"html": b"<!DOCTYPE html>", "md": b"<!-- ifrfit report -->", "pdf": b"%PDF-"}
 
 
+@pytest.fixture
+def small(monkeypatch):
+    """Reports of one paragraph and one picture, where only their files matter."""
+    picture = Picture("checks", "Checks", "one", draw_checks({"chi2": 0.5}))
+    sections = (Section("one", "One", (Paragraph("Words."), Pictures((picture,), "A caption."))),)
+    report = Report("small", (), ("It is.", "Nothing."), False, sections, {"ifrfit": "1"})
+    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *arguments: report)
+
+
+@pytest.mark.usefixtures("small")
 @pytest.mark.parametrize("suffix", list(KINDS))
 def test_a_report_is_written_and_replaced_but_nothing_else_is(results, tmp_path, suffix):
     path = tmp_path / "deep" / f"report.{suffix}"
@@ -40,6 +52,7 @@ def test_another_suffix_is_refused(results, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("small")
 def test_a_folder_that_cannot_be_written_is_said(results, tmp_path):
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(UsageError, match="cannot be written"):
@@ -81,6 +94,7 @@ def test_names_in_a_batch_are_unique_and_safe(results):
     assert all(re.fullmatch(r"[\w.-]+", name) for name in names)
 
 
+@pytest.mark.usefixtures("small")
 def test_a_batch_has_an_index_of_all(results, tmp_path):
     out = tmp_path / "reports"
     some = [(Path("one.json"), results("lsq")), (Path("two.json"), results("loose"))]
