@@ -59,7 +59,7 @@ def test_several_results_make_an_index(cli, result):
     ("arguments", "status", "says"),
     [
         (("nix.json",), 3, "nix.json: there is no such file. Name the result.json of a fit."),
-        (("notes.txt",), 3, "notes.txt, line 1, column 1: this is not JSON"),
+        (("broken.txt",), 3, "broken.txt, line 1, column 1: this is not JSON"),
         (("results/result.json", "--format", "doc"), 2, "--format doc: choose one of html, md, pdf."),
         (("results/result.json", "--out", "a.md", "--format", "pdf"), 2, "--out a.md does not end in .pdf"),
         (("results/result.json", "--out", "a.doc"), 2, "a.doc: a report ends in .html, .md, .pdf."),
@@ -76,7 +76,7 @@ def test_several_results_make_an_index(cli, result):
     ],
 )
 def test_what_is_wrong_is_said_in_a_sentence(cli, result, arguments, status, says):
-    for name in ("notes.html", "notes.txt"):
+    for name in ("notes.html", "broken.txt"):
         Path(name).write_text("mine", encoding="utf-8")
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
     found = cli("report", *arguments)
