@@ -18,6 +18,7 @@ from ifrfit.cli_compare import comparing
 from ifrfit.cli_datasets import datasets
 from ifrfit.cli_errors import command
 from ifrfit.cli_progress import working
+from ifrfit.cli_report import report
 from ifrfit.cli_simulate import simulate
 from ifrfit.errors import UsageError
 
@@ -189,7 +190,7 @@ def fit(
         int, typer.Option(metavar="N", help="mcmc, bootstrap: processes; the draws are the same.")
     ] = 1,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write result.json, fit.svg and fit.png there.")
+        Path | None, typer.Option(metavar="DIR", help="Write result.json, figures and report.html there.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier result in DIR.")] = False,
     as_json: Annotated[
@@ -322,6 +323,9 @@ def predict(
         table.insert(0, "observable", name)
         tables.append(table)
     typer.echo(pd.concat(tables).to_csv(index=False, float_format="%.10g", lineterminator="\n"), nl=False)
+
+
+app.command()(command(report))
 
 
 @app.command()

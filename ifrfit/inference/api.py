@@ -299,6 +299,7 @@ def _result(problem: Problem, found: LeastSquares, seed: int, command: str) -> F
         command=command,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions(),
+        asked=problem.constants,
         problem=problem,
         least_squares=found,
     )

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
+from ifrfit.inference.constants import Constant
 from ifrfit.inference.scatter.law import PLAIN, Scatter
 
 if TYPE_CHECKING:
@@ -189,6 +190,9 @@ class FitResult:
         Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
     command, seed, created, versions
         How to repeat it.
+    asked : tuple of Constant
+        The constants as they were asked for: domain, fixed value, prior, separate or shared. Empty where the
+        file that the result was read from does not say.
     problem, least_squares, law, profiles, sample
         What the result rests on, for further questions; not kept in result.json.
     """
@@ -210,6 +214,7 @@ class FitResult:
     command: str = ""
     created: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
+    asked: tuple[Constant, ...] = ()
     problem: Any = field(default=None, repr=False, compare=False)
     least_squares: Any = field(default=None, repr=False, compare=False)
     law: Any = field(default=None, repr=False, compare=False)
@@ -379,6 +384,25 @@ class FitResult:
         from ifrfit.report import plot
 
         return plot(self)
+
+    def report(self, path: str | Path) -> None:
+        """Write the uncertainty report: one self-contained page, by the suffix html, md or pdf.
+
+        The file appears whole or not at all; an earlier report is replaced, any other file is not.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``report.html``, ``report.md`` (with its figures beside it) or ``report.pdf``.
+
+        Raises
+        ------
+        UsageError
+            For another suffix, or where something else lies there.
+        """
+        from ifrfit.report.page import write_report
+
+        write_report(self, Path(path))
 
     def _repr_html_(self) -> str:
         from ifrfit.report import html_table

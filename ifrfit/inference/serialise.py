@@ -15,6 +15,7 @@ import numpy as np
 
 from ifrfit._version import __version__
 from ifrfit.data import Source
+from ifrfit.inference.constants import Constant
 from ifrfit.inference.result import Estimate, FitResult, FitStatistics, Noise, State
 
 if TYPE_CHECKING:
@@ -104,6 +105,7 @@ def to_dict(result: FitResult) -> dict[str, Any]:
         "inertia_factor": float(result.inertia_factor),
         "method": result.method,
         "noise": _noise(result.noise, nulls),
+        **({"asked": {c.name: _asked(c, nulls) for c in result.asked}} if result.asked else {}),
         "constants": _estimates(result.constants, "constants", nulls),
         "derived": _estimates(result.derived, "derived", nulls),
         "correlation": {
@@ -197,6 +199,16 @@ def _estimates(value: Any, path: str, nulls: _Nulls) -> Any:
     if isinstance(value, (list, tuple)):
         return [_estimates(item, f"{path}[{i}]", nulls) for i, item in enumerate(value)]
     return _plain(value, path, nulls)
+
+
+def _asked(constant: Constant, nulls: _Nulls) -> dict[str, Any]:
+    """What the user asked of a constant: enough to put the same question again."""
+    return {
+        "bounds": _ends((constant.lower, constant.upper), nulls),
+        "fixed": constant.fixed,
+        "prior": None if constant.prior is None else [float(number) for number in constant.prior],
+        "separate": constant.separate,
+    }
 
 
 def _estimate(estimate: Estimate, path: str, nulls: _Nulls) -> dict[str, Any]:
