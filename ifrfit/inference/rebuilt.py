@@ -8,6 +8,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.result import FitResult
+from ifrfit.inference.scatter.setup import with_scatter
 from ifrfit.physics.closures import get_closure
 
 
@@ -45,4 +46,5 @@ def question(result: FitResult) -> tuple[Problem, LeastSquares]:
         )
     observations = Observations(result.points[list(TABLE_COLUMNS)], result.inputs)
     problem = make_problem(observations, closure, result.inertia_factor, result.asked, result.noise.policy)
+    problem = with_scatter(problem, result.noise.scatter, result.method)
     return problem, least_squares(problem)

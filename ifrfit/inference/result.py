@@ -325,7 +325,8 @@ class FitResult:
         Raises
         ------
         UsageError
-            For a result that was read from a file: it does not hold the problem any more.
+            For a result that was read from a file: it does not hold the problem any more. For a scatter that
+            profiles do not know.
         """
         from ifrfit.inference.intervals import intervals
         from ifrfit.inference.posterior import Posterior, explore
@@ -333,6 +334,11 @@ class FitResult:
         if self.problem is None:
             raise UsageError(
                 "A result that was read from a file has no intervals to compare: fit the data again."
+            )
+        if not self.noise.scatter.is_plain:
+            raise UsageError(
+                "Intervals are compared for independent Gaussian errors of the values only: leave out "
+                "--intervals, or the choice of scatter."
             )
         law = self.law
         posterior = law if isinstance(law, Posterior) else explore(self.problem, start=self.least_squares)

@@ -72,6 +72,8 @@ class Material:
         free = int(problem.free.sum())
         if free == 0:
             return "Every constant is fixed: there is nothing to profile."
+        if not problem.scatter.is_plain:
+            return "Profiles know independent Gaussian errors of the values only."
         if free > MOST_CONSTANTS or problem.rows.value.size > MOST_ROWS:
             return (
                 f"{free} free constants and {problem.rows.value.size} rows: profiles take long here. "

@@ -7,6 +7,7 @@ import pytest
 
 import ifrfit
 from ifrfit.errors import IfrfitError
+from ifrfit.inference.rebuilt import question
 from ifrfit.inference.scatter.law import DOF, PLAIN, make_scatter
 from ifrfit.physics import rebound
 
@@ -113,8 +114,19 @@ def test_result_file_keeps_the_scatter(tmp_path):
     again = ifrfit.load_result(tmp_path / "r.json")
     assert again.noise.scatter == result.noise.scatter
     assert again.to_dict() == result.to_dict()
+    problem, optimum = question(again)
+    assert problem.scatter == result.noise.scatter
+    assert optimum.optimum.theta == pytest.approx(result.least_squares.optimum.theta, abs=1e-9)
     assert any("Student-t errors (4 degrees of freedom)" in warning for warning in result.warnings)
     assert not any("Not propagated" in warning for warning in result.warnings)
+
+
+def test_profiles_and_their_comparison_do_not_know_it(tmp_path):
+    result = ifrfit.fit(table_of(tmp_path), tails="student-t", fix={"e_n": 0.9})
+    assert "Intervals are compared for independent Gaussian errors" in said(result.intervals)
+    result.report(tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Profiles know independent Gaussian errors of the values only." in text
 
 
 def test_one_unknown_noise_is_named_as_such(tmp_path):
