@@ -30,7 +30,7 @@ def test_closures_are_chosen(cli, path):
     found = json.loads(cli("compare", path, *QUICK, "--closure", "ifr", "--closure", "fr", "--json").stdout)
     assert set(found["closures"]) == {"ifr", "fr"}
     assert found["schema"] == "ifrfit/compare/1"
-    assert found["command"].startswith("ifrfit ")
+    assert found["command"].startswith("ifrfit")
 
 
 def test_loo_is_on_unless_it_is_declined(cli, path):

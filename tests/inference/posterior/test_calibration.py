@@ -284,7 +284,7 @@ def test_workers_do_not_change_the_study():
 
 def test_published_page_is_of_a_full_study_that_holds():
     text = PAGE.read_text(encoding="utf-8")
-    assert f"calibrated in all {len(SCENES)} scenes; every control fails" in text
+    assert f"calibrated in all {len(SCENES)} scenes; every negative control fails" in text
     repeats = int(text.split(" experiments in each of the first four scenes")[0].split()[-1])
     assert repeats >= 2000
     for name in ("ranks", "coverage"):
