@@ -157,6 +157,7 @@ def _exact(study: Study) -> str:
                 )
             )
     parts += ["", f"![Histograms of the ranks in {BINS} bins](calibration/ranks.svg)", ""]
+    parts += ["![Coverage of the 68 and 95 % intervals of every method](calibration/coverage.svg)", ""]
     return "\n".join(parts)
 
 
