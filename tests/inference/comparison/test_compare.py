@@ -150,7 +150,7 @@ def test_json_meets_its_schema(found, schema):
 def test_json_of_other_cases_meets_the_schema_too(schema, choices):
     made = {key: choices[key] for key in ("provenance", "observables", "gamma") if key in choices}
     data = observations("f", sigma=0.05, **made)
-    found = compare(data, loo=choices["loo"], noise=choices["noise"], fix={"e_n": 0.9})
+    found = compare(data, ("f", "ifr"), loo=choices["loo"], noise=choices["noise"], fix={"e_n": 0.9})
     schema.validate(json.loads(dumps(found)))
 
 
