@@ -10,7 +10,7 @@ reproduce: $(READY)
 	$(BIN)/python scripts/reproduce_paper.py --out figures
 
 test: lint types
-	$(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -22,6 +22,7 @@ types: $(READY)
 calibrate: $(READY)
 	$(BIN)/python scripts/calibrate.py
 	$(BIN)/python scripts/calibrate_intervals.py
+	$(BIN)/python scripts/study_angle_errors.py
 	$(BIN)/python scripts/calibrate_closures.py
 
 benchmark: $(READY)

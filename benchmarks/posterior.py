@@ -1,6 +1,6 @@
 """The exact posterior against samplers: time and error, in one run.
 
-``python benchmarks/posterior.py [--only i,ii] [--quick] [--out DIR] [--readme]``
+``python benchmarks/posterior.py [--only i,ii] [--quick] [--ess] [--out DIR] [--readme]``
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from _common import (
 
 # isort: split
 import numpy as np
+import posterior_ess
 from posterior_goals import goals_of, said_of
 from posterior_peers import NUTS_COLD, Run, all_runs
 from posterior_plot import draw
@@ -193,6 +194,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default=",".join(TITLES), help="scenes, as in i,ii")
     parser.add_argument("--quick", action="store_true", help="of the samplers only emcee; fewer rounds")
+    parser.add_argument("--ess", action="store_true", help="only effective draws a second of chains")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV and the plot")
     parser.add_argument("--readme", action="store_true", help="put the tables into the README, too")
     options = parser.parse_args()
@@ -200,6 +202,9 @@ def main() -> None:
     if unknown := [key for key in keys if key not in TITLES]:
         parser.error(f"no scene {', '.join(unknown)}; there are {', '.join(TITLES)}")
     print(machine(*PACKAGES))
+    if options.ess:
+        effective_draws(keys, options.out, readme=options.readme)
+        return
     print("one thread; errors are the largest of a mean or sd of a constant, in posterior sd\n")
     rows: list[Row] = []
     lines: list[str] = []
@@ -217,6 +222,15 @@ def main() -> None:
     if options.readme:
         listed = [f"- {goal}" for goal in goals]
         put_into_readme("posterior", [machine(*PACKAGES), "", *lines, *listed])
+
+
+def effective_draws(keys: Sequence[str], out: Path, *, readme: bool) -> None:
+    """The part on effective draws a second: its table, its CSV, its place in the README."""
+    speeds, goal = posterior_ess.measure(list(keys))
+    write_csv(out / "posterior_ess.csv", [asdict(speed) for speed in speeds])
+    if readme:
+        table = markdown_table(posterior_ess.table_of(speeds))
+        put_into_readme("effective draws", [machine(*PACKAGES), "", *table, "", f"- {goal}"])
 
 
 def _plain(row: Row) -> dict[str, object]:

@@ -12,7 +12,7 @@ import io
 import logging
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,21 +82,29 @@ def runs_of(peer: Peer, scene: Scene, seeds: int) -> list[Run]:
     return runs
 
 
+@contextlib.contextmanager
+def quietly() -> Iterator[None]:
+    """Without progress and advice: what comes out is judged here."""
+    logging.disable(logging.WARNING)
+    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        warnings.simplefilter("ignore")
+        yield
+    logging.disable(logging.NOTSET)
+
+
 def _timed(scene: Scene, sample: Callable[[], tuple[Array, Array | None, str]]) -> Run:
     """Run a sampler with the clock on; moments are worked out off the clock."""
     found: list[tuple[Array, Array | None, str]] = []
-    logging.disable(logging.WARNING)  # progress and advice; what came out is judged here
-    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
-        warnings.simplefilter("ignore")
+    with quietly():
         seconds = seconds_of(lambda: found.append(sample()))
-    logging.disable(logging.NOTSET)
     draws, weights, note = found[0]
     draws = draws[:, : len(scene.constants)]
     mean = np.average(draws, axis=0, weights=weights)
     return Run(mean, np.sqrt(np.average((draws - mean) ** 2, axis=0, weights=weights)), seconds, note)
 
 
-def _emcee(scene: Scene, seed: int, steps: int) -> list[Run]:
+def emcee_chain(scene: Scene, seed: int, steps: int) -> Array:
+    """Plain emcee on a likelihood of many points at once, (steps kept, walkers, d)."""
     import emcee
 
     log_likelihood = scene.log_likelihood()
@@ -107,24 +115,30 @@ def _emcee(scene: Scene, seed: int, steps: int) -> list[Run]:
         with np.errstate(all="ignore"):  # outside the domain anything may come out, and is not used
             return np.where(inside, prior + log_likelihood(theta), -np.inf)
 
+    rng = np.random.default_rng(seed)
+    lower, upper = scene.domain
+    walkers = scene.start() + BALL * (upper - lower) * rng.standard_normal((WALKERS, scene.dimensions))
+    walkers = np.clip(walkers, lower + 1e-9, upper - 1e-9)
+    sampler = emcee.EnsembleSampler(WALKERS, scene.dimensions, log_posterior, vectorize=True)
+    sampler.random_state = np.random.RandomState(seed).get_state()
+    sampler.run_mcmc(walkers, steps)
+    return np.asarray(sampler.get_chain(discard=int(DISCARDED * steps)))
+
+
+def _emcee(scene: Scene, seed: int, steps: int) -> list[Run]:
     def sample() -> tuple[Array, None, str]:
-        rng = np.random.default_rng(seed)
-        lower, upper = scene.domain
-        walkers = scene.start() + BALL * (upper - lower) * rng.standard_normal((WALKERS, scene.dimensions))
-        walkers = np.clip(walkers, lower + 1e-9, upper - 1e-9)
-        sampler = emcee.EnsembleSampler(WALKERS, scene.dimensions, log_posterior, vectorize=True)
-        sampler.random_state = np.random.RandomState(seed).get_state()
-        sampler.run_mcmc(walkers, steps)
-        return sampler.get_chain(discard=int(DISCARDED * steps), flat=True), None, ""
+        return emcee_chain(scene, seed, steps).reshape(-1, scene.dimensions), None, ""
 
     return [_timed(scene, sample)]
 
 
-def _lmfit(scene: Scene, seed: int) -> list[Run]:
-    """A `Minimizer` with a residual, then its `emcee`; two unknown sigmas need a log posterior."""
+def lmfit_chain(scene: Scene, seed: int, steps: int) -> Array:
+    """A `Minimizer` with a residual, then its `emcee`, (steps kept, walkers, d).
+
+    Two unknown sigmas need a log posterior.
+    """
     import lmfit
 
-    steps = 1000
     start, (lower, upper) = scene.start(), scene.domain
     names = [f"p{i}" for i in range(scene.dimensions)]
     log_likelihood = scene.log_likelihood()
@@ -139,24 +153,28 @@ def _lmfit(scene: Scene, seed: int) -> list[Run]:
     def log_posterior(params: Any) -> float:
         return float(log_likelihood(theta_of(params)))
 
+    params = lmfit.Parameters()
+    for name, value, low, high in zip(names, start, lower, upper, strict=True):
+        params.add(name, value=float(value), min=float(low), max=float(high))
+    settings = {
+        "steps": steps,
+        "burn": int(DISCARDED * steps),
+        "nwalkers": WALKERS,
+        "seed": seed,
+        "progress": False,
+    }
+    if scene.unknown_noise:
+        found = lmfit.Minimizer(log_posterior, params).emcee(float_behavior="posterior", **settings)
+    else:
+        minimizer = lmfit.Minimizer(residual, params)
+        best = minimizer.minimize(method="leastsq")
+        found = minimizer.emcee(params=best.params, is_weighted=True, **settings)
+    return np.asarray(found.chain)
+
+
+def _lmfit(scene: Scene, seed: int) -> list[Run]:
     def sample() -> tuple[Array, None, str]:
-        params = lmfit.Parameters()
-        for name, value, low, high in zip(names, start, lower, upper, strict=True):
-            params.add(name, value=float(value), min=float(low), max=float(high))
-        settings = {
-            "steps": steps,
-            "burn": int(DISCARDED * steps),
-            "nwalkers": WALKERS,
-            "seed": seed,
-            "progress": False,
-        }
-        if scene.unknown_noise:
-            found = lmfit.Minimizer(log_posterior, params).emcee(float_behavior="posterior", **settings)
-        else:
-            minimizer = lmfit.Minimizer(residual, params)
-            best = minimizer.minimize(method="leastsq")
-            found = minimizer.emcee(params=best.params, is_weighted=True, **settings)
-        return found.flatchain[names].to_numpy(), None, ""
+        return lmfit_chain(scene, seed, 1000).reshape(-1, scene.dimensions), None, ""
 
     return [_timed(scene, sample)]
 

@@ -7,10 +7,12 @@ from .errors import IfrfitError as IfrfitError
 from .errors import UsageError as UsageError
 from .inference import Comparison as Comparison
 from .inference import FitResult as FitResult
+from .inference import Simulation as Simulation
 from .inference import compare as compare
 from .inference import fit as fit
 from .inference import lmfit_model as lmfit_model
 from .inference import load_result as load_result
+from .inference import simulate as simulate
 from .physics import Rebound as Rebound
 from .physics import rebound as rebound
 from .physics import transition_angles as transition_angles

@@ -17,6 +17,9 @@ from ifrfit._version import __version__
 from ifrfit.cli_compare import comparing
 from ifrfit.cli_datasets import datasets
 from ifrfit.cli_errors import command
+from ifrfit.cli_progress import working
+from ifrfit.cli_report import report
+from ifrfit.cli_simulate import simulate
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -53,6 +56,17 @@ def pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
     return found
 
 
+def ends(option: str, text: str | None) -> tuple[float, float] | None:
+    """LO,HI as two numbers."""
+    if text is None:
+        return None
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"{option} {text}: write it as LO,HI, with decimal points.") from None
+    return low, high
+
+
 def _numbers(option: str, text: str) -> list[float]:
     """Numbers from ``1,2,3`` or ``from:to:step``."""
     import numpy as np
@@ -76,10 +90,13 @@ Data = Annotated[Repeated, typer.Argument(metavar="DATA...", help="Files, or nam
 @command
 def fit(
     data: Data,
-    closure: Annotated[str, typer.Option(help="ifr, fr, f or ifr-contact.")] = "ifr",
+    closure: Annotated[str, typer.Option(help="ifr, fr, f, ifr-contact or maw.")] = "ifr",
     method: Annotated[
         str,
-        typer.Option(help="exact: the posterior; lsq: least squares; profile: profile likelihood."),
+        typer.Option(
+            help="exact: the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov "
+            "chains; bootstrap: fits of experiments drawn anew."
+        ),
     ] = "exact",
     fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
     prior: Annotated[
@@ -115,6 +132,30 @@ def fit(
     independent: Annotated[
         bool, typer.Option("--independent", help="Count faces of the same impacts as independent.")
     ] = False,
+    tails: Annotated[
+        str, typer.Option(help="Law of the errors: gaussian, or student-t where outliers occur.")
+    ] = "gaussian",
+    dof: Annotated[
+        float | None,
+        typer.Option(metavar="NU", help="Degrees of freedom of student-t (4).", show_default=False),
+    ] = None,
+    angle_errors: Annotated[
+        str,
+        typer.Option(help="Errors of angle and spin: none, effective, set (Berkson), measured (classical)."),
+    ] = "none",
+    angle_population: Annotated[
+        str | None, typer.Option(metavar="LO,HI", help="Degrees between which measured angles truly lie.")
+    ] = None,
+    sigma_gamma: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Uncertainty of angles whose row states none.")
+    ] = None,
+    sigma_velocity: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Propagate all errors from that of velocities, over incoming speed,"),
+    ] = None,
+    sigma_spin: Annotated[
+        float | None, typer.Option(metavar="S", help="and from that of R Omega, over incoming speed.")
+    ] = None,
     inertia_factor: Annotated[
         float | None,
         typer.Option(metavar="J", help="I/(m R^2): 2/5 solid (default), 2/3 hollow ball, 1/2 disc."),
@@ -127,8 +168,29 @@ def fit(
         bool,
         typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
     ] = False,
+    max_steps: Annotated[
+        int | None, typer.Option(metavar="N", help="mcmc: most steps, 10000 by default.", show_default=False)
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="mcmc: walk on with the chains in DIR, and replace its result."),
+    ] = None,
+    resample: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SCHEME",
+            help="bootstrap: what is drawn anew: cases (impacts; default), residual, wild or wild-mammen.",
+        ),
+    ] = None,
+    replicates: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="bootstrap: experiments drawn, 1000 by default.", show_default=False),
+    ] = None,
+    workers: Annotated[
+        int, typer.Option(metavar="N", help="mcmc, bootstrap: processes; the draws are the same.")
+    ] = 1,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write result.json, fit.svg and fit.png there.")
+        Path | None, typer.Option(metavar="DIR", help="Write result.json, figures and report.html there.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier result in DIR.")] = False,
     as_json: Annotated[
@@ -146,11 +208,13 @@ def fit(
 
     if intervals and (as_json or quiet):
         raise UsageError(f"--intervals prints a table, {'--json' if as_json else '--quiet'} none: keep one.")
+    if resume is not None and out is None:
+        out, force = resume, True
     if out is not None and not force:
         from ifrfit.report.folder import check_free
 
         check_free(out, force=False)
-    with working(quiet or as_json):
+    with working(quiet or as_json) as progress:
         result = run(
             data,
             closure=closure,
@@ -168,8 +232,21 @@ def fit(
             speed_max=speed_max,
             exclude=exclude,
             independent=independent,
+            tails=tails,
+            dof=dof,
+            angle_errors=angle_errors,
+            angle_population=ends("--angle-population", angle_population),
+            sigma_gamma=sigma_gamma,
+            sigma_velocity=sigma_velocity,
+            sigma_spin=sigma_spin,
             inertia_factor=inertia_factor,
             convention=convention,
+            max_steps=max_steps,
+            resume=resume,
+            resample=resample,
+            replicates=replicates,
+            workers=workers,
+            progress=progress,
             seed=seed,
             command=command_line(),
         )
@@ -194,17 +271,6 @@ def fit(
 def command_line() -> str:
     """The command as text, for the record; file names that are no UTF-8 lose those bytes."""
     return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
-
-
-def working(quiet: bool, what: str = "fitting") -> Any:
-    """Show that work goes on, at a terminal."""
-    import contextlib
-
-    if quiet or not sys.stderr.isatty():
-        return contextlib.nullcontext()
-    from rich.console import Console
-
-    return Console(stderr=True).status(what)
 
 
 def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:
@@ -259,6 +325,9 @@ def predict(
     typer.echo(pd.concat(tables).to_csv(index=False, float_format="%.10g", lineterminator="\n"), nl=False)
 
 
+app.command()(command(report))
+
+
 @app.command()
 @command
 def template(
@@ -274,11 +343,21 @@ def template(
 @command
 def reproduce(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where figures and table go.")] = Path("figures"),
+    figure: Annotated[
+        Repeated, typer.Option(metavar="NAME", help="Only this figure, as 5, 4a, A2.1 or kharaz.")
+    ] = [],  # noqa: B006
+    digitised_only: Annotated[
+        bool, typer.Option("--digitised-only", help="Leave out what rests on stand-ins or on no data.")
+    ] = False,
 ) -> None:
-    """Fit and draw every bundled dataset."""
+    """Redraw the paper's figures, and recover its constants."""
     from ifrfit.report.reproduce import reproduce as run
 
-    typer.echo(run(out, progress=sys.stderr.isatty()), nl=False)
+    text = run(out, figures=figure, digitised_only=digitised_only, progress=sys.stderr.isatty())
+    typer.echo(text, nl=False)
+
+
+app.command()(simulate)
 
 
 def _version(wanted: bool) -> None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
+from ifrfit.cli_progress import working
+
 if TYPE_CHECKING:
     from ifrfit.inference import Comparison
 
@@ -29,6 +31,13 @@ SHARED = (
     "speed_max",
     "exclude",
     "independent",
+    "tails",
+    "dof",
+    "angle_errors",
+    "angle_population",
+    "sigma_gamma",
+    "sigma_velocity",
+    "sigma_spin",
     "inertia_factor",
     "convention",
     "seed",
@@ -45,7 +54,7 @@ def comparing(fit: Callable[..., None], tools: Any) -> Callable[..., None]:
     fit : callable
         The command `fit`.
     tools : module
-        The command line, for what its commands share: ``pairs``, ``working``, ``command_line``.
+        The command line, for what its commands share: ``pairs``, ``ends``, ``command_line``.
     """
 
     def compare(
@@ -79,7 +88,8 @@ def comparing(fit: Callable[..., None], tools: Any) -> Callable[..., None]:
             name: tools.pairs(f"--{name}", value, _PAIRS[name]) if name in _PAIRS else value
             for name, value in chosen.items()
         }
-        with tools.working(quiet or as_json, "comparing"):
+        choices["angle_population"] = tools.ends("--angle-population", choices["angle_population"])
+        with working(quiet or as_json, "comparing"):
             found = run(
                 choices.pop("data"), closure or None, loo=loo, command=tools.command_line(), **choices
             )

@@ -14,7 +14,7 @@ from scipy import special
 from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.kappa import kappa_of
 from ifrfit.inference.least_squares import LeastSquares
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import TOLERANCE, explore
 from ifrfit.inference.profiling import profile_all
 from ifrfit.inference.result import Estimate, Interval
 
@@ -25,6 +25,7 @@ Scores = dict[tuple[str, str], Score]  # by (method, quantity)
 LEVELS = (0.50, 0.68, 0.95)
 TAILS = np.round([[0.5 - 0.5 * level, 0.5 + 0.5 * level] for level in LEVELS], 9)
 NARROWED = 0.9  # half widths of the control that is too sure of itself, over what they should be
+COARSE = 1e-2  # tolerance where the scatter is not plain, which takes longer
 UNDERSTATED = 0.7  # sigma of the control that trusts its rows too much, over the true one
 
 EXACT = "exact"
@@ -75,7 +76,8 @@ def score_exact(
     experiment: Experiment, fit: LeastSquares | None
 ) -> tuple[dict[str, dict[str, Score]], float]:
     """Scores of the exact posterior and of its intervals narrowed, and the error that it states."""
-    post = explore(experiment.problem, start=fit)
+    plain = experiment.problem.scatter.is_plain
+    post = explore(experiment.problem, start=fit, tolerance=TOLERANCE if plain else COARSE)
     scores = {
         EXACT: score_marginals(post, experiment.truth),
         NARROW: score_marginals(post, experiment.truth, NARROWED),

@@ -142,7 +142,7 @@ def _noise(scene: Scene) -> str:
 
 
 def _exact(study: Study) -> str:
-    parts = ["## Exact posterior\n", *_table([x for x in study.lines if x.method == EXACT], ranks=True), ""]
+    parts = ["## Exact posterior\n", *table_of([x for x in study.lines if x.method == EXACT], ranks=True), ""]
     for scene, errors in study.errors.items():
         known = errors[np.isfinite(errors)]
         died = study.troubles.get((scene, EXACT), [])
@@ -160,7 +160,8 @@ def _exact(study: Study) -> str:
     return "\n".join(parts)
 
 
-def _table(lines: Iterable[Line], *, ranks: bool) -> list[str]:
+def table_of(lines: Iterable[Line], *, ranks: bool) -> list[str]:
+    """Coverage, ranks and verdict of each line."""
     some = list(lines)
     shown = [i for i in range(len(LEVELS)) if any(not math.isnan(line.coverage[i]) for line in some)]
     titles = " | ".join(f"{100 * LEVELS[i]:.0f} %" for i in shown)
@@ -201,7 +202,7 @@ def _peer(study: Study, method: str) -> str:
     for scene, found in refused.items():
         parts.append(f"No answer in {len(found)} experiments of {scene}; the first: {found[0][1]}")
     ranked = any(line.histogram for line in own)
-    return "\n".join([*parts, "", *_table(own, ranks=ranked), ""])
+    return "\n".join([*parts, "", *table_of(own, ranks=ranked), ""])
 
 
 def _grouped(lines: Sequence[Line]) -> str:

@@ -56,7 +56,7 @@ def ranks(lines: Sequence[Line]) -> Figure:
             heading.set_in_layout(False)  # it runs over the whole row
         figure.supxlabel("rank of the truth in its posterior", fontsize=8.0)
         figure.supylabel(f"experiments a bin, over the expected ({BINS} bins)", fontsize=8.0)
-        _settle(figure)
+        style.settle(figure)
     return figure
 
 
@@ -111,7 +111,7 @@ def coverage(lines: Sequence[Line]) -> Figure:
             axes.set_xlabel(f"in the {100 * LEVELS[level]:.0f} % interval (%)")
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=2, handletextpad=0.3)
-        _settle(figure)
+        style.settle(figure)
     return figure
 
 
@@ -145,11 +145,3 @@ def _figure(height: float) -> Figure:
     FigureCanvasAgg(figure)
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, hspace=0.02, wspace=0.02)  # type: ignore[union-attr, call-arg]
     return figure
-
-
-def _settle(figure: Figure) -> None:
-    """Fix the layout: the last bit of its solver depends on addresses, and ids in an svg on that bit."""
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    for axes in figure.axes:
-        axes.set_position(tuple(round(x, 6) for x in axes.get_position().bounds))

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.constants import make_constants
 from ifrfit.inference.problem import Problem, make_problem
+from ifrfit.inference.scatter import PLAIN, Scatter
+from ifrfit.inference.scatter.setup import with_propagated_sigma, with_scatter
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import Closure, Coefficients, get_closure, rotational_share
 
@@ -49,6 +51,8 @@ class Scene:
         Constants that each series has for itself.
     share : float
         Of the repeats: scenes beside the four main ones take longer each.
+    scatter : Scatter
+        How rows of beta scatter beyond their sigma.
     """
 
     name: str
@@ -62,6 +66,7 @@ class Scene:
     series: tuple[str, ...] = ("run",)
     separate: tuple[str, ...] = ()
     share: float = 1.0
+    scatter: Scatter = PLAIN
 
     @property
     def policy(self) -> str:
@@ -149,6 +154,37 @@ SCENES = {
 }
 
 
+_BOTH = {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.5)}
+_STEEPER = (12.0, 78.0)  # far enough from the ends that scattered angles stay inside
+_SIGMA = {"beta": 0.05, "e_n": 0.02}
+
+# the exact posterior under every scatter that is not plain
+SCATTERED = {
+    scene.name: scene
+    for scene in (
+        Scene(
+            "heavy tails", "Student-t errors of 4 degrees of freedom", _BOTH, (5.0, 85.0), 16, 4,
+            sigma=_SIGMA, scatter=Scatter(dof=4.0),
+        ),
+        Scene(
+            "set angles", "true angles scatter by 2 degrees about the set ones", _BOTH, _STEEPER, 16, 4,
+            sigma=_SIGMA, scatter=Scatter(angles="set", gamma=2.0),
+        ),
+        Scene(
+            "measured angles", "measured ones scatter by 2 degrees about true ones", _BOTH, _STEEPER, 16, 4,
+            sigma=_SIGMA, scatter=Scatter(angles="measured", population=_STEEPER, gamma=2.0),
+        ),
+        Scene(
+            "measured velocities",
+            "beta from measured velocities (0.04 of the incoming speed) and angles (1 degree)",
+            _BOTH, _STEEPER, 16, 4,
+            sigma={"beta": 0.04, "e_n": 0.04},
+            scatter=Scatter(angles="measured", population=_STEEPER, gamma=1.0, velocity=0.04, spin=1e-9),
+        ),
+    )
+}  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Experiment:
     """One simulated experiment.
@@ -189,12 +225,17 @@ def simulate(scene: Scene, rng: np.random.Generator) -> Experiment:
     gamma, value, sigma = [], [], []
     for series in scene.series:
         e_n, e_t, mu = (truth[scene.label(name, series)] for name in ("e_n", "e_t", "mu"))
-        angle = rng.uniform(*scene.gamma, scene.n_beta)
-        beta = rebound(angle, e_n=e_n, e_t=e_t, mu=mu, closure=CLOSURE, degrees=True).beta
+        angle, true = _angles(scene, rng)
+        beta = rebound(true, e_n=e_n, e_t=e_t, mu=mu, closure=CLOSURE, degrees=True).beta
         size = {name: _size(scene, truth, series, name) for name in ("beta", "e_n")}
         noise = np.array([size[str(name)] for name in observable])
+        if scene.scatter.propagates:  # measured is the velocity, and divided by what the angle says it was
+            beta = beta * np.sin(np.radians(true)) / np.sin(np.radians(angle))
+            noise[: scene.n_beta] /= np.sin(np.radians(angle))
+        dof = scene.scatter.dof
+        errors = rng.standard_normal(n) if dof is None else rng.standard_t(dof, n)
         gamma.append(np.concatenate((angle, np.full(scene.n_e_n, np.nan))))
-        value.append(np.concatenate((beta, np.full(scene.n_e_n, e_n))) + noise * rng.standard_normal(n))
+        value.append(np.concatenate((beta, np.full(scene.n_e_n, e_n))) + noise * errors)
         sigma.append([scene.sigma.get(str(name), math.nan) for name in observable])
     table = make_table(
         {
@@ -208,10 +249,21 @@ def simulate(scene: Scene, rng: np.random.Generator) -> Experiment:
     )
     closure = get_closure(CLOSURE)
     constants = make_constants(closure, INERTIA, bounds=dict(scene.bounds), separate=scene.separate)
-    problem = make_problem(Observations(table), closure, INERTIA, constants, scene.policy)
+    observations = with_propagated_sigma(Observations(table), scene.scatter)
+    problem = make_problem(observations, closure, INERTIA, constants, scene.policy)
+    problem = with_scatter(problem, scene.scatter, "exact")
     if scene.noise_bounds:
         problem = replace(problem, noise_bounds=scene.noise_groups)
     return Experiment(scene, truth, problem)
+
+
+def _angles(scene: Scene, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Angles as they are on record, and as they truly were; degrees."""
+    first = rng.uniform(*scene.gamma, scene.n_beta)
+    if not scene.scatter.integrates:
+        return first, first
+    second = first + (scene.scatter.gamma or 0.0) * rng.standard_normal(scene.n_beta)
+    return (first, second) if scene.scatter.angles == "set" else (second, first)
 
 
 def _size(scene: Scene, truth: Mapping[str, float], series: str, observable: str) -> float:

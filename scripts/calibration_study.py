@@ -19,13 +19,14 @@ from calibration_methods import (
     score_profile,
     score_wrong,
 )
-from calibration_scenes import SCENES, Experiment, share_sliding, simulate
+from calibration_scenes import SCATTERED, SCENES, Experiment, share_sliding, simulate
 from calibration_verdict import Array, Line, lines_of
 from in_order import in_order
 
 from ifrfit.errors import DataError
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 
+ALL = SCENES | SCATTERED
 CONTROLLED = "both regimes"  # the scene in which wrong likelihoods are tried
 
 
@@ -52,9 +53,9 @@ class Task:
 
     def simulate(self) -> Experiment:
         """Return the experiment, the same in whatever process."""
-        key = (list(SCENES).index(self.scene), self.number)
+        key = (list(ALL).index(self.scene), self.number)
         return simulate(
-            SCENES[self.scene], np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+            ALL[self.scene], np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
         )
 
 
@@ -136,7 +137,7 @@ def tasks_of(
     return [
         Task(scene, i, seed, peers, i < n_profile, scene == CONTROLLED and i < n_controls)
         for scene in scenes
-        for i in range(max(1, round(repeats * SCENES[scene].share)))
+        for i in range(max(1, round(repeats * ALL[scene].share)))
     ]
 
 

@@ -13,11 +13,13 @@ sys.path.insert(0, str(ROOT / "tests"))
 HEAD = """# Hard cases
 
 What ifrfit must answer where programs usually stumble. The tests run every row, with warnings as errors;
-whatever is fitted is fitted by least squares, by profiles and by the exact posterior, with the same answers.
+whatever is fitted is fitted by least squares, by profiles, by the exact posterior and by Markov chains, with
+the same answers.
 This page is written by `python scripts/write_hard_cases.py` from the table in `tests/hard_cases/`.
 """
 TITLES = {
     "rebound": "Rebound",
+    "scenes": "Simulated scenes",
     "data refused": "Data refused or skipped",
     "identifiability": "What the data can say",
     "numerics": "Numerics",

@@ -41,7 +41,9 @@ def test_every_file_that_is_linked_exists():
         assert (root / link).exists(), link
 
 
-@pytest.mark.parametrize("name", ["rebound", "fit", "read", "load_dataset", "load_result", "lmfit_model"])
+@pytest.mark.parametrize(
+    "name", ["rebound", "fit", "read", "load_dataset", "load_result", "lmfit_model", "simulate"]
+)
 def test_the_public_names_are_there(name):
     assert callable(getattr(ifrfit, name))
     assert name in dir(ifrfit)

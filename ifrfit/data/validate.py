@@ -148,16 +148,23 @@ def _check_values(piece: Piece, cells: Cells, observable: Observable, here: Mask
     )
 
 
-def _check_defined(piece: Piece, cells: Cells, observable: Observable, here: Mask) -> None:
-    columns = piece.columns
-    sine, cosine = sincos(columns["gamma_deg"], degrees=True)
-    s_x, s_y = columns["spin_x"], columns["spin_y"]
-    where = {
-        "contact": np.hypot(sine + s_y, s_x) <= NO_MOTION * (1.0 + np.hypot(s_x, s_y)),
+def without_value(
+    gamma_deg: NDArray[np.float64], s_x: NDArray[np.float64], s_y: NDArray[np.float64]
+) -> dict[str, Mask]:
+    """Return which impacts leave observables without a value, by the reasons of `Observable.undefined`."""
+    sine, cosine = sincos(gamma_deg, degrees=True)
+    spin = np.hypot(s_x, s_y)
+    return {
+        "contact": np.hypot(sine + s_y, s_x) <= NO_MOTION * (1.0 + spin),
         "normal": sine <= NO_MOTION,
-        "rest": (sine <= NO_MOTION) & (np.hypot(s_x, s_y) <= NO_MOTION),
+        "rest": (sine <= NO_MOTION) & (spin <= NO_MOTION),
         "grazing": cosine <= NO_MOTION,
     }
+
+
+def _check_defined(piece: Piece, cells: Cells, observable: Observable, here: Mask) -> None:
+    columns = piece.columns
+    where = without_value(columns["gamma_deg"], columns["spin_x"], columns["spin_y"])
     for kind in observable.undefined:
         bad = np.flatnonzero(here & where[kind])
         if bad.size:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,14 +19,24 @@ from ifrfit.inference.criticism import residuals_of
 from ifrfit.inference.derived import derived_of
 from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.facts import facts_of
-from ifrfit.inference.finish import with_posterior, with_profiles
+from ifrfit.inference.finish import with_chains, with_posterior, with_profiles, with_replicates
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.result import FitResult, Noise
+from ifrfit.inference.scatter.law import make_scatter
+from ifrfit.inference.scatter.setup import reported_policy, with_propagated_sigma, with_scatter
 from ifrfit.inference.statistics import state_of, statistics_of
 from ifrfit.physics.closures import get_closure
 
-METHODS = ("exact", "lsq", "profile")
+METHODS = ("exact", "lsq", "profile", "mcmc", "bootstrap")
+# methods that an option belongs to
+_OWN = {
+    "max-steps": ("mcmc",),
+    "resume": ("mcmc",),
+    "resample": ("bootstrap",),
+    "replicates": ("bootstrap",),
+    "workers": ("mcmc", "bootstrap"),
+}
 
 Data = str | Path | Observations
 
@@ -49,9 +59,22 @@ def fit(
     speed_max: float | None = None,
     exclude: str | int | Sequence[str | int] = (),
     independent: bool = False,
+    tails: str = "gaussian",
+    dof: float | None = None,
+    angle_errors: str = "none",
+    angle_population: tuple[float, float] | None = None,
+    sigma_gamma: float | None = None,
+    sigma_velocity: float | None = None,
+    sigma_spin: float | None = None,
     inertia_factor: float | None = None,
     convention: Sequence[str] | Mapping[str, str] = (),
     params: Any = None,
+    max_steps: int | None = None,
+    resume: str | Path | None = None,
+    resample: str | None = None,
+    replicates: int | None = None,
+    workers: int = 1,
+    progress: Callable[[int, int], None] | None = None,
     seed: int = 0,
     command: str = "",
 ) -> FitResult:
@@ -62,10 +85,11 @@ def fit(
     data : str, Path, Observations, or a sequence of them
         Files, names of bundled datasets, or what `read` and `load_dataset` return.
     closure : str
-        ifr, fr, f or ifr-contact.
+        ifr, fr, f, ifr-contact or maw.
     method : str
         exact: the posterior by deterministic quadrature; lsq: least squares with a certificate of the global
-        optimum; profile: the profile likelihood of each constant.
+        optimum; profile: the profile likelihood of each constant; mcmc: the posterior by Markov chains that
+        stop on evidence; bootstrap: fits of experiments drawn anew.
     fix : mapping
         Constant to its known value.
     prior : mapping
@@ -87,14 +111,42 @@ def fit(
         Row numbers (lines of the file), FILE:ROW, or impact ids.
     independent : bool
         Take faces of the same impacts as independent all the same.
+    tails : {"gaussian", "student-t"}
+        Law of the errors of the values.
+    dof : float, optional
+        Degrees of freedom of Student's t, by default 4.
+    angle_errors : {"none", "effective", "set", "measured"}
+        Errors of angles and spins: taken as exact; added to sigma through the slope; true angles that scatter
+        about the set ones, integrated out; measured angles that scatter about the true ones, integrated out.
+    angle_population : (float, float), optional
+        Degrees between which the true angles are spread evenly, for "measured".
+    sigma_gamma : float, optional
+        Standard uncertainty of the angle, degrees, in rows that state none.
+    sigma_velocity, sigma_spin : float, optional
+        Standard uncertainties of measured velocities and of R Omega after impact, per incoming speed: every
+        row's sigma is propagated from them.
     inertia_factor : float, optional
         J = I/(m R^2); by default the dataset's, else 2/5.
     convention : sequence or mapping
         How columns are meant, see `read`.
     params : lmfit.Parameters, optional
         Fixed values and bounds in lmfit's form.
+    max_steps : int, optional
+        mcmc: steps of each ensemble after which it stops without enough evidence; 10,000 by default.
+    resume : str or Path, optional
+        mcmc: folder (or file) with the chains of an earlier run of the same question, to walk on with.
+    resample : {"cases", "residual", "wild", "wild-mammen"}, optional
+        bootstrap: what is drawn anew: impacts within each series (the default), residuals, or residuals
+        times random weights (Rademacher's, or Mammen's); see `ifrfit.inference.resampling`.
+    replicates : int, optional
+        bootstrap: experiments drawn; 1,000 by default.
+    workers : int
+        mcmc, bootstrap: processes, where there is work for several. The draws do not depend on it. A script
+        that asks for more than one needs ``if __name__ == "__main__":`` about what it does.
+    progress : callable, optional
+        mcmc, bootstrap: called with the steps or replicates done, and the most that there may be.
     seed : int
-        Of the bands.
+        Of the draws and bands.
     command : str
         The command line, for the record.
 
@@ -111,6 +163,9 @@ def fit(
     """
     if method not in METHODS:
         raise UsageError(f"There is no method '{method}'. This version has {', '.join(METHODS)}.")
+    given = {"max-steps": max_steps, "resume": resume, "resample": resample, "replicates": replicates}
+    used = {name: value is not None for name, value in given.items()} | {"workers": workers != 1}
+    _check_own(method, used, max_steps, workers)
     chosen = get_closure(closure)
     observations = gather(data, convention, inertia_factor)
     selection = Selection(
@@ -136,12 +191,39 @@ def fit(
         for key, value in constants_from(params).items():
             choices[key] = value | choices[key]
     constants = make_constants(chosen, j, prior=prior, separate=_tuple(separate), **choices)
-    problem = make_problem(observations, chosen, j, constants, noise)
+    scatter = make_scatter(
+        tails=tails,
+        dof=dof,
+        angle_errors=angle_errors,
+        angle_population=angle_population,
+        sigma_gamma=sigma_gamma,
+        sigma_velocity=sigma_velocity,
+        sigma_spin=sigma_spin,
+    )
+    observations = with_propagated_sigma(observations, scatter)
+    problem = with_scatter(make_problem(observations, chosen, j, constants, noise), scatter, method)
     found = least_squares(problem)
     result = _result(problem, found, seed, command)
     if method == "lsq":
         return result
+    if method == "mcmc":
+        place = None if resume is None else Path(resume)
+        return with_chains(result, max_steps=max_steps, workers=workers, resume=place, progress=progress)
+    if method == "bootstrap":
+        return with_replicates(result, resample, replicates, workers, progress)
     return with_profiles(result) if method == "profile" else with_posterior(result)
+
+
+def _check_own(method: str, given: Mapping[str, bool], max_steps: int | None, workers: int) -> None:
+    """Refuse options of a method that is not the chosen one, and numbers that make no sense."""
+    for name, is_given in given.items():
+        if is_given and method not in _OWN[name]:
+            owners = " or ".join(_OWN[name])
+            raise UsageError(f"--{name} belongs to --method {owners}, not to --method {method}.")
+    if max_steps is not None and max_steps < 1:
+        raise UsageError(f"--max-steps {max_steps}: it must be 1 or more.")
+    if workers < 1:
+        raise UsageError(f"--workers {workers}: it must be 1 or more.")
 
 
 def _tuple(value: Any) -> tuple[Any, ...]:
@@ -177,6 +259,8 @@ def _inertia_factor(observations: Observations) -> float:
 
 
 def _result(problem: Problem, found: LeastSquares, seed: int, command: str) -> FitResult:
+    import pandas as pd
+
     theta = found.optimum.theta
     e_n, c, mu = problem.per_row(theta)
     _, sticks = problem.impulse(e_n, c, mu)
@@ -187,19 +271,22 @@ def _result(problem: Problem, found: LeastSquares, seed: int, command: str) -> F
     capped = found.local.to_theta @ found.local.covariance(capped=True) @ found.local.to_theta.T
     size = np.sqrt(np.diag(capped))[free]
     names = tuple(n for n, is_free in zip(problem.names, free, strict=True) if is_free)
-    points = problem.observations.table.copy()
-    points["sigma_used"] = found.sigma
-    points["fitted"] = problem.rows.value - residuals.raw
-    points["residual"] = residuals.raw
-    points["standardised"] = residuals.studentised
-    points["tau"] = problem.rows.tau
-    points["sticking"] = sticks
+    table = problem.observations.table
+    columns = {
+        "sigma_used": found.sigma,
+        "fitted": problem.rows.value - residuals.raw,
+        "residual": residuals.raw,
+        "standardised": residuals.studentised,
+        "tau": problem.rows.tau,
+        "sticking": sticks,
+    }
+    points = pd.concat([table, pd.DataFrame(columns, index=table.index)], axis=1)
     return FitResult(
         closure=problem.closure.name,
         inertia_factor=problem.inertia_factor,
         method="lsq",
         inputs=problem.observations.sources,
-        noise=Noise(problem.noise, found.noise),
+        noise=Noise(reported_policy(problem), found.noise, scatter=problem.scatter),
         constants=constants,
         derived=derived_of(problem, found, constants),
         correlation=(names, capped[np.ix_(free, free)] / np.outer(size, size)),
@@ -212,6 +299,7 @@ def _result(problem: Problem, found: LeastSquares, seed: int, command: str) -> F
         command=command,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions(),
+        asked=problem.constants,
         problem=problem,
         least_squares=found,
     )
@@ -223,10 +311,20 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
     ignored = [
         problem.observations.called(column)
         for column in ("sigma_spin_x", "sigma_spin_y", "sigma_gamma_deg")
-        if (table[column].fillna(0.0) > 0.0).any()
+        if (table[column].to_numpy(dtype=float) > 0.0).any()
     ]
-    if ignored:
+    if ignored and problem.scatter.angles == "none":
         said.append(f"Not propagated: {' and '.join(ignored)}; angles and spins are taken as exact.")
+    if not problem.scatter.is_plain:
+        said.append(
+            f"Scatter: {problem.scatter.words}. chi2, residuals and what is said of misfit and outliers "
+            "are those of the reweighted rows."
+        )
+    if problem.closure.name == "maw":
+        said.append(
+            "Closure MAW is an elastic solution, scaled to e_n < 1: another rule moves the contact velocity "
+            "by up to 0.09 (e_n = 0.95) or 0.17 (e_n = 0.9) of mu U_n/khat; see docs/compliance.md."
+        )
     given = int(np.isfinite(problem.sigma).sum())
     if problem.noise == "unknown" and given:
         said.append(

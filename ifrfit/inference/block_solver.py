@@ -25,7 +25,7 @@ def solve_block(block: Block) -> BlockOptimum | None:
     if form is None:
         return solve_coupled(block)
     optimum = minimise(form.problem)
-    minima = tuple((value, _middle_of_loose(block, form.to_constants(t))) for value, t in optimum.optima)
+    minima = tuple((value, middle_of_loose(block, form.to_constants(t))) for value, t in optimum.optima)
     return BlockOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(block, form, optimum))
 
 
@@ -46,7 +46,7 @@ def raised(found: BlockOptimum, by: float) -> BlockOptimum:
     return replace(found, objective=found.objective + by, minima=minima)
 
 
-def _middle_of_loose(block: Block, constants: Constants) -> Constants:
+def middle_of_loose(block: Block, constants: Constants) -> Constants:
     """Put e_n into the middle of what bounds of mu allow, where nothing measures it."""
     e_n, c, mu = constants
     touched = (

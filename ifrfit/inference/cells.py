@@ -93,9 +93,7 @@ class Branched:
 def build(problem: PiecewiseProblem) -> Cells:
     """Sum up the quadratics of all cells; rows of equal tau change together."""
     tau, q = problem.tau, problem.kappa.size
-    change = np.empty(tau.size + 1, dtype=bool)
-    change[0] = change[-1] = True
-    np.greater(tau[1:], tau[:-1], out=change[1:-1])
+    change = changes(tau)
     count = np.flatnonzero(change)
     stick, slide = ([*rows.columns, rows.target] for rows in (problem.stick, problem.slide))
     always = np.column_stack((problem.always.design, problem.always.target))
@@ -128,11 +126,24 @@ def build(problem: PiecewiseProblem) -> Cells:
         count,
         np.concatenate(([0.0], tau))[change],
         np.concatenate((tau, [np.inf]))[change],
-        4.0 * np.finfo(float).eps * max(16.0, math.sqrt(tau.size)),
+        rounding_of(tau.size),
     )
 
 
-def _unconstrained(cells: Cells) -> tuple[Array, NDArray[np.bool_]]:
+def changes(tau: Array) -> NDArray[np.bool_]:
+    """Which of the n + 1 numbers of sticking rows begin a cell, for tau in ascending order."""
+    change = np.empty(tau.size + 1, dtype=bool)
+    change[0] = change[-1] = True
+    np.greater(tau[1:], tau[:-1], out=change[1:-1])
+    return change
+
+
+def rounding_of(n: int) -> float:
+    """Relative error of a sum over n rows."""
+    return 4.0 * np.finfo(float).eps * max(16.0, math.sqrt(n))
+
+
+def unconstrained(cells: Cells) -> tuple[Array, NDArray[np.bool_]]:
     """Lower bound of every cell from its unconstrained minimum, and which cells the sums leave in doubt."""
     bounds, doubtful = np.empty(cells.square.size), np.empty(cells.square.size, dtype=bool)
     for start in range(0, bounds.size, _BLOCK):  # in blocks that stay in the cache
@@ -233,7 +244,7 @@ def branch(problem: PiecewiseProblem, cells: Cells) -> Branched:
     falls, so nothing that could hold the minimum is left out. A cell that the sums leave in doubt keeps the
     bound that needs no sums.
     """
-    bounds, doubtful = _unconstrained(cells)
+    bounds, doubtful = unconstrained(cells)
     nothing = 0.0 if problem.pull is None else -np.inf
     bounds = np.where(doubtful, nothing, bounds if problem.pull is not None else np.maximum(bounds, 0.0))
     first = np.argpartition(bounds, min(_FIRST, bounds.size) - 1)[:_FIRST]

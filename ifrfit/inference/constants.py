@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.closures import Closure
+from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI
 
 _LARGEST = 1e6  # of a number that can be meant seriously
 _SMALLEST_SD = 1e-12
@@ -21,7 +22,7 @@ class Constant:
     Attributes
     ----------
     name : str
-        e_n, e_t, beta0 or mu.
+        e_n, e_t, beta0, chi or mu.
     lower, upper : float
         Domain; by default the passive one.
     fixed : float or None
@@ -113,6 +114,12 @@ def _check_bounds(name: str, lower: float, upper: float) -> None:
     physical = {"e_n": (0.0, math.inf), "mu": (0.0, math.inf)}.get(name)
     if physical and lower < physical[0]:
         raise UsageError(f"--bounds {name}: {name} cannot be negative, so the lower end must be 0 or more.")
+    if name == "chi" and not LOWEST_CHI <= lower < upper <= HIGHEST_CHI:
+        raise UsageError(
+            f"chi from {lower:g} to {upper:g}: the table of closure MAW reaches from {LOWEST_CHI:g} to "
+            f"{HIGHEST_CHI:g}. Give --bounds chi=LO,HI inside (a solid sphere of the wall's material has "
+            "7/6 to 7/4)."
+        )
 
 
 def _check_fixed(

@@ -32,7 +32,7 @@ def solve_coupled(block: Block) -> BlockOptimum:
 
     # over the outgoing velocity the scale is 1/e_n: small values need a closer look
     seeds = np.geomspace(low, high, 40).tolist() if block.of_scale("rebound").any() else []
-    found = dips(value, low, high, seeds)
+    found = dips(lambda e_n: np.array([value(float(e)) for e in e_n]), low, high, seeds)
     objective = found[0][0]
     minima = tuple(
         (v, kappa_form(_held(block, e)).to_constants(at(e).t)) for v, e in found if v <= objective + 4.0

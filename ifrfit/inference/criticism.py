@@ -85,14 +85,14 @@ def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals, *, re
     says = (
         f"the data contradict one set of constants (p = {p_text(p)}, {test}); "
         f"the misfit sits {where}: {signs}"
-        f"{_oblique_remedy(problem) if near_normal and remedy else ''}"
+        f"{_oblique_remedy(problem) if near_normal and remedy and problem.closure.bilinear else ''}"
     )
     return Fact(False, says, figures, rule)
 
 
 def _oblique_remedy(problem: Problem) -> str:
     """Whether the oblique impacts alone can be described, found by trying."""
-    says = ". Microslip does this near the normal, and no constant closure has it"
+    says = ". Microslip does this near the normal: try --closure maw"
     gamma = problem.observations.table["gamma_deg"].to_numpy(dtype=float)
     angles = np.unique(gamma[gamma < _NEAR_NORMAL])
     for angle in angles[:: 1 + angles.size // _TRIALS]:
@@ -105,7 +105,8 @@ def _oblique_remedy(problem: Problem) -> str:
         found = lack_of_fit(part, fit, residuals_of(part, fit), remedy=False)
         if found.figures["p"] is not None and found.figures["p"] >= _COMFORTABLE:
             return (
-                f"{says}: with --gamma-min {cut} there is no lack of fit (p = {p_text(found.figures['p'])})"
+                f"{says}, or --gamma-min {cut}, with which there is no lack of fit "
+                f"(p = {p_text(found.figures['p'])})"
             )
     return says
 

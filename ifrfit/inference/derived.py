@@ -1,4 +1,4 @@
-"""Quantities that follow from the constants: kappa, the restitution in sticking, the transition angle."""
+"""Quantities that follow from the constants: kappa, the transition angle, what the closure constant means."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import Estimate
 from ifrfit.inference.truncated import quantile
 from ifrfit.physics.closures import rotational_share
+from ifrfit.physics.compliance import poisson_ratio
 from ifrfit.physics.transition import transition_angles
 
 
 def derived_of(
     problem: Problem, fit: LeastSquares, constants: Mapping[str, Estimate | Mapping[str, Estimate]]
 ) -> dict[str, Any]:
-    """kappa, transition_angle_deg and beta_sticking; by series where they differ."""
+    """kappa, transition_angle_deg, and beta_sticking or poisson_ratio; by series where they differ."""
     each_kappa = {s: kappa_of(problem, fit, i) for i, s in enumerate(problem.series)}
     separate = any(c.separate for c in problem.constants if c.name in ("e_n", "mu"))
     return {
@@ -28,8 +29,36 @@ def derived_of(
         "transition_angle_deg": {
             s: transition(problem, fit, i, each_kappa[s]) for i, s in enumerate(problem.series)
         },
-        "beta_sticking": sticking_of(problem, constants),
-    }
+    } | meaning_of(problem, constants)
+
+
+def meaning_of(
+    problem: Problem, constants: Mapping[str, Estimate | Mapping[str, Estimate]]
+) -> dict[str, Any]:
+    """What the closure constant stands for: beta_sticking; of chi the poisson_ratio of like materials."""
+    if problem.closure.constant != "chi":
+        return {"beta_sticking": sticking_of(problem, constants)}
+    found = constants["chi"]
+    if isinstance(found, Estimate):
+        return {"poisson_ratio": poisson_of(problem, found)}
+    return {"poisson_ratio": {series: poisson_of(problem, each) for series, each in found.items()}}
+
+
+def poisson_of(problem: Problem, chi: Estimate) -> Estimate:
+    """Poisson ratio of sphere and wall of one material; it falls as chi rises."""
+
+    def nu(value: float) -> float:
+        return float(poisson_ratio(value, problem.inertia_factor))
+
+    ends = [(nu(high), nu(low)) for low, high in (chi.interval68, chi.interval95)]
+    return Estimate(
+        None if chi.value is None else nu(chi.value),
+        None if chi.stderr is None else 0.5 * (ends[0][1] - ends[0][0]),
+        ends[0],
+        ends[1],
+        chi.status,
+        chi.reason,
+    )
 
 
 def sticking_of(problem: Problem, constants: Mapping[str, Estimate | Mapping[str, Estimate]]) -> Any:
@@ -69,8 +98,8 @@ def transition(
     own = problem.closure.constant
     places = problem.positions()
     c = float(fit.optimum.theta[places[own][series]]) if own else 0.0
-    linear = problem.closure.coefficients(problem.inertia_factor)
-    bound = linear.b0 + linear.b1 * c
+    law = problem.closure.law(problem.inertia_factor)
+    bound = float(law.bound(c))
     if kappa.value is None or bound <= 0.0:
         return None
     tau = kappa.value / bound
@@ -81,7 +110,9 @@ def transition(
     e_n, mu = fit.optimum.theta[i_e], fit.optimum.theta[i_mu]
     functional = ((1.0 + e_n) * fit.local.to_theta[i_mu] + mu * fit.local.to_theta[i_e]) / bound
     if own:
-        functional = functional - tau * linear.b1 / bound * fit.local.to_theta[places[own][series]]
+        functional = (
+            functional - tau * float(law.bound_slope(c)) / bound * fit.local.to_theta[places[own][series]]
+        )
     sd = math.sqrt(fit.local.variance(functional, 1.0))
     found = []
     for number, angle in enumerate(angles):

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from ifrfit.inference.along import Along
 from ifrfit.inference.block import Array, Block, Constants
 from ifrfit.inference.linear import kappa_form
 from ifrfit.inference.piecewise import minimise
@@ -33,18 +35,27 @@ class Shared:
     place: int
     prior: tuple[float, float] | None
 
+    @cached_property
+    def series(self) -> tuple[Along, ...]:
+        """Each series along the shared value."""
+        return tuple(Along(block, _free_index(block, self.place)) for block in self.blocks)
+
+    def along(self, x: Array) -> Array:
+        """Sum of squares at many shared values, everything else at its best; to find the way."""
+        return np.asarray(sum(series(x)[0] for series in self.series) + self.tie(x))
+
     def total(self, x: float) -> float:
         """Sum of squares at a shared value, everything else at its best."""
         parts = (minimise(kappa_form(_at(block, self.place, x)).problem).chi2 for block in self.blocks)
-        return sum(parts) + self.tie(x)
+        return sum(parts) + float(self.tie(x))
 
-    def tie(self, x: float) -> float:
+    def tie(self, x: float | Array) -> float | Array:
         """Share of the prior."""
         return 0.0 if self.prior is None else ((x - self.prior[0]) / self.prior[1]) ** 2
 
     def bound(self, low: float, high: float, x: float) -> float:
         """Lower bound over the interval, with multipliers from x."""
-        slopes = [_slope(block, self.place, x) for block in self.blocks]
+        slopes = [float(series(np.array([x]))[1][0]) for series in self.series]
         if self.prior is not None:
             slopes.append(2.0 * (x - self.prior[0]) / self.prior[1] ** 2)
         pulls = np.mean(slopes) - np.array(slopes)
@@ -58,7 +69,7 @@ class Shared:
         if self.prior is not None:
             mean, sd = self.prior
             at = min(max(mean - 0.5 * float(pulls[-1]) * sd * sd, low), high)
-            bound += self.tie(at) + float(pulls[-1]) * at
+            bound += float(self.tie(at)) + float(pulls[-1]) * at
         return bound
 
 
@@ -121,16 +132,3 @@ def _within(block: Block, place: int, low: float, high: float) -> Block:
 
 def _free_index(block: Block, place: int) -> int:
     return sum(x.fixed is None for x in (block.e_n, block.c, block.mu)[:place])
-
-
-def _slope(block: Block, place: int, x: float) -> float:
-    """Derivative of a series' sum of squares by the shared value, everything else at its best."""
-    e_n, c, mu = constants_at(block, place, x)
-    full = (e_n, c, mu * (1.0 + e_n))
-    fixed = (block.e_n.fixed, block.c.fixed, block.mu.fixed)
-    t: Array = np.array([value for value, held in zip(full, fixed, strict=True) if held is None])
-    p = kappa_form(block).problem
-    sticks = p.sticks(t)
-    residual = np.where(sticks, p.stick.residuals(t), p.slide.residuals(t))
-    onto = p.stick.onto(np.where(sticks, residual, 0.0)) + p.slide.onto(np.where(sticks, 0.0, residual))
-    return float(-2.0 * (onto + p.always.onto(p.always.residuals(t)))[_free_index(block, place)])

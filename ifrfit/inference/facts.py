@@ -13,6 +13,7 @@ from ifrfit.inference.outliers import outliers
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import Estimate, Fact, FitStatistics
 from ifrfit.inference.rules import FACTS
+from ifrfit.inference.scatter.law import ITERATED
 
 
 def facts_of(
@@ -25,7 +26,7 @@ def facts_of(
     """All facts of a least-squares fit."""
     facts = {
         "converged": _converged(found),
-        "global_optimum": _global_optimum(found),
+        "global_optimum": _global_optimum(found, bilinear=problem.closure.bilinear),
         "identifiable": identifiable(problem, found, constants, statistics.n_sticking, statistics.n_sliding),
         "at_bound": at_bound(constants),
         "lack_of_fit": lack_of_fit(problem, found, residuals),
@@ -64,7 +65,7 @@ def _angular_momentum(problem: Problem) -> Fact:
     return Fact(not bad, says, figures, FACTS["angular_momentum"])
 
 
-def _global_optimum(found: LeastSquares) -> Fact:
+def _global_optimum(found: LeastSquares, *, bilinear: bool) -> Fact:
     optimum = found.optimum
     figures = {
         "gap": optimum.gap,
@@ -77,7 +78,12 @@ def _global_optimum(found: LeastSquares) -> Fact:
     if optimum.certified:
         alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
         return Fact(optimum.n_same == 1, f"global optimum certified, {alone}", figures, rule)
-    proof = "no bound is known for these observables" if optimum.gap is None else f"gap {optimum.gap:.1e}"
+    if optimum.gap is not None:
+        proof = f"gap {optimum.gap:.1e}"
+    elif optimum.road.endswith(ITERATED):
+        proof = "each set of weights has a certified optimum, but the weights may settle elsewhere, too"
+    else:
+        proof = f"no bound is known for {'these observables' if bilinear else 'this closure'}"
     return Fact(False, f"the optimum is not proven to be global ({optimum.road}; {proof})", figures, rule)
 
 

@@ -2,58 +2,139 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from ifrfit.inference.exact import (
-    exact_constants,
-    exact_converged,
-    exact_correlation,
-    exact_derived,
-    exact_noise,
-    exact_state,
-)
 from ifrfit.inference.facts import at_bound
+from ifrfit.inference.from_law import (
+    DRAWS,
+    constants_from_law,
+    correlation_from_law,
+    derived_from_law,
+    noise_from_law,
+    state_from_law,
+)
 from ifrfit.inference.identifiability import identifiable
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.law import Law
+from ifrfit.inference.posterior import TOLERANCE, explore
+from ifrfit.inference.posterior.converged import exact_converged
 from ifrfit.inference.posterior.noise import noise_bounds
 from ifrfit.inference.predictive import predictive
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result import Fact, FitResult
 from ifrfit.inference.sharing import sharing
 
+COARSE = 1e-3  # tolerance where the scatter is not plain: every node costs all rows
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
 def with_posterior(result: FitResult) -> FitResult:
     """Put the exact posterior in the place of the local picture; the facts about the optimum stay."""
-    problem, found = result.problem, result.least_squares
-    posterior = explore(problem, start=found)
-    rng = np.random.default_rng(result.seed)
-    constants = exact_constants(problem, posterior, result.constants)
-    fit = replace(result.fit, log_evidence=posterior.log_evidence)
-    facts = dict(result.facts)
-    facts["converged"] = exact_converged(posterior, facts["converged"])
-    facts["identifiable"] = identifiable(problem, found, constants, fit.n_sticking, fit.n_sliding)
-    facts["at_bound"] = at_bound(constants)
-    state = exact_state(problem, posterior, result.state, rng)
-    facts["predictive"] = predictive(problem, posterior.draws(_CHECKED, rng))
+    problem = result.problem
+    tolerance = TOLERANCE if problem.scatter.is_plain else COARSE
+    posterior = explore(problem, start=result.least_squares, tolerance=tolerance)
+    converged = exact_converged(posterior, result.facts["converged"])
+    found = with_law(result, "exact", posterior, converged)
+    facts = dict(found.facts)
     shared = sharing(problem, posterior.log_evidence, explore)
     if shared is not None:
         facts["sharing"] = shared
+    return replace(found, fit=replace(found.fit, log_evidence=posterior.log_evidence), facts=facts)
+
+
+def with_law(
+    result: FitResult, method: str, law: Law, converged: Fact, *, posterior: bool = True
+) -> FitResult:
+    """Put a law of the constants in the place of the local picture; the facts about the optimum stay.
+
+    Parameters
+    ----------
+    result : FitResult
+        Of least squares.
+    method : str
+    law : Law
+    converged : Fact
+    posterior : bool
+        Whether the law is one: then predictive checks are made, and the prior of the noise is told.
+    """
+    problem, found = result.problem, result.least_squares
+    rng = np.random.default_rng(result.seed)
+    constants = constants_from_law(problem, law, result.constants)
+    facts = dict(result.facts)
+    facts["converged"] = converged
+    facts["identifiable"] = identifiable(
+        problem, found, constants, result.fit.n_sticking, result.fit.n_sliding
+    )
+    facts["at_bound"] = at_bound(constants)
+    n = int(min(DRAWS, law.kept))
+    drawn = law.draws(n, rng)
+    state = state_from_law(problem, law, result.state, drawn, n)
+    if posterior:
+        facts["predictive"] = predictive(problem, {name: x[:_CHECKED] for name, x in drawn.items()})
     names = result.correlation[0]
     return replace(
         result,
-        method="exact",
-        noise=exact_noise(problem, posterior, result.noise, noise_bounds(problem)),
+        method=method,
+        noise=noise_from_law(problem, law, result.noise, noise_bounds(problem) if posterior else {}),
         constants=constants,
-        derived=exact_derived(problem, posterior, result.derived, constants),
-        correlation=(names, exact_correlation(posterior, names)),
-        fit=fit,
+        derived=derived_from_law(problem, law, result.derived, constants),
+        correlation=(names, correlation_from_law(law, names)),
         facts=facts,
         state=state,
-        posterior=posterior,
+        law=law,
     )
+
+
+def with_chains(
+    result: FitResult,
+    *,
+    max_steps: int | None = None,
+    workers: int = 1,
+    resume: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> FitResult:
+    """Put a sample of the posterior in the place of the local picture; see `ifrfit.inference.mcmc.sample`."""
+    from importlib.metadata import version
+
+    from ifrfit.inference import mcmc
+
+    drawn = mcmc.sample(
+        result.problem,
+        result.least_squares,
+        result.seed,
+        max_steps=mcmc.MAX_STEPS if max_steps is None else max_steps,
+        workers=workers,
+        resume=resume,
+        progress=progress,
+    )
+    converged = mcmc.sample_converged(drawn, result.facts["converged"])
+    versions = dict(result.versions) | {name: version(name) for name in ("emcee", "arviz-stats")}
+    return replace(with_law(result, "mcmc", drawn.law, converged), sample=drawn, versions=versions)
+
+
+def with_replicates(
+    result: FitResult,
+    scheme: str | None,
+    replicates: int | None,
+    workers: int,
+    progress: Callable[[int, int], None] | None,
+) -> FitResult:
+    """Put the law of the bootstrap in the place of the local picture."""
+    from ifrfit.inference.resampling import REPLICATES, bootstrap
+    from ifrfit.inference.resampling.told import with_draws
+
+    found = bootstrap(
+        result.problem,
+        result.least_squares,
+        scheme="cases" if scheme is None else scheme,
+        replicates=REPLICATES if replicates is None else replicates,
+        seed=result.seed,
+        workers=workers,
+        progress=progress,
+    )
+    return with_draws(result, found)
 
 
 def with_profiles(result: FitResult) -> FitResult:

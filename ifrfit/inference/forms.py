@@ -11,14 +11,30 @@ import numpy as np
 from ifrfit.inference.block import Array, Block, Bool, Constants
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.piecewise import PiecewiseProblem, Rows
+from ifrfit.inference.problem import Index
+
+_PRIORS = {"e_n": -1, "mu": -3}  # in `LinearForm.always`; the closure constant has -2
 
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A block restated: the piecewise problem in its free unknowns, and the way back to the constants."""
+    """A block restated.
+
+    Attributes
+    ----------
+    problem : PiecewiseProblem
+        In the free unknowns.
+    to_constants : callable
+        The way back to the constants.
+    switching, always : ndarray of int
+        The block's row behind each row of the problem, of those with two forms and of the rest; -1, -2 and -3
+        stand for the prior of e_n, of the closure constant and of mu.
+    """
 
     problem: PiecewiseProblem
     to_constants: Callable[[Array], Constants]
+    switching: Index
+    always: Index
 
 
 def _weighted(columns: list[Array | None], mix: Array, weight: Array) -> Array | None:
@@ -94,6 +110,7 @@ class Forms:
         self.slide0: Array | float = 0.0
         self.rest: list[Array] = []  # design rows, weighted
         self.rest_target: list[Array] = []
+        self.rest_of: list[Index] = []
 
     def of(self, values: Array) -> Array:
         """Values of the rows that switch."""
@@ -106,26 +123,30 @@ class Forms:
             return
         is_e_n = np.array([name == "e_n" for name in self.block.rows.names])[self.block.rows.which]
         factor = np.where(is_e_n, 1.0, self.block.rows.incidence.cosine)[at]
-        self._add(unknown, factor, self.block.rows.value[at], self.block.weight[at])
+        self._add(unknown, factor, np.flatnonzero(at))
 
     def add_friction(self, unknown: int, factor: float) -> None:
         """Rows of mu."""
         at = self.block.of_kind("friction")
         if at.any():
-            count = int(at.sum())
-            self._add(unknown, np.full(count, factor), self.block.rows.value[at], self.block.weight[at])
+            self._add(unknown, np.full(int(at.sum()), factor), np.flatnonzero(at))
 
     def add_prior(self, constant: Constant, unknown: int, factor: float = 1.0) -> None:
         """Add an auxiliary measurement."""
         if constant.prior is not None and constant.fixed is None:
             mean, sd = constant.prior
-            self._add(unknown, np.array([factor]), np.array([mean]), np.array([1.0 / sd]))
+            code = np.array([_PRIORS.get(constant.name, -2)])
+            self._put(unknown, np.array([factor]), np.array([mean]), np.array([1.0 / sd]), code)
 
-    def _add(self, unknown: int, factor: Array, value: Array, weight: Array) -> None:
+    def _add(self, unknown: int, factor: Array, at: Index) -> None:
+        self._put(unknown, factor, self.block.rows.value[at], self.block.weight[at], at)
+
+    def _put(self, unknown: int, factor: Array, value: Array, weight: Array, of: Index) -> None:
         design = np.zeros((value.size, 3))
         design[:, unknown] = factor * weight
         self.rest.append(design)
         self.rest_target.append(value * weight)
+        self.rest_of.append(of)
 
     def finish(
         self,
@@ -152,6 +173,8 @@ class Forms:
         rest = np.concatenate([np.zeros((0, 3)), *self.rest])
         rest_target = np.concatenate([np.zeros(0), *self.rest_target])
         always = Rows.of(rest @ matrix, rest_target - rest @ base)
+        switching = np.flatnonzero(self.switching)
+        always_of = np.concatenate([np.zeros(0, dtype=np.intp), *self.rest_of])
         grazing = np.isinf(tau)  # no transition can reach them: they slide whatever the constants
         if grazing.any():
             lost = slide.take(grazing)
@@ -159,6 +182,7 @@ class Forms:
                 np.concatenate((always.design, lost.design)), np.concatenate((always.target, lost.target))
             )
             stick, slide, tau = stick.take(~grazing), slide.take(~grazing), tau[~grazing]
+            always_of, switching = np.concatenate((always_of, switching[grazing])), switching[~grazing]
         walls = np.array(domain.walls).reshape(-1, 3)
         limits = np.array(domain.limits) - walls @ base
         reduced = walls @ matrix
@@ -175,4 +199,4 @@ class Forms:
             reduced[real],
             limits[real],
         )
-        return LinearForm(problem, lambda t: back(base + matrix @ t))
+        return LinearForm(problem, lambda t: back(base + matrix @ t), switching, always_of)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.problem import Problem
 from ifrfit.physics.observables import get_observable
-from ifrfit.physics.rebound import impulse_factor, rebound_with
+from ifrfit.physics.rebound import rebound_with
 
 Array = NDArray[np.float64]
 
@@ -26,9 +26,8 @@ def fitted_at(problem: Problem, theta: Array) -> Array:
     ndarray, (m, n)
     """
     e_n, c, mu = _columns(problem, theta)
-    linear = problem.closure.coefficients(problem.inertia_factor)
-    incidence = problem.rows.incidence
-    k, _ = impulse_factor(incidence, linear.a0 + linear.a1 * c, linear.b0 + linear.b1 * c, mu * (1.0 + e_n))
+    law = problem.closure.law(problem.inertia_factor)
+    k, _ = law.impulse(problem.rows.incidence, c, mu * (1.0 + e_n))
     out = np.empty((theta.shape[0], problem.rows.value.size))
     for name in problem.rows.names:
         rows = problem.rows.rows_of(name)

@@ -90,14 +90,14 @@ def _advice(problem: Problem, fit: LeastSquares, loose: list[str], n_sticking: i
         )
     elif "e_n" in alone:
         says.append("nothing here fixes e_n: give it a value (--fix e_n=...) or measure it (a drop test)")
-    if n_sliding == 0 and n_sticking > 0:
+    if n_sliding == 0 and n_sticking > 0 and problem.closure.bilinear:
         steepest = _steepest(problem)
         says.append(
             "no impact slides, and sticking impacts say only how large mu must at least be: "
             f"measure beyond {steepest:.0f} degrees"
         )
-    elif n_sticking == 0 and n_sliding > 0 and own == "beta0":
-        says.append("no impact sticks, and beta0 shows only in sticking: measure nearer to the normal")
+    elif n_sticking == 0 and n_sliding > 0 and own in ("beta0", "chi"):
+        says.append(f"no impact sticks, and {own} shows only in sticking: measure nearer to the normal")
     elif (alone & {"kappa", "mu", own}) or any(" " in name for name in loose):
         if n_sticking + n_sliding == 0:
             says.append("no oblique impact is among the rows: e_n and mu alone say nothing of the rest")

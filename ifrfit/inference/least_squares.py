@@ -80,15 +80,19 @@ def least_squares(problem: Problem) -> LeastSquares:
     if problem.noise == "unknown":
         for rows in groups.values():
             factor[rows] = max(float(np.std(problem.rows.value[rows])), 1e-6)
+    near = None  # a search that found the optimum once follows it while the noise settles
     for _ in range(_ITERATIONS):
-        optimum = solve(problem, base * factor)
+        optimum = solve(problem, base * factor, near)
         local = local_picture(problem, base * factor, optimum.theta)
         new = _factors(problem, optimum.theta, base, groups, local)
         change = float(np.abs(new / factor - 1.0).max())
         factor = new
         if change <= _CONVERGED:
             break
+        near = None if problem.closure.bilinear else optimum.theta
     sigma = base * factor
+    if near is not None:
+        optimum = solve(problem, sigma)
     dof = sum(rows.size - float(local.leverage[rows].sum()) for rows in groups.values())
     local = local_picture(problem, sigma, optimum.theta)
     return LeastSquares(optimum, sigma, group_sigma(problem, sigma), dof, change, local)
@@ -111,6 +115,16 @@ def _factors(problem: Problem, theta: Array, base: Array, groups: Mapping[str, I
 
 def _refuse_exact(problem: Problem, name: str, rows: Index) -> None:
     """Refuse a group whose points the free constants could run through exactly."""
+    inputs = inputs_of(problem, rows)
+    values = np.column_stack((inputs, problem.rows.value[rows]))
+    points = np.unique(inputs, axis=0).shape[0]
+    scatter = np.unique(values, axis=0).shape[0] > points
+    if points <= n_taken(problem, rows) and not scatter:
+        raise DataError(_needs_sigma(problem, name, rows))
+
+
+def n_taken(problem: Problem, rows: Index) -> int:
+    """How many free constants, or combinations of them, the rows depend on."""
     free = {c.name for c in problem.constants if c.fixed is None}
     own = {problem.closure.constant}
     takes: set[str] = set()
@@ -124,16 +138,17 @@ def _refuse_exact(problem: Problem, name: str, rows: Index) -> None:
             takes |= (free & own) | ({"kappa"} if free & {"mu", "e_n"} else set())
         else:
             takes |= free
+    return len(takes)
+
+
+def inputs_of(problem: Problem, rows: Index) -> Array:
+    """What was set in each row, as numbers: rows that differ in none of them repeat one point, (n, 5)."""
     i = problem.rows.incidence
     inputs = np.column_stack(
         (problem.rows.which[rows], problem.rows.tau[rows], i.spin_x[rows], i.spin_y[rows], i.sine[rows])
     )
     inputs[np.isin(problem.rows.which[rows], _without_angle(problem))] *= [1, 0, 0, 0, 0]
-    values = np.column_stack((inputs, problem.rows.value[rows]))
-    points = np.unique(inputs, axis=0).shape[0]
-    scatter = np.unique(values, axis=0).shape[0] > points
-    if points <= len(takes) and not scatter:
-        raise DataError(_needs_sigma(problem, name, rows))
+    return np.asarray(inputs, dtype=float)
 
 
 def _without_angle(problem: Problem) -> list[int]:

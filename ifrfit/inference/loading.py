@@ -15,7 +15,9 @@ from ifrfit.data import Descriptor, Source
 from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
 from ifrfit.inference.checked import REMEDY, Node
+from ifrfit.inference.constants import Constant
 from ifrfit.inference.result import Estimate, Fact, FitResult, FitStatistics, Noise, State, Status
+from ifrfit.inference.scatter.law import PLAIN, Scatter, make_scatter
 from ifrfit.inference.serialise import FACTOR, NULL_MARK, SCHEMA
 
 if TYPE_CHECKING:
@@ -118,6 +120,7 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
         command=root["command"].text(),
         created=root["created"].text(),
         versions=root["versions"].mapped(lambda node: node.text()),
+        asked=_asked(root["asked"]) if "asked" in root else (),
     )
 
 
@@ -168,6 +171,37 @@ def _noise(node: Node) -> Noise:
         sigma=node["sigma"].mapped(lambda item: item.number(math.nan)),
         estimates=named(node["estimates"].mapped(_estimate)) if "estimates" in node else {},
         prior=named(node["prior"].mapped(_interval)) if "prior" in node else {},
+        scatter=_scatter(node["scatter"]) if "scatter" in node else PLAIN,
+    )
+
+
+def _scatter(node: Node) -> Scatter:
+    population = node["angle_population"]
+    return make_scatter(
+        tails=node["tails"].text(),
+        angle_errors=node["angle_errors"].text(),
+        angle_population=None if population.value is None else _interval(population),
+        **{key: node[key].maybe() for key in ("dof", "sigma_gamma", "sigma_velocity", "sigma_spin")},
+    )
+
+
+def _asked(node: Node) -> tuple[Constant, ...]:
+    node.check(dict)
+    return tuple(_constant_asked(name, node[name]) for name in node.value)
+
+
+def _constant_asked(name: str, node: Node) -> Constant:
+    low, high = _interval(node["bounds"])
+    prior = node["prior"]
+    separate = node["separate"]
+    separate.check(bool)
+    return Constant(
+        name=name,
+        lower=low,
+        upper=high,
+        fixed=node["fixed"].maybe(),
+        prior=None if prior.value is None else (float(prior.array(2)[0]), float(prior.array(2)[1])),
+        separate=bool(separate.value),
     )
 
 

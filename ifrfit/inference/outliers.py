@@ -73,8 +73,9 @@ def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None)
 
 def row_name(problem: Problem, i: int) -> str:
     """Where a row comes from, in words."""
-    row = problem.observations.table.iloc[i]
-    return f"{row['source']} line {row['row']} ({row['observable']})"
+    table = problem.observations.table
+    source, row, observable = (str(table[column].iat[i]) for column in ("source", "row", "observable"))
+    return f"{source} line {row} ({observable})"
 
 
 def _exclude_name(problem: Problem, i: int) -> str:

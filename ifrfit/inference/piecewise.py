@@ -153,7 +153,7 @@ def minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
     -------
     PiecewiseOptimum
     """
-    problem = _sorted(problem)
+    problem = in_order(problem)
     if problem.tau.size <= _MANY:
         return _minimise(problem)
     # sums over many rows keep their digits when they are taken about a point near the optimum
@@ -162,10 +162,10 @@ def minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
         problem, tau=problem.tau[every], stick=problem.stick.take(every), slide=problem.slide.take(every)
     )
     center = _minimise(sample).t
-    return _moved(_minimise(_about(problem, center)), problem, center)
+    return _moved(_minimise(about(problem, center)), problem, center)
 
 
-def _about(problem: PiecewiseProblem, center: Array) -> PiecewiseProblem:
+def about(problem: PiecewiseProblem, center: Array) -> PiecewiseProblem:
     """Restate the problem in u = t - center."""
 
     def rows(r: Rows) -> Rows:
@@ -220,7 +220,8 @@ def _minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
     )
 
 
-def _sorted(problem: PiecewiseProblem) -> PiecewiseProblem:
+def in_order(problem: PiecewiseProblem) -> PiecewiseProblem:
+    """The same with its rows sorted by tau."""
     if problem.tau.size < 2 or bool((problem.tau[1:] >= problem.tau[:-1]).all()):
         return problem
     order = np.argsort(problem.tau)

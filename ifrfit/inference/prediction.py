@@ -44,12 +44,12 @@ def draw(result: FitResult, n: int, rng: np.random.Generator) -> pd.DataFrame:
 
 
 def _phi(result: FitResult, n: int, rng: np.random.Generator) -> Array:
-    """Draws in the coordinates of the state, (n, p): of the posterior where there is one."""
+    """Draws in the coordinates of the state, (n, p): of the law where there is one."""
     state = result.state
-    if result.posterior is not None:
-        from ifrfit.inference.exact import in_state_coordinates
+    if result.law is not None:
+        from ifrfit.inference.from_law import in_state_coordinates
 
-        return in_state_coordinates(result.problem, result.posterior.draws(n, rng), n)[1]
+        return in_state_coordinates(result.problem, result.law.draws(n, rng), n)[1]
     if state.sample is not None:
         kept = state.sample.shape[0]
         return np.asarray(state.sample[rng.choice(kept, n, replace=n > kept)])
@@ -96,6 +96,7 @@ def predict(
     observable: str,
     series: str | None,
     degrees: bool,
+    sigma: ArrayLike | None = None,
 ) -> pd.DataFrame:
     """Predict with bands; see `FitResult.predict`."""
     import pandas as pd
@@ -127,7 +128,7 @@ def predict(
     # where a bound holds the optimum back the curve runs along the edge of its band, never outside
     band[[0, 2]] = np.minimum(band[[0, 2]], curves[0])
     band[[1, 3]] = np.maximum(band[[1, 3]], curves[0])
-    sigma = _sigma(result, observable, series)
+    own = np.asarray(_sigma(result, observable, series) if sigma is None else sigma, dtype=float)
     table = {
         "gamma_deg": gamma if degrees else np.degrees(gamma),
         "spin_x": s_x,
@@ -135,7 +136,9 @@ def predict(
         "value": curves[0],
     }
     table |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
-    noise = rng.standard_normal((sample.shape[0], 1)) * sigma
+    dof = result.noise.scatter.dof
+    shape = (sample.shape[0], 1)
+    noise = own * (rng.standard_normal(shape) if dof is None else rng.standard_t(dof, shape))
     new = np.quantile(curves[1:] + noise, _QUANTILES, axis=0)
     table |= dict(zip(("new_lo68", "new_hi68", "new_lo95", "new_hi95"), new, strict=True))
     return pd.DataFrame(table)

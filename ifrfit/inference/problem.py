@@ -15,7 +15,7 @@ from ifrfit.inference.scatter.law import PLAIN, Scatter
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import Closure
 from ifrfit.physics.observables import OBSERVABLES, get_observable
-from ifrfit.physics.rebound import impulse_factor, rebound_with
+from ifrfit.physics.rebound import rebound_with
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -128,9 +128,8 @@ class Problem:
 
     def impulse(self, e_n: Array, c: Array, mu: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Impulse factor k of each row, and whether it sticks."""
-        linear = self.closure.coefficients(self.inertia_factor)
-        a, b = linear.a0 + linear.a1 * c, linear.b0 + linear.b1 * c
-        k, sticks = impulse_factor(self.rows.incidence, a, b, mu * (1.0 + e_n))
+        law = self.closure.law(self.inertia_factor)
+        k, sticks = law.impulse(self.rows.incidence, c, mu * (1.0 + e_n))
         return k, sticks.astype(bool)
 
     def values_with(self, k: Array, e_n: Array, mu: Array) -> Array:
@@ -148,19 +147,18 @@ class Problem:
     def jacobian(self, theta: Array) -> Array:
         """Derivative of each row's value by each entry of theta, in the regimes at theta, (n, p)."""
         e_n, c, mu = self.per_row(theta)
-        k, sticks = self.impulse(e_n, c, mu)
+        k, _ = self.impulse(e_n, c, mu)
         by_k = self._difference(k, e_n, mu, 1.0, 0.0)
         by_e = self._difference(k, e_n, mu, 0.0, 1.0)
-        linear = self.closure.coefficients(self.inertia_factor)
-        with np.errstate(divide="ignore"):
-            inverse = np.where(sticks, 0.0, 1.0 / self.rows.tau)
+        law = self.closure.law(self.inertia_factor)
+        by_c, by_kappa = law.slopes(self.rows.incidence, c, mu * (1.0 + e_n))
         is_mu = np.array([OBSERVABLES[n].kind == "friction" for n in self.rows.names])[self.rows.which]
         columns = {
-            "e_n": by_e + by_k * mu * inverse,
-            "mu": np.where(is_mu, 1.0, by_k * (1.0 + e_n) * inverse),
+            "e_n": by_e + by_k * mu * by_kappa,
+            "mu": np.where(is_mu, 1.0, by_k * (1.0 + e_n) * by_kappa),
         }
         if self.closure.constant:
-            columns[self.closure.constant] = by_k * np.where(sticks, linear.a1 + linear.b1, linear.a1)
+            columns[self.closure.constant] = by_k * by_c
         out = np.zeros((k.size, len(self.names)))
         for name, places in self.positions().items():
             out[np.arange(k.size), places[self.rows.series]] += columns[name]

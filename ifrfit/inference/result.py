@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
+from ifrfit.inference.constants import Constant
+from ifrfit.inference.scatter.law import PLAIN, Scatter
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,12 +102,15 @@ class Noise:
         What the data say of each unknown sigma, by the same names; of the common factor under "".
     prior : mapping
         Bounds of the log-uniform prior of each of these; empty where the method needs none.
+    scatter : Scatter
+        How values scatter about the model, where that is not plainly Gaussian.
     """
 
     policy: str
     sigma: Mapping[str, float]
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     prior: Mapping[str, Interval] = field(default_factory=dict)
+    scatter: Scatter = PLAIN
 
 
 @dataclass(frozen=True)
@@ -173,7 +178,8 @@ class FitResult:
     constants : mapping
         Name to `Estimate`, or to a mapping of series to `Estimate` where the constant is separate.
     derived : mapping
-        kappa, transition_angle_deg (by series; None where there is no transition), beta_sticking.
+        kappa, transition_angle_deg (by series; None where there is no transition), beta_sticking;
+        poisson_ratio in the place of the latter under closure maw.
     correlation : tuple
         Names of the free constants and their correlation matrix.
     fit : FitStatistics
@@ -184,7 +190,10 @@ class FitResult:
         Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
     command, seed, created, versions
         How to repeat it.
-    problem, least_squares, posterior, profiles
+    asked : tuple of Constant
+        The constants as they were asked for: domain, fixed value, prior, separate or shared. Empty where the
+        file that the result was read from does not say.
+    problem, least_squares, law, profiles, sample
         What the result rests on, for further questions; not kept in result.json.
     """
 
@@ -205,10 +214,12 @@ class FitResult:
     command: str = ""
     created: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
+    asked: tuple[Constant, ...] = ()
     problem: Any = field(default=None, repr=False, compare=False)
     least_squares: Any = field(default=None, repr=False, compare=False)
-    posterior: Any = field(default=None, repr=False, compare=False)
+    law: Any = field(default=None, repr=False, compare=False)
     profiles: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    sample: Any = field(default=None, repr=False, compare=False)
 
     @property
     def provenance(self) -> tuple[str, ...]:
@@ -228,8 +239,9 @@ class FitResult:
     def draws(self, n: int, rng: np.random.Generator) -> pd.DataFrame:
         """Draw constants from the estimator's distribution.
 
-        The exact posterior's draws are independent and come from its quadrature (from the 2,000 kept ones,
-        where the result was loaded); those of other methods from the local truncated Gaussian.
+        The exact posterior's draws are independent and come from its quadrature; those of mcmc are picked
+        from the kept steps of its chains (from the 2,000 kept ones, where the result was loaded); those of a
+        bootstrap are fits of its replicates; those of lsq and profile come from the local truncated Gaussian.
 
         Parameters
         ----------
@@ -255,6 +267,7 @@ class FitResult:
         observable: str = "beta",
         series: str | None = None,
         degrees: bool = True,
+        sigma: ArrayLike | None = None,
     ) -> pd.DataFrame:
         """Predict an observable with credible and predictive bands.
 
@@ -268,6 +281,11 @@ class FitResult:
             Name in the common schema.
         series : str, optional
             Whose constants and noise to take; needed where constants are separate.
+        degrees : bool
+            Whether gamma is in degrees.
+        sigma : array_like, optional
+            Standard deviation of one more measurement, broadcast against gamma; the noise of the fit if not
+            given.
 
         Returns
         -------
@@ -282,7 +300,16 @@ class FitResult:
         """
         from ifrfit.inference.prediction import predict
 
-        return predict(self, gamma, spin_x, spin_y, observable=observable, series=series, degrees=degrees)
+        return predict(
+            self,
+            gamma,
+            spin_x,
+            spin_y,
+            observable=observable,
+            series=series,
+            degrees=degrees,
+            sigma=sigma,
+        )
 
     def intervals(self) -> pd.DataFrame:
         """Central 95 % intervals of each constant and of kappa by covariance, profile and exact posterior.
@@ -301,14 +328,36 @@ class FitResult:
             For a result that was read from a file: it does not hold the problem any more.
         """
         from ifrfit.inference.intervals import intervals
-        from ifrfit.inference.posterior import explore
+        from ifrfit.inference.posterior import Posterior, explore
 
         if self.problem is None:
             raise UsageError(
                 "A result that was read from a file has no intervals to compare: fit the data again."
             )
-        posterior = self.posterior or explore(self.problem, start=self.least_squares)
+        law = self.law
+        posterior = law if isinstance(law, Posterior) else explore(self.problem, start=self.least_squares)
         return intervals(self.problem, self.least_squares, posterior, self.profiles or None)
+
+    def to_arviz(self) -> Any:
+        """The posterior as ArviZ's object; its own ``to_netcdf`` writes it.
+
+        Returns
+        -------
+        xarray.DataTree
+            Groups posterior (free constants, kappa, noises), log_likelihood (by impact), sample_stats (lp)
+            and observed_data. Exact: 4 chains of 1,000 independent draws. mcmc: a chain an ensemble, its
+            walkers' draws in the order of time, thinned until they are independent; what was discarded and
+            thinned is in the attributes, with versions, seed, data and provenance. Fewer draws where there
+            are very many rows.
+
+        Raises
+        ------
+        UsageError
+            Without ArviZ, for a method without a posterior, or for a result that was read from a file.
+        """
+        from ifrfit.inference.arviz_bridge import to_arviz
+
+        return to_arviz(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Exactly the content of result.json."""
@@ -335,6 +384,25 @@ class FitResult:
         from ifrfit.report import plot
 
         return plot(self)
+
+    def report(self, path: str | Path) -> None:
+        """Write the uncertainty report: one self-contained page, by the suffix html, md or pdf.
+
+        The file appears whole or not at all; an earlier report is replaced, any other file is not.
+
+        Parameters
+        ----------
+        path : str or Path
+            ``report.html``, ``report.md`` (with its figures beside it) or ``report.pdf``.
+
+        Raises
+        ------
+        UsageError
+            For another suffix, or where something else lies there.
+        """
+        from ifrfit.report.page import write_report
+
+        write_report(self, Path(path))
 
     def _repr_html_(self) -> str:
         from ifrfit.report import html_table

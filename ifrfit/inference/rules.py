@@ -8,6 +8,11 @@ GAP = 1e-9
 REFUTED = 0.001
 OUTLIER = 0.01
 AT_REST = 1e-6
+FAILED = 0.01
+RHAT = 1.01
+ESS = 2000
+LENGTH = 50
+STABLE = 0.2
 
 STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
@@ -22,7 +27,11 @@ FACTS = {
     "converged": f"last relative change of the noise <= {AT_REST:g} (none where sigma is known); profile: "
     "besides, every profile closes or reaches the end of its domain, and the noise settles there "
     "(last fall of the objective <= 1e-4, relative where the rise is over 1); exact: last change of every "
-    "mean, sd and quantile <= 1e-4 of a standard deviation, of the log evidence <= 1e-4",
+    "mean, sd and quantile <= 1e-4 of a standard deviation, of the log evidence <= 1e-4; mcmc: for every "
+    f"constant, kappa and noise, R-hat over the ensembles < {RHAT:g} (rank-normalised, split), >= {ESS:,} "
+    f"effective draws in the bulk and in the tails, and >= {LENGTH} autocorrelation times kept, which change "
+    f"by <= {100 * STABLE:g} % to the later half; bootstrap: besides the noise, <= {100 * FAILED:g} % of the "
+    "replicates without an answer",
     "global_optimum": f"gap between chi2 and a proven lower bound over everything else <= {GAP:g} relative, "
     "and no second optimum within 1e-6; those within 4 are counted",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
@@ -33,6 +42,8 @@ FACTS = {
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",
+    "resampling": "bootstrap: at least 5 impacts of each kind and series (cases), 5 residuals of each noise "
+    "(residual), or no row without a residual (wild): of 5 the sd comes out 10 % too small, of fewer more so",
     "sharing": "constants shared by all series are not refuted: evidence of separate ones less than 20 times "
     "that of shared ones (below a factor 3 there is no preference); the factor depends on the priors' widths",
     "angular_momentum": "velocities and spins close within 5 % (raw velocities with spin after only)",

@@ -53,14 +53,14 @@ def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Opt
         found.append((float(2.0 * result.cost), full(result.x)))
     found.sort(key=lambda pair: pair[0])
     best, theta = found[0]
-    return Optimum(theta, best, None, _distinct(found), f"best of {len(chosen)} starts")
+    return Optimum(theta, best, None, _distinct(problem, sigma, found), f"best of {len(chosen)} starts")
 
 
 def starts(problem: Problem) -> list[Array]:
     """Constants spread over the domain, with transitions spread over the data's own slip ratios."""
     tau = problem.rows.tau[np.isfinite(problem.rows.tau) & (problem.rows.tau > 0.0)]
     quantiles = np.quantile(tau, np.linspace(0.05, 0.95, _TRANSITIONS)) if tau.size else np.array([0.3])
-    linear = problem.closure.coefficients(problem.inertia_factor)
+    law = problem.closure.law(problem.inertia_factor)
     spread = {c.name: _spread(c.lower, c.upper, c.fixed) for c in problem.constants if c.name != "mu"}
     places = problem.positions()
     out = []
@@ -71,7 +71,7 @@ def starts(problem: Problem) -> list[Array]:
             theta = np.zeros(len(problem.names))
             for name, value in chosen.items():
                 theta[places[name]] = value
-            theta[places["mu"]] = max(linear.b0 + linear.b1 * c, 0.01) * tau_t / (1.0 + chosen["e_n"])
+            theta[places["mu"]] = max(float(law.bound(c)), 0.01) * tau_t / (1.0 + chosen["e_n"])
             out.append(theta)
     return out
 
@@ -92,11 +92,21 @@ def _prior_jacobian(problem: Problem) -> Array:
     return out
 
 
-def _distinct(found: list[tuple[float, Array]]) -> tuple[tuple[float, Array], ...]:
-    """Local minima at different places within 4; starts that stopped on the way to a better one go along."""
+def _distinct(
+    problem: Problem, sigma: Array, found: list[tuple[float, Array]]
+) -> tuple[tuple[float, Array], ...]:
+    """Local minima at different places within 4; starts that stopped on the way to a better one go along.
+
+    Places whose rows have the same values are one: a valley along which the data do not tell the constants.
+    """
     best = found[0][0]
     kept: list[tuple[float, Array]] = []
+    values: list[Array] = []
     for value, theta in found:
-        if value <= best + 4.0 and all(np.abs(theta - other).max() > 1e-3 for _, other in kept):
+        if value > best + 4.0 or any(np.abs(theta - other).max() <= 1e-3 for _, other in kept):
+            continue
+        fitted = np.concatenate((problem.fitted(theta) / sigma, problem.prior_residuals(theta)))
+        if all(np.abs(fitted - other).max() > 1e-3 for other in values):
             kept.append((value, theta))
+            values.append(fitted)
     return tuple(kept)

@@ -15,6 +15,7 @@ import numpy as np
 
 from ifrfit._version import __version__
 from ifrfit.data import Source
+from ifrfit.inference.constants import Constant
 from ifrfit.inference.result import Estimate, FitResult, FitStatistics, Noise, State
 
 if TYPE_CHECKING:
@@ -104,6 +105,7 @@ def to_dict(result: FitResult) -> dict[str, Any]:
         "inertia_factor": float(result.inertia_factor),
         "method": result.method,
         "noise": _noise(result.noise, nulls),
+        **({"asked": {c.name: _asked(c, nulls) for c in result.asked}} if result.asked else {}),
         "constants": _estimates(result.constants, "constants", nulls),
         "derived": _estimates(result.derived, "derived", nulls),
         "correlation": {
@@ -199,6 +201,16 @@ def _estimates(value: Any, path: str, nulls: _Nulls) -> Any:
     return _plain(value, path, nulls)
 
 
+def _asked(constant: Constant, nulls: _Nulls) -> dict[str, Any]:
+    """What the user asked of a constant: enough to put the same question again."""
+    return {
+        "bounds": _ends((constant.lower, constant.upper), nulls),
+        "fixed": constant.fixed,
+        "prior": None if constant.prior is None else [float(number) for number in constant.prior],
+        "separate": constant.separate,
+    }
+
+
 def _estimate(estimate: Estimate, path: str, nulls: _Nulls) -> dict[str, Any]:
     mean = {} if estimate.mean is None else {"mean": _plain(estimate.mean, f"{path}.mean", nulls)}
     return {
@@ -223,6 +235,11 @@ def _noise(noise: Noise, nulls: _Nulls) -> dict[str, Any]:
         content["estimates"] = _estimates(named, "noise.estimates", nulls)
     if noise.prior:
         content["prior"] = {name or FACTOR: _ends(bounds, nulls) for name, bounds in noise.prior.items()}
+    if noise.scatter.words:
+        content["scatter"] = {
+            key: list(value) if isinstance(value, tuple) else value
+            for key, value in noise.scatter.choices().items()
+        }
     return content
 
 

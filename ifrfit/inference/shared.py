@@ -12,9 +12,7 @@ import numpy as np
 
 from ifrfit.inference.block import Block, is_separable, normal_part, without_normal
 from ifrfit.inference.dual import KAPPA, C, Shared, constants_at, prove
-from ifrfit.inference.linear import kappa_form
 from ifrfit.inference.optimum import Optimum, theta_of
-from ifrfit.inference.piecewise import minimise
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.scan import dips
 
@@ -67,7 +65,8 @@ def _outer(
     scale = 1.0 if place == C else 1.0 / (1.0 + (blocks[0].e_n.fixed or 0.0))
     known = None if prior is None else (prior[0] / scale, prior[1] / scale)
     shared = Shared(tuple(blocks), place, known)
-    found = dips(shared.total, *limits, _seeds(blocks, place))
+    dipped = dips(shared.along, *limits, _seeds(shared))
+    found = sorted((shared.total(x), x) for _, x in dipped)
     best, bound = prove(shared, found[0], limits)
     found = [best, *(dip for dip in found if abs(dip[1] - best[1]) > 1e-6 * (1.0 + abs(best[1])))]
     minima = [
@@ -84,15 +83,10 @@ def _outer(
     )
 
 
-def _seeds(blocks: list[Block], place: int) -> list[float]:
+def _seeds(shared: Shared) -> list[float]:
     """What each series would choose for itself, all its local minima."""
-    seeds = []
-    for block in blocks:
-        form = kappa_form(block)
-        for _, t in minimise(form.problem).optima:
-            e_n, c, mu = form.to_constants(t)
-            seeds.append(c if place == C else mu * (1.0 + e_n))
-    return seeds
+    optima = [constants for series in shared.series for constants in series.optima]
+    return [c if shared.place == C else mu * (1.0 + e_n) for e_n, c, mu in optima]
 
 
 def _range(blocks: list[Block], place: int) -> tuple[float, float]:

@@ -24,6 +24,7 @@ def statistics_of(
     dof = n - round(float(found.local.leverage.sum()))
     yardstick = problem.sigma if problem.noise == "scaled" else found.sigma
     chi2 = float(((r / yardstick) ** 2).sum())
+    is_chi2 = problem.noise == "known" and problem.scatter.is_plain
     prior = problem.prior_residuals(found.optimum.theta)
     likely, n_noise = found.sigma, 0
     if problem.noise != "known":
@@ -33,6 +34,8 @@ def statistics_of(
         for rows in groups.values():
             likely[rows] *= math.sqrt(float(((r[rows] / likely[rows]) ** 2).mean()))
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
+    if not problem.scatter.is_plain:
+        log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
     k = found.local.rank + n_noise
     oblique = np.array([OBSERVABLES[x].kind in ("tangential", "curved") for x in problem.rows.names])
     regime = oblique[problem.rows.which]
@@ -45,7 +48,7 @@ def statistics_of(
         chi2=chi2,
         dof=dof,
         reduced_chi2=chi2 / dof if dof > 0 and problem.noise != "unknown" else None,
-        p_value=float(chdtrc(dof, chi2)) if dof > 0 and problem.noise == "known" else None,
+        p_value=float(chdtrc(dof, chi2)) if dof > 0 and is_chi2 else None,
         rmse=float(np.sqrt((r * r).mean())),
         log_likelihood=log_l,
         aic=2.0 * k - 2.0 * log_l,

@@ -1,7 +1,7 @@
 """Closures: what each model of contact takes for the tangential impulse.
 
-Every closure is a pair (a, b) in ``k = a + min(b, kappa U_n/|U_t|)``, where -k U_t is the tangential
-impulse per mass. Both are linear in the closure's own constant, which inference relies on.
+Most are a pair (a, b) in ``k = a + min(b, kappa U_n/|U_t|)``, where -k U_t is the tangential impulse per
+mass: `Coefficients`, linear in the closure's own constant. Any other `Law` is fitted by general roads.
 A further closure is one more entry of `CLOSURES`.
 """
 
@@ -11,16 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ifrfit.errors import UsageError
-
-
-@dataclass(frozen=True)
-class Coefficients:
-    """(a, b) as linear functions of the closure constant c: a = a0 + a1 c, b = b0 + b1 c."""
-
-    a0: float
-    a1: float
-    b0: float
-    b1: float
+from ifrfit.physics.compliance.law import Compliance, chi_range
+from ifrfit.physics.laws import Coefficients as Coefficients
+from ifrfit.physics.laws import Law
 
 
 @dataclass(frozen=True)
@@ -35,8 +28,8 @@ class Closure:
         As in reports.
     constant : str or None
         Name of the constant beside e_n and mu, if it has one.
-    coefficients : callable
-        Inertia factor J to `Coefficients`.
+    law : callable
+        Inertia factor J to the `Law` of the impulse.
     domain : callable
         J to the passive range of the constant (theory: no kinetic energy is created).
     source : str
@@ -46,7 +39,7 @@ class Closure:
     name: str
     title: str
     constant: str | None
-    coefficients: Callable[[float], Coefficients]
+    law: Callable[[float], Law]
     domain: Callable[[float], tuple[float, float]]
     source: str
 
@@ -54,6 +47,27 @@ class Closure:
     def constants(self) -> tuple[str, ...]:
         """Names of all constants, in the order of results."""
         return ("e_n", self.constant, "mu") if self.constant else ("e_n", "mu")
+
+    def __reduce__(self) -> tuple[Callable[[str], Closure], tuple[str]]:
+        return get_closure, (self.name,)  # to other processes by its name: its functions cannot go there
+
+    @property
+    def bilinear(self) -> bool:
+        """Whether the law is linear in the constants in either regime."""
+        return isinstance(self.law(0.4), Coefficients)
+
+    def coefficients(self, inertia_factor: float) -> Coefficients:
+        """The bilinear law.
+
+        Raises
+        ------
+        TypeError
+            If the closure's law is another one: see `bilinear`.
+        """
+        law = self.law(inertia_factor)
+        if not isinstance(law, Coefficients):
+            raise TypeError(f"closure {self.title} is not bilinear")
+        return law
 
 
 def rotational_share(inertia_factor: float) -> float:
@@ -102,6 +116,15 @@ CLOSURES: dict[str, Closure] = {
             _ifr_contact,
             lambda j: (-1.0, 0.0),
             _DOMENECH + ", with the impulse that stops the contact point as friction in sticking",
+        ),
+        Closure(
+            "maw",
+            "MAW",
+            "chi",
+            lambda j: Compliance(rotational_share(j)),
+            chi_range,
+            "Maw, Barber & Fawcett (1976), Wear 38, 101; e_n < 1 by the scaling of Wu, Thornton & Li (2003), "
+            "Adv. Powder Technol. 14, 435",
         ),
     )
 }

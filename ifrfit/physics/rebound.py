@@ -144,29 +144,14 @@ class Rebound:
         return _plain((self.e_n**2 - 1.0) * self.incidence.cosine**2 + tangential)
 
 
-def impulse_factor(
-    incidence: Incidence, a: ArrayLike, b: ArrayLike, kappa: ArrayLike
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Evaluate k = a + min(b, kappa U_n/|U_t|), and whether the impact sticks.
-
-    The smaller of the two frictions acts, so k is continuous at the transition and finite without slip.
-    """
-    slip, cosine = incidence.slip, incidence.cosine
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        friction = np.where(slip == 0.0, np.inf, np.asarray(kappa) * cosine / slip)
-    return np.asarray(a + np.minimum(b, friction)), np.asarray(friction >= b)
-
-
 def rebound_of(
     incidence: Incidence, closure: Closure, e_n: ArrayLike, c: ArrayLike, mu: ArrayLike, j: float
 ) -> Rebound:
     """`rebound` for callers that hold an `Incidence`; c is the closure's own constant (ignored by F)."""
     e_n = np.asarray(e_n, dtype=float)
-    linear = closure.coefficients(j)
-    c = np.asarray(c, dtype=float)
     with np.errstate(over="ignore"):
         kappa = np.minimum(np.asarray(mu, dtype=float) * (1.0 + e_n), np.finfo(float).max)
-    k, sticking = impulse_factor(incidence, linear.a0 + linear.a1 * c, linear.b0 + linear.b1 * c, kappa)
+    k, sticking = closure.law(j).impulse(incidence, np.asarray(c, dtype=float), kappa)
     return rebound_with(incidence, k, sticking, e_n, j)
 
 
@@ -238,7 +223,7 @@ def rebound(
     beta0 : array_like, optional
         Sticking restitution of FR.
     chi : array_like, optional
-        Compliance ratio of closures with tangential compliance.
+        Compliance number of closure maw, 7 (1 - nu)/(2 (2 - nu)) for a solid sphere of the wall's material.
     closure : str
         Name of the closure, see `ifrfit.physics.closures`.
     inertia_factor : float
@@ -259,7 +244,8 @@ def rebound(
     Notes
     -----
     Doménech-Carbó (2023), Eqs (14)-(37), as one formula: k = a + min(b, kappa U_n/|U_t|), with
-    kappa = mu (1 + e_n); the tangential impulse per mass is -k U_t.
+    kappa = mu (1 + e_n); the tangential impulse per mass is -k U_t. Closure maw takes k from the solution of
+    Maw, Barber & Fawcett (1976) instead, see `ifrfit.physics.compliance`.
     """
     chosen = get_closure(closure)
     c = closure_constant(chosen, {"e_t": e_t, "beta0": beta0, "chi": chi})

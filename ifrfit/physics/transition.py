@@ -8,9 +8,11 @@ from ifrfit.physics.closures import Closure
 
 
 def transition_tau(closure: Closure, c: float, kappa: float, inertia_factor: float = 0.4) -> float:
-    """Slip ratio |U_t|/U_n up to which impacts stick: kappa/b (IFR: kappa/J, 5/2 kappa for a sphere)."""
-    linear = closure.coefficients(inertia_factor)
-    bound = linear.b0 + linear.b1 * c
+    """Slip ratio |U_t|/U_n up to which impacts stick: kappa/b (IFR: kappa/J, 5/2 kappa for a sphere).
+
+    With tangential compliance it is the one from which on they slip throughout.
+    """
+    bound = float(closure.law(inertia_factor).bound(c))
     return kappa / bound if bound > 0.0 else math.inf
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import INDIFFERENT, title
 from ifrfit.report import panels, style
-from ifrfit.report.figures import MOST_COLUMNS, settle
+from ifrfit.report.figures import MOST_COLUMNS
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import has_angle
 from ifrfit.report.style import GREY
@@ -72,7 +72,7 @@ def plot(comparison: Comparison) -> Figure:
             fontsize=6.6,
             handlelength=2.4,
         )
-        settle(figure)
+        style.settle(figure)
     return figure
 
 

@@ -65,16 +65,8 @@ def plot(result: FitResult) -> Figure:
         if title:
             figure.suptitle(title, fontsize=8.5, weight="bold")
         legend.draw(figure)
-        settle(figure)
+        style.settle(figure)
     return figure
-
-
-def settle(figure: Figure) -> None:
-    """Fix the layout: the last bit of its solver depends on addresses, and ids in an svg on that bit."""
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-    for axes in figure.axes:
-        axes.set_position(tuple(round(x, 6) for x in axes.get_position().bounds))
 
 
 def _draw_panel(
@@ -99,14 +91,14 @@ def _draw_panel(
         return
     keys = {series: shading.regime_key(result, series) for series in names}
     if len(set(keys.values())) > 1:
-        shading.draw_strip(figure.add_subplot(inner[0]), keys, look)
+        shading.draw_strip(figure.add_subplot(inner[0]), keys, look, result)
         return
     key = next(iter(keys.values()))
     if key is None:
         shading.note_open_transition(data, result, names[0])
     else:
-        shading.draw_regimes(data, key, labels=True)
-        shading.draw_regimes(residuals, key, labels=False)
+        shading.draw_regimes(data, key, result, labels=True)
+        shading.draw_regimes(residuals, key, result, labels=False)
 
 
 def _series_of(result: FitResult, observable: str) -> list[str]:
@@ -131,13 +123,14 @@ def _title(result: FitResult, width: float) -> str:
         sentences.append("STAND-IN DATA, generated from the constants a paper prints: not an experiment")
     lack = result.facts.get("lack_of_fit")
     if lack is not None and not lack.ok:
-        sentences.append(_contradiction(result, lack.figures.get("p")))
+        sentences.append(contradiction(result, lack.figures.get("p")))
     # about 13 bold characters an inch at this size
     lines = [textwrap.fill(sentence, int(13.0 * width)) for sentence in sentences]
     return "\n".join(lines).replace(NON_BREAKING, " ")
 
 
-def _contradiction(result: FitResult, p: float | None) -> str:
+def contradiction(result: FitResult, p: float | None) -> str:
+    """Say that the data refute the closure, with the p value in one piece."""
     separate = any(not isinstance(entry, Estimate) for entry in result.constants.values())
     words = f"The data contradict one set of constants{' a series' if separate else ''}"
     if p is None:

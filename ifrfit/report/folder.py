@@ -13,6 +13,7 @@ from pathlib import Path
 from ifrfit.errors import UsageError
 from ifrfit.inference.result import FitResult
 from ifrfit.report.figures import plot
+from ifrfit.report.page.writing import page
 from ifrfit.report.style import save_figure
 
 FIGURES = ("fit.svg", "fit.png")
@@ -42,12 +43,14 @@ class Contents:
         return (self.record, *self.others)
 
 
-FIT = Contents("result.json", (*FIGURES, "report.html"), "result")
+CHAINS = "chains.npz"
+REPORT = "report.html"
+FIT = Contents("result.json", (*FIGURES, CHAINS, REPORT), "result")
 RESULT = FIT.record
 
 
 def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = True) -> list[str]:
-    """Write result.json, fit.svg and fit.png into a folder, whole or not at all.
+    """Write result.json, figures, report.html and the chains of mcmc into a folder, whole or not at all.
 
     Parameters
     ----------
@@ -55,9 +58,9 @@ def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = T
     out : Path
         Folder; it is made if it is not there. Files in it that are not a fit's own are never touched.
     force : bool
-        Replace an earlier result; what it left and this one does not write (report.html) is removed.
+        Replace an earlier result; what it left and this one does not write is removed.
     figures : bool
-        Whether to draw.
+        Whether to draw, and to write the report.
 
     Returns
     -------
@@ -140,6 +143,11 @@ def _fill(result: FitResult, folder: Path, *, figures: bool) -> list[str]:
         for name in FIGURES:
             save_figure(figure, folder / name)
             names.append(name)
+        (folder / REPORT).write_text(page(result, figure=figure), encoding="utf-8", newline="\n")
+        names.append(REPORT)
+    if result.sample is not None:
+        result.sample.save(folder / CHAINS)
+        names.append(CHAINS)
     return names
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ifrfit.inference.result import FitResult
 from ifrfit.report.provenance import provenance_words
+from ifrfit.report.regimes import does, regime_name
 from ifrfit.report.ringed import ringed
 from ifrfit.report.shading import regime_key
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look
@@ -111,10 +112,14 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
     sticking = points["sticking"][angled].map(bool).astype(bool)
     stick, slide = mark("o", 4.2, "white"), mark("o", 4.2, GREY)
     if sticking.any() and not sticking.all():
-        entries += [(stick, "open: sticking"), (slide, "filled: sliding")]
+        entries += [
+            (stick, f"open: {regime_name(result, 'sticking')}"),
+            (slide, f"filled: {regime_name(result, 'sliding')}"),
+        ]
     elif len(sticking) and None in keys:
         # of one kind, and no word in the panel names it
-        entries.append((stick, "all impacts stick") if sticking.all() else (slide, "all impacts slide"))
+        chosen, regime = (stick, "sticking") if sticking.all() else (slide, "sliding")
+        entries.append((chosen, f"all impacts {does(result, regime)}"))
     light, dark = (Patch(fc=GREY, alpha=alpha, lw=0) for alpha in (0.16, 0.35))
     entries.append(((light, dark, light), f"68, 95 % {_bands(result)}"))
     if any(isinstance(key, tuple) for key in keys):

@@ -14,7 +14,7 @@ from ifrfit.physics import OBSERVABLES
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.regimes import has_angle, transitions
 from ifrfit.report.ringed import ringed
-from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look
+from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look, write_across
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,20 +89,7 @@ def draw_data(
 def mark_stand_in(axes: Axes, rows: pd.DataFrame) -> None:
     """Write across a panel that its data are a stand-in, if they are."""
     if (rows["provenance"] == STAND_IN).any():
-        axes.text(
-            0.5,
-            0.5,
-            "STAND-IN",
-            transform=axes.transAxes,
-            ha="center",
-            va="center",
-            rotation=18,
-            fontsize=34,
-            weight="bold",
-            color="0.55",
-            alpha=0.2,
-            zorder=0.6,
-        )
+        write_across(axes, "STAND-IN", size=34)
 
 
 def draw_residuals(

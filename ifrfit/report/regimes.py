@@ -13,6 +13,21 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+_COMPLIANT = {"sticking": "partial slip", "sliding": "gross slip"}  # the regimes of tangential compliance
+
+
+def regime_name(result: FitResult, regime: str) -> str:
+    """What a regime, "sticking" or "sliding", is called under the result's closure."""
+    return _COMPLIANT[regime] if result.closure == "maw" else regime
+
+
+def does(result: FitResult, regime: str, *, one: bool = False) -> str:
+    """What impacts of a regime do, in words; what one does."""
+    if result.closure == "maw":
+        return f"in {regime_name(result, regime)}"
+    return {"sticking": "stick", "sliding": "slide"}[regime] + ("s" if one else "")
+
+
 def joined(words: Sequence[str]) -> str:
     """Words with commas and "and"."""
     return ", ".join(words[:-1]) + f" and {words[-1]}" if len(words) > 1 else "".join(words)
@@ -76,7 +91,7 @@ def regime_lines(result: FitResult, plus_minus: str = "+-") -> list[str]:
             lines.append(prefix + transition_words(result, series, None, plus_minus))
             continue
         stick, slide = regime_counts(result, series)
-        sticks, slides = "sticks" if stick == 1 else "stick", "slides" if slide == 1 else "slide"
+        sticks, slides = does(result, "sticking", one=stick == 1), does(result, "sliding", one=slide == 1)
         counts = f"{stick} impact{'' if stick == 1 else 's'} {sticks}, {slide} {slides}"
         words = transition_words(result, series, (stick, slide), plus_minus)
         lines.append(f"{prefix}{counts}; {words}")
@@ -95,7 +110,7 @@ def transition_words(result: FitResult, series: str, counts: tuple[int, int] | N
         stick, slide = counts
         if stick and slide:
             return "no transition at its typical spin"
-        return f"no transition: all {'slide' if slide else 'stick'}"
+        return f"no transition: all {does(result, 'sliding' if slide else 'sticking')}"
     words = [
         f"{value_text(angle)} {plus_minus} {spread(angle.stderr)}" if angle.stderr else value_text(angle)
         for angle in angles

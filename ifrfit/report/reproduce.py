@@ -1,39 +1,54 @@
-"""Fit the bundled datasets, draw each fit, and put their constants into one table."""
+"""Redraw the paper's figures from the bundled datasets, and put the recovered constants into one table."""
 
 from __future__ import annotations
 
 import csv
 import tempfile
-import textwrap
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import Estimate, FitResult
-from ifrfit.report.cases import CASES, LEVEL, Case, Done, Line, chance, fit_case, held
-from ifrfit.report.figures import plot
-from ifrfit.report.provenance import contents
-from ifrfit.report.regimes import joined
-from ifrfit.report.rounding import alone, interval_text, places_of, spread, value_text
+from ifrfit.report.cases import CASES, fit_case
+from ifrfit.report.constants_table import table_text
+from ifrfit.report.paper.choose import Choice, chosen
+from ifrfit.report.paper.make import Made, make
+from ifrfit.report.paper.question import Answer, across_regimes, across_spins, reading
+from ifrfit.report.paper.scene import write_rows
+from ifrfit.report.paper.table import FIGURES
+from ifrfit.report.recovered import Done, Line
 from ifrfit.report.style import save_figure
-from ifrfit.report.words import QUIET_FACTS
 
 TABLE = "constants.csv"
-FORMATS = ("svg", "png")
-WIDTH = 100
+DRAWN = ("svg", "png")
+FORMATS = (*DRAWN, "csv")
+# figures of earlier versions, one a fit
+_EARLIER = tuple(
+    f"{name}.{suffix}"
+    for name in (*(case.name for case in CASES), "cross-2019-spin-0-225", "cross-2019-spin-0-833")
+    for suffix in DRAWN
+)
 
 
-def reproduce(out: Path, *, progress: bool = False) -> str:
-    """Fit every bundled dataset, draw the fits and tabulate their constants.
+def reproduce(
+    out: Path, *, figures: Sequence[str] = (), digitised_only: bool = False, progress: bool = False
+) -> str:
+    """Redraw the figures of the paper and of the bundled real data, and tabulate the constants behind them.
 
     Parameters
     ----------
     out : Path
-        Folder for NAME.svg and NAME.png of each case and constants.csv; the same bytes on every run. What an
+        Folder for svg, png and csv of each figure and constants.csv; the same bytes on every run. What an
         earlier run left there is replaced, nothing else is touched.
+    figures : sequence of str
+        Names of the figures wanted, as "5" or "4"; all of them if empty. constants.csv, which is about all,
+        is left as it is where some are named.
+    digitised_only : bool
+        Leave out whatever does not rest on points that were digitised or measured.
     progress : bool
-        Show a bar on standard error.
+        Write a line per figure to standard error.
 
     Returns
     -------
@@ -43,60 +58,90 @@ def reproduce(out: Path, *, progress: bool = False) -> str:
     Raises
     ------
     UsageError
-        If nothing can be written there, or a constants.csv of another make lies there.
+        For an unknown figure, if none of those wanted has real points, if nothing can be written there, or a
+        constants.csv of another make lies there.
     """
     out = Path(out)
-    _check_free(out)
+    choice = chosen(figures, digitised_only)
+    whole = not figures
+    _check_free(out, whole)
     existing = next(place for place in (out, *out.absolute().parents) if place.exists())
     try:
         with tempfile.TemporaryDirectory(dir=existing, prefix=".ifrfit-") as scratch:
-            done = _run(Path(scratch), progress)
+            done = _run(Path(scratch), choice, whole, progress)
             out.mkdir(parents=True, exist_ok=True)
-            written = _move(Path(scratch), out)
+            written = _move(Path(scratch), out, choice, whole)
     except OSError as error:
         raise UsageError(
             f"{out}: cannot be written ({error.strerror or error}). Choose another folder with --out."
         ) from None
-    figures = sum(name != TABLE for name in written) // len(FORMATS)
-    return _text(done) + f"\nwritten: {out}/  {TABLE} and {figures} figures (svg and png)\n"
+    count = sum(name != TABLE for name in written) // len(FORMATS)
+    named = [f"{count} figure{'s' if count != 1 else ''} (svg, png and csv)"]
+    text = table_text(list(done.values()), _answers(done))
+    left = f"\nleft out, without real points: {', '.join(choice.left_out)}\n" if choice.left_out else ""
+    return f"{text}{left}\nwritten: {out}/  {' and '.join([*([TABLE] if whole else []), *named])}\n"
 
 
-def _header() -> list[str]:
-    return [field.name for field in fields(Line)]
-
-
-def _check_free(out: Path) -> None:
+def _check_free(out: Path, whole: bool) -> None:
     if out.exists() and not out.is_dir():
         raise UsageError(f"{out} is a file. Name a folder with --out.")
     table = out / TABLE
-    if table.is_file():
+    if whole and table.is_file():
         with table.open(encoding="utf-8", errors="replace") as file:
             ours = file.readline().startswith(",".join(_header()[:4]))
         if not ours:
             raise UsageError(f"{table} is not a table of this command. Choose another folder with --out.")
 
 
-def _run(folder: Path, progress: bool) -> list[Done]:
-    from rich.console import Console
-    from rich.progress import Progress
+def _header() -> list[str]:
+    return [field.name for field in fields(Line)]
 
-    done = []
-    with Progress(console=Console(stderr=True), transient=True, disable=not progress) as bar:
-        task = bar.add_task("", total=len(CASES))
-        for case in CASES:
-            bar.update(task, description=case.name)
-            found = fit_case(case)
-            if found.result is not None:
-                figure = plot(found.result)
-                for suffix in FORMATS:
-                    save_figure(figure, folder / f"{case.name}.{suffix}")
-            done.append(found)
-            bar.advance(task)
-    with (folder / TABLE).open("w", encoding="utf-8", newline="") as file:
+
+def _run(folder: Path, choice: Choice, whole: bool, progress: bool) -> dict[str, Done]:
+    """Fit, draw and write into a folder; the fits by the names of their cases."""
+    done: dict[str, Done] = {}
+    with _telling(progress) as tell:
+        for figure in choice.figures:
+            started = time.monotonic()
+            made = make(figure, done)
+            if made is not None:
+                _save(made, folder)
+            how = f"{time.monotonic() - started:.1f} s" if made is not None else "not drawn, see the table"
+            plain = figure.title.replace("$", "").replace("\\", "")
+            tell(f"{figure.stem:<17} {plain}, {how}")
+        for case in CASES if whole else ():
+            if case.name not in done and case.dataset in choice.datasets:
+                done[case.name] = fit_case(case)
+    done = {case.name: done[case.name] for case in CASES if case.name in done}
+    if whole:
+        _write_table(folder / TABLE, list(done.values()))
+    return done
+
+
+def _save(made: Made, folder: Path) -> None:
+    for suffix in DRAWN:
+        save_figure(made.figure, folder / f"{made.stem}.{suffix}")
+    write_rows(made.rows, folder / f"{made.stem}.csv")
+
+
+@contextmanager
+def _telling(progress: bool) -> Iterator[Callable[[str], object]]:
+    """Say that a figure is done, on standard error."""
+    if not progress:
+        yield lambda line: None
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    with console.status("fitting and drawing"):
+        yield console.print
+
+
+def _write_table(path: Path, done: Sequence[Done]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(_header())
         writer.writerows([_cell(getattr(line, name)) for name in _header()] for d in done for line in d.lines)
-    return done
 
 
 def _cell(value: object) -> str:
@@ -105,102 +150,26 @@ def _cell(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _move(scratch: Path, out: Path) -> list[str]:
+def _move(scratch: Path, out: Path, choice: Choice, whole: bool) -> list[str]:
     """Put the files in place, the table last; what an earlier run left without a successor goes."""
     names = sorted((path.name for path in scratch.iterdir()), key=lambda name: (name == TABLE, name))
     for name in names:
         (scratch / name).replace(out / name)
-    for name in {f"{case.name}.{suffix}" for case in CASES for suffix in FORMATS} - set(names):
+    ours = FIGURES if whole else choice.figures
+    stale = {f"{figure.stem}.{suffix}" for figure in ours for suffix in FORMATS} - set(names)
+    for name in sorted(stale.union(_EARLIER if whole else ())):
         (out / name).unlink(missing_ok=True)
     return names
 
 
-_COLUMNS = f"  {'':<4} {'printed':>7} {'value':>9} {'sd':>7}  {'95 % interval':<18}  {'status':<14}  "
-_WARNING = (
-    "STAND-INS, generated from the constants the paper prints. That a fit recovers what was put in shows "
-    "that the tool works; it says nothing about the experiments."
-)
+def _answers(done: dict[str, Done]) -> list[Answer]:
+    """What the data say to the paper's questions: one set in both regimes, one mu, which beta."""
+    asked = [across_regimes(d) for d in done.values() if not d.again and _has_angles(d)]
+    asked.append(across_spins(done))
+    if "buck-2017" in done:
+        asked.append(reading(done["buck-2017"]))
+    return [answer for answer in asked if answer is not None]
 
 
-def _text(done: Sequence[Done]) -> str:
-    """Write the table: data proper first, then what the user's own data could not give, then stand-ins."""
-    blocks: dict[bool, list[str]] = {False: [], True: []}
-    for d in done:
-        if d.result is not None:
-            blocks[d.stand_in].append(_block(d.case, d.result, d.lines, d.stand_in))
-    kinds = dict.fromkeys(line.provenance for d in done if not d.stand_in for line in d.lines)
-    parts = [f"DATA, {joined(list(kinds))}", *blocks[False]] if blocks[False] else []
-    parts += [
-        "\n".join(_wrapped(f"{d.case.name}: not fitted to your own data. {d.refusal}", ""))
-        for d in done
-        if d.refusal
-    ]
-    if blocks[True]:
-        score = _score([line for d in done if d.stand_in for line in d.lines])
-        parts += ["\n".join(_wrapped(_WARNING, "", "")), *blocks[True], score]
-    return "\n\n".join(parts) + "\n"
-
-
-def _score(lines: Sequence[Line]) -> str:
-    hits, k = held(lines)
-    words = (
-        f"{hits} of {k} identifiable 95 % intervals hold the value put in; {LEVEL * k:.1f} are expected, and "
-        f"{hits} or fewer have the binomial probability {chance(hits, k):.2g}. Seeds are hashes of the "
-        "datasets' names. Constants of one fit share their data, so the count is only roughly binomial."
-    )
-    return "\n".join(_wrapped(words, "", ""))
-
-
-def _block(case: Case, result: FitResult, lines: Sequence[Line], stand_in: bool) -> str:
-    rows = [
-        *_wrapped(f"{case.name}   {contents(result, result.inputs[0])}", "", "    "),
-        *_wrapped(case.reason),
-        _COLUMNS + ("put in" if stand_in else "reading"),
-    ]
-    estimates = result.flat_constants()
-    for line in lines:
-        found = estimates[line.constant]
-        printed = "" if line.printed is None else alone(line.printed)
-        span = "" if found.status == "fixed" else interval_text(found.interval95, places_of(found))
-        sd = "-" if found.stderr is None or found.value is None else spread(found.stderr)
-        rows.append(
-            f"  {line.constant:<4} {printed:>7} {value_text(found):>9} {sd:>7}  {span:<18}  "
-            f"{found.status.replace('_', ' '):<14}  {_recovery(line) if stand_in else _reading(line, found)}"
-        )
-    if not stand_in:
-        rows += _wrapped(f"verdict: {_verdict(result)}")
-    return "\n".join(rows)
-
-
-def _wrapped(sentence: str, indent: str = "  ", hang: str = "    ") -> list[str]:
-    return textwrap.wrap(
-        sentence, WIDTH, initial_indent=indent, subsequent_indent=hang, break_on_hyphens=False
-    )
-
-
-def _recovery(line: Line) -> str:
-    if line.status == "fixed":
-        return "given to the fit"
-    if line.recovers is None:
-        return "not recovered"
-    return "recovered" if line.recovers else "missed"
-
-
-def _reading(line: Line, found: Estimate) -> str:
-    if found.status == "fixed":
-        return "given to the fit"
-    if not line.lack_of_fit_ok:
-        return "not valid, see verdict"
-    if line.recovers is not None:
-        return "agrees with print" if line.recovers else "differs from print"
-    plain = {
-        "determined": "found",
-        "prior": "rests on the prior",
-        "not_determined": "these data do not tell",
-    }
-    return plain.get(found.status, found.reason)
-
-
-def _verdict(result: FitResult) -> str:
-    failing = [fact.says for name, fact in result.facts.items() if not fact.ok and name not in QUIET_FACTS]
-    return "; ".join(failing) or result.facts["lack_of_fit"].says
+def _has_angles(done: Done) -> bool:
+    return done.result is not None and bool(done.result.points["gamma_deg"].notna().any())

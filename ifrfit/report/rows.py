@@ -47,7 +47,7 @@ class Row:
 
 
 def table_rows(result: FitResult) -> list[Row]:
-    """Constants in the order of the closure, then kappa, then the noise."""
+    """Constants in the order of the closure, then kappa and the Poisson ratio behind chi, then the noise."""
     rows = [
         Row(name, series, estimate, "", status_words(estimate))
         for name, entry in result.constants.items()
@@ -56,6 +56,10 @@ def table_rows(result: FitResult) -> list[Row]:
     rows += [
         Row("kappa", series, estimate, "", _kappa_words(estimate))
         for series, estimate in _each(result.derived.get("kappa"))
+    ]
+    rows += [
+        Row("nu", series, estimate, "", "Poisson ratio, if sphere and wall are of one material")
+        for series, estimate in _each(result.derived.get("poisson_ratio"))
     ]
     return rows + list(_noise_rows(result))
 

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.result import Estimate, FitResult
-from ifrfit.report.regimes import transition_is_open, transition_words, transitions
+from ifrfit.report.regimes import regime_name, transition_is_open, transition_words, transitions
 from ifrfit.report.style import GREY, STICKING_SHADE, Look
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def spans(key: Regimes) -> list[tuple[float, float, str]]:
     ]
 
 
-def draw_regimes(axes: Axes, key: Regimes, *, labels: bool) -> None:
+def draw_regimes(axes: Axes, key: Regimes, result: FitResult, *, labels: bool) -> None:
     """Shade sticking, name both regimes and mark the transitions with their 95 % intervals."""
     for low, high, regime in spans(key):
         if regime == "sticking":
@@ -66,7 +66,7 @@ def draw_regimes(axes: Axes, key: Regimes, *, labels: bool) -> None:
             axes.text(
                 (low + high) / 2.0,
                 0.975,
-                regime,
+                regime_name(result, regime),
                 transform=axes.get_xaxis_transform(),
                 ha="center",
                 va="top",
@@ -81,7 +81,7 @@ def draw_regimes(axes: Axes, key: Regimes, *, labels: bool) -> None:
             axes.axvline(value, color=GREY, lw=0.9, zorder=1.5)
 
 
-def draw_strip(axes: Axes, keys: dict[str, Regimes | None], look: dict[str, Look]) -> None:
+def draw_strip(axes: Axes, keys: dict[str, Regimes | None], look: dict[str, Look], result: FitResult) -> None:
     """Draw the regimes of several series that differ, one bar a series, above the data."""
     axes.set_xlim(0.0, 90.0)
     axes.set_ylim(len(keys), 0)
@@ -103,7 +103,8 @@ def draw_strip(axes: Axes, keys: dict[str, Regimes | None], look: dict[str, Look
             shade = "0.86" if regime == "sticking" else "white"
             axes.barh(row + 0.5, high - low, left=low, height=0.84, color=shade, ec=style.colour, lw=0.6)
             if high - low > 12.0:
-                axes.text((low + high) / 2, row + 0.5, regime, ha="center", va="center", fontsize=6)
+                name = regime_name(result, regime)
+                axes.text((low + high) / 2, row + 0.5, name, ha="center", va="center", fontsize=6)
         for value, low, high in () if isinstance(key, str) else key:
             axes.barh(row + 0.5, high - low, left=low, height=0.84, color=style.colour, alpha=0.45, lw=0.0)
             axes.plot([value, value], [row + 0.08, row + 0.92], color=style.colour, lw=1.2)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PANEL_WIDTH_MM = 85.0
@@ -72,6 +73,32 @@ def drawing() -> Iterator[None]:
 
     with style.context(["default", _STYLE]):
         yield
+
+
+def write_across(axes: Axes, word: str, *, size: float, height: float = 0.5) -> None:
+    """Write a word across a panel, behind everything that is drawn there."""
+    axes.text(
+        0.5,
+        height,
+        word,
+        transform=axes.transAxes,
+        ha="center",
+        va="center",
+        rotation=18,
+        fontsize=size,
+        weight="bold",
+        color="0.55",
+        alpha=0.2,
+        zorder=0.6,
+    )
+
+
+def settle(figure: Figure) -> None:
+    """Fix the layout: the last bit of its solver depends on addresses, and ids in an svg on that bit."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.set_position(tuple(round(x, 6) for x in axes.get_position().bounds))
 
 
 def save_figure(figure: Figure, path: Path) -> None:

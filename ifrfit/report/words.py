@@ -24,6 +24,7 @@ HEADLINES = {
     "lack_of_fit": "the data contradict the closure",
     "outliers": "outliers",
     "predictive": "the posterior does not predict such data",
+    "resampling": "there is too little to draw from",
     "sharing": "the series do not share their constants",
     "angular_momentum": "the velocities contradict the inertia factor",
 }
@@ -52,10 +53,21 @@ def sigma_words(result: FitResult) -> str:
 def model_line(result: FitResult) -> str:
     """Closure, method and noise in one line."""
     closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
-    parts = [f"closure {closure}", METHODS.get(result.method, result.method), noise_words(result)]
+    parts = [f"closure {closure}", _method_words(result), noise_words(result)]
+    if result.noise.scatter.words:
+        parts.append(result.noise.scatter.words)
     if result.inertia_factor != 0.4:
         parts.append(f"inertia factor {result.inertia_factor:.6g}")
     return ", ".join(parts)
+
+
+def _method_words(result: FitResult) -> str:
+    """The method; of a bootstrap also what was drawn anew, and how often."""
+    words = METHODS.get(result.method, result.method)
+    figures = result.facts["converged"].figures if "converged" in result.facts else {}
+    if result.method != "bootstrap" or "replicates" not in figures:
+        return words
+    return f"{words} ({figures['scheme']}, {figures['replicates']:,} replicates)"
 
 
 def noise_words(result: FitResult) -> str:

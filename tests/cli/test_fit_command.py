@@ -11,7 +11,7 @@ import pytest
 
 import ifrfit
 
-OWN = ["fit.png", "fit.svg", "result.json"]
+OWN = ["fit.png", "fit.svg", "report.html", "result.json"]
 # of the run, not of the fit
 PASSING = ("created", "command")
 
@@ -136,10 +136,10 @@ def test_quiet_says_nothing_and_still_writes(cli):
     assert sorted(path.name for path in Path("results").iterdir()) == OWN
 
 
-def test_out_writes_three_files_and_says_which(cli, schema):
+def test_out_writes_four_files_and_says_which(cli, schema):
     found = cli("fit", "kharaz-2001", "--out", "deep/results")
     assert found.returncode == 0
-    assert found.stdout.endswith("\n\nwritten: deep/results/  result.json  fit.svg  fit.png\n")
+    assert found.stdout.endswith("\n\nwritten: deep/results/  result.json  fit.svg  fit.png  report.html\n")
     assert sorted(path.name for path in Path("deep/results").iterdir()) == OWN
     assert [path.name for path in Path().iterdir()] == ["deep"]
     assert [path.name for path in Path("deep").iterdir()] == ["results"]

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 GOLDEN = Path(__file__).parent / "golden"
+SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 TEXTS = {
     "help": ("--help",),
     "fit-help": ("fit", "--help"),
@@ -20,6 +21,7 @@ TEXTS = {
     "kharaz-oblique": ("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15"),
     "stand-in": ("fit", "cross-2019", "--fix", "e_n=0.94"),
     "least-squares": ("fit", "cross-2019", "--fix", "e_n=0.94", "--method", "lsq"),
+    "bootstrap": ("fit", "cross-2019", "--fix", "e_n=0.94", "--method", "bootstrap", "--resample", "wild"),
     "beta-alone": ("fit", "cross-2019"),
     "separate": (
         "fit",
@@ -40,6 +42,9 @@ TEXTS = {
     "datasets-list": ("datasets", "list"),
     "datasets-show": ("datasets", "show", "kharaz-2001"),
     "datasets-show-stand-in": ("datasets", "show", "cross-2019"),
+    "simulate-help": ("simulate", "--help"),
+    "simulate-lateral-spin": ("simulate", str(SCENES / "lateral-spin.toml")),
+    "simulate-wet-bead": ("simulate", str(SCENES / "wet-bead.toml"), "--samples", "20"),
     "template": ("template",),
     "template-raw": ("template", "--raw"),
 }
@@ -71,7 +76,8 @@ def test_a_line_fits_a_terminal_and_nothing_trails(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["stand-in", "least-squares", "separate", "compare-stand-in", "datasets-show-stand-in"]
+    "name",
+    ["stand-in", "least-squares", "bootstrap", "separate", "compare-stand-in", "datasets-show-stand-in"],
 )
 def test_a_stand_in_says_so_within_its_first_two_lines(name):
     head = (GOLDEN / f"{name}.txt").read_text(encoding="utf-8").splitlines()[:2]

@@ -87,11 +87,29 @@ def test_a_closed_pipe_is_no_error():
 
 
 def test_reproduce_writes_figures_and_prints_the_table(python):
-    found = python("-m", "ifrfit", "reproduce", "--out", "figures")
+    found = python("-m", "ifrfit", "reproduce", "--out", "figures", "--figure", "3", "--figure", "A2.1b")
     assert (found.returncode, found.stderr) == (0, "")
-    for name in ("cross-2019", "kharaz-2001", "netl-glass-acrylic", "wang-2020"):
-        assert name in found.stdout
+    assert "cross-2019-no-spin" in found.stdout
     assert "stand-in" in found.stdout.lower()
-    made = [path.suffix for path in Path("figures").rglob("*") if path.is_file()]
-    assert {".svg", ".png"} <= set(made)
+    made = {path.name for path in Path("figures").iterdir()}
+    assert made == {f"{stem}.{suffix}" for stem in ("fig3", "figA2.1b") for suffix in ("svg", "png", "csv")}
     assert [path.name for path in Path().iterdir()] == ["figures"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--figure", "10"), "--figure 10: there is no such figure. There are 1, 2, 3, 4a, 4b, "),
+        (
+            ("--figure", "5", "--digitised-only"),
+            "--digitised-only: nothing of fig5 rests on points that were ",
+        ),
+        (("--out", "taken"), "taken is a file. Name a folder with --out."),
+    ],
+)
+def test_reproduce_refuses_in_a_sentence(python, arguments, said):
+    Path("taken").write_text("")
+    found = python("-m", "ifrfit", "reproduce", *arguments)
+    assert (found.returncode, found.stdout) == (2, "")
+    assert found.stderr.startswith(f"ifrfit: {said}")
+    assert [path.name for path in Path().iterdir()] == ["taken"]

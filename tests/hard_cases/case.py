@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 
 FILE = "impacts.csv"
 OUT = "results"
-METHODS = ("lsq", "profile", "exact")
-GROUPS = ("rebound", "data refused", "identifiability", "numerics")
+METHODS = ("lsq", "profile", "exact", "mcmc")
+SLOW = ("mcmc",)
+GROUPS = ("rebound", "scenes", "data refused", "identifiability", "numerics")
 
 
 @dataclass(frozen=True)

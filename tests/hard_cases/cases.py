@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from hard_cases import identifiable, numerics, rebounds, refusals
+from hard_cases import identifiable, numerics, rebounds, refusals, scenes
 from hard_cases.case import HardCase
 
-CASES: tuple[HardCase, ...] = (*rebounds.CASES, *refusals.CASES, *identifiable.CASES, *numerics.CASES)
+CASES: tuple[HardCase, ...] = (
+    *rebounds.CASES,
+    *scenes.CASES,
+    *refusals.CASES,
+    *identifiable.CASES,
+    *numerics.CASES,
+)

@@ -55,16 +55,18 @@ def _certified(judged: Judged) -> None:
     assert gap is not None
     assert gap <= _TIGHT * max(1.0, chi2)
     assert "global optimum certified" in judged.result.facts["global_optimum"].says
-    if judged.result.method == "exact":
+    if judged.result.method in ("exact", "mcmc"):
         _sound(judged.result)
 
 
 def _sound(result: FitResult) -> None:
-    """The quadrature reached what it promises, and its numbers make sense together."""
+    """The posterior is as well known as it promises, and its numbers make sense together."""
     converged = result.facts["converged"]
-    # FR's transition has no end: a few of its smallest problems stop short of 1e-4, and say so
-    assert converged.ok or result.closure == "fr", converged.says
-    assert np.isfinite(result.fit.log_evidence)
+    # FR's transition has no end: a few of its smallest problems stop short of 1e-4, and say so; two rows of
+    # very unequal weight leave a thin arm beside a broad region, in which walkers stay for thousands of steps
+    told = result.method == "mcmc" and "did not converge in 10,000 steps" in converged.says
+    assert converged.ok or result.closure == "fr" or told, converged.says
+    assert result.method == "mcmc" or np.isfinite(result.fit.log_evidence)
     for name, found in result.flat_constants().items():
         (low68, high68), (low95, high95) = found.interval68, found.interval95
         assert low95 <= low68 <= high68 <= high95, (name, found)
@@ -87,7 +89,8 @@ def _exactly(truth: dict[str, float]) -> Callable[[FitResult], None]:
         for name in ("e_t", "mu"):
             assert result.constants[name].status == "determined"
             # data without noise: the optimum is the truth, the median beside it by the bend of the law
-            off = 0.25 * result.constants[name].stderr if result.method == "exact" else 1e-10
+            by_law = result.method in ("exact", "mcmc")
+            off = 0.25 * result.constants[name].stderr if by_law else 1e-10
             assert abs(result.constants[name].value - truth[name]) <= off
         assert all(result.facts[x].ok for x in ("global_optimum", "identifiable", "lack_of_fit", "outliers"))
 

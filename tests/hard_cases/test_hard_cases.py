@@ -7,18 +7,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hard_cases.case import GROUPS, METHODS, HardCase
+from hard_cases.case import GROUPS, METHODS, SLOW, HardCase
 from hard_cases.cases import CASES
 
 ROOT = Path(__file__).parents[2]
 
 
-RUNS = [(case, method) for case in CASES for method in case.methods or ("",)]
+RUNS = [
+    pytest.param(
+        case,
+        method,
+        marks=pytest.mark.long if method in SLOW else (),
+        id=f"{case.name}{f' by {method}' if method else ''}",
+    )
+    for case in CASES
+    for method in case.methods or ("",)
+]
 
 
-@pytest.mark.parametrize(
-    ("case", "method"), RUNS, ids=[f"{case.name}{f' by {method}' if method else ''}" for case, method in RUNS]
-)
+@pytest.mark.parametrize(("case", "method"), RUNS)
 def test_hard_case(case: HardCase, method: str, tmp_path: Path) -> None:
     with warnings.catch_warnings(), np.errstate(all="warn", under="ignore"):
         warnings.simplefilter("error")

@@ -67,6 +67,19 @@ def test_bands_hold_the_curve_and_widen_for_a_new_measurement(impacts):
     assert found.predict([10.0]).equals(found.predict([10.0]))
 
 
+def test_the_noise_of_a_new_measurement_can_be_given_angle_by_angle(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), fix={"e_n": 0.94})
+    gamma, sigma = [10.0, 45.0, 80.0], np.array([0.0, 0.03, 0.3])
+    own, given = found.predict(gamma), found.predict(gamma, sigma=sigma)
+    assert own.drop(columns=[c for c in own if c.startswith("new")]).equals(
+        given.drop(columns=[c for c in given if c.startswith("new")])
+    )
+    width = (given["new_hi95"] - given["new_lo95"]).to_numpy()
+    assert width[0] == pytest.approx(given["hi95"][0] - given["lo95"][0], rel=1e-9)
+    assert width[1] == pytest.approx(own["new_hi95"][1] - own["new_lo95"][1], rel=1e-9)
+    assert width[2] == pytest.approx(2 * 1.96 * 0.3, rel=0.05)
+
+
 def test_prediction_of_what_was_not_measured_carries_the_loose_constant(impacts):
     found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8))
     table = found.predict([45.0], observable="e_n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from types import ModuleType
 from typing import Any
 
@@ -220,3 +221,8 @@ def test_refusals_say_what_to_do(call: dict[str, Any], text: str) -> None:
         rebound(30.0, e_n=0.9, mu=0.1, degrees=True, **call)
     assert str(caught.value) == text
     assert caught.value.exit_status == 2
+
+
+@pytest.mark.parametrize("closure", CLOSURES.values(), ids=lambda c: c.name)
+def test_a_closure_goes_to_other_processes_by_its_name(closure):
+    assert pickle.loads(pickle.dumps(closure)) is closure

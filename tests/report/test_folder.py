@@ -9,7 +9,7 @@ import pytest
 from ifrfit.errors import UsageError
 from ifrfit.report import folder, write_folder
 
-NAMES = ["result.json", "fit.svg", "fit.png"]
+NAMES = ["result.json", "fit.svg", "fit.png", "report.html"]
 
 
 def names(place: Path) -> set[str]:

@@ -24,7 +24,7 @@ def test_a_real_fit_is_shown_saved_and_read_back(result, tmp_path):
     assert text.startswith("impacts.csv   68 impacts, beta, measured, no sigma given\n")
     assert "a: 12 impacts stick, 22 slide; transition at " in text
     names = write_folder(result, tmp_path / "out", force=False)
-    assert names == ["result.json", "fit.svg", "fit.png"]
+    assert names == ["result.json", "fit.svg", "fit.png", "report.html"]
     back = load_result(tmp_path / "out" / "result.json")
     assert summary(back) == text
     gamma = np.linspace(1.0, 89.0, 50)

@@ -94,7 +94,7 @@ def _cross_validated(fits: dict[str, FitResult], seed: int) -> dict[str, Loo]:
 
 
 def _entries(fits: dict[str, FitResult], loo: dict[str, Loo]) -> dict[str, Entry]:
-    evidence = {name: float(fit.posterior.log_evidence) for name, fit in fits.items()}
+    evidence = {name: float(fit.law.log_evidence) for name, fit in fits.items()}
     chance = probabilities(evidence)
     top = max(evidence.values())
     return {

@@ -49,7 +49,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     if n_draws < _FEWEST:
         return None
     density = Density(problem)
-    draws = fit.posterior.draws(n_draws, np.random.default_rng(seed))
+    draws = fit.law.draws(n_draws, np.random.default_rng(seed))
     each = _likelihoods(density, _points(density, draws))
     elpd, k = _smoothed(each)
     threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
@@ -57,7 +57,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
     refitted = []
     for i in high[:MOST_REFITS]:
-        exact = left_out(problem, fit.posterior.log_evidence, density.impact != i)
+        exact = left_out(problem, fit.law.log_evidence, density.impact != i)
         if exact is not None:
             elpd[i] = exact
             refitted.append(names[i])

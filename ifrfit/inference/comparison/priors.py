@@ -70,7 +70,7 @@ def _problem(fit: FitResult) -> Problem:
 
 
 def _log_evidence(fit: FitResult) -> float:
-    return float(fit.posterior.log_evidence)
+    return float(fit.law.log_evidence)
 
 
 def _varied(problem: Problem, name: str | None) -> Constant | None:
@@ -87,7 +87,7 @@ def _labels(problem: Problem, name: str) -> list[str]:
 
 def _half(fit: FitResult, constant: Constant) -> Interval:
     """Part of the domain, half as wide, about the posterior median (the mean of several)."""
-    medians = [float(fit.posterior.quantile(x, 0.5)) for x in _labels(_problem(fit), constant.name)]
+    medians = [float(fit.law.quantile(x, 0.5)) for x in _labels(_problem(fit), constant.name)]
     width = OWN_WIDTH * (constant.upper - constant.lower)
     low = min(max(float(np.mean(medians)) - 0.5 * width, constant.lower), constant.upper - width)
     return low, low + width
@@ -103,7 +103,7 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
     old = Unknown.of(name, next(c for c in problem.constants if c.name == name))
     labels = _labels(problem, name)
     if len(labels) == 1 and old.lower <= ends[0] and ends[1] <= old.upper:
-        below, within = (float(x) for x in fit.posterior.cdf(labels[0], np.array(ends)))
+        below, within = (float(x) for x in fit.law.cdf(labels[0], np.array(ends)))
         if within - below > _ENOUGH:
             gain = math.log((old.upper - old.lower) / (ends[1] - ends[0]))
             return _log_evidence(fit) + gain + math.log(within - below)

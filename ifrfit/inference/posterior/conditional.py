@@ -14,6 +14,7 @@ from ifrfit.inference.posterior.rule import rule
 from ifrfit.inference.posterior.sums import Quadratic
 from ifrfit.inference.posterior.unknown import Unknown
 from ifrfit.inference.problem import Index
+from ifrfit.inference.scatter.rows import RowLaw
 from ifrfit.physics.closures import Coefficients
 
 Array = NDArray[np.float64]
@@ -57,9 +58,11 @@ class Spread:
         u = self.reach[..., None] * rule(order).nodes
         sign = np.array([-1.0, 1.0])[:, None]
         size = self.size[..., None, None]
-        nodes = self.mode[..., None, None] + sign * size * np.sinh(u)
+        rising = np.exp(u)
+        falling = 1.0 / rising
+        nodes = self.mode[..., None, None] + (0.5 * sign * size) * (rising - falling)  # sinh
         with np.errstate(divide="ignore"):
-            jacobian = np.log(size * np.cosh(u) * self.reach[..., None])
+            jacobian = np.log((0.5 * size * self.reach[..., None]) * (rising + falling))  # cosh
         shape = (*self.mode.shape, -1)
         return nodes.reshape(shape), jacobian.reshape(shape)
 
@@ -86,6 +89,7 @@ def about_mode(
     place: Place,
     limits: tuple[Array, Array],
     tail: float,
+    law: RowLaw | None = None,
 ) -> Spread:
     """Find the conditional mode inside its limits, its size, and how far both tails reach.
 
@@ -101,6 +105,8 @@ def about_mode(
     limits : (ndarray, ndarray)
     tail : float
         Fall of the log density beyond which nothing is counted.
+    law : RowLaw, optional
+        Of the rows, where `misfit` is no more than near to it.
     """
     lower, upper = limits
     weight = [1.0 / s**2 for s in sigma]
@@ -124,7 +130,7 @@ def about_mode(
             curvature = curvature + factor * w * (q.curvature + more_curvature)
         with np.errstate(divide="ignore", invalid="ignore"):
             d = np.where(curvature > 0.0, slope / curvature, 0.5 * (lower + upper) - reference)
-        d = np.broadcast_to(d, np.broadcast_shapes(d.shape, lower.shape))
+        d = _spread_over(d, np.broadcast(d, lower).shape)
         if noise:
             inside = np.clip(d, lower - reference, upper - reference)
             weight = [
@@ -135,19 +141,25 @@ def about_mode(
             ]
     with np.errstate(divide="ignore"):
         size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
-    size = np.maximum(np.broadcast_to(size, d.shape), 1e-300)
+    size = np.maximum(_spread_over(size, d.shape), 1e-300)
     mode = np.clip(reference + d, lower, upper)
     pull = np.abs(reference + d - mode) / size  # slope of the log density at the bound, per size
     fall = tail
     if count:  # Student's tails: so far out that their mass does not count either
         fall = 0.5 * count * math.expm1(min(2.0 * tail / max(count - 1.0, 1.0), 30.0))
     far = size * 2.0 * fall / (pull + np.sqrt(pull * pull + 2.0 * fall))
-    if not misfit.is_quadratic:
+    if not misfit.is_quadratic or law is not None:
         far = _CURVED * far  # an angle saturates, so its misfit rises more slowly than it begins
+    if law is not None and law.scatter.dof is not None:
+        far = np.full(far.shape, np.inf)  # rows that disagree keep places likely that are far from the mode
     size = size / (1.0 + pull)
     room = np.stack((mode - lower, upper - mode), axis=-1)
     reach = np.arcsinh(np.minimum(room, far[..., None]) / size[..., None])
     return Spread(mode, size, reach)
+
+
+def _spread_over(values: Array, shape: tuple[int, ...]) -> Array:
+    return values if values.shape == shape else np.broadcast_to(values, shape)
 
 
 def _gauss_newton(misfit: Misfit, rows: Index, place: Place, c: Array) -> tuple[Array | float, Array | float]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.posterior.axis import Axis
+from ifrfit.inference.posterior.inverse import Tables, grid_of
 from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.marginal import Panels
 from ifrfit.inference.posterior.plan import noise_label
-from ifrfit.inference.posterior.rule import partial
 from ifrfit.inference.posterior.tensor import Tensor
 from ifrfit.inference.posterior.unknown import Unknown
 
@@ -19,9 +21,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-_STEPS = 32  # points to a panel at which distribution functions are tabled
-_GRID = np.linspace(0.0, 1.0, _STEPS + 1)
 
 
 def draw(posterior: Posterior, n: int, rng: np.random.Generator) -> dict[str, Array]:
@@ -67,48 +66,22 @@ def _shared(grid: Grid, n: int, rng: np.random.Generator) -> tuple[Index, dict[s
             )
         rows = rest.reshape(-1, one.axis.panels.shape[0], one.axis.order + 1)
         panels = Panels.of(one.axis.low[None], one.axis.width[None], rows)
-        t = _inverse(panels, index, rng.random(n))
+        t, before = _inverted(one.axis, panels, index, rng.random(n))
         values[one.kind] = np.exp(t) if one.log else t
-        index = index * shape[number] + _neighbour(one.axis.nodes(), t, rng)
+        # one of the two nodes about each value, the nearer one more often
+        share = _towards_next(one.axis.nodes(), before, t)
+        index = index * shape[number] + before + (rng.random(n) < share)
     return index, values
 
 
-def _neighbour(nodes: Array, t: Array, rng: np.random.Generator) -> Index:
-    """One of the two nodes about each value, the nearer one more often."""
-    right = (
-        np.clip(np.searchsorted(nodes, t), 1, nodes.size - 1) if nodes.size > 1 else np.zeros(t.size, np.intp)
-    )
-    if nodes.size == 1:
-        return np.asarray(right)
-    gap = nodes[right] - nodes[right - 1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(gap > 0.0, (t - nodes[right - 1]) / gap, 0.0)
-    return np.asarray(right - (rng.random(t.size) >= share))
+def _inverted(axis: Axis, panels: Panels, row: Index, p: Array) -> tuple[Array, Index]:
+    """Where the distribution function of a row takes the share p of its total, and the node before."""
+    return Tables.of(panels).inverse(row, p, _places(axis))
 
 
-def _inverse(panels: Panels, row: Index, p: Array) -> Array:
-    """Where the distribution function of a row takes the share p of its total."""
-    used, at = np.unique(row, return_inverse=True)
-    rows = panels.cumulative.shape[0]
-    used = used if rows > 1 else np.zeros(1, dtype=np.intp)
-    at = at.reshape(-1) if rows > 1 else np.zeros(p.size, dtype=np.intp)
-    coefficients = panels.coefficients[used]
-    inside = partial(coefficients[:, :, None, :], _GRID[None, None, :])
-    table = panels.cumulative[used][:, :-1, None] + inside
-    low = panels.low[used if panels.low.shape[0] > 1 else np.zeros(used.size, np.intp)]
-    width = panels.width[used if panels.low.shape[0] > 1 else np.zeros(used.size, np.intp)]
-    places = (low[..., None] + width[..., None] * _GRID).reshape(used.size, -1)
-    table = np.maximum.accumulate(table.reshape(used.size, -1), axis=1)
-    table = table / np.maximum(table[:, -1:], 1e-300)
-    flat = (table + 2.0 * np.arange(used.size)[:, None]).reshape(-1)
-    right = np.searchsorted(flat, p + 2.0 * at, side="left")
-    first = at * table.shape[1]
-    right = np.clip(right - first, 1, table.shape[1] - 1)
-    a, b = table[at, right - 1], table[at, right]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(b > a, np.clip((p - a) / (b - a), 0.0, 1.0), 0.5)
-    left = places[at, right - 1]
-    return np.asarray(left + share * (places[at, right] - left))
+def _places(axis: Axis) -> Array:
+    """The points of all panels, (1, points)."""
+    return np.asarray((axis.low[:, None] + axis.width[:, None] * grid_of(axis.order)).reshape(1, -1))
 
 
 def _series(
@@ -123,40 +96,38 @@ def _series(
     for kind, known in (("e_n", series.e_n), ("c", series.c), ("mu", series.mu)):
         if not isinstance(known, Unknown):
             found[kind] = shared[kind] if known is None else np.full(n, float(known))
-    e_ends = [e_at, e_at]
     e_share = np.zeros(n)
     if series.has_e_axis:
         assert series.e_axis is not None
         h = (tensor.g[0] * tensor.x_weight[0]).sum(axis=-1)
         rows = h.reshape(m, -1, series.e_axis.order + 1)
         panels = Panels.of(series.e_axis.low[None], series.e_axis.width[None], rows)
-        found["e_n"] = _inverse(panels, row, rng.random(n))
-        e_ends, e_share = _between(series.e_axis.nodes(), found["e_n"])
-        e_at = np.where(rng.random(n) < e_share, e_ends[1], e_ends[0])
-    x_ends, x_share = [np.zeros(n, dtype=np.intp)] * 2, np.zeros(n)
+        found["e_n"], before = _inverted(series.e_axis, panels, row, rng.random(n))
+        if tensor.g.shape[2] > 1 and (series.has_x_axis or series.has_c):
+            e_at, e_share = before, _towards_next(series.e_axis.nodes(), before, found["e_n"])
+    x_at, x_share = np.zeros(n, dtype=np.intp), np.zeros(n)
     if series.has_x_axis:
-        t = _transition(tensor, row, e_ends, e_share, rng.random(n))
         assert series.x_axis is not None
-        x_ends, x_share = _between(series.x_axis.nodes(), t)
+        t, x_at = _transition(tensor, row, e_at, e_share, rng.random(n))
         found["x"] = series.to_x(t)
+        if series.has_c:
+            x_share = _towards_next(series.x_axis.nodes(), x_at, t)
     if series.has_c:
-        found["c"] = _closure_constant(tensor, row, e_at, x_ends, x_share, rng.random(n))
+        e_at = e_at + (rng.random(n) < e_share)
+        found["c"] = _closure_constant(tensor, row, e_at, x_at, x_share, rng.random(n))
     return _completed(tensor, found)
 
 
-def _between(nodes: Array, t: Array) -> tuple[list[Index], Array]:
-    """The nodes about each value, and how far it is towards the second."""
-    if nodes.size == 1:
-        return [np.zeros(t.size, dtype=np.intp)] * 2, np.zeros(t.size)
-    right = np.clip(np.searchsorted(nodes, t), 1, nodes.size - 1)
-    gap = nodes[right] - nodes[right - 1]
+def _towards_next(nodes: Array, before: Index, t: Array) -> Array:
+    """How far each value is from the node before it towards the next one."""
+    left = nodes[before]
+    gap = nodes[before + 1] - left
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(gap > 0.0, np.clip((t - nodes[right - 1]) / gap, 0.0, 1.0), 0.0)
-    return [right - 1, right], share
+        return np.asarray(np.where(gap > 0.0, np.clip((t - left) / gap, 0.0, 1.0), 0.0))
 
 
-def _transition(tensor: Tensor, row: Index, e_ends: list[Index], e_share: Array, p: Array) -> Array:
-    """The transition's coordinate: quantiles at the two nodes of e_n about the draw, interpolated."""
+def _transition(tensor: Tensor, row: Index, e_at: Index, e_share: Array, p: Array) -> tuple[Array, Index]:
+    """The transition's coordinate, and the node before: quantiles at the two nodes of e_n, interpolated."""
     axis = tensor.series.x_axis
     assert axis is not None
     m, n_e, _ = tensor.g.shape[1:]
@@ -169,34 +140,48 @@ def _transition(tensor: Tensor, row: Index, e_ends: list[Index], e_share: Array,
             panels.below(np.broadcast_to(end, (m, n_e)).reshape(-1)) / total for end in tensor.limits
         )
         start, span = least, most - least
-    ends = [row * n_e + end for end in (e_ends if n_e > 1 else e_ends[:1])]
-    found = [_inverse(panels, at, start[at] + p * span[at]) for at in ends]
-    return np.asarray(found[0] + e_share * (found[-1] - found[0]))
+
+    table, places = Tables.of(panels), _places(axis)
+
+    def at(which: Index) -> tuple[Array, Index]:
+        share = p if tensor.limits is None else np.clip(start[which] + p * span[which], 0.0, 1.0)
+        return table.inverse(which, share, places)
+
+    t, before = at(row * n_e + e_at)
+    if n_e == 1:
+        return t, before
+    t = t + e_share * (at(row * n_e + e_at + 1)[0] - t)
+    nodes = axis.nodes()
+    return t, np.clip(np.searchsorted(nodes, t) - 1, 0, nodes.size - 2)
 
 
 def _closure_constant(
-    tensor: Tensor, row: Index, e_at: Index, x_ends: list[Index], x_share: Array, p: Array
+    tensor: Tensor, row: Index, e_at: Index, x_at: Index, x_share: Array, p: Array
 ) -> Array:
     """The closure constant: quantiles at the two nodes of the transition about the draw, interpolated."""
     assert tensor.spread is not None
     order = tensor.series.c_order
     shape = np.broadcast_shapes(tensor.f.shape[:3], tensor.spread.mode.shape)
     row, e_at = (at if n > 1 else np.zeros_like(at) for at, n in ((row, shape[0]), (e_at, shape[1])))
-    mode, size = (np.broadcast_to(y, shape).reshape(-1) for y in (tensor.spread.mode, tensor.spread.size))
-    reach = np.broadcast_to(tensor.spread.reach, (*shape, 2)).reshape(-1, 2)
-    values = np.broadcast_to(tensor.f, (*shape, tensor.f.shape[-1])).reshape(-1, 2, order + 1)
-    ends = []
-    for end in x_ends if shape[2] > 1 else [np.zeros_like(row)] * 2:
-        flat = (row * shape[1] + e_at) * shape[2] + end
-        used, at = np.unique(flat, return_inverse=True)
-        both = values[used].copy()
-        both[:, 0] = both[:, 0, ::-1]  # the left side runs away from the mode: turn it round
-        # the coordinate: from -1 (left end) to 0 (mode) to 1 (right end)
-        panels = Panels.of(np.array([[-1.0, 0.0]]), np.ones((1, 2)), both)
-        s = _inverse(panels, at.reshape(-1), p)
-        u = np.where(s < 0.0, reach[flat, 0], reach[flat, 1]) * s
-        ends.append(mode[flat] + size[flat] * np.sinh(u))
-    return np.asarray(ends[0] + x_share * (ends[1] - ends[0]))
+    ends = [(row * shape[1] + e_at) * shape[2] + x_at]
+    if shape[2] > 1:
+        ends.append(ends[0] + 1)
+    used = np.flatnonzero(np.bincount(np.concatenate(ends), minlength=math.prod(shape)))
+    number = np.zeros(math.prod(shape), dtype=np.intp)
+    number[used] = np.arange(used.size)
+    mode, size = (
+        np.broadcast_to(y, shape).reshape(-1)[used, None] for y in (tensor.spread.mode, tensor.spread.size)
+    )
+    reach = np.broadcast_to(tensor.spread.reach, (*shape, 2)).reshape(-1, 2)[used]
+    both = np.broadcast_to(tensor.f, (*shape, tensor.f.shape[-1])).reshape(-1, 2, order + 1)[used]
+    both[:, 0] = both[:, 0, ::-1]  # the left side runs away from the mode: turn it round
+    # the coordinate: from -1 (left end) to 0 (mode) to 1 (right end)
+    table = Tables.of(Panels.of(np.array([[-1.0, 0.0]]), np.ones((1, 2)), both))
+    grid = grid_of(order)
+    u = np.concatenate((reach[:, :1] * (grid - 1.0), reach[:, 1:] * grid), axis=1)
+    places = mode + size * np.sinh(u)
+    found = [table.inverse(number[at], p, places)[0] for at in ends]
+    return np.asarray(found[0] + x_share * (found[-1] - found[0]))
 
 
 def _completed(tensor: Tensor, found: dict[str, Array]) -> dict[str, Array]:

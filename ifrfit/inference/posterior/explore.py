@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,13 +10,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ifrfit.inference.law import LEVELS
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.posterior import quantity as of
 from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.of_series import of_series
 from ifrfit.inference.posterior.plan import Plan, make_plan
 from ifrfit.inference.posterior.quantity import Quantity
-from ifrfit.inference.posterior.settled import LEVELS, largest_change, panel_errors, quantiles_of
+from ifrfit.inference.posterior.settled import largest_change, panel_errors, quantiles_of
 from ifrfit.inference.posterior.unknown import Unknown
 from ifrfit.inference.posterior.whereabouts import quantities_of
 from ifrfit.inference.problem import Problem
@@ -30,6 +32,7 @@ _PATIENCE, _PATIENT = 2, 8  # rounds in which the error must halve, dear ones an
 _NOTHING = 1e-7  # share of the mass, times the tolerance, that a first look may leave out: tails can be long
 _LARGEST = 6_000_000  # values of the density held at once
 _THRESHOLDS = 256  # of a distribution function, taken at once
+_GRAIN = 0.02  # sd: from a bound to where the density is taken
 _WALL = 1e-12  # mass at the end of kappa's domain above which e_n does not separate
 
 
@@ -63,6 +66,16 @@ class Posterior:
     def names(self) -> tuple[str, ...]:
         """Free entries of theta, kappa, and free noises."""
         return tuple(self.quantities)
+
+    @property
+    def grain(self) -> float:
+        """Width, in sd, over which a density is taken."""
+        return _GRAIN
+
+    @property
+    def kept(self) -> float:
+        """There is no end to its draws."""
+        return math.inf
 
     @property
     def converged(self) -> bool:
@@ -112,7 +125,7 @@ class Posterior:
         inside = (at > own.low) & (at < own.high)
         if inside.any():
             parts = np.array_split(at[inside], 1 + at.size // _THRESHOLDS)
-            found[inside] = np.clip(np.concatenate([own.cdf(part, 0) for part in parts]), 0.0, 1.0)
+            found[inside] = np.clip(np.concatenate([own.cdf(part, 1)[0] for part in parts]), 0.0, 1.0)
         return float(found[0]) if np.ndim(value) == 0 else found
 
     def covariance(self, names: Sequence[str]) -> Array:
@@ -124,7 +137,7 @@ class Posterior:
         block = self.problem.series.index(series) if len(self.plan.blocks) > 1 else 0
         part = self.plan.joint.series[self.plan.tangential[block]]
         c = self.plan.unknowns["c", block]
-        if part.stretched and isinstance(c, Unknown):
+        if part.misfit.law is not None or (part.stretched and isinstance(c, Unknown)):
             own = of_series(self.grid, self.plan.tangential[block], "tau", "tau")
             return quantiles_of(own, np.array(LEVELS), own.moments(0), self.tolerance)
         b = float(part.misfit.b(c if not isinstance(c, Unknown) else 0.0))
@@ -179,7 +192,7 @@ def touches_wall(plan: Plan, quantities: Mapping[str, Quantity]) -> bool:
             unknown = next(s.unknown for s in plan.joint.shared if s.kind == "mu")
         assert isinstance(unknown, Unknown)
         for name in (n for n in quantities if n.startswith("kappa")):
-            if 1.0 - quantities[name].cdf(np.array([0.999 * unknown.upper]), 0)[0] > _WALL:
+            if 1.0 - quantities[name].cdf(np.array([0.999 * unknown.upper]), 1)[0, 0] > _WALL:
                 return True
     return False
 

@@ -139,9 +139,8 @@ class Series:
                 floor, top = mu, mu
             ends = floor * (1.0 + e_n) * least, top * (1.0 + e_n) * most
         low, high = (self.to_t(end[..., 0]) for end in ends)
-        panels = self.x_axis.panels
-        first, last = float(panels.min()), float(panels.max())
-        if float(np.max(low)) <= first + _HAIR * last and float(np.min(high)) >= (1.0 - _HAIR) * last:
+        first, last = self.x_axis.panels[0, 0], self.x_axis.panels[-1, 1]
+        if low.max() <= first + _HAIR * last and high.min() >= (1.0 - _HAIR) * last:
             return None
         low, high = np.broadcast_arrays(low, high)
         return low, high
@@ -204,7 +203,8 @@ class Series:
             mu_ends = (self.mu.lower, self.mu.upper) if isinstance(self.mu, Unknown) else None
             limits_c = c_limits(self.c, self.misfit.coefficients, mu_ends, e, x)
             place = Place(squares, e, x, mu, None if noise is None else noise[..., 0])
-            spread = about_mode(self.misfit, self.noise, self.sigma, self.c, place, limits_c, self.tail)
+            own = (self.misfit, self.noise, self.sigma, self.c)
+            spread = about_mode(*own, place, limits_c, self.tail, self.law)
             nodes, log_jacobian = spread.nodes(self.c_order)
             log_measure = log_measure + log_jacobian
         else:

@@ -87,11 +87,8 @@ class Joint:
             series.c_order = 2 * _COARSE
         grid = self.evaluate()
         masses = [(one.axis, grid.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
-        for series, tensor in zip(self.series, grid.tensors, strict=True):
-            errors = tensor.panel_errors(grid.share[0])
-            for name, axis_ in (("x", series.x_axis), ("e_n", series.e_axis)):
-                if axis_ is not None and name in errors:
-                    masses.append((axis_, errors[name][0]))
+        for tensor in grid.tensors:
+            masses += tensor.panel_masses(grid.share)
         for axis, mass in masses:
             axis.drop(mass, nothing)
         for axis, order in zip(axes, orders[0], strict=True):
@@ -113,8 +110,7 @@ class Joint:
         for one, (mass, error) in zip(self.shared, outer, strict=True):
             changed |= one.axis.refine(mass, worst(one.axis, error), allowed)
         for series, tensor in zip(self.series, grid.tensors, strict=True):
-            for name, (mass, error) in tensor.panel_errors(grid.share[0]).items():
-                axis = {"x": series.x_axis, "e_n": series.e_axis, "c": None}[name]
+            for axis, mass, error in tensor.panel_errors(grid.share):
                 if axis is not None:
                     changed |= axis.refine(mass, worst(axis, error), allowed)
                 elif error[0] > allowed and series.c_order < _FINEST:
@@ -150,9 +146,20 @@ class Grid:
         """Nodes along each shared unknown."""
         return [s.axis.nodes().size for s in self.joint.shared]
 
-    def outer_rows(self, number: int, level: int, rows: int | None = None) -> Panels:
-        """Marginal of a shared unknown; or its density at each node of another one, `rows`."""
+    def outer_marginal(self, number: int) -> Panels:
+        """Marginal of a shared unknown, one row a level."""
         axis = self.joint.shared[number].axis
+        found = [self._outer_density(number, level).reshape(axis.shape) for level in (0, 1)]
+        return Panels.of_levels(axis.low[None], axis.width[None], np.stack(found))
+
+    def outer_rows(self, number: int, level: int, rows: int) -> Panels:
+        """Density of a shared unknown at each node of another one, `rows`."""
+        axis = self.joint.shared[number].axis
+        values = np.moveaxis(self._outer_density(number, level, rows), (rows, number), (-2, -1))
+        values = values.reshape(values.shape[-2], *axis.shape)
+        return Panels.of(axis.low[None], axis.width[None], values, level)
+
+    def _outer_density(self, number: int, level: int, rows: int | None = None) -> Array:
         density = self.density[level].reshape(self.shape())
         for other, one in enumerate(self.joint.shared):
             if other not in (number, rows):
@@ -160,12 +167,7 @@ class Grid:
                 shape = [1] * density.ndim
                 shape[other] = -1
                 density = (density * w.reshape(shape)).sum(axis=other, keepdims=True)
-        if rows is None:
-            values = density.reshape(1, -1, axis.order + 1)
-        else:
-            values = np.moveaxis(density, (rows, number), (-2, -1))
-            values = values.reshape(values.shape[-2], -1, axis.order + 1)
-        return Panels.of(axis.low[None], axis.width[None], values, level)
+        return np.asarray(density)
 
     def outer_errors(self, number: int) -> tuple[Array, Array]:
         """Mass and error of the panels of a shared unknown."""

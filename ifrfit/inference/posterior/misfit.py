@@ -4,24 +4,29 @@ Sorted by tau, the rows that stick at a given transition are the first ones. Pre
 products of four columns (residual at a reference, value there, and the derivatives by the closure constant
 and by kappa) give the sum of squares at any constants from sixteen numbers, however many rows there are: a
 quadratic in the closure constant, given e_n and the transition. Rows that are not linear in the impulse
-are evaluated as they stand.
+are evaluated as they stand; under a law that is not bilinear that is every oblique row, and kappa itself is
+the transition's coordinate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.sums import PAIRS, Quadratic, Sums, expand, scale_of
 from ifrfit.inference.problem import Index, RowModel
-from ifrfit.physics.closures import Closure
-from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.physics.angles import Incidence
+from ifrfit.physics.closures import Closure, Coefficients
+from ifrfit.physics.laws import Law
+from ifrfit.physics.observables import OBSERVABLES, Observable
 
 Array = NDArray[np.float64]
 
+_BY_KAPPA = Coefficients(0.0, 0.0, 1.0, 0.0)  # x = kappa
 _MOST_MINIMA = 8
 AT_ONCE = 40_000  # values of curved rows computed at once: their arrays stay in the cache
 
@@ -70,26 +75,35 @@ class Misfit:
         reference: Reference,
     ) -> None:
         self.rows, self.weight, self.groups = rows, weight, tuple(groups)
-        self.coefficients = closure.coefficients(inertia_factor)
+        # of any other law than a bilinear one; its rows are not linear
+        self.law: Law | None = None if closure.bilinear else closure.law(inertia_factor)
+        self.coefficients = closure.coefficients(inertia_factor) if self.law is None else _BY_KAPPA
         self.inertia_factor = inertia_factor
         self.reference = reference
-        kinds = np.array([OBSERVABLES[name].kind for name in rows.names])[rows.which]
-        self._kinds = kinds
-        self.curved_rows = [group[kinds[group] == "curved"] for group in self.groups]
-        self._sums = [self._tangential(group[kinds[group] == "tangential"]) for group in self.groups]
-        self._normal = [self._normal_rows(group[kinds[group] == "normal"]) for group in self.groups]
-        self._friction = [self._friction_rows(group[kinds[group] == "friction"]) for group in self.groups]
+        kinds = [OBSERVABLES[name].kind for name in rows.names]
+        if self.law is not None:
+            kinds = ["curved" if kind == "tangential" else kind for kind in kinds]
+        curved, tangential, normal, friction = (
+            np.array([own == kind for own in kinds])[rows.which]
+            for kind in ("curved", "tangential", "normal", "friction")
+        )
+        self._oblique = curved | tangential
+        self.curved_rows = [group[curved[group]] for group in self.groups]
+        self._sums = [self._tangential(group[tangential[group]]) for group in self.groups]
+        self._normal = [self._normal_rows(group[normal[group]]) for group in self.groups]
+        self._friction = [self._friction_rows(group[friction[group]]) for group in self.groups]
 
     @property
     def is_quadratic(self) -> bool:
         """Whether every row is linear in the closure constant, given e_n and the transition."""
         return not any(rows.size for rows in self.curved_rows)
 
-    @property
+    @cached_property
     def kinks(self) -> Array:
         """Transitions at which a row changes its regime, ascending."""
-        oblique = np.isin(self._kinds, ("tangential", "curved"))
-        tau = np.unique(self.rows.tau[oblique])
+        if self.law is not None:  # where that is depends on the closure constant, and nothing jumps there
+            return np.empty(0)
+        tau = np.unique(self.rows.tau[self._oblique])
         return np.asarray(tau[(tau > 0.0) & np.isfinite(tau)])
 
     def b(self, c: Array | float) -> Array | float:
@@ -97,7 +111,9 @@ class Misfit:
         return self.coefficients.b0 + self.coefficients.b1 * c
 
     def _tangential(self, at: Index) -> list[Sums]:
-        found = []
+        found: list[Sums] = []
+        if not at.size:
+            return found
         for scale in ("one", "impulse", "rebound"):
             of_scale = np.array([OBSERVABLES[name].scale == scale for name in self.rows.names])
             rows = at[of_scale[self.rows.which[at]]]
@@ -128,11 +144,11 @@ class Misfit:
             by_c = slope * (k.a1 + k.b1) if sticking else slope * k.a1
             by_kappa = np.zeros(at.size) if sticking else np.where(np.isfinite(over_tau), over_tau, 0.0)
             columns = [part.value - factor * value, value, by_c, by_kappa]
-            regimes.append([w * column for column in columns])
+            regimes.append(w * np.array(columns))
+        stick, slide = (np.array([columns[i] * columns[j] for i, j in PAIRS]) for columns in regimes)
         products = np.zeros((len(PAIRS), at.size + 1))
-        for row, (i, j) in zip(products, PAIRS, strict=True):
-            np.cumsum(regimes[0][i] * regimes[0][j], out=row[1:])
-            row[:-1] += np.cumsum((regimes[1][i] * regimes[1][j])[::-1])[::-1]
+        np.cumsum(stick, axis=1, out=products[:, 1:])
+        products[:, :-1] += np.cumsum(slide[:, ::-1], axis=1)[:, ::-1]
         return Sums(scale, part.tau, products)
 
     def _normal_rows(self, at: Index) -> _Direct:
@@ -227,23 +243,24 @@ class Misfit:
         """Sum of squares of the curved rows of each noise group; 0.0 where it has none."""
         return [self._curved_group(rows, e_n, x, c, mu) if rows.size else 0.0 for rows in self.curved_rows]
 
-    def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array) -> Array:
-        """Weighted residuals of curved rows, (..., rows)."""
+    def curved_values(
+        self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array, *, law: Law | None = None
+    ) -> Array:
+        """Weighted residuals of curved rows, (..., rows); by another form of the law, if one is given."""
         part = self.rows.take(rows)
-        k = self.coefficients
-        a, b = k.a0 + k.a1 * c, k.b0 + k.b1 * c
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(part.tau > 0.0, x[..., None] / part.tau, np.inf)
-        factor = a[..., None] + b[..., None] * np.minimum(1.0, ratio)
+        factor = self._factors(part, x, c, law or self.law)
         out = np.empty(factor.shape)
         for name in part.names:
             at = part.rows_of(name)
-            by_impulse = OBSERVABLES[name].by_impulse
-            if at.size and by_impulse is not None:
+            if at.size:
                 whole = at.size == part.tau.size
                 i = part.incidence if whole else part.take(at).incidence
                 value = by_impulse(
-                    i, factor if whole else factor[..., at], e_n[..., None], self.inertia_factor
+                    OBSERVABLES[name],
+                    i,
+                    factor if whole else factor[..., at],
+                    e_n[..., None],
+                    self.inertia_factor,
                 )
                 if whole:
                     out = value
@@ -251,13 +268,33 @@ class Misfit:
                     out[..., at] = value
         return np.asarray((part.value - out) * self.weight[rows])
 
+    def _factors(self, part: RowModel, x: Array, c: Array, law: Law | None) -> Array:
+        """Impulse factors of rows, (..., rows)."""
+        if law is not None:
+            return law.impulse(part.incidence, c[..., None], x[..., None])[0]
+        k = self.coefficients
+        a, b = k.a0 + k.a1 * c, k.b0 + k.b1 * c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(part.tau > 0.0, x[..., None] / part.tau, np.inf)
+        return np.asarray(a[..., None] + b[..., None] * np.minimum(1.0, ratio))
+
     def _curved_group(self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array) -> Array:
         shape = np.broadcast_shapes(e_n.shape, x.shape, c.shape, mu.shape)
         flat = [np.broadcast_to(y, shape).reshape(-1) for y in (e_n, x, c, mu)]
         out = np.empty(flat[0].size)
         step = max(1, AT_ONCE // rows.size)
+        law = None if self.law is None else self.law.for_many(out.size * rows.size)
         for start in range(0, out.size, step):
             at = slice(start, start + step)
-            residual = self.curved_values(rows, *(y[at] for y in flat))
+            residual = self.curved_values(rows, *(y[at] for y in flat), law=law)
             out[at] = np.einsum("ij,ij->i", residual, residual)
         return out.reshape(shape)
+
+
+def by_impulse(observable: Observable, i: Incidence, k: Array, e_n: Array, j: float) -> Array:
+    """Value of an oblique observable at many impulse factors."""
+    if observable.by_impulse is not None:
+        return observable.by_impulse(i, k, e_n, j)
+    assert observable.linear is not None
+    offset, slope = observable.linear(i, j)
+    return np.asarray(scale_of(observable.scale, e_n) * (offset + slope * k))

@@ -50,11 +50,10 @@ def noise_bounds(problem: Problem) -> Mapping[str, tuple[float, float]]:
 
 def _resolution(value: Array) -> float:
     """The last decimal that any value is written with."""
-    for decimals in range(_DECIMALS):
-        step = 10.0**-decimals
-        if bool((np.abs(value / step - np.round(value / step)) < 1e-7).all()):
-            return step
-    return float(10.0**-_DECIMALS)
+    steps = 10.0 ** -np.arange(_DECIMALS)
+    in_steps = value / steps[:, None]
+    written = (np.abs(in_steps - np.round(in_steps)) < 1e-7).all(axis=1)
+    return float(steps[np.argmax(written)]) if written.any() else float(10.0**-_DECIMALS)
 
 
 @dataclass(frozen=True)
@@ -92,25 +91,11 @@ class UnknownNoise:
             out[cut] = _log_gamma_share(half, bottom[cut], top[cut])
         return out
 
-    def cdf(self, sigma: float | Array, square: Array) -> Array:
-        """Distribution function of sigma given the sum of squares."""
-        half = 0.5 * self.n
-        q = np.maximum(0.5 * square, np.finfo(float).tiny)
-        bottom, top = q / self.upper**2, q / self.lower**2
-        whole = _log_gamma_share(half, bottom, top)
-        # the law of w = q/sigma^2 runs the other way
-        beyond = _log_gamma_share(half, bottom, np.clip(q / np.square(sigma), bottom, top))
-        return np.asarray(1.0 - np.exp(beyond - whole))
-
-    def moment(self, square: Array, power: int) -> Array:
-        """Mean of sigma to a power given the sum of squares."""
-        half = 0.5 * self.n
-        q = np.maximum(0.5 * square, np.finfo(float).tiny)
-        bottom, top = q / self.upper**2, q / self.lower**2
-        whole = special.gammaln(half) + _log_gamma_share(half, bottom, top)
-        return np.asarray(
-            np.exp(0.5 * power * np.log(q) + _log_shifted(half - 0.5 * power, bottom, top) - whole)
-        )
+    def density(self, log_sigma: Array, square: Array) -> Array:
+        """Density of the logarithm of sigma, between the bounds, given the sum of squares."""
+        given = self.log_likelihood(square) + 0.5 * self.n * _LOG_2PI + math.log(self.span)
+        inverse = np.exp(-2.0 * log_sigma)
+        return np.asarray(np.exp(-self.n * log_sigma - 0.5 * square * inverse - given))
 
     def draw(self, square: Array, rng: np.random.Generator) -> Array:
         """One sigma for each sum of squares."""
@@ -143,16 +128,3 @@ def _log_gamma_share(a: float, low: Array, high: Array) -> Array:
         outer = (a - 1.0) * np.log(lo) - lo - special.gammaln(a) - np.log1p(-np.minimum(a / lo, 0.999))
         out[lost] = np.where(upper[lost], outer, inner)
     return np.asarray(out)
-
-
-def _log_shifted(a: float, low: Array, high: Array) -> Array:
-    """Log of the integral of w^(a-1) exp(-w) from low to high, also for a <= 0."""
-    if a > 0.0:
-        return np.asarray(special.gammaln(a) + _log_gamma_share(a, low, high))
-    # few rows: the integral in log w, whose integrand is smooth between the bounds
-    nodes, weights = np.polynomial.legendre.leggauss(200)
-    bottom, top = np.log(low), np.log(np.minimum(high, low + 800.0))
-    at = bottom[..., None] + 0.5 * (top - bottom)[..., None] * (nodes + 1.0)
-    return np.asarray(
-        special.logsumexp(a * at - np.exp(at), b=weights * 0.5 * (top - bottom)[..., None], axis=-1)
-    )

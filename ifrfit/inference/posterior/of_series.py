@@ -31,9 +31,7 @@ def of_series(grid: Grid, number: int, kind: str, name: str) -> Quantity:
 
 
 def _of_values(grid: Grid, tensor: Tensor, values: Array) -> Moments:
-    return moments_of(
-        lambda of, level: float((grid.share[level] * tensor.expect_each(of(values), level)).sum())
-    )
+    return moments_of(lambda of: (grid.share * tensor.expect_each(of(values))).sum(axis=1))
 
 
 def _e_n(grid: Grid, tensor: Tensor, name: str) -> Quantity:
@@ -44,21 +42,17 @@ def _e_n(grid: Grid, tensor: Tensor, name: str) -> Quantity:
         c = tensor.c[..., 0] if tensor.series.c is None else np.zeros((1, 1, 1))
         mu = tensor.mu[..., 0]
         b = np.asarray(tensor.series.misfit.b(c))
-        laws = _laws(grid, tensor)
+        law = tensor.along_x(grid.share)
 
-        def by_x(t: Array, level: int) -> Array:
-            return laws(level)((mu * (1.0 + t[:, None, None, None]) / b)[..., 0])
+        def by_x(t: Array, levels: int) -> Array:
+            return law((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
 
         return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
     axis = tensor.series.e_axis
     assert axis is not None
-    rows = []
-    for level in (0, 1):
-        values = tensor.e_density(grid.share[level], level).reshape(1, -1, axis.order + 1)
-        rows.append(Panels.of(axis.low[None], axis.width[None], values, level))
-    return Quantity(
-        name, unknown.lower, unknown.upper, moments, lambda t, level: rows[level].below(t[:, None])[:, 0]
-    )
+    values = tensor.e_density(grid.share).reshape(2, *axis.shape)
+    rows = Panels.of_levels(axis.low[None], axis.width[None], values)
+    return Quantity(name, unknown.lower, unknown.upper, moments, rows.below_in_all)
 
 
 def _c(grid: Grid, tensor: Tensor, name: str) -> Quantity:
@@ -67,39 +61,31 @@ def _c(grid: Grid, tensor: Tensor, name: str) -> Quantity:
     moments = _of_values(grid, tensor, tensor.c)
     if tensor.series.role == "c":  # b(c) = mu (1 + e_n)/x falls as x rises
         kappa = (tensor.mu[..., 0] * (1.0 + tensor.e_n))[..., 0]
-        laws = _laws(grid, tensor)
+        law = tensor.along_x(grid.share)
 
-        def by_x(t: Array, level: int) -> Array:
+        def by_x(t: Array, levels: int) -> Array:
             b = np.asarray(tensor.series.misfit.b(t[:, None, None]))
             with np.errstate(divide="ignore", invalid="ignore"):
                 x = np.where(b > 0.0, kappa / b, np.inf)
-            return 1.0 - laws(level)(x)
+            return 1.0 - law(x, levels)
 
         return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
-    below = _by_c(tensor, lambda t: t)
-
     errors = _errors_by_c(grid, tensor, lambda t: np.full((1, 1, 1), t))
-    return Quantity(
-        name,
-        unknown.lower,
-        unknown.upper,
-        moments,
-        lambda t, level: below(t, grid.share[level], level),
-        errors=errors,
-    )
+    cdf = _by_c(tensor, grid.share, lambda t: t)
+    return Quantity(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
 
 
-def _by_c(tensor: Tensor, threshold: Callable[[Array], Array]) -> Callable[[Array, Array, int], Array]:
+def _by_c(tensor: Tensor, share: Array, threshold: Callable[[Array], Array]) -> Cdf:
     """Distribution function of what is below t where the closure constant is below threshold(t)."""
     size = int(np.prod(tensor.f.shape[:3])) * (tensor.series.c_order + 2)
     step = max(1, _AT_ONCE // size)
 
-    def below(t: Array, share: Array, level: int) -> Array:
+    def below(t: Array, levels: int) -> Array:
         parts = [
-            tensor.below_c(threshold(t[i : i + step, None, None, None]), share, level)
+            tensor.below_c(threshold(t[i : i + step, None, None, None]), share, levels)
             for i in range(0, t.size, step)
         ]
-        return np.concatenate(parts)
+        return np.concatenate(parts, axis=1)
 
     return below
 
@@ -109,31 +95,20 @@ def _mu(grid: Grid, tensor: Tensor, name: str) -> Quantity:
     assert isinstance(unknown, Unknown)
     moments = _of_values(grid, tensor, tensor.mu)
     factor = 1.0 + tensor.e_n
-    cdf, errors = _friction_cdf(grid, tensor, factor), _friction_errors(grid, tensor, factor)
+    cdf, errors = _friction_cdf(tensor, factor, grid.share), _friction_errors(grid, tensor, factor)
     return Quantity(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
 
 
-def _laws(grid: Grid, tensor: Tensor) -> Callable[[int], Callable[[Array], Array]]:
-    """Distribution function of the transition by level, made once."""
-    return cache(lambda level: tensor.along_x(grid.share[level], level))
-
-
-def _friction_cdf(grid: Grid, tensor: Tensor, factor: Array) -> Cdf:
+def _friction_cdf(tensor: Tensor, factor: Array, share: Array) -> Cdf:
     """Distribution function of x b(c)/factor."""
-    below = cache(lambda level: _friction_below(tensor, factor, grid.share[level], level))
-    return lambda t, level: below(level)(t)
-
-
-def _friction_below(tensor: Tensor, factor: Array, share: Array, level: int) -> Callable[[Array], Array]:
     misfit = tensor.series.misfit
     k = misfit.coefficients
     if k.b1 and tensor.series.has_c:
         per_x = factor / np.maximum(tensor.x, 1e-300)
-        by_c = _by_c(tensor, lambda t: (t * per_x - k.b0) / k.b1)
-        return lambda t: by_c(t, share, level)
+        return _by_c(tensor, share, lambda t: (t * per_x - k.b0) / k.b1)
     ratio = _per_x(tensor, factor)
-    below = tensor.along_x(share, level)
-    return lambda t: below(t[:, None, None] * ratio)
+    below = tensor.along_x(share)
+    return lambda t, levels: below(t[:, None, None] * ratio, levels)
 
 
 def _errors_by_c(
@@ -142,7 +117,7 @@ def _errors_by_c(
     """Errors of panels over which conditional distribution functions of the closure constant are averaged."""
 
     def errors(at: Array) -> list[tuple[Axis, Array]]:
-        share, series = grid.share[0], tensor.series
+        share, series = grid.share, tensor.series
         found = []
         for axis, used, along in (
             (series.x_axis, series.has_x_axis, tensor.along_x_below_c),
@@ -164,7 +139,7 @@ def _friction_errors(
     k = series.misfit.coefficients
 
     def errors(at: Array) -> list[tuple[Axis, Array]]:
-        share = grid.share[0]
+        share = grid.share
         if k.b1 and series.has_c:
             per_x = factor / np.maximum(tensor.x, 1e-300)
             return _errors_by_c(grid, tensor, lambda t: (t * per_x - k.b0) / k.b1)(at)
@@ -202,10 +177,12 @@ def _kappa(grid: Grid, tensor: Tensor, name: str) -> Quantity:
     if series.role == "c":  # mu is given, so e_n alone moves it
         mu_value = float(tensor.mu.reshape(-1)[0])
         e_n = _e_n(grid, tensor, name)
-        return Quantity(name, ends[0], ends[1], moments, lambda t, level: e_n.cdf(t / mu_value - 1.0, level))
+        return Quantity(
+            name, ends[0], ends[1], moments, lambda t, levels: e_n.cdf(t / mu_value - 1.0, levels)
+        )
 
     one = np.ones((1, 1, 1))
-    cdf, errors = _friction_cdf(grid, tensor, one), _friction_errors(grid, tensor, one)
+    cdf, errors = _friction_cdf(tensor, one, grid.share), _friction_errors(grid, tensor, one)
     return Quantity(name, ends[0], ends[1], moments, cdf, split=_walls(grid, tensor), errors=errors)
 
 
@@ -227,56 +204,72 @@ def _walls(grid: Grid, tensor: Tensor) -> Callable[[Array], bool] | None:
 
 
 def _tau(grid: Grid, tensor: Tensor, name: str) -> Quantity:
-    moments = _of_values(grid, tensor, tensor.x[..., None])
-    laws = _laws(grid, tensor)
-    return Quantity(name, 0.0, math.inf, moments, lambda t, level: laws(level)(t[:, None, None]))
+    own = tensor.series.misfit.law
+    below = tensor.along_x(grid.share)
+    if own is None:
+        moments = _of_values(grid, tensor, tensor.x[..., None])
+        return Quantity(name, 0.0, math.inf, moments, lambda t, levels: below(t[:, None, None], levels))
+    moments = _of_values(grid, tensor, tensor.x[..., None] / own.bound(tensor.c))
+    if not tensor.series.has_c:
+        bound = own.bound(tensor.c[..., 0])[..., 0]
+        return Quantity(
+            name, 0.0, math.inf, moments, lambda t, levels: below(t[:, None, None] * bound, levels)
+        )
+    # kappa/bound(c) rises with c
+    cdf = _by_c(tensor, grid.share, lambda t: own.constant_at(tensor.x / np.maximum(t, 1e-300)))
+    return Quantity(name, 0.0, math.inf, moments, cdf)
 
 
 def friction_apart(
-    grid: Grid, of_kappa: Quantity, kappa: int, e_n: int, unknown: Unknown, name: str
+    grid: Grid, of_kappa: Quantity, of_e: Quantity, parts: tuple[int, int], unknown: Unknown, name: str
 ) -> Quantity:
-    """mu = kappa/(1 + e_n) where nothing in the data ties the two."""
-    friction, normal = grid.tensors[kappa], grid.tensors[e_n]
+    """mu = kappa/(1 + e_n) where nothing in the data ties the two, from their marginals and their parts."""
+    friction, normal = (grid.tensors[part] for part in parts)
     at = normal.e_n[..., None]
     together = normal.mass.shape[1] == 1  # e_n has one law, whatever the shared unknowns
-    of_e = _e_n(grid, normal, "e_n")
     kappa_mean, kappa_sd = of_kappa.moments(0)
     e_mean, e_sd = of_e.moments(0)
     e_is_wider = e_sd / (1.0 + e_mean) > kappa_sd / max(kappa_mean, 1e-300)
 
     @cache
-    def values_of_kappa(level: int) -> tuple[Array, Array]:
-        return friction.values_of(friction.mu, grid.share[level], level)
+    def values_of_kappa() -> tuple[Array, Array]:
+        return friction.values_of(friction.mu, grid.share)
 
-    def moments(level: int) -> tuple[float, float]:
-        share = grid.share[level]
-        w = normal.expect_each(1.0 / (1.0 + at), level)
-        spread_w = normal.expect_each((1.0 / (1.0 + at) - w[:, None, None, None]) ** 2, level)
-        k = friction.expect_each(friction.mu, level)
-        spread_k = friction.expect_each((friction.mu - k[:, None, None, None]) ** 2, level)
-        mean = float((share * (k * w)).sum())
+    @cache
+    def law_of_e() -> tuple[Array, Array]:
+        law = normal.e_law()  # (2, m or 1, n_e)
+        kept = np.flatnonzero(law[0].max(axis=0) > 1e-13)
+        return 1.0 + at.reshape(-1)[kept], law[:, :, kept]
+
+    @cache
+    def both_moments() -> list[tuple[float, float]]:
+        inverse, of_mu = 1.0 / (1.0 + at), friction.mu
+        w, k = normal.expect_each(inverse), friction.expect_each(of_mu)
+        # about the means by the rules, for both levels
+        off = (inverse - w[0][:, None, None, None]) ** 2, (of_mu - k[0][:, None, None, None]) ** 2
+        spread_w = normal.expect_each(off[0]) - (w - w[0]) ** 2
+        spread_k = friction.expect_each(off[1]) - (k - k[0]) ** 2
+        mean = (grid.share * (k * w)).sum(axis=1)
         within = spread_k * (w * w + spread_w) + k * k * spread_w
-        return mean, math.sqrt(max(float((share * (within + (k * w - mean) ** 2)).sum()), 0.0))
+        square = (grid.share * (within + (k * w - mean[:, None]) ** 2)).sum(axis=1)
+        return [(float(m), math.sqrt(max(float(v), 0.0))) for m, v in zip(mean, square, strict=True)]
 
-    def cdf(t: Array, level: int) -> Array:
-        share = grid.share[level]
-        law = normal.e_law(level)  # (m or 1, n_e)
-        kept = np.flatnonzero(law.max(axis=0) > 1e-13)
-        points = 1.0 + at.reshape(-1)[kept]
+    def cdf(t: Array, levels: int) -> Array:
         if together and e_is_wider:  # average over kappa, which is the narrower one
-            value, probability = values_of_kappa(level)
+            value, probability = values_of_kappa()
             at_e = value / np.maximum(t, 1e-300)[:, None] - 1.0
-            found = of_e.cdf(at_e.reshape(-1), level).reshape(t.size, -1)
-            return np.asarray((1.0 - found) @ probability)
+            found = 1.0 - of_e.cdf(at_e.reshape(-1), levels).reshape(levels, t.size, -1)
+            return np.asarray((found @ probability[:levels, :, None])[..., 0])
+        points, law = law_of_e()
         if together:
-            found = of_kappa.cdf((t[:, None] * points).reshape(-1), level).reshape(t.size, -1)
-            return np.asarray(found @ law[0, kept])
+            found = of_kappa.cdf((t[:, None] * points).reshape(-1), levels).reshape(levels, t.size, -1)
+            return np.asarray((found @ law[:levels, 0, :, None])[..., 0])
         one = np.ones((1, 1, 1))
-        parts = [
-            _friction_below(friction, one, share * law[:, j], level)(t * point)
-            for j, point in zip(kept, points, strict=True)
+        each = [
+            _friction_cdf(friction, one, grid.share * law[:, :, j])(t * point, levels)
+            for j, point in enumerate(points)
         ]
-        return np.asarray(sum(parts))
+        return np.asarray(sum(each))
 
     split = None
     if together and e_is_wider and not friction.series.stretched:
@@ -286,8 +279,9 @@ def friction_apart(
             """Where kappa meets the ends of e_n."""
             return axis.split(np.concatenate([at * (1.0 + end) * per_kappa for end in (of_e.low, of_e.high)]))
 
-    factors = ((kappa, friction.mu), (e_n, 1.0 / (1.0 + at)))
-    return Quantity(name, unknown.lower, unknown.upper, cache(moments), cdf, split, factors)
+    factors = ((parts[0], friction.mu), (parts[1], 1.0 / (1.0 + at)))
+    ends = unknown.lower, unknown.upper
+    return Quantity(name, *ends, lambda level: both_moments()[level], cdf, split, factors)
 
 
 def _axis_of_kappa(grid: Grid, friction: Tensor) -> tuple[Axis, float]:

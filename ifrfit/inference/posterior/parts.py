@@ -62,7 +62,8 @@ def make_part(
         reference = Reference(optimum["e_n"][0], 0.0, 0.0)
     names, groups, noise, weight, sigma = _noise(setting, at, whole)
     misfit = Misfit(rows, weight, groups, problem.closure, problem.inertia_factor, reference)
-    law = None if problem.scatter.is_plain else RowLaw.of(problem, at, setting.start.optimum.theta)
+    plain = problem.scatter.is_plain or at.size == 0
+    law = None if plain else RowLaw.of(problem, at, setting.start.optimum.theta)
     series = Series(misfit, noise, known["e_n"], known["c"], known["mu"], sigma, n_normal, law=law)
     series.c_order, series.tail = setting.c_order, setting.tail
     if series.has_e_axis:
@@ -84,8 +85,10 @@ def _noise(
     """Names, rows and laws of the noises integrated inside, weights of the rows, and likely sigmas."""
     problem, start = setting.problem, setting.start
     if problem.noise == "unknown":
-        of_rows = [(name, np.flatnonzero(np.isin(at, group))) for name, group in problem.groups().items()]
-        of_rows = [(name, group) for name, group in of_rows if group.size]
+        place = np.full(problem.rows.value.size, -1)
+        place[at] = np.arange(at.size)
+        of_rows = [(name, place[group]) for name, group in setting.groups.items()]
+        of_rows = [(name, group[group >= 0]) for name, group in of_rows if (group >= 0).any()]
         names = tuple(name for name, _ in of_rows)
         noise = tuple(UnknownNoise(group.size, *setting.bounds[name]) for name, group in of_rows)
         sigma = np.array([start.noise[name] for name in names])
@@ -166,4 +169,4 @@ def thinned(kinks: Array, most: int) -> Array:
     """At most so many of the kinks, evenly by rank."""
     if kinks.size <= most:
         return kinks
-    return np.asarray(kinks[np.unique(np.linspace(0, kinks.size - 1, most).astype(int))])
+    return np.asarray(kinks[np.arange(most) * (kinks.size - 1) // (most - 1)])

@@ -109,6 +109,8 @@ def _serious(unknown: Unknown, constant: Constant, problem: Problem) -> Unknown:
 
 def _refuse_negative_bound(setting: Setting) -> None:
     """A bound of the frictional impulse below zero has no transition."""
+    if not setting.problem.closure.bilinear:
+        return
     k = setting.problem.closure.coefficients(setting.problem.inertia_factor)
     constant = setting.constant("c")
     ends = (constant.lower, constant.upper) if constant.fixed is None else (constant.fixed, constant.fixed)

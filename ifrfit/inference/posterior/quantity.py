@@ -15,13 +15,10 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.joint import Grid
-from ifrfit.inference.posterior.tensor import Tensor
 
 Array = NDArray[np.float64]
 Moments = Callable[[int], tuple[float, float]]
-Cdf = Callable[[Array, int], Array]
-
-_SMOOTH = 64  # nodes for functions of a sum of squares
+Cdf = Callable[[Array, int], Array]  # of thresholds (n,) and a number of levels, (levels, n)
 
 
 @dataclass(frozen=True)
@@ -36,7 +33,8 @@ class Quantity:
     moments : callable
         From the level (0 for the rules, 1 for the coarse ones inside them) to mean and standard deviation.
     cdf : callable
-        From thresholds (n,) and the level to probabilities.
+        From thresholds (n,) and 1 or 2, for the rules alone or the coarse ones too, to probabilities,
+        (1 or 2, n).
     split : callable or None
         Splits panels where these quantiles put a kink into the integrand; whether it split any.
     errors : callable or None
@@ -57,28 +55,29 @@ class Quantity:
     errors: Callable[[Array], list[tuple[Axis, Array]]] | None = None
 
 
-def moments_of(expect: Callable[[Callable[[Array], Array], int], float]) -> Moments:
-    """Mean and standard deviation from expectations."""
+def moments_of(expect: Callable[[Callable[[Array], Array]], Array]) -> Moments:
+    """Mean and standard deviation from expectations by both levels, (2,)."""
 
-    def moments(level: int) -> tuple[float, float]:
-        mean = expect(lambda v: v, level)
-        variance = expect(lambda v: (v - mean) ** 2, level)
-        return mean, math.sqrt(max(variance, 0.0))
+    @cache
+    def both() -> list[tuple[float, float]]:
+        mean = expect(lambda v: v)
+        square = expect(lambda v: (v - mean[0]) ** 2) - (mean - mean[0]) ** 2
+        return [(float(m), math.sqrt(max(float(v), 0.0))) for m, v in zip(mean, square, strict=True)]
 
-    return cache(moments)
+    return lambda level: both()[level]
 
 
 def shared(grid: Grid, number: int, name: str) -> Quantity:
     """Of an unknown that the series share."""
     one = grid.joint.shared[number]
-    rows = [grid.outer_rows(number, level) for level in (0, 1)]
+    rows = grid.outer_marginal(number)
 
-    def cdf(t: Array, level: int) -> Array:
+    def cdf(t: Array, levels: int) -> Array:
         t = np.log(np.maximum(t, 1e-300)) if one.log else t
-        return rows[level].below(t[:, None])[:, 0]
+        return rows.below_in_all(t, levels)
 
-    def expect(of: Callable[[Array], Array], level: int) -> float:
-        return float(grid.share[level] @ of(grid.at[one.kind]))
+    def expect(of: Callable[[Array], Array]) -> Array:
+        return np.asarray(grid.share @ of(grid.at[one.kind]))
 
     factors = ((-1, grid.at[one.kind]),)
     return Quantity(name, one.unknown.lower, one.unknown.upper, moments_of(expect), cdf, factors=factors)
@@ -90,11 +89,12 @@ def product_of_shared(grid: Grid, e_number: int, mu_number: int, name: str) -> Q
     rows = [grid.outer_rows(mu_number, level, e_number) for level in (0, 1)]
     at = 1.0 + e.values()
 
-    def cdf(t: Array, level: int) -> Array:
-        return np.asarray(rows[level].below(t[:, None] / at) @ e.axis.weights()[level])
+    def cdf(t: Array, levels: int) -> Array:
+        weights = e.axis.weights()
+        return np.stack([rows[level].below(t[:, None] / at) @ weights[level] for level in range(levels)])
 
-    def expect(of: Callable[[Array], Array], level: int) -> float:
-        return float(grid.share[level] @ of(grid.at["mu"] * (1.0 + grid.at["e_n"])))
+    def expect(of: Callable[[Array], Array]) -> Array:
+        return np.asarray(grid.share @ of(grid.at["mu"] * (1.0 + grid.at["e_n"])))
 
     ends = mu.unknown.lower * (1.0 + e.unknown.lower), mu.unknown.upper * (1.0 + e.unknown.upper)
     return Quantity(name, *ends, moments_of(expect), cdf)
@@ -120,7 +120,7 @@ def _product(grid: Grid, factors: tuple[tuple[int, Array], ...]) -> Array:
         by_part[part] = by_part[part] * values if part in by_part else values
     found: Array = np.ones(1)
     for part, values in by_part.items():
-        found = found * (values if part < 0 else grid.tensors[part].expect_each(values, 0))
+        found = found * (values if part < 0 else grid.tensors[part].expect_each(values)[0])
     return found
 
 
@@ -131,56 +131,9 @@ def scaled(of: Quantity, factor: float, offset: float, name: str) -> Quantity:
         mean, sd = of.moments(level)
         return offset + factor * mean, factor * sd
 
-    def cdf(t: Array, level: int) -> Array:
+    def cdf(t: Array, levels: int) -> Array:
         if factor == 0.0:
-            return np.where(t >= offset, 1.0, 0.0)
-        return of.cdf((t - offset) / factor, level)
+            return np.tile(np.where(t >= offset, 1.0, 0.0), (levels, 1))
+        return of.cdf((t - offset) / factor, levels)
 
     return Quantity(name, offset + factor * of.low, offset + factor * of.high, moments, cdf)
-
-
-def noise(grid: Grid, number: int, group: int, name: str) -> Quantity:
-    """The unknown sigma of a noise group."""
-    tensor = grid.tensors[number]
-    series = tensor.series
-    assert series.noise is not None
-    own = series.noise[group]
-    squares = [_compressed(tensor, grid.share[level], level, group) for level in (0, 1)]
-
-    def moments(level: int) -> tuple[float, float]:
-        square, weight = squares[level]
-        mean = float(weight @ own.moment(square, 1))
-        second = float(weight @ (own.moment(square, 2) - 2.0 * mean * own.moment(square, 1) + mean * mean))
-        return mean, math.sqrt(max(second, 0.0))
-
-    def cdf(t: Array, level: int) -> Array:
-        square, weight = squares[level]
-        return np.asarray(own.cdf(t[:, None], square) @ weight)
-
-    return Quantity(name, own.lower, own.upper, moments, cdf)
-
-
-def _compressed(tensor: Tensor, share: Array, level: int, group: int) -> tuple[Array, Array]:
-    """Sums of squares of a group with their probabilities, told by their values at a few nodes.
-
-    What follows from a sum of squares is smooth in its logarithm: the probabilities of all nodes are shared
-    out over interpolation nodes, exactly for polynomials.
-    """
-    square, weight = tensor.squares(group, share, level)
-    kept = np.abs(weight) > 1e-14
-    log_q, weight = np.log(np.maximum(square[kept], 1e-300)), weight[kept]
-    low, high = float(log_q.min()), float(log_q.max())
-    if high - low < 1e-9:
-        return np.exp(np.array([low])), np.array([weight.sum()])
-    cosine = np.cos(np.pi * (np.arange(_SMOOTH) + 0.5) / _SMOOTH)
-    y = np.clip((2.0 * log_q - low - high) / (high - low), -1.0, 1.0)
-    # sum over the nodes of each Chebyshev polynomial, then the weights that have the same sums
-    sums = np.empty(_SMOOTH)
-    before, now = np.ones_like(y), y
-    sums[0] = weight.sum()
-    for j in range(1, _SMOOTH):
-        sums[j] = weight @ now
-        before, now = now, 2.0 * y * now - before
-    at = np.cos(np.arange(_SMOOTH)[:, None] * np.arccos(cosine))
-    share_out = (at.T * np.where(np.arange(_SMOOTH) == 0, 1.0, 2.0) / _SMOOTH) @ sums
-    return np.exp(0.5 * (low + high) + 0.5 * (high - low) * cosine), share_out

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_FEW = 128  # points below which cosines are cheaper than the steps of a recurrence
+
 
 @dataclass(frozen=True)
 class Rule:
@@ -59,8 +61,11 @@ def _antiderivative(order: int) -> Array:
 
 def partial(coefficients: Array, v: Array) -> Array:
     """Integral from 0 to v in [0, 1], from the coefficients of the antiderivative along the last axis."""
-    # Clenshaw's recurrence; the last axis broadcasts against v
     y = 2.0 * v - 1.0
+    if y.size <= _FEW:  # all polynomials at once
+        k = np.arange(coefficients.shape[-1])
+        return np.asarray((coefficients * np.cos(k * np.arccos(y)[..., None])).sum(axis=-1))
+    # Clenshaw's recurrence; the last axis broadcasts against v
     twice = 2.0 * y
     ahead = np.zeros(np.broadcast_shapes(coefficients.shape[:-1], v.shape))
     second = ahead

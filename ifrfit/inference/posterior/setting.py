@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.posterior.noise import noise_bounds
-from ifrfit.inference.problem import Problem
+from ifrfit.inference.problem import Index, Problem
 
 Array = NDArray[np.float64]
 
@@ -37,6 +37,11 @@ class Setting:
     def bounds(self) -> Mapping[str, tuple[float, float]]:
         """Of the noises' priors."""
         return noise_bounds(self.problem)
+
+    @cached_property
+    def groups(self) -> Mapping[str, Index]:
+        """Rows that share a noise."""
+        return self.problem.groups()
 
     @property
     def order(self) -> int:
@@ -64,21 +69,37 @@ class Setting:
         """Fall of the log density whose mass is far below the tolerance."""
         return 6.0 - 2.0 * math.log(self.tolerance)
 
-    def constant(self, kind: str) -> Constant:
-        """The constant of a kind; closure F has a fixed one."""
+    @cached_property
+    def _constants(self) -> Mapping[str, Constant]:
         by_name = {c.name: c for c in self.problem.constants}
         own = self.problem.closure.constant
-        if kind == "c":
-            return by_name[own] if own else Constant("", 0.0, 0.0, fixed=0.0)
-        return by_name[kind]
+        found = by_name[own] if own else Constant("", 0.0, 0.0, fixed=0.0)
+        return {"e_n": by_name["e_n"], "c": found, "mu": by_name["mu"]}
+
+    @cached_property
+    def _positions(self) -> Mapping[str, Index]:
+        return self.problem.positions()
+
+    @cached_property
+    def _spreads(self) -> dict[tuple[str, int], tuple[float, float]]:
+        return {}  # what was asked for already
+
+    def constant(self, kind: str) -> Constant:
+        """The constant of a kind; closure F has a fixed one."""
+        return self._constants[kind]
 
     def place(self, kind: str, block: int) -> int | None:
         """Entry of theta."""
         name = self.problem.closure.constant if kind == "c" else kind
-        return None if name is None else int(self.problem.positions()[name][block])
+        return None if name is None else int(self._positions[name][block])
 
     def spread(self, kind: str, block: int) -> tuple[float, float]:
         """Optimum and local sd of e_n, c, mu or kappa in a block."""
+        if (kind, block) not in self._spreads:
+            self._spreads[kind, block] = self._spread(kind, block)
+        return self._spreads[kind, block]
+
+    def _spread(self, kind: str, block: int) -> tuple[float, float]:
         local = self.start.local
         theta = self.start.optimum.theta
         to_theta = local.to_theta

@@ -8,17 +8,17 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.law import LEVELS
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.marginal import quantiles
 from ifrfit.inference.posterior.quantity import Quantity
 
 Array = NDArray[np.float64]
 
-LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
-
 # places in sd at which a normal law has its quantiles at `LEVELS`, and further out for skewed ones
 _NORMAL = np.array([-2.8, -1.959964, -0.994458, 0.0, 0.994458, 1.959964, 2.8])
 _DENSITY = np.exp(-0.5 * np.minimum(np.abs(_NORMAL), 1.959964) ** 2) / math.sqrt(2.0 * math.pi)
+_BESIDE = 1.0  # tolerance of the quantiles at which changes are taken: a thousandth of the probability
 _NEARLY = 0.01  # in probability: how near to a normal law the tails have to be
 
 
@@ -56,19 +56,21 @@ def largest_change(quantities: Mapping[str, Quantity], tolerance: float) -> floa
 def _moved_as_if_normal(own: Quantity, mean: float, sd: float) -> tuple[float, bool]:
     """Largest change of quantiles, in sd, where a normal law has them; and whether this one is near to it."""
     at = np.clip(mean + sd * _NORMAL, own.low, own.high)
-    fine = own.cdf(at, 0)
-    change = float((np.abs(own.cdf(at, 1) - fine) / (0.5 * _DENSITY)).max())
+    fine, coarse = own.cdf(at, 2)
+    change = float((np.abs(coarse - fine) / (0.5 * _DENSITY)).max())
     return change, bool((np.abs(fine[[1, -2]] - (LEVELS[0], LEVELS[-1])) < _NEARLY).all())
 
 
 def _moved(own: Quantity, mean: float, sd: float, tolerance: float) -> float:
     """Largest change of the quantiles, in sd, with the density there."""
-    at = quantiles_of(own, np.array(LEVELS), (mean, sd), tolerance)
+    # where panels are refined for the quantiles themselves, a place beside them says nothing
+    accuracy = tolerance if own.split is not None or own.errors is not None else _BESIDE
+    at = quantiles_of(own, np.array(LEVELS), (mean, sd), accuracy)
     step = 0.02 * sd
-    around = np.clip(np.concatenate((at - step, at + step)), own.low, own.high)
-    share = own.cdf(around, 0)
-    density = (share[at.size :] - share[: at.size]) / (around[at.size :] - around[: at.size])
-    moved = np.abs(own.cdf(at, 1) - own.cdf(at, 0))
+    around = np.clip(np.stack((at - step, at, at + step)), own.low, own.high)
+    fine, coarse = own.cdf(around.reshape(-1), 2).reshape(2, *around.shape)
+    density = (fine[2] - fine[0]) / (around[2] - around[0])
+    moved = np.abs(coarse[1] - fine[1])
     return float((moved / np.maximum(density, 1e-4 / sd)).max()) / sd
 
 
@@ -85,4 +87,4 @@ def quantiles_of(own: Quantity, p: Array, moments: tuple[float, float], toleranc
     """Where the distribution function takes the values p; an open upper end is cut 1e6 sd above the mean."""
     mean, sd = moments
     low, high = own.low, own.high if math.isfinite(own.high) else mean + 1e6 * sd
-    return quantiles(lambda t: own.cdf(t, 0), p, low, high, mean, sd, 1e-3 * min(tolerance, 1e-3))
+    return quantiles(lambda t: own.cdf(t, 1)[0], p, low, high, mean, sd, 1e-3 * tolerance)

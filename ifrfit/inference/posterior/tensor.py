@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.conditional import Spread
 from ifrfit.inference.posterior.marginal import Panels
 from ifrfit.inference.posterior.rule import partial, rule
@@ -20,12 +21,15 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_ALONE = np.ones((2, 1))  # weights of a single node
+
 
 @dataclass
 class Tensor:
     """Density at nodes along (outer nodes, e_n, transition, closure constant).
 
-    Every weight and integral comes twice: by the rules, and by the coarse rules inside them.
+    Every weight and integral comes twice, by the rules and by the coarse rules inside them; so do the shares
+    of the outer nodes, (2, m). Functions of a number of levels give the rules alone (1) or both (2).
 
     Attributes
     ----------
@@ -41,6 +45,8 @@ class Tensor:
         Integrated over the closure constant.
     e_weight : ndarray, (2, n_e)
     x_weight : ndarray, (2, m, n_e, n_x)
+    weight : ndarray, (2, m, n_e, n_x)
+        The product of these two.
     c_weight : ndarray, (2, n_c)
     mass : ndarray, (2, m)
         Integral at each outer node, relative to exp(shift).
@@ -61,11 +67,11 @@ class Tensor:
     g: Array
     e_weight: Array
     x_weight: Array
+    weight: Array
     c_weight: Array
     mass: Array
     limits: tuple[Array, Array] | None
     spread: Spread | None
-    _sides: dict[int, Array] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -88,18 +94,34 @@ class Tensor:
         with np.errstate(invalid="ignore"):
             f = np.exp(logs[0] - np.where(np.isfinite(top), top, 0.0)[..., None])
         apart = np.exp(whole - shift[:, None, None])
-        nodes = (1, *np.broadcast_shapes(e_n.shape, x.shape)[1:])
-        apart = np.broadcast_to(apart, np.broadcast_shapes(apart.shape, nodes, f.shape[:-1]))
-        c_weight = np.ones((2, 1)) if spread is None else np.tile(rule(series.c_order).weights, 2)
-        g = np.stack([apart * (f @ c_weight[level]) for level in (0, 1)])
+        shape = np.broadcast(apart, e_n[:1], x[:1], f[..., 0]).shape
+        if apart.shape != shape:
+            apart = np.broadcast_to(apart, shape)
+        c_weight = _ALONE if spread is None else np.tile(rule(series.c_order).weights, 2)
+        g = np.stack([apart * (f @ w) for w in c_weight])
         if not series.has_x_axis or series.x_axis is None:
-            x_weight = np.ones((2, 1, 1, 1))
+            x_weight = _ALONE[:, :, None, None]
         else:
             x_weight = series.x_axis.weights_between(limits)
-        h = (g * x_weight).sum(axis=-1)
-        mass = (h * e_weight[:, None, :]).sum(axis=-1)
+        weight = x_weight * e_weight[:, None, :, None]
+        mass = (g * weight).sum(axis=(2, 3))
         return cls(
-            series, e_n, x, c, mu, f, apart, shift, g, e_weight, x_weight, c_weight, mass, limits, spread
+            series,
+            e_n,
+            x,
+            c,
+            mu,
+            f,
+            apart,
+            shift,
+            g,
+            e_weight,
+            x_weight,
+            weight,
+            c_weight,
+            mass,
+            limits,
+            spread,
         )
 
     @property
@@ -107,102 +129,105 @@ class Tensor:
         """Log of the integral at each outer node, (2, m)."""
         return np.asarray(np.log(np.maximum(self.mass, 1e-300)) + self.shift)
 
-    def outer(self, share: Array, level: int) -> Array:
-        """Factor that turns densities into posterior ones, (m, 1, 1), from the share of each outer node."""
+    def outer(self, share: Array) -> Array:
+        """Factor that turns densities into posterior ones, (2, m, 1, 1)."""
         if self.mass.shape[1] == 1:  # one law, whatever the outer node
-            share = share.sum(keepdims=True)
-        return np.asarray((share / np.maximum(self.mass[level], 1e-300))[:, None, None])
+            share = share.sum(axis=1, keepdims=True)
+        return np.asarray((share / np.maximum(self.mass, 1e-300))[:, :, None, None])
 
-    def expect_each(self, value: Array, level: int) -> Array:
-        """Mean of a value at the nodes, (m, n_e, n_x, n_c), broadcastable, at each outer node, (m,)."""
+    def expect_each(self, value: Array) -> Array:
+        """Mean of a value at the nodes, (m, n_e, n_x, n_c), broadcastable, at each outer node, (2, m)."""
         if value.shape[-1] == 1:
-            inner = self.g[level] * value[..., 0]
+            inner = self.g * value[..., 0]
         else:
-            inner = self.apart * ((self.f * value) @ self.c_weight[level])
-        weight = self.x_weight[level] * self.e_weight[level][:, None]
-        return np.asarray((inner * weight).sum(axis=(1, 2)) / np.maximum(self.mass[level], 1e-300))
+            product = self.f * value
+            inner = np.stack([self.apart * (product @ w) for w in self.c_weight])
+        return np.asarray((inner * self.weight).sum(axis=(2, 3)) / np.maximum(self.mass, 1e-300))
 
-    def e_law(self, level: int) -> Array:
-        """Probability of each node of e_n, (m, n_e)."""
-        h = (self.g[level] * self.x_weight[level]).sum(axis=-1) * self.e_weight[level]
-        return np.asarray(h / np.maximum(self.mass[level], 1e-300)[:, None])
+    def e_law(self) -> Array:
+        """Probability of each node of e_n, (2, m, n_e)."""
+        h = (self.g * self.weight).sum(axis=-1)
+        return np.asarray(h / np.maximum(self.mass, 1e-300)[..., None])
 
-    def along_x(self, share: Array, level: int) -> Callable[[Array], Array]:
-        """Posterior probability of a transition below x, as a function of x, (..., m, n_e) -> (...)."""
+    def along_x(self, share: Array) -> Callable[[Array, int], Array]:
+        """Posterior probability of a transition below x, by levels, as a function of x, (..., m, n_e)."""
         axis = self.series.x_axis
         assert axis is not None
         to_t = self.series.to_t
         low, width = axis.low[None], axis.width[None]
         m, n_e, _ = self.g.shape[1:]
-        values = self.g[level].reshape(m, n_e, -1, axis.order + 1)
-        weight = (self.outer(share, level) * self.e_weight[level][:, None])[..., 0]
+        weight = (self.outer(share)[..., 0] * self.e_weight[:, None]).reshape(2, 1, -1)
         if self.limits is None:
-            summed = Panels.of(low, width, np.tensordot(weight, values, axes=([0, 1], [0, 1]))[None], level)
-        rows = cache(lambda: Panels.of(low, width, values.reshape(m * n_e, *values.shape[2:]), level))
+            total = weight @ self.g.reshape(2, m * n_e, -1)
+            summed = Panels.of_levels(low, width, total.reshape(2, *axis.shape))
+        each = cache(lambda level: Panels.of(low, width, self.g[level].reshape(m * n_e, *axis.shape), level))
 
-        def below(x: Array) -> Array:
+        def below(x: Array, levels: int) -> Array:
             t = to_t(x)
-            if self.limits is None:
-                if t.shape[-2:] == (1, 1):
-                    return np.asarray(summed.below(t[..., 0, :])[..., 0])
-                start: Array | float = 0.0
-            else:
-                least, most = self.limits
+            if self.limits is None and t.shape[-2:] == (1, 1):
+                return summed.below_in_all(t[..., 0, 0], levels)
+            least = None
+            if self.limits is not None:
+                least, most = (np.broadcast_to(end, (m, n_e)) for end in self.limits)
                 t = np.clip(t, least, most)
-                least = np.broadcast_to(least, (m, n_e)).reshape(m * n_e)
-                start = rows().below(least)
             t = np.broadcast_to(t, (*t.shape[:-2], m, n_e)).reshape(*t.shape[:-2], m * n_e)
-            return np.asarray((rows().below(t) - start) @ weight.reshape(-1))
+            found = []
+            for level in range(levels):
+                rows = each(level)
+                start = 0.0 if least is None else rows.below(least.reshape(-1))
+                found.append((rows.below(t) - start) @ weight[level, 0])
+            return np.stack(found)
 
         return below
 
-    def below_c(self, c: Array, share: Array, level: int) -> Array:
-        """Posterior probability of a closure constant below c, (..., m, n_e, n_x) -> (...)."""
-        weight = self.x_weight[level] * self.e_weight[level][:, None] * self.outer(share, level)
-        weight = self.apart * weight
-        below = self._below_c(c, level)
+    def below_c(self, c: Array, share: Array, levels: int) -> Array:
+        """Posterior probability of a closure constant below c, (n, m, n_e, n_x), by levels, (levels, n)."""
+        weight = self.apart * self.weight * self.outer(share)
+        below = self._below_c(c, levels)
         if below.shape[-2] == 1 and below.shape[-3] == 1:  # one law of c for all e_n and outer nodes
-            weight = weight.sum(axis=(0, 1), keepdims=True)
-        return np.asarray((below * weight).sum(axis=(-3, -2, -1)))
+            weight = weight.sum(axis=(1, 2), keepdims=True)
+        return np.asarray((below * weight[:levels, None]).sum(axis=(-3, -2, -1)))
 
-    def _below_c(self, c: Array, level: int) -> Array:
-        """Density at each (outer node, e_n, x), cut off at c."""
+    @cached_property
+    def _sides(self) -> Array:
+        """Coefficients of the integrals up to c, (2 sides, coefficients, levels, m, n_e, n_x)."""
+        nodes = self.series.c_order + 1
+        sides = self.f.reshape(-1, 2, nodes)
+        to_integral = rule(self.series.c_order).antiderivative.swapaxes(0, 1).reshape(-1, nodes)
+        found = np.stack([to_integral @ sides[:, side].T for side in (0, 1)])
+        return found.reshape(2, nodes + 1, 2, *self.f.shape[:-1])
+
+    def _below_c(self, c: Array, levels: int) -> Array:
+        """Density at each (outer node, e_n, x), cut off at c, by levels."""
         spread = self.spread
         assert spread is not None
-        if level not in self._sides:
-            order = self.series.c_order
-            sides = self.f.reshape(*self.f.shape[:-1], 2, order + 1)
-            self._sides[level] = sides @ rule(order).antiderivative[level].T
-        sides = self._sides[level]
-        whole = sides.sum(axis=-1)  # of both sides
+        sides = self._sides[:, :, :levels]
+        left, right = sides.reshape(*sides.shape[:3], *(1,) * (c.ndim - 3), *sides.shape[3:])
         distance = c - spread.mode
-        right = distance >= 0.0
-        reach = np.where(right, spread.reach[..., 1], spread.reach[..., 0])
+        above = distance >= 0.0
+        reach = np.where(above, spread.reach[..., 1], spread.reach[..., 0])
         with np.errstate(divide="ignore", invalid="ignore"):
             v = np.arcsinh(np.abs(distance) / spread.size) / reach
         v = np.where(reach > 0.0, np.clip(v, 0.0, 1.0), 1.0)
-        chosen = np.where(right[..., None], sides[..., 1, :], sides[..., 0, :])
-        part = partial(chosen, v)
-        return np.asarray(np.where(right, whole[..., 0] + part, whole[..., 0] - part))
+        part = partial(np.moveaxis(np.where(above, right, left), 0, -1), v)
+        return np.asarray(left.sum(axis=0) + np.where(above, part, -part))
 
     def along_x_below_c(self, c: Array, share: Array) -> Array:
         """Density along the transition of what lies below c, (rows, panels, nodes)."""
         assert self.series.x_axis is not None
-        across = self.outer(share, 0) * self.e_weight[0][:, None]
-        return np.asarray(self._below_c(c, 0) * self.apart * across).reshape(-1, *self.series.x_axis.shape)
+        across = self.outer(share)[0] * self.e_weight[0][:, None]
+        return np.asarray(self._below_c(c, 1)[0] * self.apart * across).reshape(-1, *self.series.x_axis.shape)
 
     def along_e_below_c(self, c: Array, share: Array) -> Array:
         """Density along e_n of what lies below c, (rows, panels, nodes)."""
         assert self.series.e_axis is not None
-        inner = (self._below_c(c, 0) * self.apart * self.x_weight[0]).sum(axis=-1) * self.outer(share, 0)[
-            ..., 0
-        ]
-        return np.asarray(inner.reshape(-1, *self.series.e_axis.shape))
+        inner = (self._below_c(c, 1)[0] * self.apart * self.x_weight[0]).sum(axis=-1)
+        return np.asarray((inner * self.outer(share)[0, ..., 0]).reshape(-1, *self.series.e_axis.shape))
 
     def along_e_below_x(self, x: Array, share: Array) -> Array:
         """Density along e_n of what lies below a transition x, (m, n_e), as (rows, panels, nodes)."""
         assert self.series.e_axis is not None
-        below = self.each_below(x) * self.outer(share, 0)[..., 0]
+        below = self.each_below(x) * self.outer(share)[0, ..., 0]
         return np.asarray(below.reshape(-1, *self.series.e_axis.shape))
 
     def each_below(self, x: Array) -> Array:
@@ -218,29 +243,30 @@ class Tensor:
             t, start = np.clip(t, least, most), panels.below(least.reshape(-1))
         return np.asarray((panels.below(t.reshape(-1)) - start).reshape(m, n_e))
 
-    def values_of(self, value: Array, share: Array, level: int) -> tuple[Array, Array]:
-        """A value at all nodes with its probabilities, flat; those without any left out."""
-        weight = self.apart * self.x_weight[level] * self.e_weight[level][:, None] * self.outer(share, level)
+    def values_of(self, value: Array, share: Array) -> tuple[Array, Array]:
+        """A value at all nodes, (n,), with its probabilities, (2, n); those without any left out."""
+        weight = self.weight * self.outer(share)
         if value.shape[-1] == 1:
-            probability = (weight * (self.f @ self.c_weight[level]))[..., None]
+            probability = (weight * self.g)[..., None]
         else:
-            probability = self.f * weight[..., None] * self.c_weight[level]
-        value = np.broadcast_to(value, probability.shape)
+            weight = weight * self.apart
+            probability = self.f * weight[..., None] * self.c_weight[:, None, None, None, :]
+        value = np.broadcast_to(value, probability.shape[1:])
         if value.shape[0] > 1 and np.ptp(value, axis=0).max() == 0.0:  # the same at all outer nodes
-            value, probability = value[0], probability.sum(axis=0)
-        kept = np.abs(probability) > 1e-14
-        return value[kept], probability[kept]
+            value, probability = value[0], probability.sum(axis=1)
+        kept = np.abs(probability[0]) > 1e-14
+        return value[kept], probability[:, kept]
 
-    def squares(self, group: int, share: Array, level: int) -> tuple[Array, Array]:
-        """Sum of squares of a noise group at all nodes, and the probability of each node, flat."""
+    def squares(self, group: int, share: Array) -> tuple[Array, Array]:
+        """Sum of squares of a noise group at all nodes, (n,), and the probabilities of the nodes, (2, n)."""
         misfit = self.series.misfit
         q = misfit.quadratics(self.e_n, self.x)[group]
         more = misfit.curved(self.e_n[..., None], self.x[..., None], self.c, self.mu)[group]
-        weight = self.x_weight[level] * self.e_weight[level][:, None] * self.outer(share, level)
+        weight = self.weight * self.outer(share)
         if np.ndim(q.slope) == np.ndim(more) == 0:  # the group sees no more than e_n
             square: Array = np.asarray(q.square)
             square = square.reshape((1, 1, 1)) if square.ndim == 0 else square
-            probability = self.g[level] * weight
+            probability = self.g * weight
         else:
             square = lifted(q.square) + more
             if np.ndim(q.slope):
@@ -248,37 +274,44 @@ class Tensor:
                 square = square + d * (lifted(q.curvature) * d - 2.0 * lifted(q.slope))
             probability = self.apart * weight
             if square.shape[1] == 1 and self.f.shape[1] == 1:
-                probability = probability.sum(axis=1, keepdims=True)
-            probability = self.f * probability[..., None] * self.c_weight[level]
-        alone = tuple(int(axis) for axis in np.flatnonzero(np.array(square.shape) == 1))
+                probability = probability.sum(axis=2, keepdims=True)
+            probability = probability[..., None] * self.c_weight[:, None, None, None, :] * self.f
+        alone = tuple(1 + axis for axis, size in enumerate(square.shape) if size == 1)
         probability = probability.sum(axis=alone, keepdims=True)
-        return np.broadcast_to(square, probability.shape).reshape(-1), probability.reshape(-1)
+        return np.broadcast_to(square, probability.shape[1:]).reshape(-1), probability.reshape(2, -1)
 
-    def e_density(self, share: Array, level: int) -> Array:
-        """Marginal density of e_n at its nodes, (n_e,)."""
-        h = (self.g[level] * self.x_weight[level]).sum(axis=-1)
-        return np.asarray((h * self.outer(share, level)[..., 0]).sum(axis=0))
+    def e_density(self, share: Array) -> Array:
+        """Marginal density of e_n at its nodes, (2, n_e)."""
+        h = (self.g * self.x_weight).sum(axis=-1)
+        return np.asarray((h * self.outer(share)[..., 0]).sum(axis=1))
 
-    def panel_errors(self, share: Array) -> dict[str, tuple[Array, Array]]:
+    def panel_masses(self, share: Array) -> list[tuple[Axis, Array]]:
+        """Mass of the panels of e_n and of the transition."""
+        probability = (self.g * self.weight)[0] * self.outer(share)[0]
+        series = self.series
+        found = []
+        for axis, used, others in (
+            (series.x_axis, series.has_x_axis, (0, 1)),
+            (series.e_axis, series.has_e_axis, (0, 2)),
+        ):
+            if axis is not None and used:
+                found.append((axis, probability.sum(axis=others).reshape(axis.shape).sum(axis=-1)))
+        return found
+
+    def panel_errors(self, share: Array) -> list[tuple[Axis | None, Array, Array]]:
         """Mass and error of the panels of e_n and of the transition; of the closure constant as a whole."""
-        found: dict[str, tuple[Array, Array]] = {}
-        outer = self.outer(share, 0)
-        g, weight = self.g[0], self.x_weight
+        outer = self.outer(share)[0]
+        g, x_weight = self.g[0], self.x_weight[0]
         across = outer * self.e_weight[0][:, None]
-        if self.series.x_axis is not None and self.series.has_x_axis:
-            axis = self.series.x_axis
-            mass = (g * weight[0] * across).sum(axis=(0, 1)).reshape(-1, axis.order + 1).sum(axis=-1)
-            found["x"] = mass, axis.errors((g * across).reshape(-1, *axis.shape))
-        if self.series.e_axis is not None and self.series.has_e_axis:
-            axis = self.series.e_axis
-            h = (g * weight[0]).sum(axis=-1) * outer[..., 0]
-            mass = (h * self.e_weight[0]).sum(axis=0).reshape(axis.shape).sum(axis=-1)
-            found["e_n"] = mass, axis.errors(h.reshape(-1, *axis.shape))
+        found: list[tuple[Axis | None, Array, Array]] = []
+        for axis, mass in self.panel_masses(share):
+            along = g * across if axis is self.series.x_axis else (g * x_weight).sum(axis=-1) * outer[..., 0]
+            found.append((axis, mass, axis.errors(along.reshape(-1, *axis.shape))))
         if self.spread is not None:
             sides = self.f.reshape(*self.f.shape[:-1], 2, -1) @ rule(self.series.c_order).differences.T
-            part = self.apart * (across * weight[0])
+            part = self.apart * (across * x_weight)
             if sides.shape[0] == sides.shape[1] == 1:
                 part = part.sum(axis=(0, 1), keepdims=True)
             error = (np.abs(sides).sum(axis=-2) * part[..., None]).sum(axis=(0, 1, 2)).max()
-            found["c"] = (np.ones(1), np.array([error]))
+            found.append((None, np.ones(1), np.array([error])))
         return found

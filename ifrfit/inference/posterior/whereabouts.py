@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from ifrfit.inference.posterior import quantity as of
 from ifrfit.inference.posterior.joint import Grid
+from ifrfit.inference.posterior.of_noise import noise
 from ifrfit.inference.posterior.of_series import friction_apart, of_series
 from ifrfit.inference.posterior.plan import Plan, noise_label
 from ifrfit.inference.posterior.quantity import Quantity
@@ -16,32 +17,45 @@ def quantities_of(plan: Plan, grid: Grid) -> dict[str, Quantity]:
     """Every marginal, in the order of theta, then kappa, then noises."""
     found: dict[str, Quantity] = {}
     shared = {one.kind: number for number, one in enumerate(plan.joint.shared)}
-    several = len(plan.blocks) > 1
-    kappas: dict[str, Quantity] = {}
+    kappas = {}
+    labels = [_kappa_label(plan, block) for block in range(len(plan.blocks))]
+    for block, label in enumerate(labels):
+        if label and label not in kappas:
+            kappas[label] = _kappa(plan, grid, block, label, shared)
     for kind in ("e_n", "c", "mu"):
         for block in range(len(plan.blocks)):
             unknown = plan.unknowns[kind, block]
             if not isinstance(unknown, Unknown) or unknown.name in found:
                 continue
-            found[unknown.name] = _entry(plan, grid, kind, block, unknown, shared)
-    for block in range(len(plan.blocks)):
-        e_n, mu = plan.unknowns["e_n", block], plan.unknowns["mu", block]
-        if not isinstance(e_n, Unknown) and not isinstance(mu, Unknown):
-            continue
-        bracket = next(
-            (u.name[u.name.index("[") :] for u in (mu, e_n) if isinstance(u, Unknown) and "[" in u.name), ""
-        )
-        name = f"kappa{bracket if several else ''}"
-        if name not in kappas:
-            kappas[name] = _kappa(plan, grid, block, name, shared)
+            if plan.apart and kind == "mu":
+                parts = plan.tangential[block], plan.normal[block]
+                e_n = plan.unknowns["e_n", block]
+                assert isinstance(e_n, Unknown)
+                of_e = found[e_n.name]
+                found[unknown.name] = friction_apart(
+                    grid, kappas[labels[block]], of_e, parts, unknown, unknown.name
+                )
+            else:
+                found[unknown.name] = _entry(plan, grid, kind, block, unknown, shared)
     found |= kappas
     if "noise" in shared:
         found["noise"] = of.shared(grid, shared["noise"], "noise")
     for number, names in enumerate(plan.groups):
         for group, name in enumerate(names):
             label = noise_label(name)
-            found[label] = of.noise(grid, number, group, label)
+            found[label] = noise(grid, number, group, label)
     return found
+
+
+def _kappa_label(plan: Plan, block: int) -> str:
+    """Name of kappa in a block; empty where it is known."""
+    e_n, mu = plan.unknowns["e_n", block], plan.unknowns["mu", block]
+    unknown = [u for u in (mu, e_n) if isinstance(u, Unknown)]
+    if not unknown:
+        return ""
+    several = len(plan.blocks) > 1
+    bracket = next((u.name[u.name.index("[") :] for u in unknown if "[" in u.name), "")
+    return f"kappa{bracket if several else ''}"
 
 
 def _entry(
@@ -50,9 +64,6 @@ def _entry(
     part = plan.tangential[block]
     if plan.apart and kind == "e_n":
         return of_series(grid, plan.normal[block], "e_n", unknown.name)
-    if plan.apart and kind == "mu":
-        kappa = _kappa(plan, grid, block, "kappa", shared)
-        return friction_apart(grid, kappa, part, plan.normal[block], unknown, unknown.name)
     if kind in shared:
         return of.shared(grid, shared[kind], unknown.name)
     return of_series(grid, part, kind, unknown.name)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.inference.derived import angle_near, sticking_of, transition
+from ifrfit.inference.derived import angle_near, meaning_of, transition
 from ifrfit.inference.estimates import leans_on_prior, too_few
 from ifrfit.inference.identifiability import only_kappa_is_seen
 from ifrfit.inference.kappa import kappa_of
@@ -20,7 +20,8 @@ from ifrfit.inference.profiling.objective import Misfit
 from ifrfit.inference.profiling.profile import Profile
 from ifrfit.inference.profiling.quantities import Quantity, follow, quantities_of, transition_tau
 from ifrfit.inference.result import Estimate
-from ifrfit.physics.closures import rotational_share
+from ifrfit.physics.closures import Coefficients, rotational_share
+from ifrfit.physics.compliance import poisson_ratio
 from ifrfit.physics.transition import transition_angles
 
 ConstantsMap = dict[str, Estimate | Mapping[str, Estimate]]
@@ -58,7 +59,7 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
             found[label] = replace(scaled, reason=scaled.reason or "mu (1 + e_n)")
     own = problem.closure.constant
     for name in [name for name in found if own and name.split("[")[0] == own]:
-        label = "beta_sticking" + name.removeprefix(own or "")
+        label = _meaning(problem) + name.removeprefix(own or "")
         found[label] = found[name].mapped(label, _sticking(problem))
     for number, series in enumerate(problem.series):
         found |= _transitions(misfit, number, series, found, curves)
@@ -88,7 +89,13 @@ def _known(problem: Problem, fit: LeastSquares, quantity: Quantity) -> Known:
     return Known(seen, unique, leans)
 
 
+def _meaning(problem: Problem) -> str:
+    return "poisson_ratio" if problem.closure.constant == "chi" else "beta_sticking"
+
+
 def _sticking(problem: Problem) -> Any:
+    if _meaning(problem) == "poisson_ratio":
+        return lambda chi: float(poisson_ratio(chi, problem.inertia_factor))
     linear = problem.closure.coefficients(problem.inertia_factor)
     share = rotational_share(problem.inertia_factor)
     offset, slope = (linear.a0 + linear.b0) / share - 1.0, (linear.a1 + linear.b1) / share
@@ -100,12 +107,12 @@ def _transitions(
 ) -> dict[str, Profile]:
     """Transition angle(s) of a series: what its slip ratio at the transition becomes at its median spin."""
     problem, fit = misfit.problem, misfit.fit
-    linear = problem.closure.coefficients(problem.inertia_factor)
+    law = problem.closure.law(problem.inertia_factor)
     kappa = found.get("kappa") or found.get(f"kappa[{series}]")
     if kappa is None:
         return {}
-    if linear.b1 == 0.0:
-        tau = kappa.mapped("transition_tau", lambda x: x / linear.b0)
+    if isinstance(law, Coefficients) and law.b1 == 0.0:
+        tau = kappa.mapped("transition_tau", lambda x: x / law.b0)
     else:
         quantity = transition_tau(problem, fit, number)
         if quantity is None:
@@ -178,8 +185,7 @@ def _derived(
             series: _transition_of(problem, fit, number, series, kappa[series], profiles)
             for number, series in enumerate(problem.series)
         },
-        "beta_sticking": sticking_of(problem, constants),
-    }
+    } | meaning_of(problem, constants)
 
 
 def _transition_of(

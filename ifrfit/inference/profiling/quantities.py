@@ -126,24 +126,24 @@ def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity
     places = problem.positions()
     i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
     i_c = int(places[problem.closure.constant or ""][series])
-    linear = problem.closure.coefficients(problem.inertia_factor)
+    law = problem.closure.law(problem.inertia_factor)
     theta = fit.optimum.theta
-    bound = linear.b0 + linear.b1 * theta[i_c]
+    bound = float(law.bound(theta[i_c]))
     if bound <= 0.0 or problem.entries()[i_mu].fixed is not None:
         return None
 
     def of(theta: Array) -> float:
-        b = linear.b0 + linear.b1 * theta[i_c]
+        b = float(law.bound(theta[i_c]))
         return float(theta[i_mu] * (1.0 + theta[i_e]) / b) if b > 0.0 else math.inf
 
     def held(x: float, sigma: Array, near: Array) -> Array:
         starts = [near, *(theta for _, theta in fit.optimum.minima)]
-        tie = lambda e, c: x * (linear.b0 + linear.b1 * c) / (1.0 + e)  # noqa: E731
+        tie = lambda e, c: x * float(law.bound(c)) / (1.0 + e)  # noqa: E731
         return best_tied(problem, sigma, series, tie, (-math.inf, math.inf), _distinct(starts))
 
     to_theta = fit.local.to_theta
     functional = ((1.0 + theta[i_e]) * to_theta[i_mu] + theta[i_mu] * to_theta[i_e]) / bound
-    functional = functional - of(theta) * linear.b1 / bound * to_theta[i_c]
+    functional = functional - of(theta) * float(law.bound_slope(theta[i_c])) / bound * to_theta[i_c]
     at = problem.rows.series == series
     tau = problem.rows.tau[at & np.isfinite(problem.rows.tau)]
     far = 1.05 * float(tau.max(initial=0.1)) if _level(problem, i_mu) is not None else None
@@ -158,9 +158,9 @@ def _level(problem: Problem, place: int) -> float | None:
     shared = not problem.constants[-1].separate
     (series,) = (0,) if shared else np.flatnonzero(problem.positions()["mu"] == place)[:1].tolist()
     at = np.isfinite(problem.rows.tau) & (shared | (problem.rows.series == series))
-    linear = problem.closure.coefficients(problem.inertia_factor)
+    law = problem.closure.law(problem.inertia_factor)
     c = [x for c in problem.constants if c.name == problem.closure.constant for x in _ends(c)] or [0.0]
-    bound = max(linear.b0 + linear.b1 * x for x in c)
+    bound = max(float(law.bound(x)) for x in c)
     e_n = min(_ends(problem.constants[0]))
     return max(1.05 * bound * float(problem.rows.tau[at].max(initial=0.1)) / (1.0 + e_n), 1e-3)
 

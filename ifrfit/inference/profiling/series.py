@@ -34,7 +34,7 @@ def best_of_series(problem: Problem, sigma: Array, at: Mapping[int, float], near
         theta nearby.
     """
     whole = whole_block(problem, sigma)
-    if whole.of_kind("curved").any():
+    if not problem.closure.bilinear or whole.of_kind("curved").any():
         return None
     blocks = _settled(problem, series_blocks(problem, sigma), whole, at)
     if blocks is None:

@@ -36,7 +36,7 @@ class Latent:
         Their standard uncertainties; zero where exact.
     ends : (float, float)
         Degrees between which true angles lie.
-    order : int
+    order : ndarray of int, (U,)
         Nodes on each piece.
     """
 
@@ -47,11 +47,11 @@ class Latent:
     sd_x: Array
     sd_y: Array
     ends: tuple[float, float]
-    order: int
+    order: Index
 
     def take(self, at: Index) -> Latent:
         """The same for some impacts."""
-        fields = ("gamma", "spin_x", "spin_y", "sd_gamma", "sd_x", "sd_y")
+        fields = ("gamma", "spin_x", "spin_y", "sd_gamma", "sd_x", "sd_y", "order")
         return replace(self, **{name: getattr(self, name)[at] for name in fields})
 
     @property
@@ -107,7 +107,7 @@ class Latent:
         return np.sort(np.clip(np.where(np.isnan(found), high, found), low, high), axis=0)
 
     def nodes(self, cuts: Array, spin_x: Array, spin_y: Array) -> tuple[Incidence, Array]:
-        """Incidence at the nodes of all pieces, and their weights, (P, U, pieces * order).
+        """Incidence at the nodes of all pieces, and their weights, (P, U, pieces * order); one order for all.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Latent:
         low, high = self.limits()
         shape = cuts.shape[1:]
         edges = np.concatenate((np.broadcast_to(low, (1, *shape)), cuts, np.broadcast_to(high, (1, *shape))))
-        t, w = np.polynomial.legendre.leggauss(self.order)
+        t, w = np.polynomial.legendre.leggauss(int(self.order[0]))
         half = 0.5 * np.diff(edges, axis=0)[..., None]
         middle = 0.5 * (edges[1:] + edges[:-1])[..., None]
         at = np.moveaxis(middle + half * t, 0, 2).reshape(*shape, -1)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from ifrfit.errors import UsageError
 
+ITERATED = "weights iterated"  # end of the road by which such a fit was found
 ANGLES = ("none", "effective", "set", "measured")
 TAILS = ("gaussian", "student-t")
 DOF = 4.0  # Lange, Little & Taylor (1989), J. Am. Stat. Assoc. 84, 881: wide enough for most outliers
@@ -55,6 +57,18 @@ class Scatter:
     def propagates(self) -> bool:
         """Whether the errors of the rows come from those of the measured velocities and spins."""
         return self.velocity is not None
+
+    def choices(self) -> dict[str, Any]:
+        """The user's choices, as `make_scatter` takes them."""
+        return {
+            "tails": TAILS[0] if self.dof is None else TAILS[1],
+            "dof": self.dof,
+            "angle_errors": self.angles,
+            "angle_population": self.population,
+            "sigma_gamma": self.gamma,
+            "sigma_velocity": self.velocity,
+            "sigma_spin": self.spin,
+        }
 
     @property
     def words(self) -> str:

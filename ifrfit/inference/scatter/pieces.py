@@ -86,9 +86,7 @@ def pieces(law: RowLaw, at: At) -> Iterator[Piece]:
         low, high = law.latent.limits()
         margin = _INSIDE * (high - low)
         cut = np.asarray(((cuts > low + margin) & (cuts < high - margin)).any(axis=(0, 1)))
-        for units in (np.flatnonzero(cut), np.flatnonzero(~cut)):
-            if not units.size:
-                continue
+        for units in _alike(cut, law.latent.order):
             some = cuts[:, :, units] if cut[units[0]] else np.empty((0, 1, units.size))
             incidence, share = law.latent.take(units).nodes(some, spin_x[units], spin_y[units])
             rows = np.flatnonzero(np.isin(law.unit, units))
@@ -99,6 +97,12 @@ def pieces(law: RowLaw, at: At) -> Iterator[Piece]:
             value, sigma = _values(law, rows, i, at), law.sigma[rows, None] * at.factor[..., None, None]
             yield Piece(rows, units, of_rows, log_weight, value, sigma, bool(first[units[0]]))
         first[:] = False
+
+
+def _alike(cut: NDArray[np.bool_], order: Index) -> Iterator[Index]:
+    """Units that are cut or not, and take as many nodes."""
+    key = 2 * order + cut
+    yield from (np.flatnonzero(key == value) for value in np.unique(key))
 
 
 def _observed(law: RowLaw, at: At) -> Piece:

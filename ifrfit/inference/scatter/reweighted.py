@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.least_squares import LeastSquares, group_sigma, least_squares
 from ifrfit.inference.local import local_picture
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.scatter.law import PLAIN, Scatter
+from ifrfit.inference.scatter.law import ITERATED, PLAIN, Scatter
 from ifrfit.inference.scatter.pieces import slopes
 from ifrfit.inference.scatter.rows import RowLaw, at_theta
 
@@ -62,7 +62,8 @@ def reweighted(problem: Problem) -> LeastSquares:
     dof = math.inf
     if problem.noise == "scaled":
         dof = max(sigma.size - float(local.leverage.sum()), 0.5)
-    return LeastSquares(found.optimum, sigma, group_sigma(problem, base * factor), dof, change, local)
+    optimum = replace(found.optimum, gap=None, road=f"{found.optimum.road}, {ITERATED}")
+    return LeastSquares(optimum, sigma, group_sigma(problem, base * factor), dof, change, local)
 
 
 def effective_sigma(problem: Problem, theta: Array, factor: float = 1.0) -> Array:

@@ -84,7 +84,7 @@ class RowLaw:
         order = np.argsort(unit, kind="stable")
         gamma, spin_x, spin_y, sd_gamma, sd_x, sd_y = columns[first].T
         ends = problem.scatter.population or (0.0, 90.0)
-        latent = Latent(gamma, spin_x, spin_y, sd_gamma, sd_x, sd_y, ends, 1)
+        latent = Latent(gamma, spin_x, spin_y, sd_gamma, sd_x, sd_y, ends, np.ones(gamma.size, dtype=np.intp))
         own = own.take(order) if rows.size > 1 else own
         law = cls(
             problem.scatter, own.names, own.which, unit[order], own.value, problem.sigma[rows][order],
@@ -94,11 +94,13 @@ class RowLaw:
 
     def _fine_enough(self, problem: Problem, theta: Array) -> RowLaw:
         """Nodes for the narrower of the two laws whose product is integrated: of the angle, of the value."""
-        steep = 0.0
+        steep = np.zeros(self.latent.gamma.size)  # squared
         for sd, slope in slopes(self, at_theta(problem, theta[None])):
-            steep = max(steep, float((np.abs(slope) * sd[:, None] / self.sigma[:, None]).max()))
-        widths = 2.0 * REACH * math.sqrt(1.0 + min(steep, _STEEPEST) ** 2)
-        return replace(self, latent=replace(self.latent, order=math.ceil(6.0 + 0.9 * widths)))
+            np.add.at(steep, self.unit, (slope[0, 0, :, 0] * sd / self.sigma) ** 2)
+        widths = 2.0 * REACH * np.sqrt(1.0 + np.minimum(steep, _STEEPEST**2))
+        # few different numbers, so that impacts are done together
+        order = 16.0 * 1.5 ** np.ceil(np.log((6.0 + 0.9 * widths) / 16.0) / math.log(1.5))
+        return replace(self, latent=replace(self.latent, order=np.ceil(order).astype(np.intp)))
 
     def log_likelihood(self, at: At) -> Array:
         """Log likelihood of all rows together, (P, C)."""
@@ -128,8 +130,8 @@ class RowLaw:
         return found
 
     def _chunks(self, at: At) -> Iterator[slice]:
-        nodes = 2 * self.latent.order if self.scatter.integrates else 1
-        step = max(1, _AT_ONCE // (at.width * self.value.size * nodes))
+        nodes = int(self.latent.order[self.unit].sum()) if self.scatter.integrates else self.value.size
+        step = max(1, _AT_ONCE // (at.width * nodes))
         yield from (slice(start, start + step) for start in range(0, at.x.size, step))
 
     def _log_units(self, at: At) -> Array:

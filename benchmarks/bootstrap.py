@@ -1,0 +1,179 @@
+"""The bootstrap against a loop over lmfit fits: the same replicates, time and what is found, in one run.
+
+``python benchmarks/bootstrap.py [--quick] [--out DIR] [--readme]``
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+# first: it sets the number of threads
+from _common import (
+    RESULTS,
+    machine,
+    markdown_table,
+    print_table,
+    put_into_readme,
+    ratio_of,
+    rounds_of,
+    verdict,
+    write_csv,
+)
+
+# isort: split
+import lmfit
+import numpy as np
+
+import ifrfit
+from ifrfit.data.observations import Observations, make_table
+from ifrfit.inference.constants import make_constants
+from ifrfit.inference.least_squares import LeastSquares, least_squares
+from ifrfit.inference.problem import Problem, make_problem
+from ifrfit.inference.resampling import bootstrap
+from ifrfit.inference.resampling.schemes import Cases, lot_of
+from ifrfit.physics.closures import get_closure
+
+J = 0.4
+SHARE = J / (1.0 + J)
+E_N, E_T, MU, SIGMA = 0.9, -0.75, 0.2, 0.03
+N, REPLICATES = 80, 1000
+GOAL_S = 1.0
+SEED = 20230101
+MISSED = 1e-6  # in chi2 above ours
+
+OURS, OURS_MORE, LMFIT = "bootstrap, cases", "bootstrap, noise unknown", "loop over lmfit, 1 start"
+
+
+@dataclass(frozen=True)
+class Case:
+    """The same impacts as our problem and as the arrays of somebody who writes the model by hand."""
+
+    problem: Problem
+    unknown: Problem
+    cot: np.ndarray
+    beta: np.ndarray
+    replicates: int
+
+    def fits(self) -> tuple[LeastSquares, LeastSquares]:
+        return least_squares(self.problem), least_squares(self.unknown)
+
+    def counts(self) -> np.ndarray:
+        """How often each row occurs in each replicate: the draws that `bootstrap` makes."""
+        seeds = np.random.SeedSequence(SEED).spawn(self.replicates)
+        counts = lot_of(self.problem, Cases.of(self.problem), seeds).counts
+        assert counts is not None
+        return counts
+
+    def chi2(self, e_t: np.ndarray, mu: np.ndarray, counts: np.ndarray) -> np.ndarray:
+        k = SHARE * (1.0 + e_t[:, None]) + np.minimum(J, mu[:, None] * (1.0 + E_N) * self.cot)
+        return (counts * ((k / SHARE - 1.0 - self.beta) / SIGMA) ** 2).sum(axis=1)
+
+    def lmfit_loop(self, counts: np.ndarray) -> np.ndarray:
+        """(e_t, mu) of each replicate, each fit started at the fit of the data."""
+        start = least_squares(self.problem).optimum.theta[1:]
+        params = lmfit.Parameters()
+        params.add("e_t", value=start[0], min=-1.0, max=-J)
+        params.add("mu", value=start[1], min=0.0)
+        found = np.empty((len(counts), 2))
+        for number, count in enumerate(counts):
+            rows = np.repeat(np.arange(N), count.astype(int))
+            cot, beta = self.cot[rows], self.beta[rows]
+
+            def residual(p: lmfit.Parameters, cot: np.ndarray = cot, beta: np.ndarray = beta) -> np.ndarray:
+                k = SHARE * (1.0 + p["e_t"].value) + np.minimum(J, p["mu"].value * (1.0 + E_N) * cot)
+                return (k / SHARE - 1.0 - beta) / SIGMA
+
+            best = lmfit.minimize(residual, params, method="leastsq", calc_covar=False).params
+            found[number] = best["e_t"].value, best["mu"].value
+        return found
+
+
+def make_case(replicates: int) -> Case:
+    """80 values of beta over all angles; e_n fixed, e_t and mu sought."""
+    rng = np.random.default_rng([SEED, N])
+    gamma = rng.uniform(2.0, 88.0, N)
+    exact = ifrfit.rebound(gamma, e_n=E_N, e_t=E_T, mu=MU, degrees=True).beta
+    beta = exact + rng.normal(0.0, SIGMA, N)
+    observations = Observations(
+        make_table({"observable": ["beta"] * N, "gamma_deg": gamma, "value": beta, "sigma": [SIGMA] * N})
+    )
+    closure = get_closure("ifr")
+    constants = make_constants(closure, J, fix={"e_n": E_N})
+    known, unknown = (make_problem(observations, closure, J, constants, p) for p in ("known", "unknown"))
+    return Case(known, unknown, 1.0 / np.tan(np.radians(gamma)), beta, replicates)
+
+
+def measure(case: Case, budget: float) -> tuple[list[dict[str, object]], list[str]]:
+    """Time all in turns; hold what lmfit found against ours."""
+    fit, fit_unknown = case.fits()
+    counts = case.counts()
+
+    def ours() -> np.ndarray:
+        draws = bootstrap(case.problem, fit, replicates=case.replicates, seed=SEED).draws
+        return np.column_stack((draws["e_t"], draws["mu"]))
+
+    calls: dict[str, Callable[[], object]] = {
+        OURS: ours,
+        OURS_MORE: lambda: bootstrap(case.unknown, fit_unknown, replicates=case.replicates, seed=SEED),
+        LMFIT: lambda: case.lmfit_loop(counts),
+    }
+    times = rounds_of(calls, budget, least=3, most=11)
+    start = time.process_time()
+    best = case.chi2(*ours().T, counts)
+    cpu = time.process_time() - start
+    above = case.chi2(*case.lmfit_loop(counts).T, counts) - best
+    missed, worst = int((above > MISSED).sum()), float(above.max())
+    rows: list[dict[str, object]] = []
+    for name, seconds in times.items():
+        remark = f"{missed} of {case.replicates} above the certified optimum" if name == LMFIT else ""
+        rows.append(
+            {
+                "method": name,
+                "replicates": case.replicates,
+                "time_s": statistics.median(seconds),
+                "over_ours": ratio_of(seconds, times[OURS]),
+                "remark": remark,
+            }
+        )
+    seconds = statistics.median(times[OURS])
+    goals = [
+        f"{case.replicates:,} replicates of {N} values in {GOAL_S:g} s: {seconds:.3f} s "
+        f"({cpu:.3f} s of the processor), {verdict(seconds <= GOAL_S)}",
+        f"no replicate of lmfit lies below ours: least difference of chi2 {above.min():.1e}, largest "
+        f"{worst:.1e}, {verdict(float(above.min()) > -1e-9)}",
+    ]
+    return rows, goals
+
+
+def table_of(rows: list[dict[str, object]]) -> list[list[str]]:
+    """What is shown, the head first."""
+    shown = [["method", "replicates", "time", "over the bootstrap", "remarks"]]
+    for row in rows:
+        cells = f"{row['replicates']:,}", f"{row['time_s']:.3f} s", f"{row['over_ours']:.1f}"
+        shown.append([str(row["method"]), *cells, str(row["remark"])])
+    return shown
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="200 replicates, fewer rounds")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV")
+    parser.add_argument("--readme", action="store_true", help="put the table into the README, too")
+    options = parser.parse_args()
+    print(machine())
+    rows, goals = measure(make_case(200 if options.quick else REPLICATES), 2.0 if options.quick else 20.0)
+    print_table(table_of(rows))
+    print(*(f"goal: {goal}" for goal in goals), sep="\n")
+    write_csv(options.out / "bootstrap.csv", rows)
+    if options.readme:
+        listed = [f"- {goal}" for goal in goals]
+        put_into_readme("bootstrap", [machine(), "", *markdown_table(table_of(rows)), "", *listed])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""The command that writes uncertainty reports of results."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ifrfit.errors import UsageError
+
+FORMATS = ("html", "md", "pdf")
+
+
+def report(
+    results: Annotated[list[Path], typer.Argument(metavar="RESULT.json...")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE|DIR",
+            help="The report; with several results the folder for their reports and index.html. "
+            "By default beside RESULT.json.",
+        ),
+    ] = None,
+    form: Annotated[
+        str | None,
+        typer.Option("--format", help="html, md or pdf; by default as FILE ends.", show_default=False),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that are no reports, too.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
+) -> None:
+    """Uncertainty report of a result: one self-contained page; of several results with an index."""
+    if form is not None and form not in FORMATS:
+        raise UsageError(f"--format {form}: choose one of {', '.join(FORMATS)}.")
+    if len(results) > 1:
+        written = _batch(results, out, form or "html", force, quiet)
+    else:
+        written = _single(results[0], out, form, force, quiet)
+    if not quiet:
+        typer.echo(f"written: {written}")
+
+
+def _single(path: Path, out: Path | None, form: str | None, force: bool, quiet: bool) -> str:
+    from ifrfit.inference import load_result
+    from ifrfit.report.page.writing import check_free, write_report
+
+    if out is None:
+        stem = "report" if path.stem == "result" else path.stem
+        target = path.with_name(f"{stem}.{form or 'html'}")
+    elif out.is_dir() or not out.suffix:
+        target = out / f"report.{form or 'html'}"
+    else:
+        target = out
+        if form is not None and target.suffix != f".{form}":
+            raise UsageError(f"--out {out} does not end in .{form}, as --format says: change one of them.")
+    check_free(target, force=force)
+    result = load_result(path)
+    with _working(quiet, "drawing"):
+        write_report(result, target, force=force)
+    return str(target)
+
+
+def _batch(paths: list[Path], out: Path | None, form: str, force: bool, quiet: bool) -> str:
+    if out is None:
+        raise UsageError("Several results need a folder for their reports: name it with --out.")
+    from ifrfit.inference import load_result
+    from ifrfit.report.page import write_batch
+
+    loaded = [(path, load_result(path)) for path in paths]
+    with _working(quiet, "drawing") as status:
+
+        def progress(name: str) -> None:
+            if status is not None:
+                status.update(f"drawing {name}")
+
+        names = write_batch(loaded, out, suffix=form, force=force, progress=progress)
+    return f"{out}/  {names[0]} and {len(names) - 1} reports"
+
+
+def _working(quiet: bool, what: str) -> Any:
+    """Show that work goes on, at a terminal."""
+    if quiet or not sys.stderr.isatty():
+        return nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True).status(what)

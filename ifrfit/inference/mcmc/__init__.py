@@ -1,0 +1,16 @@
+"""Markov chain Monte Carlo that stops on evidence: independent ensembles of emcee are the chains.
+
+Importing this package imports emcee and arviz-stats.
+"""
+
+from ifrfit.inference.mcmc.chains import Chains as Chains
+from ifrfit.inference.mcmc.coordinates import Coordinates as Coordinates
+from ifrfit.inference.mcmc.evidence import Evidence as Evidence
+from ifrfit.inference.mcmc.run import MAX_STEPS as MAX_STEPS
+from ifrfit.inference.mcmc.run import begin as begin
+from ifrfit.inference.mcmc.run import run as run
+from ifrfit.inference.mcmc.sample import Sample as Sample
+from ifrfit.inference.mcmc.sample import sample as sample
+from ifrfit.inference.mcmc.sample import sample_converged as sample_converged
+from ifrfit.inference.mcmc.starts import starts as starts
+from ifrfit.inference.mcmc.stopping import judge as judge

@@ -1,0 +1,91 @@
+"""The coordinates in which walkers walk: kappa in the place of mu, noise by its logarithm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.density import Density
+from ifrfit.inference.local import kappa_coordinates
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.sampled import kappas_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The posterior of a problem as a `Target`.
+
+    Oblique impacts determine kappa = mu (1 + e_n) far better than mu where e_n is loose. In (e_n, mu) that is
+    a thin bent ridge, along which ensembles crawl; in (e_n, kappa) it is straight. The density has the
+    factor d mu / d kappa = 1/(1 + e_n), so that the law is the same.
+
+    Attributes
+    ----------
+    density : Density
+    """
+
+    density: Density
+
+    @property
+    def problem(self) -> Problem:
+        """The question."""
+        return self.density.problem
+
+    @property
+    def dimensions(self) -> int:
+        """Number of coordinates."""
+        return len(self.density.names)
+
+    @cached_property
+    def replaced(self) -> tuple[tuple[int, int | None, float], ...]:
+        """Of each kappa: its place, the place of its e_n (None if fixed), and the value of a fixed e_n."""
+        problem = self.problem
+        entries, free = problem.entries(), problem.free
+        names, _, _ = kappa_coordinates(problem, np.zeros(free.size))
+        place = np.cumsum(free) - 1  # among the free entries
+        positions = problem.positions()
+        found = {}
+        for mu, e_n in zip(positions["mu"].tolist(), positions["e_n"].tolist(), strict=True):
+            if free[mu] and names[mu] != problem.names[mu]:
+                value = entries[e_n].fixed
+                own = (int(place[e_n]), 0.0) if value is None else (None, value)
+                found[int(place[mu])] = own
+        return tuple((mu, *own) for mu, own in found.items())
+
+    def points(self, at: Array) -> Array:
+        """Points of the density, (..., d), at coordinates (..., d)."""
+        points = np.array(at, dtype=float)
+        for mu, e_n, value in self.replaced:
+            points[..., mu] = at[..., mu] / (1.0 + (value if e_n is None else at[..., e_n]))
+        return points
+
+    def at(self, points: Array) -> Array:
+        """Coordinates, (..., d), of points of the density, (..., d)."""
+        at = np.array(points, dtype=float)
+        for mu, e_n, value in self.replaced:
+            at[..., mu] = points[..., mu] * (1.0 + (value if e_n is None else points[..., e_n]))
+        return at
+
+    def __call__(self, at: Array) -> Array:
+        """Log density, (m,); -inf outside the domain."""
+        with np.errstate(all="ignore"):  # outside the domain anything may come out, and is not used
+            found = self.density(self.points(at))
+            for _, e_n, _ in self.replaced:
+                if e_n is not None:
+                    found = found - np.log(np.maximum(1.0 + at[:, e_n], np.finfo(float).tiny))
+        return np.where(np.isnan(found), -np.inf, found)
+
+    def quantities(self, at: Array) -> Mapping[str, Array]:
+        """Free constants, kappa and noises, each (...)."""
+        flat = self.points(at).reshape(-1, self.dimensions)
+        drawn = self.density.draws(flat)
+        noises = {name: values for name, values in drawn.items() if name.startswith("noise")}
+        constants = {name: values for name, values in drawn.items() if name not in noises}
+        found = constants | kappas_of(self.problem, drawn) | noises
+        return {name: np.reshape(values, at.shape[:-1]) for name, values in found.items()}

@@ -1,0 +1,115 @@
+"""Walk until the evidence suffices, or the budget ends."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
+from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.mcmc.chains import Chains
+from ifrfit.inference.mcmc.ensemble import Rest, Stretch, walk
+from ifrfit.inference.mcmc.evidence import Evidence
+from ifrfit.inference.mcmc.stopping import is_met
+from ifrfit.inference.mcmc.target import Target
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+MAX_STEPS = 10_000
+
+_FIRST, _GROWTH = 200, 1.25  # steps before the first look, and from one look to the next
+
+
+def begin(target: Target, starts: Array, seed: np.random.SeedSequence) -> Chains:
+    """Ensembles at their starts, each with random numbers of its own.
+
+    Parameters
+    ----------
+    target : Target
+    starts : ndarray, (ensembles, walkers, d)
+    seed : numpy.random.SeedSequence
+    """
+    seeds = seed.spawn(len(starts))
+    return Chains.begin([Rest.begin(target, at, own) for at, own in zip(starts, seeds, strict=True)])
+
+
+def run(
+    target: Target,
+    chains: Chains,
+    *,
+    max_steps: int = MAX_STEPS,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> tuple[Chains, Evidence]:
+    """Walk on until every rule of `stopping` holds, or until `max_steps`.
+
+    The looks at the chains come at steps that are fixed beforehand, whoever interrupts the walk where: a walk
+    that was resumed ends where the uninterrupted one does, with the same chains bit for bit. So does one with
+    any number of workers, because ensembles share nothing.
+
+    Parameters
+    ----------
+    target : Target
+        Picklable, if there are several workers.
+    chains : Chains
+        What `begin` made, or what an earlier run gave.
+    max_steps : int
+        Of each ensemble, counted from its very first.
+    workers : int
+        Processes; more than there are ensembles are of no use.
+    progress : callable, optional
+        Called with the steps walked and the budget after every look.
+
+    Returns
+    -------
+    chains : Chains
+    evidence : Evidence
+    """
+    with _mapping(min(workers, len(chains.ends))) as each:
+        for look in _looks(max_steps):
+            if look > chains.steps:
+                chains = chains.longer(each(partial(walk, target, steps=look - chains.steps), chains.ends))
+            elif look < chains.steps:
+                continue
+            if progress is not None:
+                progress(chains.steps, max_steps)
+            evidence = Evidence(target.quantities(chains.at))
+            if is_met(evidence):
+                return chains, evidence
+    return chains, Evidence(target.quantities(chains.at))
+
+
+def _looks(max_steps: int) -> Iterator[int]:
+    """Steps at which the chains are looked at; the budget's end is the last of them."""
+    look = _FIRST
+    while look < max_steps:
+        yield look
+        look = int(look * _GROWTH)
+    yield max_steps
+
+
+Each = Callable[[Callable[[Rest], Stretch], Sequence[Rest]], list[Stretch]]
+
+
+@contextlib.contextmanager
+def _mapping(workers: int) -> Iterator[Each]:
+    """A function over ensembles, in this process or in others."""
+    if workers <= 1:
+        yield lambda function, rests: [function(rest) for rest in rests]
+        return
+    # a fresh process each: forking one that has threads is not safe
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        try:
+            yield lambda function, rests: list(pool.map(function, rests))
+        except BrokenProcessPool:
+            raise UsageError(
+                f"--workers {workers}: the processes could not start. In a script of your own put the call "
+                'under if __name__ == "__main__":, or take one worker.'
+            ) from None

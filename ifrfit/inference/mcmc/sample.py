@@ -1,0 +1,150 @@
+"""A sample of a problem's posterior: chains, what they say of themselves, and the law they stand for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.density import Density
+from ifrfit.inference.least_squares import LeastSquares
+from ifrfit.inference.mcmc.chains import Chains
+from ifrfit.inference.mcmc.checkpoint import load_chains, question_of, save_chains
+from ifrfit.inference.mcmc.coordinates import Coordinates
+from ifrfit.inference.mcmc.evidence import Evidence
+from ifrfit.inference.mcmc.run import MAX_STEPS, Progress, begin, run
+from ifrfit.inference.mcmc.starts import starts
+from ifrfit.inference.mcmc.stopping import Verdict, judge
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.result import Fact
+from ifrfit.inference.rules import FACTS
+from ifrfit.inference.sampled import Sampled
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Chains of a posterior.
+
+    Attributes
+    ----------
+    coordinates : Coordinates
+    chains : Chains
+    evidence : Evidence
+    seed : int
+    """
+
+    coordinates: Coordinates
+    chains: Chains
+    evidence: Evidence
+    seed: int
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """What the rules say."""
+        return judge(self.evidence)
+
+    @cached_property
+    def law(self) -> Sampled:
+        """All draws that are kept, as a law."""
+        values = {name: x.reshape(-1) for name, x in self.evidence.kept.items()}
+        return Sampled.of(self.coordinates.problem, values)
+
+    def save(self, path: Path) -> None:
+        """Write the chains to a file, to walk on from."""
+        save_chains(path, self.chains, question_of(self.coordinates.problem, self.seed))
+
+
+def sample(
+    problem: Problem,
+    found: LeastSquares,
+    seed: int,
+    *,
+    max_steps: int = MAX_STEPS,
+    workers: int = 1,
+    resume: Path | None = None,
+    progress: Progress | None = None,
+) -> Sample:
+    """Sample the posterior of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    found : LeastSquares
+        The optima that ensembles start from.
+    seed : int
+    max_steps : int
+        Of each ensemble, counted from its very first.
+    workers : int
+    resume : Path, optional
+        Chains to walk on with, or their folder.
+    progress : callable, optional
+
+    Raises
+    ------
+    UsageError
+        If nothing is free, or the chains to resume are not there or not of this problem.
+    DataError
+        If their file is damaged.
+    """
+    coordinates = Coordinates(Density(problem))
+    if coordinates.dimensions == 0:
+        raise UsageError(
+            "Every constant is fixed and the noise is known: there is nothing to sample. Use --method lsq."
+        )
+    if resume is not None:
+        chains = load_chains(resume, question_of(problem, seed))
+    else:
+        spread, walks = np.random.SeedSequence(seed).spawn(2)
+        places = starts(coordinates, found, np.random.default_rng(spread))
+        chains = begin(coordinates, places, walks)
+    chains, evidence = run(coordinates, chains, max_steps=max_steps, workers=workers, progress=progress)
+    return Sample(coordinates, chains, evidence, seed)
+
+
+def sample_converged(drawn: Sample, settled: Fact) -> Fact:
+    """Whether the chains met every rule; if not, which not, and how many more steps it would take."""
+    chains, evidence, verdict = drawn.chains, drawn.evidence, drawn.verdict
+    ensembles, steps, walkers, _ = chains.at.shape
+    figures = {
+        "ensembles": ensembles,
+        "walkers": walkers,
+        "steps": steps,
+        "discarded": evidence.discarded,
+        "acceptance": chains.acceptance,
+        "rhat_max": max(evidence.rhat.values()),
+        "ess_bulk_min": min(evidence.bulk.values()),
+        "ess_tail_min": min(evidence.tail.values()),
+        "tau_max": max(evidence.tau.values()),
+        "failed": list(verdict.failed),
+        "steps_more": 0 if verdict.ok else verdict.steps_more,
+        "each": {
+            name: {
+                "rhat": evidence.rhat[name],
+                "ess_bulk": evidence.bulk[name],
+                "ess_tail": evidence.tail[name],
+                "tau": evidence.tau[name],
+            }
+            for name in evidence.tau
+        },
+    } | dict(settled.figures)
+    if verdict.ok and settled.ok:
+        says = (
+            f"{ensembles} ensembles of {walkers} walkers agree after {steps:,} steps: R-hat "
+            f"{figures['rhat_max']:.4f}, at least {figures['ess_bulk_min']:,.0f} effective draws in the bulk "
+            f"and {figures['ess_tail_min']:,.0f} in the tails"
+        )
+    elif verdict.ok:
+        says = settled.says
+    else:
+        says = f"the chains did not converge in {steps:,} steps: {verdict.says}; {_remedy(verdict, steps)}"
+    return Fact(verdict.ok and settled.ok, says, figures, FACTS["converged"])
+
+
+def _remedy(verdict: Verdict, steps: int) -> str:
+    if verdict.steps_more is None:
+        return "how many more it would take cannot be told: --method exact needs none"
+    total = steps + verdict.steps_more
+    return f"some {verdict.steps_more:,} more steps would do: --resume DIR --max-steps {total}"

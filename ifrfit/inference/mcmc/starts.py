@@ -1,0 +1,115 @@
+"""Where ensembles start: about every optimum within reach, wider than the posterior."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.least_squares import LeastSquares
+from ifrfit.inference.local import local_picture
+from ifrfit.inference.mcmc.coordinates import Coordinates
+from ifrfit.inference.optimum import Optimum
+
+Array = NDArray[np.float64]
+
+ENSEMBLES = 4
+_WALKERS, _PER_DIMENSION = 64, 6
+_APART = 2.0  # sd from an optimum to where an ensemble starts: R-hat needs starts wider than the posterior
+_MAIN = 0.75  # share of an ensemble's walkers that start at its own optimum
+_TRIES = 40  # each draws nearer to the optimum than the one before
+_INSIDE = 1e-6  # of the domain's width, from its walls
+
+
+def starts(
+    coordinates: Coordinates, found: LeastSquares, rng: np.random.Generator, ensembles: int = ENSEMBLES
+) -> Array:
+    """Places of all walkers, (ensembles, walkers, d), inside the domain.
+
+    About each optimum that least squares knows of (all local minima within 4 of the least) walkers are drawn
+    from its Gaussian, about a centre that lies 2 sd off, in another direction for each ensemble. Of several
+    optima each ensemble has another as its own: three quarters of its walkers start there, and the others
+    share the rest. So every ensemble can reach every mode, and if their weights do not settle, the ensembles
+    disagree: R-hat sees it.
+
+    Parameters
+    ----------
+    coordinates : Coordinates
+    found : LeastSquares
+    rng : numpy.random.Generator
+    ensembles : int
+    """
+    walkers = max(_WALKERS, _PER_DIMENSION * coordinates.dimensions)
+    gaussians = [_gaussian(coordinates, found, theta) for theta in optima(found.optimum)]
+    made = []
+    for number in range(ensembles):
+        own = number % len(gaussians)
+        others = [(own + 1 + i) % len(gaussians) for i in range(len(gaussians) - 1)]
+        n_own = walkers if not others else math.ceil(_MAIN * walkers)
+        counts = {own: n_own} | {i: len(range(k, walkers - n_own, len(others))) for k, i in enumerate(others)}
+        parts = [_about(coordinates, *gaussians[i], n, rng) for i, n in counts.items()]
+        made.append(np.concatenate(parts))
+    return np.stack(made)
+
+
+def optima(optimum: Optimum) -> list[Array]:
+    """theta of every optimum within reach, the best first."""
+    return [theta for _, theta in optimum.minima] or [optimum.theta]
+
+
+def _gaussian(coordinates: Coordinates, found: LeastSquares, theta: Array) -> tuple[Array, Array]:
+    """Centre, (d,), and root of the covariance, (d, d), about an optimum."""
+    problem, density = coordinates.problem, coordinates.density
+    low, high = problem.bounds()
+    theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
+    free = problem.free
+    covariance = local_picture(problem, found.sigma, theta).covariance(capped=True)[np.ix_(free, free)]
+    noise, spread = _noise(coordinates, found)
+    point = np.concatenate((theta[free], noise))
+    inside = _INSIDE * (density.upper - density.lower)
+    point = np.clip(point, density.lower + inside, density.upper - inside)
+    n = int(free.sum())
+    root = np.zeros((point.size, point.size))
+    values, vectors = np.linalg.eigh(covariance)
+    root[:n, :n] = vectors * np.sqrt(np.maximum(values, 0.0))
+    root[n:, n:] = np.diag(spread)
+    return coordinates.at(point), root
+
+
+def _noise(coordinates: Coordinates, found: LeastSquares) -> tuple[Array, Array]:
+    """Logarithm of each noise at the optimum, and its sd."""
+    problem = coordinates.problem
+    groups = problem.groups() if problem.noise == "unknown" else {"": np.arange(problem.sigma.size)}
+    base = problem.sigma if problem.noise == "scaled" else np.ones(problem.sigma.size)
+    centre, spread = [], []
+    for name in coordinates.density.noises:
+        rows = groups[name]
+        centre.append(math.log(float(np.median(found.sigma[rows] / base[rows]))))
+        spread.append(1.0 / math.sqrt(2.0 * max(rows.size - 1, 1)))
+    return np.array(centre), np.array(spread)
+
+
+def _about(coordinates: Coordinates, centre: Array, root: Array, n: int, rng: np.random.Generator) -> Array:
+    """n places about a centre that lies 2 sd off; those that have no density are drawn again, nearer."""
+    direction = rng.standard_normal(centre.size)
+    away = _APART * direction / np.linalg.norm(direction)
+    at = np.tile(centre, (n, 1))
+    missing = np.arange(n)
+    for attempt in range(_TRIES):
+        nearer = 0.8**attempt
+        drawn = centre + nearer * (away + rng.standard_normal((missing.size, centre.size))) @ root.T
+        at[missing] = coordinates.at(_reflected(coordinates, coordinates.points(drawn)))
+        missing = missing[~np.isfinite(coordinates(at[missing]))]
+        if missing.size == 0:
+            break
+    return at
+
+
+def _reflected(coordinates: Coordinates, points: Array) -> Array:
+    """Points folded back into the domain at its walls."""
+    low, width = coordinates.density.lower, coordinates.density.upper - coordinates.density.lower
+    inside = _INSIDE * width
+    low, width = low + inside, width - 2.0 * inside
+    turns = np.mod((points - low) / width, 2.0)
+    return np.asarray(low + width * np.where(turns > 1.0, 2.0 - turns, turns))

@@ -1,0 +1,24 @@
+"""Effects beyond constant coefficients, each computed only where a scene calls for it."""
+
+from ifrfit.physics.effects.bounce import Outcome
+from ifrfit.physics.effects.compose import compose
+from ifrfit.physics.effects.contact import Contact, Fluid, Impacts
+from ifrfit.physics.effects.plan import Plan, PlanLine, make_plan
+from ifrfit.physics.effects.protocol import ORDER, Criterion, Effect, Validity
+from ifrfit.physics.effects.registry import EFFECTS
+
+__all__ = [
+    "EFFECTS",
+    "ORDER",
+    "Contact",
+    "Criterion",
+    "Effect",
+    "Fluid",
+    "Impacts",
+    "Outcome",
+    "Plan",
+    "PlanLine",
+    "Validity",
+    "compose",
+    "make_plan",
+]

@@ -1,0 +1,247 @@
+"""Which effects a scene calls for: each computed on a few hundred of its impacts, with and without."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ifrfit.physics.effects.asked import Wanted, check_closure, check_restitution, check_wanted
+from ifrfit.physics.effects.compose import compose
+from ifrfit.physics.effects.contact import Contact, Impacts
+from ifrfit.physics.effects.difference import differences
+from ifrfit.physics.effects.pilot import pilot_rows
+from ifrfit.physics.effects.protocol import Criterion
+from ifrfit.physics.effects.registry import EFFECTS
+
+State = Literal["on", "off", "constant", "refused", "unknown"]
+
+
+@dataclass(frozen=True)
+class PlanLine:
+    """What the plan says of one effect.
+
+    Attributes
+    ----------
+    effect, title : str
+    state : str
+        on; off; constant: it would replace a constant that is given, and stays off; refused: its law does
+        not hold here; unknown: numbers are missing.
+    criterion : Criterion or None
+        None where numbers are missing.
+    change : float or None
+        Largest change of an observable that it makes (angles in radians); infinite where it decides
+        whether the observable exists; None where numbers are missing, or nothing to compare with.
+    observable : str
+        The one that changes most.
+    reason : str
+        In a few words.
+    remark : str
+        On the range of its law; may be empty.
+    alarm : bool
+        It is off although it would change an observable by more than the accuracy.
+    """
+
+    effect: str
+    title: str
+    state: State
+    criterion: Criterion | None
+    change: float | None
+    observable: str
+    reason: str
+    remark: str = ""
+    alarm: bool = False
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The effects of a scene.
+
+    Attributes
+    ----------
+    lines : tuple of PlanLine
+        One an effect, in the order in which they compose.
+    accuracy : float
+    dropped : float
+        Change by all effects together that were dropped for being small.
+    """
+
+    lines: tuple[PlanLine, ...]
+    accuracy: float
+    dropped: float
+
+    @property
+    def on(self) -> tuple[str, ...]:
+        """Names of the effects to compute."""
+        return tuple(line.effect for line in self.lines if line.state == "on")
+
+
+def make_plan(
+    contact: Contact,
+    impacts: Impacts,
+    observables: Sequence[str],
+    *,
+    accuracy: float,
+    wanted: Wanted = "auto",
+    given: Mapping[str, str] | None = None,
+) -> Plan:
+    """Decide which effects to compute.
+
+    Parameters
+    ----------
+    contact : Contact
+    impacts : Impacts
+        With one dimension.
+    observables : sequence of str
+        Whose changes count.
+    accuracy : float
+        Change of an observable that is allowed to all dropped effects together (angles in radians).
+    wanted : "auto" or tuple of str
+        Names of the effects to compute, whatever they change.
+    given : mapping
+        Constants that the user gave: ``e_n``, ``tangential``, to their names as in the scene.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    DataError
+        If a wanted effect cannot be computed, or no single law of e_n is left to choose.
+
+    Notes
+    -----
+    auto drops the effect that changes least, then the next, as long as all that was dropped together
+    changes no observable by more than `accuracy` on the pilot impacts. An effect is judged by leaving it
+    out of everything that can be computed, so that effects which are strong together are not taken for weak.
+    """
+    pilot = impacts.take(pilot_rows(impacts))
+    planner = _Planner(contact, pilot, tuple(observables), accuracy, wanted, dict(given or {}))
+    return planner.plan()
+
+
+@dataclass(frozen=True)
+class _Planner:
+    contact: Contact
+    impacts: Impacts
+    observables: tuple[str, ...]
+    accuracy: float
+    wanted: Wanted
+    given: Mapping[str, str]
+
+    def plan(self) -> Plan:
+        lacking = {name: effect.lacks(self.contact, self.impacts) for name, effect in EFFECTS.items()}
+        usable = [name for name, what in lacking.items() if not what]
+        valid = {name: EFFECTS[name].validity(self.contact, self.impacts) for name in usable}
+        replacing = {name for name in usable if EFFECTS[name].replaces in self.given}
+        invalid = {name: v.words for name, v in valid.items() if not v.holds}
+        check_wanted(self.wanted, self.given, lacking | invalid)
+        check_closure(self.impacts, lacking | invalid)
+        refused = {name for name in usable if not valid[name].holds and not self._needed(name)}
+        laws = [n for n in usable if EFFECTS[n].replaces == "e_n" and n not in replacing]
+        check_restitution(laws, self.wanted, self.given)
+        # in a list, a law of e_n that is not named has another in its place
+        replacing |= {n for n in laws if self.wanted != "auto" and n not in self.wanted}
+        # the law of a refused effect is still a bound: it may be dropped as too small, but never be on
+        computed = [name for name in usable if name not in replacing | refused]
+        everything = compose(self.contact, self.impacts, computed)
+        # in a list, what is not on is judged by adding it, else by leaving it out of everything
+        base = [n for n in computed if self.wanted == "auto" or n in self.wanted or self._needed(n)]
+        changes: dict[str, tuple[float, str]] = {}
+        for name in usable:
+            less = [n for n in base if n != name]
+            changes[name] = self._change(base, less if name in base else self._with(base, name))
+        dropped, together = self._drop(computed, refused, changes)
+        lines = []
+        for name in EFFECTS:
+            effect, remark = EFFECTS[name], valid[name].words if name in valid else ""
+            if name not in usable:
+                lines.append(PlanLine(name, effect.title, "unknown", None, None, "", lacking[name]))
+                continue
+            criterion = effect.criterion(self.contact, self.impacts, everything, self.accuracy)
+            change, observable = changes[name]
+            state, reason = self._verdict(name, change, replacing, refused, dropped)
+            # a law of e_n that does not act here has nothing to say about a constant that is given
+            acts = state != "constant" or criterion.met
+            if state == "constant" and acts and change > self.accuracy:
+                reason += f"; remove {self.given[effect.replaces]} to compute it"
+            alarm = state != "on" and acts and change > self.accuracy
+            # without the closure's constant there is nothing to compare with
+            shown = None if name == "compliance" and self._needed(name) else change
+            lines.append(
+                PlanLine(name, effect.title, state, criterion, shown, observable, reason, remark, alarm)
+            )
+        return Plan(tuple(lines), self.accuracy, together)
+
+    def _needed(self, name: str) -> bool:
+        """Whether nothing can be computed without it."""
+        if name == "lateral-spin":
+            return bool(np.any(self.impacts.incidence.spin_x != 0.0))
+        return name == "compliance" and self.impacts.constant is None
+
+    def _with(self, computed: Collection[str], name: str) -> list[str]:
+        """These effects and one more, which takes the place of any that replaces the same constant."""
+        same = EFFECTS[name].replaces
+        return [n for n in computed if not same or EFFECTS[n].replaces != same] + [name]
+
+    def _change(self, one: Sequence[str], two: Sequence[str]) -> tuple[float, str]:
+        """Largest change between two sets of effects, and the observable it happens to."""
+        if self.impacts.constant is None and ("compliance" in one) != ("compliance" in two):
+            return math.inf, self.observables[0]
+        first, second = (compose(self.contact, self.impacts, names) for names in (one, two))
+        found = differences(first, second, self.impacts.mu, self.observables)
+        observable = max(found, key=lambda name: found[name])
+        return found[observable], observable
+
+    def _drop(
+        self, computed: list[str], refused: set[str], changes: Mapping[str, tuple[float, str]]
+    ) -> tuple[list[str], float]:
+        """The effects to drop, least first, and what they change together."""
+        bounds = [name for name in refused if changes[name][0] <= self.accuracy]
+        full = [*computed, *bounds]
+        if self.wanted != "auto":
+            drop = [name for name in full if name not in self.wanted and not self._needed(name)]
+            return drop, self._change(full, [n for n in full if n not in drop])[0]
+        together = self._change(full, computed)[0]
+        dropped = list(bounds)
+        for name in sorted(computed, key=lambda name: changes[name][0]):
+            if self._needed(name) or changes[name][0] > self.accuracy:
+                continue
+            trial = [*dropped, name]
+            change, _ = self._change(full, [n for n in full if n not in trial])
+            if change > self.accuracy:
+                break
+            dropped, together = trial, change
+        return dropped, together
+
+    def _verdict(
+        self,
+        name: str,
+        change: float,
+        replacing: set[str],
+        refused: set[str],
+        dropped: Collection[str],
+    ) -> tuple[State, str]:
+        small = change <= self.accuracy
+        if name in replacing:
+            constant = self.given.get(EFFECTS[name].replaces)
+            if constant is None:
+                return "off", "not listed"
+            return "constant", f"{constant} is given and stays"
+        if name in refused:
+            return ("off", "") if small else ("refused", "not computed")
+        if name == "lateral-spin":
+            return ("on", "in 3-D") if self._needed(name) else ("off", "planar")
+        if name not in dropped:
+            if self.wanted != "auto":
+                return "on", "listed"
+            if self._needed(name):
+                return "on", "takes the place of the closure's constant"
+            return "on", "" if not small else "small, but with the dropped ones too much"
+        if self.wanted != "auto":
+            return "off", "not listed"
+        return "off", ""

@@ -1,0 +1,62 @@
+"""Rolling friction: a couple that resists the spin during the contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ifrfit.physics.effects.bounce import Bounce, Outcome
+from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+
+
+@dataclass(frozen=True)
+class Rolling:
+    """A couple impulse of at most mu_r R |P_n| against the spin that the impact leaves; it never reverses it.
+
+    R Omega falls by mu_r (1 + e_n) u_n/J. This option is ours; the equations of the paper that adds rolling
+    friction to IFR (Doménech-Carbó 2019, Phys. Fluids 31, 043302) are not those.
+    """
+
+    name: str = "rolling"
+    title: str = "rolling"
+    stage: Stage = "rolling"
+    replaces: Literal[""] = ""
+    cost_ns: float = 40.0
+    source: str = "our own option: balance of angular momentum with a Coulomb-like couple"
+
+    def lacks(self, contact: Contact, impacts: Impacts) -> str:
+        """Coefficient of rolling friction."""
+        return contact.lacks("rolling_friction", hertzian=False)
+
+    def validity(self, contact: Contact, impacts: Impacts) -> Validity:
+        """Holds by definition."""
+        return Validity()
+
+    def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
+        """Largest mu_r/mu_app: change of spin by the couple over that by friction."""
+        friction = np.asarray(outcome.mu_app_magnitude)
+        friction = friction[friction > 0.0]
+        ratio = known(contact.rolling_friction) / float(np.min(friction)) if friction.size else 0.0
+        return Criterion("mu_r/mu_app", ratio, accuracy)
+
+    def apply(self, contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
+        """Slow the spin; the contact point follows."""
+        out = bounce.done
+        spin = np.hypot(out.spin_x, out.spin_y)
+        couple = known(contact.rolling_friction) * (1.0 + out.e_n) * out.incidence.cosine
+        loss = np.minimum(couple / contact.inertia_factor, spin)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            kept = np.where(spin > 0.0, 1.0 - loss / spin, 0.0)
+        spin_x, spin_y = kept * out.spin_x, kept * out.spin_y
+        slowed = replace(
+            out,
+            spin_x=spin_x,
+            spin_y=spin_y,
+            contact_x=out.contact_x + (spin_y - out.spin_y),
+            contact_y=out.contact_y + (spin_x - out.spin_x),
+            spin_loss=loss,
+        )
+        return replace(bounce, outcome=slowed)

@@ -1,0 +1,8 @@
+"""Scenes: TOML files that say which impacts to simulate."""
+
+from ifrfit.physics.scenes.materials import FLUIDS, MATERIALS, Material
+from ifrfit.physics.scenes.quantities import Quantity
+from ifrfit.physics.scenes.reading import read_scene
+from ifrfit.physics.scenes.scene import Scene
+
+__all__ = ["FLUIDS", "MATERIALS", "Material", "Quantity", "Scene", "read_scene"]

@@ -1,0 +1,138 @@
+"""Sphere, wall, what lies between them and the fluid around, from the tables of a scene file."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ifrfit.errors import DataError
+from ifrfit.physics.effects import Contact, Fluid
+from ifrfit.physics.effects.contact import SOLID
+from ifrfit.physics.scenes.materials import FLUIDS, MATERIALS, Material
+from ifrfit.physics.scenes.quantities import Quantity
+from ifrfit.physics.scenes.table import Table
+
+DIAMETERS = (1e-10, 100.0)
+Bodies = tuple[Contact, Quantity, str, str, tuple[str, ...]]
+
+
+def read_contact(top: Table) -> Bodies:
+    """Read [sphere], [wall], [contact] and [fluid].
+
+    Parameters
+    ----------
+    top : Table
+        The whole file.
+
+    Returns
+    -------
+    contact : Contact
+    diameter : Quantity
+        m.
+    body, wall : str
+        In words.
+    sources : tuple of str
+        Of the numbers of named materials.
+
+    Raises
+    ------
+    DataError
+        Something is missing, unknown or contradicts itself.
+    """
+    sphere, wall, between = top.table("sphere"), top.table("wall"), top.table("contact")
+    diameter = sphere.quantity("diameter", "length", low=DIAMETERS[0], high=DIAMETERS[1])
+    if diameter is None:
+        raise DataError(f"{sphere.at('diameter_mm')} is missing.")
+    inertia = sphere.number("inertia_factor", low=1e-6, high=1e6)
+    j = SOLID if inertia is None else inertia
+    mass = sphere.number("mass", "mass", low=1e-30, high=1e9)
+    ball, plane = _material(sphere), _material(wall)
+    sphere.done()
+    wall.done()
+    pressure = between.number("limiting_pressure", "pressure", low=1.0, high=1e13)
+    contact = Contact(
+        inertia_factor=j,
+        # a material says how heavy a body is only where the body is full of it
+        density=ball.density if math.isclose(j, SOLID, rel_tol=1e-9) else None,
+        mass=mass,
+        modulus=_modulus(ball, plane),
+        stiffness_ratio=_stiffness_ratio(ball, plane),
+        limiting_pressure=_softer(ball, plane) if pressure is None else pressure,
+        interface_energy=between.number("interface_energy", "energy per area", low=0.0, high=1e3),
+        dissipation_time=between.number("dissipation_time", "time", low=0.0, high=1e3),
+        rolling_friction=between.number("rolling_friction", low=0.0, high=10.0),
+        fluid=_fluid(top),
+    )
+    between.done()
+    sources = tuple(f"{m.name}: {m.source}" for m in dict.fromkeys((ball, plane)) if m.source)
+    return contact, diameter, ball.name, plane.name, sources
+
+
+def _material(table: Table) -> Material:
+    given: Any = table.raw("material")
+    if given is None:
+        return Material("")
+    if isinstance(given, str):
+        if given not in MATERIALS:
+            raise DataError(
+                f"{table.at('material')}: there is no material '{given}'. Known are "
+                f"{', '.join(MATERIALS)}; or give your own numbers in [{table.path}.material]."
+            )
+        return MATERIALS[given]
+    own = table.table("material")
+    material = Material(
+        own.text("name", "own material"),
+        own.number("young", "pressure", low=1.0, high=1e13),
+        own.number("poisson", low=0.0, high=0.5),
+        own.number("density", "density", low=1e-3, high=1e5),
+        own.number("limiting_pressure", "pressure", low=1.0, high=1e13),
+        own.text("source"),
+    )
+    own.done()
+    return material
+
+
+def _modulus(ball: Material, plane: Material) -> float | None:
+    """E* of the pair."""
+    softness = 0.0
+    for body in (ball, plane):
+        if body.young is None or body.poisson is None:
+            return None
+        softness += (1.0 - body.poisson**2) / body.young
+    return 1.0 / softness
+
+
+def _stiffness_ratio(ball: Material, plane: Material) -> float | None:
+    """4 G*/E* of the pair, with G*^-1 = sum of (2 - nu)/G: 2(1 - nu)/(2 - nu) for similar materials."""
+    normal = tangential = 0.0
+    for body in (ball, plane):
+        if body.young is None or body.poisson is None:
+            return None
+        normal += (1.0 - body.poisson**2) / body.young
+        tangential += (2.0 - body.poisson) * 2.0 * (1.0 + body.poisson) / body.young
+    return 4.0 * normal / tangential
+
+
+def _softer(ball: Material, plane: Material) -> float | None:
+    known = [body.limiting_pressure for body in (ball, plane) if body.limiting_pressure is not None]
+    return min(known) if known else None
+
+
+def _fluid(top: Table) -> Fluid | None:
+    if top.raw("fluid") is None:
+        return None
+    table = top.table("fluid")
+    name = table.text("name")
+    viscosity = table.number("viscosity", "viscosity", low=1e-9, high=1e6)
+    path = table.number("mean_free_path", "length", low=1e-12, high=1.0)
+    table.done()
+    if viscosity is not None:
+        return Fluid(name or "own fluid", viscosity, path)
+    if path is not None:
+        raise DataError(f"{table.at('mean_free_path')}: needs the viscosity beside it. Give viscosity_Pa_s.")
+    if name not in FLUIDS:
+        raise DataError(
+            f"{table.at('name')}: there is no fluid '{name}'. Known are {', '.join(FLUIDS)}; or give "
+            "viscosity_Pa_s."
+        )
+    return FLUIDS[name]

@@ -1,0 +1,200 @@
+"""Read a scene file."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from ifrfit.errors import DataError
+from ifrfit.physics.closures import CLOSURES
+from ifrfit.physics.effects import EFFECTS
+from ifrfit.physics.effects.asked import Wanted
+from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.physics.scenes.bodies import read_contact
+from ifrfit.physics.scenes.quantities import Quantity
+from ifrfit.physics.scenes.scene import Scene
+from ifrfit.physics.scenes.table import Table
+
+# the ranges of the common schema, so that a fit can read what was simulated
+SPEEDS = (1e-9, 1e5)
+SPINS = (-1e6, 1e6)
+MOST_AXES = 2
+
+
+def read_scene(path: str | Path) -> Scene:
+    """Read and check a scene file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A TOML file; docs/scenes/README.md describes it.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    DataError
+        The file is missing, broken or contradicts itself; the message names the key and what to do.
+    """
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise DataError(f"{path}: there is no such file. Name a scene, as docs/scenes/*.toml.") from None
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error}). Name a scene file.") from None
+    try:
+        content = tomllib.loads(data.decode("utf-8"))
+    except UnicodeDecodeError:
+        raise DataError(f"{path}: is not text in UTF-8. Save it as such.") from None
+    except tomllib.TOMLDecodeError as error:
+        raise DataError(f"{path}: is not TOML ({error}). Correct it there.") from None
+    except RecursionError:
+        raise DataError(f"{path}: is nested too deeply to be a scene. Correct it.") from None
+    return _scene(content, path, hashlib.sha256(data).hexdigest())
+
+
+def _scene(content: dict[str, Any], path: Path, sha256: str) -> Scene:
+    top = Table(content, "", str(path))
+    title = top.text("title", path.stem)
+    effects = _effects(top)
+    accuracy = top.number("accuracy", low=1e-12, high=1.0)
+    impact = top.table("impact")
+    contact, diameter, body, wall, sources = read_contact(top)
+    table = top.table("constants")
+    closure, constants, result, series = _constants(table, path, contact.inertia_factor)
+    conditions, spin_unit = _conditions(impact, diameter)
+    observables = _observables(top, conditions)
+    noise = _noise(top.table("noise"), observables)
+    top.done()
+    scene = Scene(
+        name=path.stem,
+        title=title,
+        sha256=sha256,
+        contact=contact,
+        body=body,
+        wall=wall,
+        conditions=conditions,
+        spin_unit=spin_unit,
+        closure=closure,
+        constants=constants,
+        result=result,
+        series=series,
+        effects=effects,
+        observables=observables,
+        accuracy=1e-3 if accuracy is None else accuracy,
+        noise=noise,
+        sources=sources,
+    )
+    if len(scene.axes) > MOST_AXES:
+        raise DataError(
+            f"{path}: {', '.join(scene.axes)} all run over a grid. Keep two at most, and give the rest one "
+            "value or a distribution."
+        )
+    return scene
+
+
+def _effects(top: Table) -> Wanted:
+    if top.raw("effects") in (None, "auto"):
+        return "auto"
+    names = top.texts("effects") or ()
+    for name in names:
+        if name not in EFFECTS:
+            raise DataError(
+                f"{top.at('effects')}: there is no effect '{name}'. Known are {', '.join(EFFECTS)}; "
+                'effects = "auto" chooses.'
+            )
+    return tuple(dict.fromkeys(names))
+
+
+def _conditions(impact: Table, diameter: Quantity) -> tuple[dict[str, Quantity], str]:
+    gamma = impact.quantity("gamma", "angle", low=0.0, high=90.0)
+    if gamma is None:
+        raise DataError(f"{impact.at('gamma_deg')} is missing: the incidence angle from the wall's normal.")
+    speed = impact.quantity("speed", "speed", low=SPEEDS[0], high=SPEEDS[1])
+    if speed is None:
+        raise DataError(f"{impact.at('speed_m_s')} is missing: the incoming speed.")
+    spins, unit = {}, ""
+    rates = [impact.has(f"omega_{axis}", "rate") for axis in "xy"]
+    if any(rates) and any(impact.has(f"spin_{axis}") for axis in "xy"):
+        raise DataError(f"{impact.at('spin_x')}: spins are given as R omega/u and as omega. Keep one form.")
+    for axis in "xy":
+        if any(rates):
+            unit = "rad/s"
+            found = impact.quantity(f"omega_{axis}", "rate")
+        else:
+            found = impact.quantity(f"spin_{axis}", low=SPINS[0], high=SPINS[1])
+        spins[f"spin_{axis}"] = found or Quantity.of(0.0)
+    impact.done()
+    return {"gamma_deg": gamma, "speed_m_s": speed, **spins, "diameter_m": diameter}, unit
+
+
+def _constants(table: Table, path: Path, j: float) -> tuple[str, dict[str, Quantity], Path | None, str]:
+    result, series = table.raw("result"), table.text("series")
+    if result is not None:
+        name = table.text("result")
+        for key in table.content:
+            if key not in ("result", "series"):
+                raise DataError(f"{table.at(key)}: constants come from {name} already. Remove one of them.")
+        return "", {}, path.parent / name, series
+    if series:
+        raise DataError(f"{table.at('series')}: belongs to constants.result, which is not given. Remove it.")
+    closure = table.text("closure", "ifr").lower()
+    if closure not in CLOSURES:
+        raise DataError(
+            f"{table.at('closure')}: there is no closure '{closure}'. Known are {', '.join(CLOSURES)}."
+        )
+    own = CLOSURES[closure].constant
+    found = {"e_n": table.quantity("e_n", low=0.0, high=1.0)}
+    if own in ("e_t", "beta0"):
+        low, high = CLOSURES[closure].domain(j)  # beyond it kinetic energy would be created
+        found[own] = table.quantity(own, low=low, high=high)
+    found["mu"] = table.quantity("mu", low=0.0, high=100.0)
+    found["chi"] = table.quantity("chi", low=0.0, high=100.0)
+    if own in ("e_t", "beta0") and found[own] is not None and found["chi"] is not None:
+        raise DataError(f"{table.at('chi')}: takes the place of {own}, which is given. Remove one.")
+    for name in ("e_t", "beta0"):
+        if name != own and table.has(name):
+            raise DataError(
+                f"{table.at(name)}: closure {CLOSURES[closure].title} has no {name}; it takes "
+                f"{', '.join(CLOSURES[closure].constants)}. Remove it, or choose another closure."
+            )
+    if found["mu"] is None:
+        raise DataError(f"{table.at('mu')} is missing: the friction.")
+    table.done()
+    for name, quantity in found.items():
+        if quantity is not None and quantity.kind == "grid":
+            raise DataError(f"{table.at(name)}: a constant has one value or a distribution, not a grid.")
+    return closure, {name: q for name, q in found.items() if q is not None}, None, ""
+
+
+def _observables(top: Table, conditions: dict[str, Quantity]) -> tuple[str, ...]:
+    names = top.texts("observables")
+    if names is None:
+        lateral = any(number != 0.0 for number in conditions["spin_x"].numbers)
+        return ("e_n", "beta", "delta_deg", *(("lambda_deg",) if lateral else ()))
+    known = [name for name in OBSERVABLES if name != "mu"]
+    for name in names:
+        if name not in known:
+            raise DataError(
+                f"{top.at('observables')}: there is no observable '{name}' of an impact. Known are "
+                f"{', '.join(known)}."
+            )
+    if not names:
+        raise DataError(f"{top.at('observables')} is empty. Name one, or leave the line out.")
+    return tuple(dict.fromkeys(names))
+
+
+def _noise(table: Table, observables: tuple[str, ...]) -> dict[str, float]:
+    found = {}
+    for key in table.content:
+        if key not in observables:
+            raise DataError(f"{table.at(key)}: is not among the observables. Remove it, or ask for it.")
+        value = table.number(key, low=1e-15, high=1e6)
+        found[key] = value if value is not None else math.nan
+    return found

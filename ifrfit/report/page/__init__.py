@@ -1,0 +1,9 @@
+"""The uncertainty report: one page that a colleague can open in ten years; the same as Markdown or PDF."""
+
+from __future__ import annotations
+
+from ifrfit.report.page.assembly import assemble
+from ifrfit.report.page.batch import write_batch
+from ifrfit.report.page.writing import FORMATS, page, write_report
+
+__all__ = ["FORMATS", "assemble", "page", "write_batch", "write_report"]

@@ -1,0 +1,195 @@
+"""Many results: a page each, and an index that compares them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.result import Estimate, FitResult
+from ifrfit.physics import CLOSURES
+from ifrfit.report.page.assembly import title
+from ifrfit.report.page.blocks import Picture
+from ifrfit.report.page.drawings.forest import draw_forest
+from ifrfit.report.page.html import asset, fill
+from ifrfit.report.page.verdict import verdict
+from ifrfit.report.page.writing import check_free, put, report_files
+from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
+from ifrfit.report.rounding import fixed, interval_text, places_of, spread, value_text
+from ifrfit.report.words import METHODS, headline
+
+INDEX = "index.html"
+_SAFE = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A result in a batch: its short name, the file of its page, and itself."""
+
+    name: str
+    file: str
+    result: FitResult
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of the index: what is shown, and what it is sorted by."""
+
+    text: str
+    key: str
+    note: str = ""
+
+
+def write_batch(
+    results: Sequence[tuple[Path, FitResult]],
+    folder: Path,
+    *,
+    suffix: str = "html",
+    force: bool = False,
+    progress: Callable[[str], None] = lambda name: None,
+) -> list[str]:
+    """Write a report of each result and an index that compares them.
+
+    Parameters
+    ----------
+    results : sequence of (Path, FitResult)
+        Each with the file it was read from, which gives it its name.
+    folder : Path
+    suffix : {"html", "md", "pdf"}
+        Form of the single reports; the index is a page.
+    force : bool
+        Replace files that are not reports, too.
+    progress : callable
+        Told the name of each result before it is drawn.
+
+    Returns
+    -------
+    list of str
+        Names of the files, the index first.
+
+    Raises
+    ------
+    UsageError
+        If something else lies there, or nothing can be written.
+    """
+    entries = named(results, suffix)
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder} is a file. Name a folder with --out.")
+    for name in (INDEX, *(entry.file for entry in entries)):
+        check_free(folder / name, force=force)
+    files = {INDEX: index(entries).encode("utf-8")}
+    for entry in entries:
+        progress(entry.name)
+        files |= report_files(entry.result, entry.file)
+    put(folder, files, force=force)
+    return [INDEX, *(entry.file for entry in entries)]
+
+
+def named(results: Sequence[tuple[Path, FitResult]], suffix: str) -> list[Entry]:
+    """Short names: the stem of the file, or its folder's name for a result.json; numbered if they repeat."""
+    entries: list[Entry] = []
+    taken = {"index"}
+    for path, result in results:
+        own = path.absolute().parent.name if path.stem == "result" else path.stem
+        stem = "".join(character if character in _SAFE else "-" for character in own).strip(".-") or "result"
+        unique = next(
+            name
+            for name in (stem, *(f"{stem}-{i}" for i in range(2, len(results) + 3)))
+            if name.lower() not in taken
+        )
+        taken.add(unique.lower())
+        entries.append(Entry(unique, f"{unique}.{suffix}", result))
+    return entries
+
+
+def index(entries: Sequence[Entry]) -> str:
+    """The page that compares results: a table to sort, and a forest plot of each constant."""
+    constants = list(dict.fromkeys(name for entry in entries for name in _constants(entry.result)))
+    head = ("result", "data", "provenance", "closure", "method", "rows", *constants, "log evidence", "look")
+    rows = [_row(entry, constants) for entry in entries]
+    pictures = [_forest(name, entries, number) for number, name in enumerate(constants, 1)]
+    return fill(
+        "index.html.j2",
+        script=asset("index.js"),
+        title=f"{len(entries)} results compared",
+        head=head,
+        rows=rows,
+        numbers=frozenset(range(5, 7 + len(constants))),
+        pictures=[picture for picture in pictures if picture is not None],
+        verdicts=[(entry, title(entry.result), verdict(entry.result)) for entry in entries],
+        stand_in=any(is_stand_in(entry.result) for entry in entries),
+    )
+
+
+def _constants(result: FitResult) -> dict[str, list[tuple[str, Estimate]]]:
+    """Estimates by constant, with the series where separate; kappa and beta in sticking beside them."""
+    found: dict[str, list[tuple[str, Estimate]]] = {}
+    entries = {**result.constants, "kappa": result.derived.get("kappa")}
+    for name, entry in entries.items():
+        if isinstance(entry, Estimate):
+            found[name] = [("", entry)]
+        elif entry:
+            found[name] = list(entry.items())
+    return found
+
+
+def _row(entry: Entry, constants: Sequence[str]) -> list[Cell]:
+    result = entry.result
+    closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
+    kinds = dict.fromkeys(kind for source in result.inputs for kind in kinds_of(result, source))
+    data = ", ".join(source.name for source in result.inputs)
+    evidence = result.fit.log_evidence
+    own = _constants(result)
+    texts = (
+        entry.name,
+        data,
+        provenance_words(tuple(kinds)),
+        closure,
+        METHODS.get(result.method, result.method),
+    )
+    return [
+        *(Cell(text, text) for text in texts),
+        Cell(str(result.fit.n), repr(result.fit.n)),
+        *(_estimates(own.get(name, [])) for name in constants),
+        Cell("-", "") if evidence is None else Cell(fixed(evidence, 2), repr(evidence)),
+        Cell(headline(result), headline(result)),
+    ]
+
+
+def _estimates(found: Sequence[tuple[str, Estimate]]) -> Cell:
+    """One value, or the first of several with the number of the others."""
+    if not found:
+        return Cell("-", "")
+    estimate = found[0][1]
+    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
+    if estimate.value is None:
+        span = interval_text(estimate.interval95, places_of(estimate))
+        return Cell(span + more, "", _status(estimate))
+    sd = "" if estimate.stderr is None else f" ± {spread(estimate.stderr)}"
+    return Cell(value_text(estimate) + sd + more, repr(estimate.value), _status(estimate))
+
+
+def _label(entry: Entry, series: str) -> str:
+    """A line of a forest plot: a stand-in says so there, too."""
+    kind = " (stand-in)" if is_stand_in(entry.result) else ""
+    return f"{entry.name}{kind} [{series}]" if series else f"{entry.name}{kind}"
+
+
+def _status(estimate: Estimate) -> str:
+    return estimate.status.replace("_", " ")
+
+
+def _forest(name: str, entries: Sequence[Entry], number: int) -> Picture | None:
+    lines = [
+        (_label(entry, series), estimate)
+        for entry in entries
+        for series, estimate in _constants(entry.result).get(name, [])
+    ]
+    if not any(estimate.status != "fixed" for _, estimate in lines):
+        return None
+    described = "; ".join(
+        f"{label}: {value_text(estimate)}, 95 % {interval_text(estimate.interval95, places_of(estimate))}"
+        for label, estimate in lines
+    )
+    return Picture(f"forest-{number}", f"{name} in each result", f"{described}.", draw_forest(name, lines))

@@ -1,0 +1,170 @@
+"""What a report consists of, before anybody decides whether it becomes HTML, Markdown or PDF."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Tone = Literal["plain", "look", "stand-in", "note"]
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """A few sentences.
+
+    Attributes
+    ----------
+    text : str
+    tone : {"plain", "look", "stand-in", "note"}
+        What nobody may overlook is marked by more than a colour.
+    """
+
+    text: str
+    tone: Tone = "plain"
+    kind: ClassVar[str] = "paragraph"
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Facts as (LOOK, ok or note; sentence)."""
+
+    items: tuple[tuple[str, str], ...]
+    kind: ClassVar[str] = "findings"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table whose first column names its rows.
+
+    Attributes
+    ----------
+    caption : str
+    head : tuple of str
+    rows : tuple of tuple of str
+    numbers : frozenset of int
+        Columns that are aligned to the right.
+    folded : bool
+        Long enough to be shown on request where the medium can.
+    """
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numbers: frozenset[int] = frozenset()
+    folded: bool = False
+    kind: ClassVar[str] = "table"
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Names with what belongs to them."""
+
+    items: tuple[tuple[str, str], ...]
+    kind: ClassVar[str] = "pairs"
+
+
+@dataclass(frozen=True)
+class Code:
+    """A command line to copy, with what it does."""
+
+    words: str
+    text: str
+    kind: ClassVar[str] = "code"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One figure.
+
+    Attributes
+    ----------
+    name : str
+        Short and unique in the report: stem of files and prefix of ids.
+    title : str
+        What it shows, in a few words.
+    description : str
+        What can be seen on it, for those who cannot see it.
+    figure : Figure
+    """
+
+    name: str
+    title: str
+    description: str
+    figure: Figure
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Figures side by side as far as the medium is wide, with one caption."""
+
+    items: tuple[Picture, ...]
+    caption: str
+    kind: ClassVar[str] = "pictures"
+
+
+@dataclass(frozen=True)
+class Panel:
+    """The interactive panel: what its script needs to know. Media without script leave it out."""
+
+    payload: Mapping[str, Any]
+    kind: ClassVar[str] = "panel"
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file inside the page. Media without links leave it out."""
+
+    name: str
+    media: str
+    content: str
+    words: str
+    kind: ClassVar[str] = "download"
+
+
+Block = Paragraph | Findings | Table | Pairs | Code | Pictures | Panel | Download
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the report under a heading of its own."""
+
+    name: str
+    title: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Badge:
+    """A word or two at the very top: provenance, method, alarm."""
+
+    text: str
+    tone: Tone = "plain"
+
+
+@dataclass(frozen=True)
+class Report:
+    """A whole report.
+
+    Attributes
+    ----------
+    title : str
+    badges : tuple of Badge
+    verdict : tuple of str
+        Two sentences: what was determined and how well, and what contradicts it.
+    alarm : bool
+        Whether anything needs attention.
+    sections : tuple of Section
+    made : mapping of str to str
+        Version and time, for the foot of the page.
+    """
+
+    title: str
+    badges: tuple[Badge, ...]
+    verdict: tuple[str, ...]
+    alarm: bool
+    sections: tuple[Section, ...]
+    made: Mapping[str, str] = field(default_factory=dict)

@@ -1,0 +1,106 @@
+"""Residuals against angle, against order, and against normal quantiles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.result import FitResult
+from ifrfit.report.page.drawings.canvas import panel
+from ifrfit.report.panels import MANY, marker_size
+from ifrfit.report.ringed import ringed
+from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look, drawing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+LEVEL = 0.95
+
+
+def draw_against(result: FitResult, look: dict[str, Look], x: Array, label: str) -> Figure:
+    """Standardised residuals of every row against something, series by series.
+
+    Parameters
+    ----------
+    result : FitResult
+    look : mapping of str to Look
+        Of each series.
+    x : ndarray, (n,)
+        Of each row of the points; rows where it is nan are left out.
+    label : str
+        Of the axis.
+    """
+    z = result.points["standardised"].to_numpy(dtype=float)
+    with drawing():
+        figure, axes = panel()
+        axes.axhline(0.0, color=GREY, lw=0.7)
+        for level in (-2.0, 2.0):
+            axes.axhline(level, color=GREY, lw=0.7, ls=RESIDUAL_DASHES)
+        _points(axes, result, look, x, z)
+        top = _top(z)
+        axes.set_ylim(-top, top)
+        axes.locator_params(axis="x", integer=True)
+        axes.set_xlabel(label)
+        axes.set_ylabel("residual (σ)")
+    return figure
+
+
+def draw_quantiles(result: FitResult, look: dict[str, Look]) -> Figure:
+    """Ordered standardised residuals against the quantiles of the normal law, with 95 % of each order."""
+    from scipy.special import ndtri
+
+    z = result.points["standardised"].to_numpy(dtype=float)
+    n = z.size
+    expected = np.empty(n)
+    expected[np.argsort(z, kind="stable")] = ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25))
+    with drawing():
+        figure, axes = panel()
+        order = np.sort(expected)
+        low, high = quantile_band(n)
+        axes.fill_between(order, low, high, color="0.5", alpha=0.2, lw=0.0)
+        reach = max(3.0, 1.1 * float(np.abs(order).max(initial=0.0)))
+        axes.plot([-reach, reach], [-reach, reach], color=GREY, lw=0.8)
+        _points(axes, result, look, expected, z)
+        top = _top(z)
+        axes.set_xlim(-reach, reach)
+        axes.set_ylim(-top, top)
+        axes.set_xlabel("normal quantile (σ)")
+        axes.set_ylabel("residual, in order (σ)")
+    return figure
+
+
+def quantile_band(n: int) -> tuple[Array, Array]:
+    """Where 95 % of each order statistic of n normal numbers lie, lowest first, (n,) each.
+
+    The i-th of n uniform numbers has the beta law with i and n + 1 - i.
+    """
+    from scipy.special import betaincinv, ndtri
+
+    i = np.arange(1.0, n + 1.0)
+    tail = 0.5 * (1.0 - LEVEL)
+    low, high = (ndtri(betaincinv(i, n + 1.0 - i, p)) for p in (tail, 1.0 - tail))
+    return np.asarray(low), np.asarray(high)
+
+
+def _points(axes: Axes, result: FitResult, look: dict[str, Look], x: Array, z: Array) -> None:
+    points = result.points
+    series = points["series"].to_numpy()
+    sticking = points["sticking"].map(bool).to_numpy(dtype=bool) & points["gamma_deg"].notna().to_numpy()
+    size = marker_size(len(points))
+    for name, own in look.items():
+        for kind, face in ((True, "white"), (False, own.colour)):
+            rows = (series == name) & (sticking == kind) & np.isfinite(x)
+            style: dict[str, Any] = {"mec": own.colour, "mfc": face, "ms": size, "mew": 0.8}
+            axes.plot(x[rows], z[rows], ls="none", marker=own.marker, rasterized=len(points) > MANY, **style)
+    out = ringed(result, points) & np.isfinite(x)
+    axes.plot(x[out], z[out], ls="none", marker="o", ms=10, mfc="none", mec="black", mew=1.1, clip_on=False)
+
+
+def _top(z: Array) -> float:
+    finite = np.abs(z[np.isfinite(z)])
+    return max(3.5, 1.2 * float(finite.max(initial=0.0)))

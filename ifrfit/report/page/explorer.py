@@ -1,0 +1,166 @@
+"""What the interactive panel needs to know, as plain numbers: its script does the rest."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.result import FitResult
+from ifrfit.physics import CLOSURES, OBSERVABLES
+from ifrfit.report import style
+from ifrfit.report.page.drawings.canvas import shortened
+from ifrfit.report.page.state import coordinates, values_of
+from ifrfit.report.provenance import is_stand_in
+from ifrfit.report.words import undetermined
+
+Array = NDArray[np.float64]
+
+MOST_ROWS = 2000
+LARGEST_MU = 2.0
+RIDGE = 1e-12  # of a correlation matrix: a direction without any spread still has a distance
+
+
+def why_not(result: FitResult) -> str:
+    """Why there is no panel; empty where there is one."""
+    if result.closure not in CLOSURES or not _linear(result.closure):
+        return f"The panel knows no closure {result.closure}: the picture above stands alone."
+    if not any(OBSERVABLES[name].has_angle for name in _observables(result)):
+        return "These values do not depend on the angle: there is no curve to move."
+    return ""
+
+
+def payload(result: FitResult) -> dict[str, Any]:
+    """Everything the panel shows and computes with.
+
+    Parameters
+    ----------
+    result : FitResult
+        With points; `why_not` of it is empty.
+
+    Returns
+    -------
+    dict
+        closures (a and b of k = a + min(b, kappa U_n/|U_t|) as lines in the closure's constant), the rows
+        with the sigma that chi2 rests on, each group's best values with the inverse of its covariance in the
+        coordinates of the state. Only what JSON knows.
+    """
+    points = result.points
+    step = -(-len(points) // MOST_ROWS)
+    shown = points.iloc[::step]
+    series = [str(name) for name in points["series"].unique()]
+    look = style.looks(series)
+    observables = _observables(result)
+    yardstick = "sigma" if result.noise.policy == "scaled" else "sigma_used"
+    return {
+        "inertia": float(result.inertia_factor),
+        "fitted": result.closure,
+        "closures": {name: _closure(name, result.inertia_factor) for name in CLOSURES if _linear(name)},
+        "observables": [
+            {
+                "name": name,
+                "label": OBSERVABLES[name].meaning,
+                "unit": OBSERVABLES[name].unit,
+                "angled": OBSERVABLES[name].has_angle,
+            }
+            for name in observables
+        ],
+        "series": [
+            {
+                "name": name,
+                "short": shortened(name, 40),
+                "colour": look[name].colour,
+                "marker": look[name].marker,
+                "spin_x": _median(points, name, "spin_x"),
+                "spin_y": _median(points, name, "spin_y"),
+            }
+            for name in series
+        ],
+        "groups": _groups(result, series),
+        "rows": {
+            "series": [series.index(str(name)) for name in shown["series"]],
+            "observable": [observables.index(str(name)) for name in shown["observable"]],
+            **{
+                key: _numbers(shown[column].to_numpy(dtype=float))
+                for key, column in (
+                    ("gamma", "gamma_deg"),
+                    ("spin_x", "spin_x"),
+                    ("spin_y", "spin_y"),
+                    ("value", "value"),
+                    ("sigma", yardstick),
+                )
+            },
+        },
+        "open": undetermined(result),
+        "stand_in": is_stand_in(result),
+        "thinned": step > 1,
+        "n": len(points),
+    }
+
+
+def _observables(result: FitResult) -> list[str]:
+    return [str(name) for name in result.points["observable"].unique() if str(name) in OBSERVABLES]
+
+
+def _linear(name: str) -> bool:
+    """Whether a closure is a pair (a, b), which is what the script knows; one of another law refuses."""
+    try:
+        CLOSURES[name].coefficients(0.4)
+    except TypeError:
+        return False
+    return True
+
+
+def _closure(name: str, inertia_factor: float) -> dict[str, Any]:
+    closure = CLOSURES[name]
+    linear = closure.coefficients(inertia_factor)
+    low, high = closure.domain(inertia_factor)
+    return {
+        "title": closure.title,
+        "constant": closure.constant,
+        "a": [linear.a0, linear.a1],
+        "b": [linear.b0, linear.b1],
+        "domain": [low, high],
+    }
+
+
+def _median(points: Any, series: str, column: str) -> float:
+    rows = points[(points["series"] == series) & points["gamma_deg"].notna()]
+    return float(rows[column].median()) if len(rows) else 0.0
+
+
+def _numbers(column: Array) -> list[float | None]:
+    return [float(x) if math.isfinite(x) else None for x in column]
+
+
+def _groups(result: FitResult, series: list[str]) -> list[dict[str, Any]]:
+    """One group of constants, or one a series where any of them is separate."""
+    separate = any("[" in name for name in result.state.names)
+    found = []
+    for label in series if separate else [None]:
+        names, best, covariance, free = coordinates(result, label)
+        found.append(
+            {
+                "series": [series.index(label)] if label is not None else list(range(len(series))),
+                "best": values_of(names, best),
+                "coordinates": [name.partition("[")[0] for name in names],
+                "at": [float(x) for x in best],
+                "free": [bool(x) for x in free],
+                "precision": _precision(covariance, free),
+            }
+        )
+    return found
+
+
+def _precision(covariance: Array, free: NDArray[np.bool_]) -> list[list[float]]:
+    """Inverse of the covariance of the free coordinates, zero elsewhere."""
+    inverse = np.zeros_like(covariance)
+    index = np.flatnonzero(free)
+    if index.size:
+        part = covariance[np.ix_(index, index)]
+        size = np.sqrt(np.diag(part))
+        correlation = part / np.outer(size, size) + RIDGE * np.eye(index.size)
+        inverse[np.ix_(index, index)] = np.linalg.inv(correlation) / np.outer(size, size)
+    return [[float(x) for x in row] for row in inverse]

@@ -1,0 +1,103 @@
+"""A report as one HTML page that needs nothing from elsewhere."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from ifrfit.report import style
+from ifrfit.report.page.blocks import Download, Report
+from ifrfit.report.page.svg import inline
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+SCRIPTS = ("physics.js", "explorer.js")
+GENERATOR = "ifrfit report"
+
+
+def render(report: Report) -> str:
+    """The page: deterministic, and strict about what it may load and run, which is nothing from elsewhere.
+
+    The content policy names the hash of the one style sheet and of the one script; without the panel there is
+    no script at all. Whatever comes from data is escaped by the templates or, in figures, by the writer of
+    the XML.
+    """
+    panels = any(block.kind == "panel" for section in report.sections for block in section.blocks)
+    return fill("report.html.j2", script=asset(*SCRIPTS) if panels else "", report=report)
+
+
+def fill(template: str, *, script: str, **content: Any) -> str:
+    """A template with the style sheet, a script and their policy.
+
+    Parameters
+    ----------
+    template : str
+        Its file name.
+    script : str
+        Source of the script, empty for a page without.
+    **content
+        What the template shows.
+    """
+    sheet = colours() + asset("page.css")
+    return (
+        environment()
+        .get_template(template)
+        .render(sheet=sheet, script=script, policy=policy(sheet, script), generator=GENERATOR, **content)
+    )
+
+
+def environment() -> Environment:
+    """Jinja2 with escaping on and undefined names refused."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    made = Environment(
+        loader=PackageLoader("ifrfit.report.page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["data_uri"] = data_uri
+    made.filters["picture"] = _picture
+    return made
+
+
+def asset(*names: str) -> str:
+    """Style sheets or scripts of the package, one after the other."""
+    folder = files("ifrfit.report.page").joinpath("assets")
+    return "\n".join(folder.joinpath(name).read_text(encoding="utf-8") for name in names)
+
+
+def policy(sheet: str, script: str) -> str:
+    """Content-Security-Policy of a page with this style sheet and this script, and nothing else."""
+    allowed = f"'{_hash(script)}'" if script else "'none'"
+    return (
+        f"default-src 'none'; style-src '{_hash(sheet)}'; script-src {allowed}; img-src data:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def colours() -> str:
+    """The colours of the figures as variables of the style sheet."""
+    named = "".join(f"--c{i}:{colour};" for i, colour in enumerate(style.COLOURS))
+    return f":root{{{named}}}\n"
+
+
+def data_uri(download: Download) -> str:
+    """A file as an address that holds it."""
+    encoded = base64.b64encode(download.content.encode("utf-8")).decode("ascii")
+    return f"data:{download.media};charset=utf-8;base64,{encoded}"
+
+
+def _picture(picture: Any, alone: bool) -> Any:
+    from markupsafe import Markup
+
+    # our own figure, written by an XML writer that escapes every text
+    return Markup(inline(picture, alone=alone))

@@ -1,0 +1,36 @@
+"""How the chains of a sampler mixed, where one ran."""
+
+from __future__ import annotations
+
+from ifrfit.report.page.blocks import Block, Findings, Section, Table
+from ifrfit.report.page.material import Material
+
+
+def section(material: Material) -> Section | None:
+    """R-hat, effective sample sizes and the rule they meet or miss; None where no chain ran."""
+    result = material.result
+    fact = result.facts.get("converged")
+    if result.method != "mcmc" or fact is None:
+        return None
+    each = fact.figures.get("each", {})
+    plain = {key: value for key, value in fact.figures.items() if isinstance(value, int | float)}
+    blocks: list[Block] = [Findings((("ok" if fact.ok else "LOOK", fact.says),))]
+    if each:
+        keys = list(dict.fromkeys(key for column in each.values() for key in column))
+        rows = tuple((name, *(_cell(own.get(key)) for key in keys)) for name, own in each.items())
+        head = ("quantity", *(_words(key) for key in keys))
+        blocks.append(Table("By quantity.", head, rows, frozenset(range(1, len(head)))))
+    if plain:
+        rows = tuple((_words(key), _cell(value)) for key, value in plain.items())
+        blocks.append(Table(f"Overall. Rule: {fact.threshold}.", ("figure", "value"), rows, frozenset({1})))
+    return Section("chains", "Chains", tuple(blocks))
+
+
+def _words(key: str) -> str:
+    return {"rhat": "R-hat", "ess_bulk": "bulk ESS", "ess_tail": "tail ESS"}.get(key, key.replace("_", " "))
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.5g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)

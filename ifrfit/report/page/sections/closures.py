@@ -1,0 +1,58 @@
+"""Closures side by side, where they were compared."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from ifrfit.report.page.blocks import Paragraph, Section, Table
+from ifrfit.report.page.material import Material
+from ifrfit.report.page.wording import sentence
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Verdict(Protocol):
+    """Which closure the data prefer."""
+
+    @property
+    def says(self) -> str:
+        """One sentence, with how strongly."""
+
+
+class Comparison(Protocol):
+    """What a comparison of closures must give to be shown."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """Which closure the data prefer, and how strongly."""
+
+    def table(self) -> pd.DataFrame:
+        """One row a closure (index: its name), one column a criterion."""
+
+
+def section(material: Material) -> Section | None:
+    """Verdict and table of a comparison; None where there is none."""
+    comparison = material.comparison
+    if comparison is None:
+        return None
+    table = comparison.table()
+    rows = tuple(
+        (str(name), *(_cell(cell) for cell in cells))
+        for name, *cells in table.itertuples(index=True, name=None)
+    )
+    head = ("closure", *(str(column).replace("_", " ") for column in table.columns))
+    return Section(
+        "closures",
+        "Closures compared",
+        (
+            Paragraph(sentence(comparison.verdict.says)),
+            Table("Criteria by closure.", head, rows, frozenset(range(1, len(head)))),
+        ),
+    )
+
+
+def _cell(cell: object) -> str:
+    if isinstance(cell, float):
+        return "-" if cell != cell else f"{cell:.5g}"
+    return str(cell)

@@ -1,0 +1,151 @@
+"""The constants: table, and intervals of several methods side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ifrfit.inference.intervals import disagreements
+from ifrfit.inference.result import Estimate, FitResult, Interval
+from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Section, Table
+from ifrfit.report.page.drawings.intervals import Span, draw_intervals
+from ifrfit.report.page.material import Material
+from ifrfit.report.regimes import transitions
+from ifrfit.report.rounding import interval_text, places_of, spread, value_text
+from ifrfit.report.rows import table_rows
+from ifrfit.report.words import METHODS, status_words
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+HEAD = ("constant", "value", "sd", "68 % interval", "95 % interval", "status")
+MOST_PICTURES = 8
+SHORT = {
+    "lsq": "least squares",
+    "exact": "exact",
+    "mcmc": "MCMC",
+    "bootstrap": "bootstrap",
+    "profile": "profile",
+}
+
+
+def section(material: Material) -> Section:
+    """Every constant with its intervals and status, and what other methods say of it."""
+    blocks: list[Block] = [
+        Table(
+            "Constants, what follows from them, and the noise. Values and standard deviations as the "
+            f"{METHODS.get(material.result.method, material.result.method)} gives them.",
+            HEAD,
+            tuple(_rows(material.result)),
+            frozenset({1, 2, 3, 4}),
+        )
+    ]
+    pictures = tuple(_pictures(material))
+    if pictures:
+        blocks.append(
+            Pictures(
+                pictures,
+                "Intervals side by side. Thin bar: 95 %; thick bar: 68 %, where the method gives it; circle: "
+                "the value; dashed: a bound of the domain. The first line is what this report states; those "
+                "below are central intervals.",
+            )
+        )
+    if material.intervals is None:
+        blocks.append(Paragraph(f"Other methods are not shown here. {material.without_profiles}", "note"))
+    else:
+        said = [("note", sentence) for sentence in disagreements(material.intervals)]
+        if "exact" in _methods(material.intervals):
+            blocks.append(Findings(tuple(said or [("ok", "the methods agree")])))
+    return Section("constants", "Constants", tuple(blocks))
+
+
+def _rows(result: FitResult) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
+    for row in table_rows(result):
+        if row.estimate is None:
+            rows.append((row.label, row.plain, "", "", "", row.remark))
+        else:
+            rows.append(_row(row.label, row.estimate, row.remark))
+    for label, estimate in derived(result):
+        # what kappa is would be told a second time
+        reason = estimate.reason.removeprefix("mu (1 + e_n)")
+        rows.append(_row(label, estimate, status_words(replace(estimate, reason=reason))))
+    return rows
+
+
+def _row(label: str, estimate: Estimate, remark: str) -> tuple[str, ...]:
+    places = places_of(estimate)
+    if estimate.status == "fixed":
+        return (label, value_text(estimate), "", "", "", remark)
+    sd = "" if estimate.stderr is None or estimate.value is None else spread(estimate.stderr)
+    inner, outer = (interval_text(each, places) for each in (estimate.interval68, estimate.interval95))
+    return (label, value_text(estimate), sd, inner, outer, remark)
+
+
+def derived(result: FitResult) -> list[tuple[str, Estimate]]:
+    """Transition angles and the restitution in sticking, by name."""
+    found = []
+    by_series = result.derived.get("transition_angle_deg") or {}
+    for series in by_series:
+        whose = f" [{series}]" if len(by_series) > 1 else ""
+        for angle in transitions(result, series):
+            found.append((f"transition angle, deg{whose}", angle))
+    sticking = result.derived.get("beta_sticking")
+    each = sticking if isinstance(sticking, Mapping) else {"": sticking}
+    for series, estimate in each.items():
+        if isinstance(estimate, Estimate):
+            found.append((f"beta in sticking [{series}]" if series else "beta in sticking", estimate))
+    return found
+
+
+def _pictures(material: Material) -> list[Picture]:
+    """One picture for each free constant and kappa."""
+    domains = {constant.name: (constant.lower, constant.upper) for constant in material.result.asked}
+    found: list[Picture] = []
+    for name, estimate in (material.free | material.kappas).items():
+        spans = _spans(material, name, estimate)
+        domain = domains.get(name.partition("[")[0], (-math.inf, math.inf))
+        described = "; ".join(
+            f"{span.label}: {interval_text(span.outer, places_of(estimate))}" for span in spans
+        )
+        found.append(
+            Picture(
+                f"intervals-{len(found) + 1}",
+                f"Intervals of {name}",
+                f"95 % intervals. {described}.",
+                draw_intervals(name, spans, domain),
+            )
+        )
+    return found[:MOST_PICTURES]
+
+
+def _spans(material: Material, name: str, estimate: Estimate) -> tuple[Span, ...]:
+    method = SHORT.get(material.result.method, material.result.method)
+    spans = [Span(f"this fit ({method})", estimate.value, estimate.interval68, estimate.interval95)]
+    table = material.intervals
+    if table is None or name not in table.index:
+        return tuple(spans)
+    for other in _methods(table):
+        outer = _ends(table, name, other)
+        if math.isnan(outer[0]):
+            continue
+        profile = material.profiles.get(name) if other == "profile" else None
+        spans.append(
+            Span(
+                other,
+                None if profile is None else profile.value,
+                None if profile is None else profile.central68,
+                outer,
+            )
+        )
+    return tuple(spans)
+
+
+def _methods(table: pd.DataFrame) -> list[str]:
+    return [m for m in ("covariance", "profile", "exact") if table[f"{m}_low"].notna().any()]
+
+
+def _ends(table: pd.DataFrame, name: str, method: str) -> Interval:
+    return float(table.at[name, f"{method}_low"]), float(table.at[name, f"{method}_high"])  # type: ignore[arg-type]

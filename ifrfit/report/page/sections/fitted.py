@@ -1,0 +1,35 @@
+"""Data, curves and bands; and the interactive panel over them."""
+
+from __future__ import annotations
+
+from ifrfit.report.figures import plot
+from ifrfit.report.page.blocks import Block, Panel, Paragraph, Picture, Pictures, Section
+from ifrfit.report.page.explorer import payload, why_not
+from ifrfit.report.page.material import Material
+from ifrfit.report.page.wording import stand_in_words
+from ifrfit.report.regimes import joined, regime_lines
+
+REGIMES = " Shaded: sticking; grey bar: where sticking turns into sliding."
+NO_POINTS = "The result holds no points (it keeps at most 100,000 rows), so there is nothing to draw."
+
+
+def section(material: Material) -> Section:
+    """The figure of the fit and the panel."""
+    result = material.result
+    if not len(result.points):
+        return Section("fit", "Fit", (Paragraph(NO_POINTS, "note"),))
+    observables = joined([str(name) for name in result.points["observable"].unique()])
+    stand_in = stand_in_words(result)
+    described = f"{stand_in}{len(result.points)} rows of {observables} with the fitted curve. " + " ".join(
+        f"{line}." for line in regime_lines(result, "±")
+    )
+    blocks: list[Block] = [
+        Pictures(
+            (Picture("fit", f"Fit to {observables}", described, material.figure or plot(result)),),
+            f"{stand_in}Data, the fitted curve with its 68 and 95 % bands at the median spin of each series, "
+            f"and standardised residuals.{REGIMES if result.points['gamma_deg'].notna().any() else ''}",
+        )
+    ]
+    reason = why_not(result)
+    blocks.append(Paragraph(reason, "note") if reason else Panel(payload(result)))
+    return Section("fit", "Fit", tuple(blocks))

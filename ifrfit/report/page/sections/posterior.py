@@ -1,0 +1,65 @@
+"""Marginals and pairs of the constants."""
+
+from __future__ import annotations
+
+from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Section, Table
+from ifrfit.report.page.drawings.corner import draw_corner
+from ifrfit.report.page.material import Material
+from ifrfit.report.words import METHODS
+
+MOST = 6
+
+
+def section(material: Material) -> Section | None:
+    """Corner plot of the draws, and the correlations; None where every constant is fixed."""
+    result = material.result
+    draws = material.draws
+    estimates = material.free | material.kappas
+    names = [name for name in estimates if name in draws and draws[name].std() > 0.0]
+    if not names:
+        return None
+    if not any(name.partition("[")[0] == "e_n" for name in material.free):
+        # kappa is mu times a number then
+        names = [name for name in names if not name.startswith("kappa")]
+    shown = names[:MOST]
+    columns = {name: draws[name].to_numpy(dtype=float) for name in shown}
+    if result.state.sample is None:
+        law = "the Gaussian around the optimum, cut at the bounds"
+    else:
+        law = f"the {METHODS.get(result.method, result.method)}"
+    left_out = f" Not shown: {', '.join(names[MOST:])}." if len(names) > MOST else ""
+    described = "; ".join(
+        f"{name}: mean {column.mean():.4g}, sd {column.std():.2g}" for name, column in columns.items()
+    )
+    blocks: list[Block] = [
+        Pictures(
+            (
+                Picture(
+                    "corner",
+                    "Marginals and pairs",
+                    f"{described}.",
+                    draw_corner(columns, {name: estimates[name].interval95 for name in shown}),
+                ),
+            ),
+            f"{len(draws)} draws of {law}. Diagonal: marginal, with its median and the stated 95 % interval "
+            f"(dashed). Below: pairs with the contours that hold 68 % (solid) and 95 % (dashed).{left_out}",
+        )
+    ]
+    labels, matrix = result.correlation
+    if len(labels) > 1:
+        rows = tuple(
+            (label, *(f"{matrix[i, j]:+.3f}" for j in range(len(labels)))) for i, label in enumerate(labels)
+        )
+        blocks.append(
+            Table(
+                "Correlation of the free constants.",
+                ("", *labels),
+                rows,
+                frozenset(range(1, len(labels) + 1)),
+            )
+        )
+    if result.state.sample is None:
+        blocks.append(
+            Paragraph("This method has no posterior: the draws show the curvature at the optimum.", "note")
+        )
+    return Section("posterior", "Posterior", tuple(blocks))

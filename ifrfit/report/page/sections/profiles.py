@@ -1,0 +1,55 @@
+"""Profile likelihoods."""
+
+from __future__ import annotations
+
+from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Section
+from ifrfit.report.page.drawings.profiles import draw_profile
+from ifrfit.report.page.material import Material
+
+MOST = 8
+SHAPES = {
+    "bounded": "closes on both sides",
+    "one_sided": "stays open on one side",
+    "flat": "stays open on both sides",
+    "multimodal": "has several minima",
+}
+
+
+def section(material: Material) -> Section:
+    """Profiles of the constants, of kappa and of the transition angles."""
+    profiles = material.profiles
+    if not profiles:
+        return Section("profiles", "Profile likelihoods", (Paragraph(material.without_profiles, "note"),))
+    names = [name for name in profiles if profiles[name].x.size > 1 and _says_more(material, name)]
+    pictures = tuple(
+        Picture(
+            f"profile-{number}",
+            f"Profile of {name}",
+            f"The profile {SHAPES[profiles[name].shape]}; least at {profiles[name].value:.5g}, 95 % between "
+            f"{profiles[name].central95[0]:.5g} and {profiles[name].central95[1]:.5g}.",
+            draw_profile(profiles[name]),
+        )
+        for number, name in enumerate(names[:MOST], 1)
+    )
+    left_out = f" Not shown: {', '.join(names[MOST:])}." if len(names) > MOST else ""
+    rise = (
+        "Least rise of chi2"
+        if material.result.noise.policy == "known"
+        else "Least rise of the misfit, noise profiled out,"
+    )
+    caption = (
+        f"{rise} with one quantity held and everything else at its best. Dashed: the cuts of a 68 and a 95 % "
+        f"interval; shaded: the values below them; dot: the optimum.{left_out}"
+    )
+    return Section("profiles", "Profile likelihoods", (Pictures(pictures, caption),))
+
+
+def _says_more(material: Material, name: str) -> bool:
+    """Whether a profile is more than that of a constant on a stretched axis.
+
+    The restitution in sticking runs with the closure's constant, kappa with mu where e_n is fixed.
+    """
+    kind = name.partition("[")[0]
+    if kind == "kappa":
+        return any(label.partition("[")[0] == "e_n" for label in material.free)
+    return kind != "beta_sticking"

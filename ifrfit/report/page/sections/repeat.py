@@ -1,0 +1,116 @@
+"""Everything that is needed to repeat the fit, the data included."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ifrfit.data.observations import SCHEMA
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.serialise import dumps
+from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Section, Table
+from ifrfit.report.page.command import from_points
+from ifrfit.report.page.material import Material
+from ifrfit.report.page.wording import stand_in_words
+from ifrfit.report.provenance import kinds_of, left_out, provenance_words
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+POINTS = "points.csv"
+MOST_SHOWN = 1000  # rows of the table
+MOST_INSIDE = 1_000_000  # characters of a file inside the page
+NUMBERS = ("gamma_deg", "spin_x", "spin_y", "speed_m_s", "value", "sigma")
+JUDGED = ("fitted", "standardised")
+FOLDED = 40
+
+
+def section(material: Material) -> Section:
+    """Command, seed, versions, inputs; the data as a table and as files inside the page."""
+    result = material.result
+    blocks: list[Block] = [Pairs(tuple(_facts(result)))]
+    if result.command:
+        blocks.append(Code("The command that made this fit:", result.command))
+    if not len(result.points):
+        blocks.append(Paragraph("The result holds no points, so this report holds none either.", "note"))
+        return Section("repeat", "To repeat it", tuple(blocks))
+    text = points_csv(result)
+    kept = len(text) <= MOST_INSIDE
+    if kept:
+        words = f"{stand_in_words(result)}The data used, in the common schema."
+        blocks.append(Download(POINTS, "text/csv", text, words))
+    whole = dumps(result)
+    if len(whole) <= MOST_INSIDE:
+        words = "The whole result, which ifrfit report and ifrfit predict read."
+        blocks.append(Download("result.json", "application/json", whole, words))
+    again = from_points(result, POINTS)
+    if kept and again:
+        blocks.append(Code("The same fit from the data inside this report:", again))
+    if not kept:
+        blocks.append(Paragraph(f"The data ({len(result.points)} rows) are too large for this page.", "note"))
+    blocks.append(_table(result))
+    return Section("repeat", "To repeat it", tuple(blocks))
+
+
+def points_csv(result: FitResult) -> str:
+    """The rows used as CSV in the common schema, as `ifrfit.read` takes it, without empty columns."""
+    table = result.points[list(SCHEMA)]
+    kept = [
+        name for name in SCHEMA if name in ("series", "observable", "value") or _says_something(table, name)
+    ]
+    return str(table[kept].to_csv(index=False, lineterminator="\n"))
+
+
+def _says_something(table: pd.DataFrame, name: str) -> bool:
+    column = table[name]
+    if name in ("spin_x", "spin_y"):
+        return bool((column != 0.0).any())
+    return bool((column != "").any()) if column.dtype.kind not in "fi" else bool(column.notna().any())
+
+
+def _facts(result: FitResult) -> list[tuple[str, str]]:
+    pairs = []
+    for source in result.inputs:
+        kinds = provenance_words(kinds_of(result, source))
+        about = f"{source.rows_used} of {source.rows} rows used, {kinds}. {left_out(source)}".strip()
+        pairs.append((source.name, about))
+        pairs.append((f"SHA-256 of {source.name}", source.sha256 or "not known"))
+        if source.descriptor is not None and source.descriptor.licence:
+            pairs.append((f"licence of {source.name}", source.descriptor.licence))
+    pairs.append(("seed", str(result.seed)))
+    pairs.append(("versions", ", ".join(f"{name} {version}" for name, version in result.versions.items())))
+    pairs.append(("fitted", result.created or "not stated"))
+    return pairs
+
+
+def _table(result: FitResult) -> Table:
+    points = result.points
+    shown = points.head(MOST_SHOWN)
+    numbers = [name for name in NUMBERS if name == "value" or _says_something(points, name)]
+    head = ("row", "series", "observable", *numbers, *JUDGED, "regime")
+    columns = [shown[name].to_numpy(dtype=float) for name in (*numbers, *JUDGED)]
+    angled = shown["gamma_deg"].notna().to_numpy()
+    sticks = shown["sticking"].map(bool).to_numpy(dtype=bool)
+    rows = tuple(
+        (
+            str(number),
+            str(series),
+            str(observable),
+            *(_number(column[i]) for column in columns),
+            ("sticking" if sticks[i] else "sliding") if angled[i] else "",
+        )
+        for i, (number, series, observable) in enumerate(
+            zip(shown["row"], shown["series"], shown["observable"], strict=True)
+        )
+    )
+    left = f" The first {MOST_SHOWN} of {len(points)}." if len(points) > MOST_SHOWN else ""
+    caption = (
+        f"{stand_in_words(result)}The data: {len(points)} rows used, with the fitted values and standardised "
+        f"residuals.{left}"
+    )
+    return Table(caption, head, rows, frozenset(range(3, len(head) - 1)), folded=len(rows) > FOLDED)
+
+
+def _number(value: float) -> str:
+    return "" if np.isnan(value) else f"{value:.6g}"

@@ -1,0 +1,130 @@
+"""Reports as files: each appears whole or not at all, and nothing of others is overwritten."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.result import FitResult
+from ifrfit.report.page.assembly import assemble
+from ifrfit.report.page.html import GENERATOR, render
+from ifrfit.report.page.markdown import markdown_files
+from ifrfit.report.page.pdf import pdf
+from ifrfit.report.page.sections.closures import Comparison
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("html", "md", "pdf")
+Files = Mapping[str, bytes]
+
+
+def page(result: FitResult, comparison: Comparison | None = None, figure: Figure | None = None) -> str:
+    """The report of a result as one HTML page; arguments as `assemble`."""
+    return render(assemble(result, comparison, figure))
+
+
+def report_files(result: FitResult, name: str, comparison: Comparison | None = None) -> dict[str, bytes]:
+    """The files of a report, by the suffix of `name`: one, but for Markdown, whose figures are apart."""
+    report = assemble(result, comparison)
+    stem, _, suffix = name.rpartition(".")
+    if suffix == "html":
+        return {name: render(report).encode("utf-8")}
+    return {name: pdf(report)} if suffix == "pdf" else markdown_files(report, stem)
+
+
+def write_report(
+    result: FitResult, path: Path, *, comparison: Comparison | None = None, force: bool = False
+) -> list[str]:
+    """Write the report of a result.
+
+    Parameters
+    ----------
+    result : FitResult
+        Of a fit, or read from a file.
+    path : Path
+        Its suffix is the format: html, md or pdf.
+    comparison : Comparison, optional
+        Closures side by side.
+    force : bool
+        Replace files that are not reports, too.
+
+    Returns
+    -------
+    list of str
+        Names of the files written.
+
+    Raises
+    ------
+    UsageError
+        For another suffix, where something else lies there, or where nothing can be written.
+    """
+    path = Path(path)
+    if path.suffix.removeprefix(".") not in FORMATS:
+        raise UsageError(f"{path}: a report ends in {', '.join('.' + each for each in FORMATS)}.")
+    check_free(path, force=force)
+    put(path.parent, report_files(result, path.name, comparison), force=force)
+    return [path.name]
+
+
+def check_free(path: Path, *, force: bool) -> None:
+    """Refuse a path where something lies that is no report of ours, unless `force`.
+
+    Raises
+    ------
+    UsageError
+    """
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder. Name a file with --out.")
+    if force or not path.exists() or _is_ours(path):
+        return
+    raise UsageError(f"{path} is not a report of ifrfit; add --force to replace it, or choose another name.")
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a file is an earlier report: it says so itself, at its beginning or, a PDF, at its end."""
+    content = path.read_bytes()
+    return GENERATOR.encode() in content[:4096] or GENERATOR.encode() in content[-65536:]
+
+
+def put(folder: Path, files: Files, *, force: bool) -> None:
+    """Put files into a folder, each in one step and all of them prepared before the first.
+
+    Raises
+    ------
+    UsageError
+        If one of the names is taken by a file of others, or nothing can be written.
+    """
+    try:
+        for name in files:
+            _check_companion(folder / name, force=force)
+        folder.mkdir(parents=True, exist_ok=True)
+        fresh = folder / f".ifrfit-{uuid.uuid4().hex[:12]}.new"
+        try:
+            _write_all(fresh, files)
+            # pictures first: the text never refers to one that is not there yet
+            for name in reversed(list(files)):
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                os.replace(fresh / name, folder / name)  # noqa: PTH105
+        finally:
+            shutil.rmtree(fresh, ignore_errors=True)
+    except OSError as error:
+        raise UsageError(
+            f"{folder}: cannot be written ({error.strerror or error}). Choose another place with --out."
+        ) from None
+
+
+def _check_companion(path: Path, *, force: bool) -> None:
+    if path.suffix != ".png":
+        check_free(path, force=force)
+
+
+def _write_all(fresh: Path, files: Files) -> None:
+    for name, content in files.items():
+        (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+        (fresh / name).write_bytes(content)

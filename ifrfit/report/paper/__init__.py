@@ -1,0 +1,1 @@
+"""The figures of the paper: what each shows, its curves and points as numbers, and the drawing."""

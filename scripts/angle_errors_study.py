@@ -1,0 +1,142 @@
+"""Fits of one experiment whose angles err, treated in four ways, over and over with new errors."""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from ifrfit.data.observations import Observations, make_table
+from ifrfit.inference.constants import make_constants
+from ifrfit.inference.least_squares import least_squares
+from ifrfit.inference.posterior import explore
+from ifrfit.inference.problem import make_problem
+from ifrfit.inference.scatter import Scatter
+from ifrfit.inference.scatter.setup import with_scatter
+from ifrfit.physics import rebound
+from ifrfit.physics.closures import get_closure
+
+TRUTH = {"e_n": 0.9, "e_t": -0.85, "mu": 0.15}
+ASKED = ("e_t", "mu")
+ANGLES = (8.0, 78.0)  # degrees, between which true angles lie
+N = 24
+SIGMA, SIGMA_GAMMA = 0.05, 3.0  # of beta; of the angle, degrees
+TOLERANCE = 1e-2
+LEVEL = 0.95
+KINDS = ("set", "measured")
+TREATMENTS = {
+    "none": Scatter(),
+    "effective": Scatter(angles="effective", gamma=SIGMA_GAMMA),
+    "set": Scatter(angles="set", gamma=SIGMA_GAMMA),
+    "measured": Scatter(angles="measured", population=ANGLES, gamma=SIGMA_GAMMA),
+}
+
+
+@dataclass(frozen=True)
+class Found:
+    """What one treatment says of one experiment: mean, sd, and whether the 95 % interval holds the truth."""
+
+    kind: str
+    treatment: str
+    mean: tuple[float, ...]
+    sd: tuple[float, ...]
+    covers: tuple[bool, ...]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One constant under one treatment: bias and its standard error, spread, stated sd, share covered."""
+
+    kind: str
+    treatment: str
+    constant: str
+    n: int
+    bias: float
+    error: float
+    spread: float
+    stated: float
+    coverage: float
+
+    @property
+    def coverage_error(self) -> float:
+        """Binomial standard error of a coverage of 95 %."""
+        return math.sqrt(LEVEL * (1.0 - LEVEL) / self.n)
+
+
+def treat(task: tuple[int, str, int]) -> list[Found]:
+    """Simulate one experiment (seed, kind of angles, number) and fit it in every way."""
+    seed, kind, number = task
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(KINDS.index(kind), number)))
+    if kind == "set":
+        shown = np.linspace(*ANGLES, N)
+        true = shown + SIGMA_GAMMA * rng.standard_normal(N)
+    else:
+        true = rng.uniform(*ANGLES, N)
+        shown = true + SIGMA_GAMMA * rng.standard_normal(N)
+    beta = rebound(np.abs(true), **TRUTH, degrees=True).beta + SIGMA * rng.standard_normal(N)
+    table = make_table(
+        {
+            "series": "run",
+            "observable": "beta",
+            "gamma_deg": np.abs(shown),
+            "value": beta,
+            "sigma": SIGMA,
+            "provenance": "simulated",
+        }
+    )
+    closure = get_closure("ifr")
+    constants = make_constants(closure, 0.4, fix={"e_n": TRUTH["e_n"]})
+    plain = make_problem(Observations(table), closure, 0.4, constants, "known")
+    found = []
+    for name, scatter in TREATMENTS.items():
+        problem = with_scatter(plain, scatter, "exact")
+        post = explore(problem, tolerance=TOLERANCE, start=least_squares(problem))
+        inside = []
+        for constant in ASKED:
+            low, high = np.asarray(post.quantile(constant, np.array([0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])))
+            inside.append(bool(low <= TRUTH[constant] <= high))
+        means, sds = (tuple(float(of(c)) for c in ASKED) for of in (post.mean, post.sd))
+        found.append(Found(kind, name, means, sds, tuple(inside)))
+    return found
+
+
+def treat_many(seed: int, repeats: int, workers: int) -> Iterator[Found]:
+    """All experiments in every way; the same for any number of workers."""
+    tasks = [(seed, kind, number) for kind in KINDS for number in range(repeats)]
+    if workers == 1:
+        for task in tasks:
+            yield from treat(task)
+        return
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for found in pool.map(treat, tasks, chunksize=4):
+            yield from found
+
+
+def summarise(results: Iterable[Found]) -> list[Summary]:
+    """Bias and coverage of each constant, by kind of angles and treatment."""
+    groups: dict[tuple[str, str], list[Found]] = {}
+    for one in results:
+        groups.setdefault((one.kind, one.treatment), []).append(one)
+    found = []
+    for (kind, treatment), own in groups.items():
+        for i, constant in enumerate(ASKED):
+            off = np.array([one.mean[i] for one in own]) - TRUTH[constant]
+            spread = float(off.std(ddof=1))
+            found.append(
+                Summary(
+                    kind,
+                    treatment,
+                    constant,
+                    len(own),
+                    float(off.mean()),
+                    spread / math.sqrt(len(own)),
+                    spread,
+                    float(np.mean([one.sd[i] for one in own])),
+                    float(np.mean([one.covers[i] for one in own])),
+                )
+            )
+    return found

@@ -1,0 +1,90 @@
+"""ifrfit report: where the page goes, what is refused, and what is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture
+def fitted(cli, impacts):
+    path = impacts(gamma=range(5, 85, 6), sigma=0.05, noise=0.05)
+    return ("fit", path, "--fix", "e_n=0.94", "--method", "lsq")
+
+
+@pytest.fixture
+def result(cli, fitted):
+    """A result.json without its figures."""
+    path = Path("results/result.json")
+    path.parent.mkdir()
+    path.write_text(cli(*fitted, "--json").stdout, encoding="utf-8")
+    return path
+
+
+def test_the_page_of_fit_is_the_page_of_report(cli, fitted):
+    assert cli(*fitted, "--out", "results", "--quiet").returncode == 0
+    result = Path("results/result.json")
+    written = Path("results/report.html").read_bytes()
+    found = cli("report", result)
+    assert (found.returncode, found.stderr) == (0, "")
+    assert found.stdout == "written: results/report.html\n"
+    assert Path("results/report.html").read_bytes() == written
+    assert sorted(path.name for path in Path("results").iterdir()) == [
+        "fit.png", "fit.svg", "report.html", "result.json"
+    ]  # fmt: skip
+
+
+def test_the_form_follows_the_option_or_the_name(cli, result):
+    assert cli("report", result, "--format", "md").stdout == "written: results/report.md\n"
+    assert Path("results/report-figures/fit.png").exists()
+    assert cli("report", result, "--out", "mine.pdf").stdout == "written: mine.pdf\n"
+    assert Path("mine.pdf").read_bytes()[:5] == b"%PDF-"
+    assert cli("report", result, "--out", "folder", "--quiet").stdout == ""
+    assert Path("folder/report.html").exists()
+
+
+def test_several_results_make_an_index(cli, result):
+    Path("second.json").write_bytes(result.read_bytes())
+    found = cli("report", result, "second.json", "--out", "all")
+    assert found.stdout == "written: all/  index.html and 2 reports\n"
+    assert sorted(path.name for path in Path("all").iterdir()) == [
+        "index.html",
+        "results.html",
+        "second.html",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "says"),
+    [
+        (("nix.json",), 3, "nix.json: there is no such file. Name the result.json of a fit."),
+        (("broken.txt",), 3, "broken.txt, line 1, column 1: this is not JSON"),
+        (("results/result.json", "--format", "doc"), 2, "--format doc: choose one of html, md, pdf."),
+        (("results/result.json", "--out", "a.md", "--format", "pdf"), 2, "--out a.md does not end in .pdf"),
+        (("results/result.json", "--out", "a.doc"), 2, "a.doc: a report ends in .html, .md, .pdf."),
+        (
+            ("results/result.json", "results/result.json"),
+            2,
+            "Several results need a folder for their reports",
+        ),
+        (
+            ("results/result.json", "--out", "notes.html"),
+            2,
+            "notes.html is not a report of ifrfit; add --force",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_sentence(cli, result, arguments, status, says):
+    for name in ("notes.html", "broken.txt"):
+        Path(name).write_text("mine", encoding="utf-8")
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    found = cli("report", *arguments)
+    assert (found.returncode, found.stdout) == (status, "")
+    assert found.stderr.startswith(f"ifrfit: {says}")
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
+
+
+def test_help_costs_nothing(python):
+    code = "import sys, ifrfit.cli; print([m for m in ('jinja2', 'numpy') if m in sys.modules])"
+    assert python("-c", code).stdout == "[]\n"

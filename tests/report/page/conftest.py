@@ -1,0 +1,150 @@
+"""Results with everything a report shows, their pages, and a browser to open them in."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ifrfit
+from ifrfit import FitResult
+from ifrfit.report.page import assemble
+from ifrfit.report.page.blocks import Report
+from ifrfit.report.page.html import render
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+HOSTILE = (
+    "<img src=x onerror=\"document.title='taken'\">",
+    "</script><script>document.title='taken'</script>",
+)
+
+
+def _sharing() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("shared_impacts", Path(__file__).parents[2] / "conftest.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def table(folder: Path, name: str, *parts: dict[str, Any]) -> Path:
+    """A CSV of made impacts."""
+    shared = _sharing()
+    rows = []
+    for part in parts:
+        # the series in quotes, whatever characters it has
+        series = str(part.get("series", "run")).replace('"', '""')
+        rows += [f'"{series}"{row}' for row in shared.impacts_text(**{**part, "series": ""})]
+    path = folder / name
+    path.write_text("\n".join([shared.HEADER, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], FitResult]:
+    """Fits by name, each made once: fixed, loose, hostile, stand-in, digitised, lsq."""
+    folder = tmp_path_factory.mktemp("impacts")
+    gamma = np.linspace(3.0, 85.0, 24)
+    one = {"gamma": gamma, "noise": 0.05, "c": -0.8}
+
+    def make(name: str) -> FitResult:
+        if name == "stand-in":
+            return ifrfit.fit("cross-2019", fix={"e_n": 0.94}, command="ifrfit fit cross-2019 --fix e_n=0.94")
+        if name == "digitised":
+            return ifrfit.fit("kharaz-2001", prior={"e_n": (0.98, 0.01)}, gamma_min=15.0)
+        if name == "hostile":
+            parts = (
+                {**one, "series": HOSTILE[0]},
+                {**one, "series": HOSTILE[1], "mu": 0.2, "spin_y": -0.3, "seed": 3},
+            )
+            path = table(folder, "hostile.csv", *parts)
+            return ifrfit.fit(path, fix={"e_n": 0.94}, separate="mu", command=f"ifrfit {HOSTILE[1]}")
+        path = table(folder, "impacts.csv", one)
+        if name == "loose":
+            return ifrfit.fit(path)
+        return ifrfit.fit(path, fix={"e_n": 0.94}, method="lsq" if name == "lsq" else "exact")
+
+    return functools.cache(make)
+
+
+@pytest.fixture(scope="session")
+def reports(results: Callable[[str], FitResult]) -> Callable[[str], Report]:
+    """The reports of these results, each put together once."""
+    return functools.cache(lambda name: assemble(results(name)))
+
+
+@pytest.fixture(scope="session")
+def pages(reports: Callable[[str], Report]) -> Callable[[str], str]:
+    """Their pages, each rendered once."""
+    return functools.cache(lambda name: render(reports(name)))
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """A headless Chromium; without one the test is skipped, but where CI promised one it fails."""
+    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        found = None
+    if found is None:
+        if os.environ.get("IFRFIT_NEEDS_BROWSER") == "1":
+            pytest.fail("IFRFIT_NEEDS_BROWSER is set, but there is no Chromium (or no playwright).")
+        pytest.skip("no Chromium here: apt-get install chromium, pip install playwright")
+    with sync_playwright() as driver:
+        launched = driver.chromium.launch(executable_path=found)
+        yield launched
+        launched.close()
+
+
+class Opened:
+    """A page in a browser, and all that it complained about or asked for."""
+
+    def __init__(self, tab: Any, text: str, folder: Path) -> None:
+        self.tab = tab
+        self.said: list[str] = []
+        self.asked: list[str] = []
+        tab.on("console", lambda message: self.said.append(message.text))
+        tab.on("pageerror", lambda error: self.said.append(str(error)))
+        tab.on("request", lambda request: self.asked.append(request.url))
+        path = folder / "report.html"
+        path.write_text(text, encoding="utf-8")
+        tab.goto(path.as_uri())
+
+    def text(self, name: str) -> str:
+        return str(self.tab.text_content(f"#explorer-{name}"))
+
+    def attribute(self, name: str, attribute: str) -> str:
+        return str(self.tab.get_attribute(f"#explorer-{name}", attribute))
+
+    def move(self, name: str, value: float) -> None:
+        """Move a slider."""
+        self.tab.evaluate(
+            "([name, value]) => { const s = document.getElementById(name); s.value = value;"
+            " s.dispatchEvent(new Event('input')); }",
+            [f"explorer-{name}", value],
+        )
+
+
+@pytest.fixture
+def opened(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Opened]]:
+    """Open a page; keyword arguments go to the browser's context."""
+    contexts = []
+
+    def show(text: str, **options: Any) -> Opened:
+        context = browser.new_context(**{"viewport": {"width": 1200, "height": 900}, **options})
+        contexts.append(context)
+        return Opened(context.new_page(), text, tmp_path)
+
+    yield show
+    for context in contexts:
+        context.close()

@@ -1,0 +1,280 @@
+"""The page as a text: what it says, that it is sound HTML, and that it is the same on every run."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import ifrfit
+from ifrfit.inference.loading import load_result
+from ifrfit.inference.result import Fact
+from ifrfit.report.page import assemble, page
+from ifrfit.report.page.explorer import payload, why_not
+from ifrfit.report.page.html import policy
+
+EVERY = ("fixed", "loose", "hostile", "stand-in", "digitised", "lsq")
+
+
+class Elements(HTMLParser):
+    """Every element with its attributes, and the text outside scripts and styles."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.elements: list[tuple[str, dict[str, str]]] = []
+        self.words: list[str] = []
+        self._open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, {name: value or "" for name, value in attrs}))
+        self._open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        self._open.pop()
+
+    def handle_endtag(self, tag):
+        while self._open and self._open.pop() != tag:
+            pass
+
+    def handle_data(self, data):
+        if not {"script", "style"} & set(self._open):
+            self.words.append(data)
+
+    def every(self, attribute: str) -> list[str]:
+        return [attributes[attribute] for _, attributes in self.elements if attribute in attributes]
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+
+def section(report, name):
+    return next((section for section in report.sections if section.name == name), None)
+
+
+def table_of(report, name):
+    return next(block for block in section(report, name).blocks if block.kind == "table")
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_ids_are_unique_and_every_reference_leads_somewhere(pages, name):
+    found = Elements(pages(name))
+    counts = Counter(found.every("id"))
+    assert [key for key, count in counts.items() if count > 1] == []
+    for attribute in ("aria-labelledby", "aria-describedby", "for"):
+        for value in found.every(attribute):
+            assert set(value.split()) <= set(counts), (attribute, value)
+    targets = [value[1:] for value in found.every("href") if value.startswith("#")]
+    targets += re.findall(r"url\(#([^)]+)\)", pages(name))
+    # the panel makes its own clip path when it draws
+    assert set(targets) - set(counts) <= {"explorer-clip"}
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_nothing_is_loaded_and_nothing_is_styled_in_place(pages, name):
+    found = Elements(pages(name))
+    links = [*found.every("href"), *found.every("src")]
+    assert [link for link in links if not link.startswith(("#", "data:"))] == []
+    assert found.every("style") == []
+    assert [key for _, attributes in found.elements for key in attributes if key.startswith("on")] == []
+    assert len(pages(name).encode()) < 3_000_000
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_it_can_be_read_without_eyes(pages, name):
+    found = Elements(pages(name))
+    tags = Counter(tag for tag, _ in found.elements)
+    assert found.elements[0] == ("html", {"lang": "en"})
+    assert [tags[tag] for tag in ("h1", "main", "header", "footer", "nav")] == [1, 1, 1, 1, 1]
+    for tag, attributes in found.elements:
+        if tag == "th":
+            assert attributes["scope"] in ("col", "row")
+        if tag == "svg":
+            assert attributes["role"] == "img"
+            assert attributes["aria-labelledby"]
+        if tag in ("input", "select"):
+            assert attributes["id"] in found.every("for")
+
+
+def test_the_policy_names_the_hashes_of_what_the_page_holds(pages):
+    text = pages("fixed")
+    stated = re.search(r'Content-Security-Policy" content="([^"]*)"', text)
+    sheet = re.search(r"<style>(.*?)</style>", text, re.DOTALL)
+    script = re.search(r"<script>(.*?)</script>", text, re.DOTALL)
+    assert stated is not None
+    assert stated[1].replace("&#39;", "'") == policy(sheet[1], script[1])
+    digest = base64.b64encode(hashlib.sha256(script[1].encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'" in policy(sheet[1], script[1])
+    assert "unsafe" not in stated[1]
+    assert "script-src 'none'" in policy("", "")
+
+
+def test_names_from_a_file_stay_text(pages, results):
+    text = pages("hostile")
+    for name in results("hostile").points["series"].unique():
+        assert name not in text
+        assert name in Elements(text).text
+    assert text.count("<script>") == 1
+    assert Counter(tag for tag, _ in Elements(text).elements)["script"] == 2
+
+
+@pytest.mark.parametrize("name", ["digitised", "hostile"])
+def test_the_same_bytes_again_and_from_the_file(pages, results, tmp_path, name):
+    results(name).save(tmp_path / "result.json")
+    loaded = load_result(tmp_path / "result.json")
+    assert page(loaded) == pages(name)
+
+
+def test_the_verdict_is_two_sentences(reports):
+    found, against = reports("fixed").verdict
+    assert found.startswith("24 impacts (beta) give e_t = -0.")
+    assert found.endswith("; e_n = 0.94 was given to the fit.")
+    assert against.startswith("Nothing found contradicts it: no lack of fit (p = ")
+    report = reports("loose")
+    assert "; they do not determine e_n (95 % in [0.00, 1.00]) and mu (95 % in [" in report.verdict[0]
+    assert report.alarm
+    assert "needs attention" in [badge.text for badge in report.badges]
+
+
+def test_what_contradicts_the_fit_is_in_the_verdict(made):
+    report = assemble(made.contradicted())
+    assert report.verdict[1] == (
+        "Against it stands: The data contradict a constant closure constant below 12 degrees (p = 2e-9): "
+        "7 of 7 residuals positive; outliers."
+    )
+    assert report.alarm
+
+
+def test_a_stand_in_is_impossible_to_overlook(pages, reports):
+    report = reports("stand-in")
+    assert report.badges[0].text == "STAND-IN, not an experiment"
+    assert report.verdict[0].startswith(
+        "A fit to generated data, which recovers what was put in and is no finding: "
+    )
+    words = Elements(pages("stand-in")).text
+    for start in ("Data, the fitted curve", "Standardised residuals", "The data: 17 rows", "The data used"):
+        assert f"STAND-IN data, not an experiment. {start}" in words
+    assert '"stand_in": true' in pages("stand-in")
+    assert "STAND-IN" not in Elements(pages("digitised")).text
+
+
+def test_the_table_of_constants_has_both_intervals_and_the_status(reports):
+    table = table_of(reports("digitised"), "constants")
+    rows = {row[0]: row for row in table.rows}
+    assert table.head == ("constant", "value", "sd", "68 % interval", "95 % interval", "status")
+    assert rows["e_t"][:3] == ("e_t", "-0.9990", "0.0011")
+    assert rows["e_t"][3:5] == ("[-1.0000, -0.9985]", "[-1.0000, -0.9966]")
+    assert rows["e_t"][5] == "one-sided: lies on its bound -1"
+    assert rows["e_n"][-1] == "prior: rests on your prior of e_n"
+    assert rows["transition angle, deg"][1:3] == ("24.71", "0.21")
+    assert rows["noise"][-1] == "times the given sigma"
+
+
+def test_the_points_inside_the_page_give_the_same_fit(results, tmp_path, monkeypatch, reports):
+    monkeypatch.chdir(tmp_path)
+    for name, choices in (
+        ("digitised", {"prior": {"e_n": (0.98, 0.01)}, "noise": "scaled"}),
+        ("hostile", {"fix": {"e_n": 0.94}, "separate": "mu", "noise": "known"}),
+    ):
+        report = reports(name)
+        blocks = section(report, "repeat").blocks
+        (tmp_path / "points.csv").write_text(
+            next(block.content for block in blocks if block.kind == "download"), encoding="utf-8"
+        )
+        again = ifrfit.fit("points.csv", **choices)
+        for label, estimate in results(name).flat_constants().items():
+            found = again.flat_constants()[label]
+            assert found.value == pytest.approx(estimate.value, rel=1e-9)
+            assert found.interval95 == pytest.approx(estimate.interval95, rel=1e-9)
+            assert found.status == estimate.status
+        commands = [block.text for block in blocks if block.kind == "code"]
+        assert commands[-1].startswith("ifrfit fit points.csv --closure ifr --method exact --noise ")
+
+
+def test_the_result_inside_the_page_is_result_json(results, reports):
+    downloads = [b for b in section(reports("fixed"), "repeat").blocks if b.kind == "download"]
+    assert [download.name for download in downloads] == ["points.csv", "result.json"]
+    assert json.loads(downloads[1].content) == results("fixed").to_dict()
+
+
+def test_a_file_of_an_earlier_version_says_what_it_lacks(results):
+    content = results("fixed").to_dict()
+    del content["asked"]
+    report = assemble(ifrfit.inference.loading.from_dict(content))
+    said = "The result does not say with which bounds and priors it was fitted. Fit the data again."
+    assert section(report, "profiles").blocks[0].text == said
+    assert section(report, "constants").blocks[-1].text == f"Other methods are not shown here. {said}"
+    assert [block.kind for block in section(report, "identifiability").blocks] == ["paragraph"]
+    commands = [block for block in section(report, "repeat").blocks if block.kind == "code"]
+    assert all("points.csv" not in block.text for block in commands)
+
+
+def test_a_result_without_points_has_a_report_all_the_same(results):
+    result = results("fixed")
+    report = assemble(replace(result, points=result.points.iloc[:0], problem=None))
+    assert section(report, "residuals") is None
+    assert section(report, "fit").blocks[0].text.startswith("The result holds no points")
+    assert "The result holds no points" in section(report, "profiles").blocks[0].text
+
+
+def test_a_comparison_is_shown_where_there_is_one(results, reports):
+    import pandas as pd
+
+    class Verdict:
+        says = "the data prefer IFR: log Bayes factor 7.1"
+
+    class Compared:
+        verdict = Verdict()
+
+        def table(self):
+            return pd.DataFrame({"log_evidence": [12.5, np.nan]}, index=["IFR", "FR"])
+
+    assert section(reports("fixed"), "closures") is None
+    blocks = section(assemble(results("fixed"), Compared()), "closures").blocks
+    assert blocks[0].text == "The data prefer IFR: log Bayes factor 7.1."
+    assert blocks[1].head == ("closure", "log evidence")
+    assert blocks[1].rows == (("IFR", "12.5"), ("FR", "-"))
+
+
+def test_chains_are_shown_only_where_a_sampler_ran(results):
+    result = results("fixed")
+    assert section(assemble(result), "chains") is None
+    figures = {"steps": 4000, "each": {"e_t": {"rhat": 1.002, "ess_bulk": 2300.0}, "mu": {"rhat": 1.001}}}
+    sampled = replace(
+        result,
+        method="mcmc",
+        facts={**result.facts, "converged": Fact(True, "the chains converged", figures, "R-hat < 1.01")},
+    )
+    blocks = section(assemble(sampled), "chains").blocks
+    assert blocks[1].head == ("quantity", "R-hat", "bulk ESS")
+    assert blocks[1].rows == (("e_t", "1.002", "2300"), ("mu", "1.001", "-"))
+    assert blocks[2].rows == (("steps", "4000"),)
+
+
+def test_a_closure_that_is_no_pair_of_lines_has_no_panel(made, monkeypatch):
+    from ifrfit.physics import CLOSURES
+
+    def refuses(inertia_factor):
+        raise TypeError("not bilinear")
+
+    other = replace(CLOSURES["ifr"], name="other", coefficients=refuses)
+    monkeypatch.setitem(CLOSURES, "other", other)
+    assert "other" not in payload(made.fine())["closures"]
+    says = why_not(replace(made.fine(), closure="other"))
+    assert says == "The panel knows no closure other: the picture above stands alone."
+
+
+def test_every_way_of_result_has_a_page(made):
+    for name in ("two_observables", "all_sticking", "restitution"):
+        text = page(getattr(made, name)())
+        counts = Counter(Elements(text).every("id"))
+        assert max(counts.values()) == 1, name
