@@ -67,9 +67,9 @@ def compare(
             "A comparison is by exact posterior, and `closures` names its closures: leave out `method` and "
             "`closure`."
         )
-    asked = chosen_closures(closures)
+    asked, notes = chosen_closures(closures, choices)
     constants = constant_choices(choices)
-    notes = applied_where(asked, constants)
+    notes += applied_where(asked, constants)
     rest = {key: value for key, value in choices.items() if key not in _OF_CONSTANTS}
     observations = gather(data, rest.get("convention", ()), rest.get("inertia_factor"))
     fits = fit_each(observations, asked, constants, rest | {"seed": seed})

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from comparison_data import observations
+from comparison_data import FOUR, observations
 
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.verdict import STAND_IN, apart, strength_of, verdict_of
@@ -15,7 +15,7 @@ from ifrfit.inference.result import Fact
 FIX = {"e_n": 0.9}
 
 
-def compared(*args, closures=None, fix=FIX, noise="known", **kw):
+def compared(*args, closures=FOUR, fix=FIX, noise="known", **kw):
     return compare(observations(*args, **kw), closures, loo=False, fix=fix, noise=noise)
 
 
@@ -72,7 +72,7 @@ def test_all_are_refuted_where_none_describes_the_data():
     made = observations("ifr", sigma=0.02, e_t=-0.8)
     table = made.table
     table["value"] += 0.3 * np.sin(np.radians(6.0 * table["gamma_deg"]))
-    found = compare(type(made)(table, made.sources), loo=False, fix=FIX, noise="known").verdict
+    found = compare(type(made)(table, made.sources), FOUR, loo=False, fix=FIX, noise="known").verdict
     assert found.kind == "refuted"
     assert found.says.startswith("All 4 closures are refuted: even ")
     assert "has lack of fit (p = " in found.says
