@@ -12,9 +12,10 @@ from ifrfit.inference.api import Data, gather
 from ifrfit.inference.comparison.asking import applied_where, chosen_closures, constant_choices, fit_each
 from ifrfit.inference.comparison.criteria import aicc, probabilities
 from ifrfit.inference.comparison.loo import loo_of, with_differences
+from ifrfit.inference.comparison.parts import Loo
 from ifrfit.inference.comparison.priors import prior_of, prior_table
 from ifrfit.inference.comparison.psi_plane import psi_plane
-from ifrfit.inference.comparison.result import Comparison, Entry, Loo
+from ifrfit.inference.comparison.result import Comparison, Entry
 from ifrfit.inference.comparison.verdict import verdict_of
 from ifrfit.inference.result import FitResult
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.result import Loo
+from ifrfit.inference.comparison.parts import Loo
 from ifrfit.inference.density import Density
 from ifrfit.inference.posterior import TOLERANCE, log_evidence
 from ifrfit.inference.posterior.noise import noise_bounds

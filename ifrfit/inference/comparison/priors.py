@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.result import PriorRow
+from ifrfit.inference.comparison.parts import PriorRow
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.posterior.unknown import Unknown
