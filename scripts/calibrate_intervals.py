@@ -28,8 +28,8 @@ def options() -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--repeats", type=int, default=2000, help="experiments in each scene")
-    parser.add_argument("--profile", type=int, default=400, help="of these also profiled, which is slower")
-    parser.add_argument("--controls", type=int, default=200, help="of one scene, seen wrongly")
+    parser.add_argument("--profile", type=int, default=40, help="of these also profiled, which is slower")
+    parser.add_argument("--controls", type=int, default=100, help="of one scene, seen wrongly")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--out", type=Path, default=DOCS, help="folder of calibration.md")

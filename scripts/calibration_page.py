@@ -96,7 +96,7 @@ rank of the truth in it is uniform (Cook, Gelman & Rubin 2006; Talts et al. 2018
 
 **{"Not as it must be: " + "; ".join(bad) + "." if bad else good}**
 
-{repeats} experiments in each of the first four scenes (a tenth of that in the others, which take longer),
+{repeats} experiments in each of the first four scenes (a twentieth of that in the others, which take longer),
 the first {n_profile} of each profiled; seed {seed}; Python
 {platform.python_version()}, {packages}. All data here are simulated. Written by `make calibrate`.
 

@@ -136,7 +136,7 @@ SCENES = {
             3,
             sigma={"beta": 0.05, "e_n": 0.02},
             noise_bounds={"": (0.3, 3.0)},
-            share=0.1,
+            share=0.05,
         ),
         Scene(
             "two walls",
@@ -148,7 +148,7 @@ SCENES = {
             sigma={"beta": 0.1, "e_n": 0.05},
             series=("a", "b"),
             separate=("mu",),
-            share=0.1,
+            share=0.05,
         ),
     )
 }

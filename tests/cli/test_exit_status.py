@@ -31,8 +31,14 @@ def test_a_delivered_result_is_0(cli):
     ("options", "says"),
     [
         (("--closure", "walton"), "There is no closure 'walton'. Choose one of f, fr, ifr, ifr-contact"),
-        (("--method", "anneal"), "There is no method 'anneal'. This version has exact, lsq, profile, mcmc."),
-        (("--method", "lsq", "--workers", "2"), "--workers belongs to --method mcmc, not to --method lsq."),
+        (
+            ("--method", "anneal"),
+            "There is no method 'anneal'. This version has exact, lsq, profile, mcmc, bootstrap.",
+        ),
+        (
+            ("--method", "lsq", "--workers", "2"),
+            "--workers belongs to --method mcmc or bootstrap, not to --method lsq.",
+        ),
         (("--max-steps", "100"), "--max-steps belongs to --method mcmc, not to --method exact."),
         (("--resume", "here"), "--resume belongs to --method mcmc, not to --method exact."),
         (("--method", "mcmc", "--max-steps", "0"), "--max-steps 0: it must be 1 or more."),

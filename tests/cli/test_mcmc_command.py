@@ -12,7 +12,7 @@ import pytest
 import ifrfit
 
 MCMC = ("fit", "cross-2019", "--fix", "e_n=0.94", "--method", "mcmc")
-FILES = {"result.json", "fit.svg", "fit.png", "chains.npz"}
+FILES = {"result.json", "fit.svg", "fit.png", "report.html", "chains.npz"}
 
 
 def chains(folder: str) -> dict[str, np.ndarray]:

@@ -17,6 +17,7 @@ from comparison_data import FOUR, observations
 from ifrfit.errors import UsageError
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.result import Fact
+from ifrfit.physics import CLOSURES
 from ifrfit.report import write_folder
 from ifrfit.report.comparison_folder import write_comparison
 from ifrfit.report.comparison_words import findings, prior_line
@@ -48,7 +49,7 @@ def test_text_fits_a_terminal_and_says_it_all(found):
     assert [line for line in text.splitlines() if line != line.rstrip()] == []
     for words in ("VERDICT  ", "log BF against ", "mu up to 0.5", "psi plane", "leave-one-impact-out"):
         assert words in text
-    assert "4 closures, exact posterior, known noise" in text
+    assert f"{len(CLOSURES)} closures, exact posterior, known noise" in text
 
 
 def test_numbers_of_the_table_are_those_of_the_comparison(found):
@@ -116,7 +117,7 @@ def test_figure_holds_data_lines_residuals_and_factors(found):
     names = [entry.fit.problem.closure.title for entry in found.entries.values()]
     data, *strips, evidence = figure.axes
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(85.0)
-    assert len(strips) == len(names) == 4
+    assert len(strips) == len(names) == len(CLOSURES)
     points = found.best.points
     assert any(
         np.allclose(line.get_xdata(), points["gamma_deg"]) for line in data.lines if line.get_marker() == "o"

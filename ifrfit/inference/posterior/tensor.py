@@ -45,8 +45,6 @@ class Tensor:
         Integrated over the closure constant.
     e_weight : ndarray, (2, n_e)
     x_weight : ndarray, (2, m, n_e, n_x)
-    weight : ndarray, (2, m, n_e, n_x)
-        The product of these two.
     c_weight : ndarray, (2, n_c)
     mass : ndarray, (2, m)
         Integral at each outer node, relative to exp(shift).
@@ -67,7 +65,6 @@ class Tensor:
     g: Array
     e_weight: Array
     x_weight: Array
-    weight: Array
     c_weight: Array
     mass: Array
     limits: tuple[Array, Array] | None
@@ -103,26 +100,15 @@ class Tensor:
             x_weight = _ALONE[:, :, None, None]
         else:
             x_weight = series.x_axis.weights_between(limits)
-        weight = x_weight * e_weight[:, None, :, None]
-        mass = (g * weight).sum(axis=(2, 3))
+        mass = ((g * x_weight).sum(axis=-1) * e_weight[:, None, :]).sum(axis=-1)
         return cls(
-            series,
-            e_n,
-            x,
-            c,
-            mu,
-            f,
-            apart,
-            shift,
-            g,
-            e_weight,
-            x_weight,
-            weight,
-            c_weight,
-            mass,
-            limits,
-            spread,
+            series, e_n, x, c, mu, f, apart, shift, g, e_weight, x_weight, c_weight, mass, limits, spread
         )
+
+    @cached_property
+    def weight(self) -> Array:
+        """Of each node of e_n and of the transition, (2, m, n_e, n_x)."""
+        return np.asarray(self.x_weight * self.e_weight[:, None, :, None])
 
     @property
     def log_mass(self) -> Array:

@@ -62,6 +62,8 @@ class Together:
     @classmethod
     def of(cls, problem: Problem, found: LeastSquares) -> Together | None:
         """Restate a problem; None if its replicates have to be fitted one by one."""
+        if not problem.closure.bilinear:
+            return None
         whole = len(problem.series) == 1 or not any(c.separate for c in problem.constants)
         if not whole and not all(c.separate or c.fixed is not None for c in problem.constants):
             return None

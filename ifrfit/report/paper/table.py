@@ -13,6 +13,7 @@ from ifrfit.report.paper.axes import (
     TANGENT,
     Ordinate,
 )
+from ifrfit.report.paper.elastic_plastic import ElasticPlastic
 from ifrfit.report.paper.figure import PaperFigure
 from ifrfit.report.paper.models import Model, Setting, deviation_as_printed, total_as_printed
 from ifrfit.report.paper.scene import Pen
@@ -148,12 +149,20 @@ PAPER = (
                 pen=_MISPRINT,
                 misprint=total_as_printed,
             ),
+            ElasticPlastic(
+                _REAGLE.constants,
+                "elastic-plastic $e_n$ of quartz on steel: ours, not Yu & Tafti's",
+                "other",
+                _THIN,
+            ),
         ),
         says="beta_tot against the angle, Reagle et al. (2013), with predictions of Yu & Tafti (2016); Eqs "
         "(28) and (29).",
         uses="beta_tot with beta_cm from (28) in sticking and (29) in sliding",
         note="The predictions of Yu & Tafti (triangles in the paper) are left out: their equations are not "
-        "openly published, and an elastic-plastic rebound of our own is not part of this version.",
+        "openly published. The dotted line is not their model but ours: the printed e_t and mu with the e_n "
+        "of an elastic, perfectly plastic impact (Thornton 1997) of quartz, 30 um, on stainless steel at 27 "
+        "m/s.",
     ),
     PaperFigure(
         "6",
