@@ -117,7 +117,7 @@ def test_figure_holds_data_lines_residuals_and_factors(found):
     names = [entry.fit.problem.closure.title for entry in found.entries.values()]
     data, *strips, evidence = figure.axes
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(85.0)
-    assert len(strips) == len(names) == len(CLOSURES)
+    assert len(strips) == len(names) == len(FOUR)
     points = found.best.points
     assert any(
         np.allclose(line.get_xdata(), points["gamma_deg"]) for line in data.lines if line.get_marker() == "o"

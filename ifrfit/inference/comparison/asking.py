@@ -8,6 +8,7 @@ from typing import Any
 from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.api import fit
+from ifrfit.inference.comparison.verdict import joined
 from ifrfit.inference.result import FitResult
 from ifrfit.physics.closures import CLOSURES, Closure, get_closure
 
@@ -91,8 +92,7 @@ def applied_where(closures: Sequence[Closure], choices: Mapping[str, Any]) -> tu
             if others:
                 have = "has" if len(others) == 1 else "have"
                 said.append(
-                    f"--{option} {name} holds for {' and '.join(those)}; "
-                    f"{' and '.join(others)} {have} no such constant."
+                    f"--{option} {name} holds for {joined(those)}; {joined(others)} {have} no such constant."
                 )
     return tuple(said)
 

@@ -72,8 +72,8 @@ def test_choices_hold_where_the_constant_is(data):
     assert found.entries["fr"].prior["beta0"] == {"lower": 0.0, "upper": 1.0}
     assert all(e.fit.constants["e_n"].value == 0.9 for e in found.entries.values())
     assert found.notes == (
-        "--fix e_t holds for IFR and IFR-contact; F and FR and MAW have no such constant.",
-        "--bounds beta0 holds for FR; F and IFR and IFR-contact and MAW have no such constant.",
+        "--fix e_t holds for IFR and IFR-contact; F and FR have no such constant.",
+        "--bounds beta0 holds for FR; F, IFR and IFR-contact have no such constant.",
     )
 
 

@@ -55,7 +55,6 @@ def test_rows_are_of_mu_and_of_each_closure_with_a_constant(found):
         "beta0 of FR",
         "e_t of IFR",
         "e_t of IFR-contact",
-        "chi of MAW",
     ]
 
 
