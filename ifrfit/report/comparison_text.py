@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from html import escape
 
 from ifrfit.inference.comparison import Comparison
-from ifrfit.inference.comparison.result import Entry, PsiPlane, Slope
+from ifrfit.inference.comparison.parts import PsiPlane, Slope
+from ifrfit.inference.comparison.result import Entry
 from ifrfit.inference.comparison.verdict import joined, title
 from ifrfit.inference.criticism import p_text
 from ifrfit.inference.result import Interval

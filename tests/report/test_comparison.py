@@ -12,7 +12,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "inference" / "comparison"))
 
-from comparison_data import observations
+from comparison_data import FOUR, observations
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.comparison import compare
@@ -27,7 +27,7 @@ NASTY = "<b>&$ball$_1"
 
 @pytest.fixture(scope="module")
 def found():
-    return compare(observations("ifr", sigma=0.05, e_t=-0.85), fix={"e_n": 0.9}, noise="known")
+    return compare(observations("ifr", sigma=0.05, e_t=-0.85), FOUR, fix={"e_n": 0.9}, noise="known")
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def test_numbers_of_the_table_are_those_of_the_comparison(found):
 
 def test_chi2_is_shown_only_where_it_says_something(found):
     data = observations("ifr", sigma=0.05, e_t=-0.85)
-    unknown = compare(data, loo=False, fix={"e_n": 0.9}, noise="unknown").summary()
+    unknown = compare(data, ("f", "ifr"), loo=False, fix={"e_n": 0.9}, noise="unknown").summary()
     assert " chi2 " in found.summary()
     assert " chi2 " not in unknown
     assert " AICc " in unknown
@@ -117,7 +117,7 @@ def test_figure_holds_data_lines_residuals_and_factors(found):
     names = [entry.fit.problem.closure.title for entry in found.entries.values()]
     data, *strips, evidence = figure.axes
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(85.0)
-    assert len(strips) == len(names) == len(CLOSURES)
+    assert len(strips) == len(names) == len(FOUR)
     points = found.best.points
     assert any(
         np.allclose(line.get_xdata(), points["gamma_deg"]) for line in data.lines if line.get_marker() == "o"

@@ -12,9 +12,10 @@ from ifrfit.inference.api import Data, gather
 from ifrfit.inference.comparison.asking import applied_where, chosen_closures, constant_choices, fit_each
 from ifrfit.inference.comparison.criteria import aicc, probabilities
 from ifrfit.inference.comparison.loo import loo_of, with_differences
+from ifrfit.inference.comparison.parts import Loo
 from ifrfit.inference.comparison.priors import prior_of, prior_table
 from ifrfit.inference.comparison.psi_plane import psi_plane
-from ifrfit.inference.comparison.result import Comparison, Entry, Loo
+from ifrfit.inference.comparison.result import Comparison, Entry
 from ifrfit.inference.comparison.verdict import verdict_of
 from ifrfit.inference.result import FitResult
 
@@ -67,9 +68,9 @@ def compare(
             "A comparison is by exact posterior, and `closures` names its closures: leave out `method` and "
             "`closure`."
         )
-    asked = chosen_closures(closures)
+    asked, notes = chosen_closures(closures, choices)
     constants = constant_choices(choices)
-    notes = applied_where(asked, constants)
+    notes += applied_where(asked, constants)
     rest = {key: value for key, value in choices.items() if key not in _OF_CONSTANTS}
     observations = gather(data, rest.get("convention", ()), rest.get("inertia_factor"))
     fits = fit_each(observations, asked, constants, rest | {"seed": seed})

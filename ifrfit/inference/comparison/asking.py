@@ -15,22 +15,46 @@ from ifrfit.physics.closures import CLOSURES, Closure, get_closure
 _BY_NAME = ("fix", "prior", "bounds")
 
 
-def chosen_closures(names: str | Iterable[str] | None) -> tuple[Closure, ...]:
-    """Closures of these names, each once; all of the registry where none is named.
+def chosen_closures(
+    names: str | Iterable[str] | None, choices: Mapping[str, Any]
+) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
+    """Closures of these names, each once; where none is named, all of the registry that know the scatter.
+
+    Returns
+    -------
+    closures : tuple of Closure
+    notes : tuple of str
+        Which were left out.
 
     Raises
     ------
     UsageError
         For an unknown name, or where there is only one.
     """
-    given = list(CLOSURES) if names is None else [names] if isinstance(names, str) else list(names)
-    found = tuple({c.name: c for c in (get_closure(name) for name in given or CLOSURES)}.values())
+    given = [] if names is None else [names] if isinstance(names, str) else list(names)
+    if not given:
+        return _known_to(choices)
+    found = tuple({c.name: c for c in map(get_closure, given)}.values())
     if len(found) < 2:
         raise UsageError(
             f"Only closure {found[0].title} is named, so there is nothing to compare it with. Name two or "
             "more, or none for all."
         )
-    return found
+    return found, ()
+
+
+def _known_to(choices: Mapping[str, Any]) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
+    """All closures that know the scatter that was chosen."""
+    every = tuple(CLOSURES.values())
+    plain = choices.get("tails", "gaussian") == "gaussian" and choices.get("angle_errors", "none") == "none"
+    if plain:
+        return every, ()
+    said = tuple(
+        f"{c.title} is left out: it knows independent Gaussian errors of the values only."
+        for c in every
+        if not c.bilinear
+    )
+    return tuple(c for c in every if c.bilinear), said
 
 
 def constant_choices(choices: Mapping[str, Any]) -> dict[str, Any]:
@@ -94,7 +118,8 @@ def fit_each(
         except (UsageError, DataError) as error:
             if not found and not specific:
                 raise
-            raise type(error)(f"Closure {closure.title}: {error}") from None
+            named = str(error).startswith(f"Closure {closure.title} ")
+            raise type(error)(str(error) if named else f"Closure {closure.title}: {error}") from None
     return found
 
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.result import Loo
+from ifrfit.inference.comparison.parts import Loo
 from ifrfit.inference.density import Density
-from ifrfit.inference.posterior import log_evidence
+from ifrfit.inference.posterior import TOLERANCE, log_evidence
 from ifrfit.inference.posterior.noise import noise_bounds
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import FitResult
@@ -57,7 +57,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
     refitted = []
     for i in high[:MOST_REFITS]:
-        exact = left_out(problem, fit.law.log_evidence, density.impact != i)
+        exact = left_out(problem, fit.law.log_evidence, density.impact != i, fit.law.tolerance)
         if exact is not None:
             elpd[i] = exact
             refitted.append(names[i])
@@ -79,7 +79,9 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     )
 
 
-def left_out(problem: Problem, whole: float, keep: NDArray[np.bool_]) -> float | None:
+def left_out(
+    problem: Problem, whole: float, keep: NDArray[np.bool_], tolerance: float = TOLERANCE
+) -> float | None:
     """Log density of the rows that are not kept, as the kept ones predict it; None where these are too few.
 
     `whole` is the log evidence of all rows. The noise keeps the prior that it has with all rows.
@@ -88,7 +90,7 @@ def left_out(problem: Problem, whole: float, keep: NDArray[np.bool_]) -> float |
     groups = {"": None, **rest.groups()}
     bounds = {name: ends for name, ends in noise_bounds(problem).items() if name in groups}
     try:
-        return whole - log_evidence(replace(rest, noise_bounds=bounds))
+        return whole - log_evidence(replace(rest, noise_bounds=bounds), tolerance)
     except (DataError, UsageError):
         return None
 

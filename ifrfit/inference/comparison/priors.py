@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.result import PriorRow
+from ifrfit.inference.comparison.parts import PriorRow
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.posterior.unknown import Unknown
@@ -111,6 +111,6 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
         replace(c, lower=ends[0], upper=ends[1]) if c.name == name else c for c in problem.constants
     )
     try:
-        return log_evidence(replace(problem, constants=constants))
+        return log_evidence(replace(problem, constants=constants), fit.law.tolerance)
     except (UsageError, DataError):  # a domain that this closure cannot have
         return None

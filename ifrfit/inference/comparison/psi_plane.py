@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
+from ifrfit.inference.comparison.parts import PsiPlane, Slope
 from ifrfit.inference.comparison.psi_rows import (
     DIFFERENCE,
     INTERCEPT,
@@ -26,7 +27,6 @@ from ifrfit.inference.comparison.psi_rows import (
     hold,
     psi_rows,
 )
-from ifrfit.inference.comparison.result import PsiPlane, Slope
 from ifrfit.inference.piecewise import PiecewiseOptimum, PiecewiseProblem, minimise
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import Interval

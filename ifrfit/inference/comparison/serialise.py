@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ifrfit.inference.comparison.result import Comparison, Entry, Loo, PsiPlane, Slope
+from ifrfit.inference.comparison.parts import Loo, PsiPlane, Slope
+from ifrfit.inference.comparison.result import Comparison, Entry
 from ifrfit.inference.result import Interval
 from ifrfit.inference.serialise import render, write_whole
 

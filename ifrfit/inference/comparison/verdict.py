@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ifrfit.inference.comparison.result import Entry, PriorRow, Verdict
+from ifrfit.inference.comparison.parts import PriorRow, Verdict
+from ifrfit.inference.comparison.result import Entry
 from ifrfit.inference.criticism import p_text
 from ifrfit.inference.result import FitResult, Interval
 from ifrfit.physics.closures import get_closure

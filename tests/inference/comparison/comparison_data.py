@@ -13,6 +13,7 @@ from ifrfit.physics import get_observable, rebound
 from ifrfit.physics.closures import get_closure
 
 ANGLES = np.linspace(4.0, 84.0, 25)
+FOUR = ("f", "fr", "ifr", "ifr-contact")  # the bilinear ones, which are quick
 
 
 def observations(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib.resources import files
 
 import jsonschema
@@ -10,11 +11,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import referencing
-from comparison_data import observations
+from comparison_data import FOUR, observations
 
 import ifrfit
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison import compare
+from ifrfit.inference.comparison.asking import chosen_closures
 from ifrfit.inference.comparison.serialise import dumps
 from ifrfit.physics.closures import CLOSURES
 
@@ -26,7 +28,7 @@ def data():
 
 @pytest.fixture(scope="module")
 def found(data):
-    return compare(data, fix={"e_n": 0.9}, noise="known", command="ifrfit compare made.csv")
+    return compare(data, FOUR, fix={"e_n": 0.9}, noise="known", command="ifrfit compare made.csv")
 
 
 @pytest.fixture(scope="module")
@@ -41,17 +43,16 @@ def schema():
     return jsonschema.Draft202012Validator(own, registry=registry)
 
 
-def test_every_closure_of_the_registry_takes_part(found):
+def test_every_closure_of_the_registry_takes_part(data):
+    found = compare(data, loo=False, fix={"e_n": 0.9, "mu": 0.15}, noise="known")
     assert tuple(found.entries) == tuple(CLOSURES)
     assert ifrfit.compare is compare
 
 
 def test_a_closure_added_later_takes_part(monkeypatch, data):
-    from dataclasses import replace
-
     other = replace(CLOSURES["ifr"], name="other", title="Other")
     monkeypatch.setitem(CLOSURES, "other", other)
-    found = compare(data, loo=False, fix={"e_n": 0.9}, noise="known")
+    found = compare(data, ("ifr", "other"), loo=False, fix={"e_n": 0.9}, noise="known")
     assert found.entries["other"].log_evidence == pytest.approx(found.entries["ifr"].log_evidence, abs=1e-9)
     assert {"ifr", "other"} <= set(found.verdict.tied)
 
@@ -64,15 +65,15 @@ def test_fits_are_the_fits(found, data):
 
 def test_choices_hold_where_the_constant_is(data):
     found = compare(
-        data, loo=False, fix={"e_n": 0.9, "e_t": -0.8}, bounds={"beta0": (0.0, 1.0)}, noise="known"
+        data, FOUR, loo=False, fix={"e_n": 0.9, "e_t": -0.8}, bounds={"beta0": (0.0, 1.0)}, noise="known"
     )
     assert found.entries["ifr"].fit.constants["e_t"].status == "fixed"
     assert found.entries["ifr-contact"].fit.constants["e_t"].status == "fixed"
     assert found.entries["fr"].prior["beta0"] == {"lower": 0.0, "upper": 1.0}
     assert all(e.fit.constants["e_n"].value == 0.9 for e in found.entries.values())
     assert found.notes == (
-        "--fix e_t holds for IFR and IFR-contact; F, FR and MAW have no such constant.",
-        "--bounds beta0 holds for FR; F, IFR, IFR-contact and MAW have no such constant.",
+        "--fix e_t holds for IFR and IFR-contact; F and FR have no such constant.",
+        "--bounds beta0 holds for FR; F, IFR and IFR-contact have no such constant.",
     )
 
 
@@ -114,7 +115,7 @@ def test_wrong_calls_are_refused(data, closures, choices, says):
 def test_a_closure_that_takes_too_much_is_named():
     few = observations("ifr", [10.0, 70.0], e_t=-0.85, given=False)
     with pytest.raises(DataError, match="Add a column sigma"):
-        compare(few, loo=False, fix={"e_n": 0.9})
+        compare(few, FOUR, loo=False, fix={"e_n": 0.9})
     few = observations("ifr", [70.0], e_t=-0.85, given=False)
     with pytest.raises(DataError, match=r"^Closure IFR: .* needs a sigma"):
         compare(few, ("f", "ifr"), loo=False, fix={"e_n": 0.9, "mu": 0.15})
@@ -150,7 +151,7 @@ def test_json_meets_its_schema(found, schema):
 def test_json_of_other_cases_meets_the_schema_too(schema, choices):
     made = {key: choices[key] for key in ("provenance", "observables", "gamma") if key in choices}
     data = observations("f", sigma=0.05, **made)
-    found = compare(data, loo=choices["loo"], noise=choices["noise"], fix={"e_n": 0.9})
+    found = compare(data, ("f", "ifr"), loo=choices["loo"], noise=choices["noise"], fix={"e_n": 0.9})
     schema.validate(json.loads(dumps(found)))
 
 
@@ -161,7 +162,7 @@ def test_schema_refuses_what_it_should(found, schema):
 
 
 def test_it_is_the_same_every_time(found, data):
-    again = compare(data, fix={"e_n": 0.9}, noise="known", command="ifrfit compare made.csv")
+    again = compare(data, FOUR, fix={"e_n": 0.9}, noise="known", command="ifrfit compare made.csv")
     first, second = found.to_dict(), again.to_dict()
     for content in (first, second):
         content.pop("created")
@@ -173,3 +174,22 @@ def test_save_writes_the_whole_file(found, tmp_path):
     found.save(path)
     assert json.loads(path.read_text(encoding="utf-8")) == found.to_dict()
     assert [p.name for p in tmp_path.iterdir()] == ["compare.json"]
+
+
+def test_scatter_that_a_closure_does_not_know_leaves_it_out(data):
+    every, said = chosen_closures(None, {})
+    assert [c.name for c in every] == list(CLOSURES)
+    assert said == ()
+    some, said = chosen_closures(None, {"tails": "student-t"})
+    assert [c.name for c in some] == list(FOUR)
+    assert said == ("MAW is left out: it knows independent Gaussian errors of the values only.",)
+    with pytest.raises(UsageError, match=r"^Closure MAW knows independent Gaussian errors"):
+        compare(data, ("ifr", "maw"), loo=False, fix={"e_n": 0.9}, tails="student-t")
+
+
+def test_student_errors_are_compared_by_their_own_evidence(data):
+    found = compare(data, ("f", "ifr"), fix={"e_n": 0.9, "mu": 0.15}, noise="known", tails="student-t")
+    own = ifrfit.fit(data, closure="ifr", fix={"e_n": 0.9, "mu": 0.15}, noise="known", tails="student-t")
+    assert found.entries["ifr"].log_evidence == own.fit.log_evidence
+    assert found.psi_plane.reason == "it knows Gaussian errors of the values only"
+    assert found.entries["ifr"].loo is not None

@@ -77,18 +77,20 @@ def test_probabilities_of_huge_differences_stay_finite():
 
 def test_aicc_only_with_one_unknown_scale():
     data = observations("ifr", sigma=0.03, e_t=-0.9, observables=("beta",))
-    assert all(e.aicc is None for e in compare(data, loo=False, noise="known").entries.values())
+    assert all(e.aicc is None for e in compare(data, ("f", "ifr"), loo=False, noise="known").entries.values())
     for policy in ("scaled", "unknown"):
-        for entry in compare(data, loo=False, noise=policy).entries.values():
+        for entry in compare(data, ("f", "ifr"), loo=False, noise=policy).entries.values():
             n, k = entry.fit.fit.n, entry.fit.fit.rank + 1
             assert entry.aicc == pytest.approx(entry.fit.fit.aic + 2 * k * (k + 1) / (n - k - 1))
     two = observations("ifr", sigma=0.03, e_t=-0.9, observables=("beta_cm", "spin_y_after"))
-    assert all(e.aicc is None for e in compare(two, loo=False, noise="unknown").entries.values())
+    assert all(
+        e.aicc is None for e in compare(two, ("f", "ifr"), loo=False, noise="unknown").entries.values()
+    )
 
 
 def test_criteria_count_the_rank_and_the_noise():
     data = observations("ifr", sigma=0.03, e_t=-0.9)
-    entry = compare(data, loo=False, noise="scaled").entries["ifr"]
+    entry = compare(data, ("f", "ifr"), loo=False, noise="scaled").entries["ifr"]
     assert (entry.free, entry.fit.fit.rank) == (3, 2)  # beta alone: e_t and kappa
     assert entry.fit.fit.aic == pytest.approx(2 * 3 - 2 * entry.fit.fit.log_likelihood)
     assert entry.fit.fit.bic == pytest.approx(3 * math.log(25) - 2 * entry.fit.fit.log_likelihood)
