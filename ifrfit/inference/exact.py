@@ -63,8 +63,8 @@ def exact_estimate(posterior: Posterior, name: str, constant: Constant, local: E
     if not sd < HALF * constant.prior_sd:
         reason = "the posterior is nearly as wide as the prior"
         return Estimate(None, None, *central, "not_determined", reason, mean)
-    most = 0.68 / float(high68 - low68)  # the largest density is no less than this mean of it
-    side = _side(posterior, name, constant.lower, constant.prior_upper, most)
+    mean_density = 0.68 / max(float(high68 - low68), 1e-300)  # the largest one is no less
+    side = _side(posterior, name, constant.lower, constant.prior_upper, mean_density)
     if side:
         bound = constant.lower if side < 0 else constant.upper
         ends = [_one_sided(posterior, name, side, bound, p) for p in (0.68, 0.95)]
