@@ -74,10 +74,7 @@ def estimate_from_law(law: Law, name: str, constant: Constant, local: Estimate) 
 
 
 def _side(law: Law, name: str, lower: float, upper: float, sd: float) -> int:
-    """-1 if the 95 % region of highest density reaches the lower bound, 1 for the upper, 0 for neither.
-
-    Where no end holds much against what the largest density is at least, that one need not be found.
-    """
+    """-1 if the 95 % region of highest density reaches the lower bound, 1 for the upper, 0 for neither."""
     if sd == 0.0:  # every draw is the same
         at = law.mean(name)
         return -1 if at == lower else int(at == upper)

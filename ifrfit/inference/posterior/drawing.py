@@ -162,8 +162,9 @@ def _closure_constant(
     assert tensor.spread is not None
     order = tensor.series.c_order
     shape = np.broadcast_shapes(tensor.f.shape[:3], tensor.spread.mode.shape)
-    row, e_at = (at if n > 1 else np.zeros_like(at) for at, n in ((row, shape[0]), (e_at, shape[1])))
-    x_at = x_at if shape[2] > 1 else np.zeros_like(x_at)
+    row, e_at, x_at = (
+        at if n > 1 else np.zeros_like(at) for at, n in zip((row, e_at, x_at), shape, strict=True)
+    )
     ends = [(row * shape[1] + e_at) * shape[2] + x_at]
     if shape[2] > 1:
         ends.append(ends[0] + 1)

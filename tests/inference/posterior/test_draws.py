@@ -21,6 +21,7 @@ DROPS = (Row("e_n", 5.0, 0.97, 0.03),)
 
 QUESTIONS = {
     "beta and e_n near its bound": Question(measured("beta", FAN, seed=1) + DROPS),
+    "e_n alone": Question((*DROPS, Row("e_n", 5.0, 0.93, 0.03))),
     "e_t on its bound": Question(measured("beta", FAN, seed=2, c=-1.0), fix={"e_n": 0.9}),
     "sticking only": Question(measured("beta", (5.0, 10.0, 15.0), seed=3)),
     "FR": Question(measured("beta", FAN, seed=4, closure="fr", c=0.4) + DROPS, "fr"),
