@@ -17,7 +17,6 @@ from comparison_data import FOUR, observations
 from ifrfit.errors import UsageError
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.result import Fact
-from ifrfit.physics import CLOSURES
 from ifrfit.report import write_folder
 from ifrfit.report.comparison_folder import write_comparison
 from ifrfit.report.comparison_words import findings, prior_line
@@ -49,7 +48,7 @@ def test_text_fits_a_terminal_and_says_it_all(found):
     assert [line for line in text.splitlines() if line != line.rstrip()] == []
     for words in ("VERDICT  ", "log BF against ", "mu up to 0.5", "psi plane", "leave-one-impact-out"):
         assert words in text
-    assert f"{len(CLOSURES)} closures, exact posterior, known noise" in text
+    assert f"{len(found.entries)} closures, exact posterior, known noise" in text
 
 
 def test_numbers_of_the_table_are_those_of_the_comparison(found):

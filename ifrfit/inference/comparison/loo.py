@@ -50,7 +50,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
         return None
     density = Density(problem)
     draws = fit.law.draws(n_draws, np.random.default_rng(seed))
-    each = _likelihoods(density, _points(density, draws))
+    each = _likelihoods(density, _points(density, draws, n_draws))
     elpd, k = _smoothed(each)
     threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
     names = _impact_names(density)
@@ -143,11 +143,12 @@ def _log_mean_exp(x: Array) -> Array:
     return np.asarray(special.logsumexp(x, axis=0) - math.log(x.shape[0]))
 
 
-def _points(density: Density, draws: Mapping[str, Array]) -> Array:
-    """Draws in the coordinates of the density: noises as logarithms."""
-    n = len(density.unknowns)
-    columns = [draws[name] for name in density.names]
-    return np.column_stack([*columns[:n], *(np.log(column) for column in columns[n:])])
+def _points(density: Density, draws: Mapping[str, Array], n_draws: int) -> Array:
+    """Draws in the coordinates of the density, (n_draws, d): noises as logarithms."""
+    points = np.empty((n_draws, len(density.names)))
+    for at, name in enumerate(density.names):
+        points[:, at] = draws[name] if at < len(density.unknowns) else np.log(draws[name])
+    return points
 
 
 def _impact_names(density: Density) -> tuple[str, ...]:
