@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 _DECIMALS = 6  # finest resolution taken for a value that is written with more
 _SAFE = 1e-17  # tail of the incomplete gamma function that no result feels
+_TERMS = 60  # of the expansions far out in the tails
 _LOG_2PI = math.log(2.0 * math.pi)
 
 
@@ -122,9 +123,25 @@ def _log_gamma_share(a: float, low: Array, high: Array) -> Array:
     out = np.log(np.maximum(share, 1e-290))
     lost = share <= 1e-290
     if lost.any():
-        # so far outside that the law is a power times an exponential
         h, lo = high[lost], np.maximum(low[lost], np.finfo(float).tiny)
-        inner = a * np.log(h) - h - special.gammaln(a + 1.0) - np.log1p(-np.minimum(h / (a + 1.0), 0.999))
-        outer = (a - 1.0) * np.log(lo) - lo - special.gammaln(a) - np.log1p(-np.minimum(a / lo, 0.999))
+        inner = a * np.log(h) - h - special.gammaln(a + 1.0) + np.log(_series(a, h))
+        outer = a * np.log(lo) - lo - special.gammaln(a) - np.log(_fraction(a, lo))
         out[lost] = np.where(upper[lost], outer, inner)
     return np.asarray(out)
+
+
+def _series(a: float, x: Array) -> Array:
+    """1 + x/(a + 1) + x^2/((a + 1)(a + 2)) + ..., of the lower tail, x < a."""
+    total, term = np.ones_like(x), np.ones_like(x)
+    for k in range(1, _TERMS):
+        term = term * np.minimum(x / (a + k), 1.0)
+        total = total + term
+    return np.asarray(total)
+
+
+def _fraction(a: float, x: Array) -> Array:
+    """Legendre's continued fraction x + 1 - a - (1 - a)/(x + 3 - a - ...), of the upper tail, x > a."""
+    found = np.maximum(x + 2.0 * _TERMS + 1.0 - a, 1.0)
+    for k in range(_TERMS, 0, -1):
+        found = np.maximum(x + 2.0 * k - 1.0 - a - k * (k - a) / found, 1e-300)
+    return np.asarray(found)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import special
 
@@ -25,6 +25,7 @@ def table(own: UnknownNoise, least: float, most: float) -> Axis:
     st.floats(-8.0, 8.0),  # logarithm of the root mean square, in units of the geometric mean of the bounds
     st.floats(0.01, 7.0),  # half the logarithm of the ratio of the bounds
 )
+@example(1, 5.0, 1.0)
 def test_density_integrates_to_one(n: int, log_rms: float, half_span: float) -> None:
     own = UnknownNoise(n, math.exp(-half_span), math.exp(half_span))
     square = n * math.exp(2.0 * log_rms)
