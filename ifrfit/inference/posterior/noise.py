@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 _DECIMALS = 6  # finest resolution taken for a value that is written with more
 _SAFE = 1e-17  # tail of the incomplete gamma function that no result feels
-_TERMS = 60  # of the expansions far out in the tails
+_TERMS = 200  # of series and fractions, in tails that are rarely met
 _LOG_2PI = math.log(2.0 * math.pi)
 
 
@@ -106,9 +106,23 @@ class UnknownNoise:
         w = rng.standard_gamma(half, q.shape)
         out = (w < bottom) | (w > top)
         if out.any():
-            below, above = special.gammainc(half, bottom[out]), special.gammainc(half, top[out])
-            w[out] = special.gammaincinv(half, below + rng.random(int(out.sum())) * (above - below))
+            w[out] = _gamma_between(half, bottom[out], top[out], rng.random(int(out.sum())))
         return np.asarray(np.sqrt(q / np.clip(w, bottom, top)))
+
+
+def _gamma_between(a: float, low: Array, high: Array, p: Array) -> Array:
+    """Quantiles p of the gamma law cut off at both ends, from the tail in which the digits are."""
+    upper = low > a
+    share_low, share_high = (
+        np.where(upper, special.gammaincc(a, end), special.gammainc(a, end)) for end in (low, high)
+    )
+    share = share_low + p * (share_high - share_low)
+    found = np.where(upper, special.gammainccinv(a, share), special.gammaincinv(a, share))
+    # where the shares are below all numbers, an exponential law from the end that is next to the mode
+    end = np.maximum(np.where(upper, low, high), np.finfo(float).tiny)
+    with np.errstate(divide="ignore"):
+        near_end = end + np.log1p(-p) / ((a - 1.0) / end - 1.0)
+    return np.asarray(np.where(share > 0.0, found, near_end))
 
 
 def _log_gamma_share(a: float, low: Array, high: Array) -> Array:
@@ -123,25 +137,27 @@ def _log_gamma_share(a: float, low: Array, high: Array) -> Array:
     out = np.log(np.maximum(share, 1e-290))
     lost = share <= 1e-290
     if lost.any():
-        h, lo = high[lost], np.maximum(low[lost], np.finfo(float).tiny)
-        inner = a * np.log(h) - h - special.gammaln(a + 1.0) + np.log(_series(a, h))
-        outer = a * np.log(lo) - lo - special.gammaln(a) - np.log(_fraction(a, lo))
-        out[lost] = np.where(upper[lost], outer, inner)
+        far, side = (low[lost], high[lost]), upper[lost]
+        larger, smaller = (_log_tail(a, np.where(side, *ends), side) for ends in (far, far[::-1]))
+        out[lost] = larger + np.log1p(-np.exp(np.minimum(smaller - larger, -1e-16)))
     return np.asarray(out)
 
 
-def _series(a: float, x: Array) -> Array:
-    """1 + x/(a + 1) + x^2/((a + 1)(a + 2)) + ..., of the lower tail, x < a."""
-    total, term = np.ones_like(x), np.ones_like(x)
+def _log_tail(a: float, x: Array, upper: NDArray[np.bool_]) -> Array:
+    """Log of P(a, x), or of its complement where `upper`, far outside where they are below all numbers.
+
+    By the power series, and by the continued fraction, of the incomplete gamma functions: Abramowitz & Stegun
+    (1964), 6.5.29 and 6.5.31.
+    """
+    x = np.maximum(x, np.finfo(float).tiny)
+    inside, outside = np.minimum(x, a), np.maximum(x, a + 1.0)  # where each of the two holds
+    series, term = np.ones_like(x), np.ones_like(x)
     for k in range(1, _TERMS):
-        term = term * np.minimum(x / (a + k), 1.0)
-        total = total + term
-    return np.asarray(total)
-
-
-def _fraction(a: float, x: Array) -> Array:
-    """Legendre's continued fraction x + 1 - a - (1 - a)/(x + 3 - a - ...), of the upper tail, x > a."""
-    found = np.maximum(x + 2.0 * _TERMS + 1.0 - a, 1.0)
+        term = term * inside / (a + k)
+        series = series + term
+    fraction = outside + 2.0 * _TERMS + 1.0 - a
     for k in range(_TERMS, 0, -1):
-        found = np.maximum(x + 2.0 * k - 1.0 - a - k * (k - a) / found, 1e-300)
-    return np.asarray(found)
+        fraction = outside + 2.0 * k - 1.0 - a - k * (k - a) / fraction
+    power = a * np.log(x) - x
+    log_series = power - special.gammaln(a + 1.0) + np.log(series)
+    return np.asarray(np.where(upper, power - special.gammaln(a) - np.log(fraction), log_series))
