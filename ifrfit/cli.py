@@ -5,11 +5,9 @@ Imports of the library stand inside the commands, so that ``--help`` answers at 
 
 from __future__ import annotations
 
-import shlex
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -17,13 +15,11 @@ from ifrfit._version import __version__
 from ifrfit.cli_compare import comparing
 from ifrfit.cli_datasets import datasets
 from ifrfit.cli_errors import command
-from ifrfit.cli_progress import working
+from ifrfit.cli_fit import fit
+from ifrfit.cli_options import Repeated, numbers
 from ifrfit.cli_report import report
 from ifrfit.cli_simulate import simulate
 from ifrfit.errors import UsageError
-
-if TYPE_CHECKING:
-    from ifrfit.inference import FitResult
 
 app = typer.Typer(
     name="ifrfit",
@@ -35,264 +31,8 @@ app = typer.Typer(
 )
 app.add_typer(datasets, name="datasets")
 
-NOT_DETERMINED = 4
-
-
-def pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
-    """NAME=VALUE, or NAME=A,B, as a dictionary."""
-    numbers = form.count(",") + 1
-    found: dict[str, Any] = {}
-    for text in given:
-        name, equals, rest = text.partition("=")
-        try:
-            values = [float(part) for part in rest.split(",")]
-        except ValueError:
-            values = []
-        if not equals or len(values) != numbers:
-            raise UsageError(f"{option} {text}: write it as {form}, with decimal points.")
-        if name in found:
-            raise UsageError(f"{option} {name} is given twice.")
-        found[name] = values[0] if numbers == 1 else tuple(values)
-    return found
-
-
-def ends(option: str, text: str | None) -> tuple[float, float] | None:
-    """LO,HI as two numbers."""
-    if text is None:
-        return None
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        raise UsageError(f"{option} {text}: write it as LO,HI, with decimal points.") from None
-    return low, high
-
-
-def _numbers(option: str, text: str) -> list[float]:
-    """Numbers from ``1,2,3`` or ``from:to:step``."""
-    import numpy as np
-
-    try:
-        if ":" in text:
-            low, high, step = (float(part) for part in text.split(":"))
-            if not (step > 0.0 and high >= low and (high - low) / step < 1e6):
-                raise ValueError
-            return [float(x) for x in np.arange(low, high + 0.5 * step, step)]
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        raise UsageError(f"{option} {text}: write numbers as 10,20,30 or as FROM:TO:STEP.") from None
-
-
-Repeated = list[str]
-Data = Annotated[Repeated, typer.Argument(metavar="DATA...", help="Files, or names of bundled datasets.")]
-
-
-@app.command()
-@command
-def fit(
-    data: Data,
-    closure: Annotated[str, typer.Option(help="ifr, fr, f, ifr-contact or maw.")] = "ifr",
-    method: Annotated[
-        str,
-        typer.Option(
-            help="exact: the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov "
-            "chains; bootstrap: fits of experiments drawn anew."
-        ),
-    ] = "exact",
-    fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
-    prior: Annotated[
-        Repeated, typer.Option(metavar="NAME=MEAN,SD", help="A constant that you measured before.")
-    ] = [],  # noqa: B006
-    bounds: Annotated[
-        Repeated, typer.Option(metavar="NAME=LO,HI", help="Bounds in the place of the physical ones.")
-    ] = [],  # noqa: B006
-    separate: Annotated[
-        Repeated, typer.Option(metavar="NAME", help="This constant has a value of its own in each series.")
-    ] = [],  # noqa: B006
-    noise: Annotated[
-        str | None, typer.Option(help="What sigma means: known, scaled or unknown.", show_default=False)
-    ] = None,
-    observable: Annotated[Repeated, typer.Option(metavar="NAME", help="Use only this observable.")] = [],  # noqa: B006
-    series: Annotated[Repeated, typer.Option(metavar="NAME", help="Use only this series.")] = [],  # noqa: B006
-    gamma_min: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Use only impacts at this angle or more.")
-    ] = None,
-    gamma_max: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Use only impacts at this angle or less.")
-    ] = None,
-    speed_min: Annotated[
-        float | None, typer.Option(metavar="M_S", help="Use only impacts at this speed or more.")
-    ] = None,
-    speed_max: Annotated[
-        float | None, typer.Option(metavar="M_S", help="Use only impacts at this speed or less.")
-    ] = None,
-    exclude: Annotated[
-        Repeated,
-        typer.Option(metavar="ROW|ID", help="Leave out a line of the file, FILE:LINE, or an impact."),
-    ] = [],  # noqa: B006
-    independent: Annotated[
-        bool, typer.Option("--independent", help="Count faces of the same impacts as independent.")
-    ] = False,
-    tails: Annotated[
-        str, typer.Option(help="Law of the errors: gaussian, or student-t where outliers occur.")
-    ] = "gaussian",
-    dof: Annotated[
-        float | None,
-        typer.Option(metavar="NU", help="Degrees of freedom of student-t (4).", show_default=False),
-    ] = None,
-    angle_errors: Annotated[
-        str,
-        typer.Option(help="Errors of angle and spin: none, effective, set (Berkson), measured (classical)."),
-    ] = "none",
-    angle_population: Annotated[
-        str | None, typer.Option(metavar="LO,HI", help="Degrees between which measured angles truly lie.")
-    ] = None,
-    sigma_gamma: Annotated[
-        float | None, typer.Option(metavar="DEG", help="Uncertainty of angles whose row states none.")
-    ] = None,
-    sigma_velocity: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="Propagate all errors from that of velocities, over incoming speed,"),
-    ] = None,
-    sigma_spin: Annotated[
-        float | None, typer.Option(metavar="S", help="and from that of R Omega, over incoming speed.")
-    ] = None,
-    inertia_factor: Annotated[
-        float | None,
-        typer.Option(metavar="J", help="I/(m R^2): 2/5 solid (default), 2/3 hollow ball, 1/2 disc."),
-    ] = None,
-    convention: Annotated[
-        Repeated,
-        typer.Option(metavar="NAME=CHOICE", help="How a column is meant, as angle=alpha_deg:from-wall."),
-    ] = [],  # noqa: B006
-    intervals: Annotated[
-        bool,
-        typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
-    ] = False,
-    max_steps: Annotated[
-        int | None, typer.Option(metavar="N", help="mcmc: most steps, 10000 by default.", show_default=False)
-    ] = None,
-    resume: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="mcmc: walk on with the chains in DIR, and replace its result."),
-    ] = None,
-    resample: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SCHEME",
-            help="bootstrap: what is drawn anew: cases (impacts; default), residual, wild or wild-mammen.",
-        ),
-    ] = None,
-    replicates: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="bootstrap: experiments drawn, 1000 by default.", show_default=False),
-    ] = None,
-    workers: Annotated[
-        int, typer.Option(metavar="N", help="mcmc, bootstrap: processes; the draws are the same.")
-    ] = 1,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write result.json, figures and report.html there.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier result in DIR.")] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="result.json on standard output, nothing else.")
-    ] = False,
-    seed: Annotated[int, typer.Option(help="Seed of the random draws behind the bands.", min=0)] = 0,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
-    strict: Annotated[
-        bool,
-        typer.Option("--strict", help="Exit with 4 if a constant is not determined or nothing converged."),
-    ] = False,
-) -> None:
-    """Constants from tables of impacts, with uncertainties."""
-    from ifrfit.inference import fit as run
-
-    if intervals and (as_json or quiet):
-        raise UsageError(f"--intervals prints a table, {'--json' if as_json else '--quiet'} none: keep one.")
-    if resume is not None and out is None:
-        out, force = resume, True
-    if out is not None and not force:
-        from ifrfit.report.folder import check_free
-
-        check_free(out, force=False)
-    with working(quiet or as_json) as progress:
-        result = run(
-            data,
-            closure=closure,
-            method=method,
-            fix=pairs("--fix", fix, "NAME=VALUE"),
-            prior=pairs("--prior", prior, "NAME=MEAN,SD"),
-            bounds=pairs("--bounds", bounds, "NAME=LO,HI"),
-            separate=separate,
-            noise=noise,
-            observable=observable,
-            series=series,
-            gamma_min=gamma_min,
-            gamma_max=gamma_max,
-            speed_min=speed_min,
-            speed_max=speed_max,
-            exclude=exclude,
-            independent=independent,
-            tails=tails,
-            dof=dof,
-            angle_errors=angle_errors,
-            angle_population=ends("--angle-population", angle_population),
-            sigma_gamma=sigma_gamma,
-            sigma_velocity=sigma_velocity,
-            sigma_spin=sigma_spin,
-            inertia_factor=inertia_factor,
-            convention=convention,
-            max_steps=max_steps,
-            resume=resume,
-            resample=resample,
-            replicates=replicates,
-            workers=workers,
-            progress=progress,
-            seed=seed,
-            command=command_line(),
-        )
-        table = result.intervals() if intervals else None
-        written = _write(result, out, force)
-    if as_json:
-        from ifrfit.inference.serialise import dumps
-
-        typer.echo(dumps(result), nl=False)
-    elif not quiet:
-        typer.echo(result.summary())
-        if table is not None:
-            from ifrfit.report import side_by_side
-
-            typer.echo(f"\n{side_by_side(table)}")
-        if written:
-            typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
-    if strict:
-        _insist(result)
-
-
-def command_line() -> str:
-    """The command as text, for the record; file names that are no UTF-8 lose those bytes."""
-    return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
-
-
-def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:
-    if out is None:
-        return []
-    from ifrfit.report import write_folder
-
-    return write_folder(result, out, force=force)
-
-
-def _insist(result: FitResult) -> None:
-    """Leave with status 4, saying why, unless everything asked for was determined."""
-    open_ones = [name for name, found in result.flat_constants().items() if found.value is None]
-    reasons = [f"{', '.join(open_ones)} not determined by the data"] if open_ones else []
-    if not result.facts["converged"].ok:
-        reasons.append(result.facts["converged"].says)
-    if reasons:
-        typer.echo(f"ifrfit: --strict: {'; '.join(reasons)}.", err=True)
-        raise typer.Exit(NOT_DETERMINED)
-
-
-app.command()(command(comparing(fit, sys.modules[__name__])))
+app.command()(command(fit))
+app.command()(command(comparing(fit)))
 
 
 @app.command()
@@ -312,7 +52,7 @@ def predict(
 
     from ifrfit.inference import load_result
 
-    angles = _numbers("--gamma", gamma)
+    angles = numbers("--gamma", gamma)
     if any(not 0.0 <= angle <= 90.0 for angle in angles):
         raise UsageError(f"--gamma {gamma}: incidence angles lie between 0 and 90 degrees from the normal.")
     found = load_result(result)

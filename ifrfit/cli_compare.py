@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
+from ifrfit.cli_options import Repeated, command_line, ends, pairs
 from ifrfit.cli_progress import working
 
 if TYPE_CHECKING:
@@ -43,18 +44,15 @@ SHARED = (
     "seed",
 )
 _PAIRS = {"fix": "NAME=VALUE", "prior": "NAME=MEAN,SD", "bounds": "NAME=LO,HI"}
-Repeated = list[str]
 
 
-def comparing(fit: Callable[..., None], tools: Any) -> Callable[..., None]:
+def comparing(fit: Callable[..., None]) -> Callable[..., None]:
     """The command, with the options of `fit` that choose data and constants.
 
     Parameters
     ----------
     fit : callable
         The command `fit`.
-    tools : module
-        The command line, for what its commands share: ``pairs``, ``ends``, ``command_line``.
     """
 
     def compare(
@@ -84,15 +82,13 @@ def comparing(fit: Callable[..., None], tools: Any) -> Callable[..., None]:
 
         if out is not None:
             check_free(out, force=force, of=COMPARISON)
-        choices = {
-            name: tools.pairs(f"--{name}", value, _PAIRS[name]) if name in _PAIRS else value
+        choices: dict[str, Any] = {
+            name: pairs(f"--{name}", value, _PAIRS[name]) if name in _PAIRS else value
             for name, value in chosen.items()
         }
-        choices["angle_population"] = tools.ends("--angle-population", choices["angle_population"])
+        choices["angle_population"] = ends("--angle-population", choices["angle_population"])
         with working(quiet or as_json, "comparing"):
-            found = run(
-                choices.pop("data"), closure or None, loo=loo, command=tools.command_line(), **choices
-            )
+            found = run(choices.pop("data"), closure or None, loo=loo, command=command_line(), **choices)
             written = write_comparison(found, out, force=force) if out is not None else []
         if as_json:
             typer.echo(_json(found), nl=False)
