@@ -53,7 +53,8 @@ def test_invariants_in_three_dimensions(
     assert r.v_y - 0.4 * r.spin_x == pytest.approx(float(-0.4 * i.spin_x), abs=1e-14)
     assert r.contact_x * i.slip_y == pytest.approx(float(r.contact_y * i.slip_x), abs=1e-13)
     assert r.energy_change <= 1e-13
-    assert r.mu_app_magnitude <= mu * (1.0 + 1e-9) or np.isnan(r.mu_app_magnitude)
+    # where mu is subnormal, rounding is absolute
+    assert r.mu_app_magnitude <= mu * (1.0 + 1e-9) + 1e-300 or np.isnan(r.mu_app_magnitude)
     # the motion stays in the plane of the slip: a planar impact of the same slip ratio has the same beta
     if i.slip > 1e-6:
         flat = rebound(np.arctan(i.tau), e_n=e_n, mu=mu, chi=chi, closure="maw")
