@@ -1,0 +1,1 @@
+"""What accuracy costs in time: methods, kernels and precisions, timed here and now."""
