@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 Kind = Literal["inference", "physics", "arithmetic"]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,11 @@ class Timing:
     low: float
     high: float
     repeats: int
+
+    @classmethod
+    def of(cls, seconds: Sequence[float]) -> Timing:
+        """Of the seconds of each run."""
+        return cls(statistics.median(seconds), min(seconds), max(seconds), len(seconds))
 
     def per(self, count: int) -> Timing:
         """Per one of `count` equal things done in each run."""
@@ -62,8 +69,17 @@ class Cost:
     error_unit: str
 
 
-def timed(call: Callable[[], object], *, repeats: int = 5, enough: float = 0.05) -> Timing:
-    """Wall time of a call.
+def timed(
+    call: Callable[[], object], *, repeats: int = 5, enough: float = 0.05, most: float = math.inf
+) -> Timing:
+    """Wall time of a call; parameters as `answered`."""
+    return answered(call, repeats=repeats, enough=enough, most=most)[1]
+
+
+def answered(
+    call: Callable[[], T], *, repeats: int = 5, enough: float = 0.05, most: float = math.inf
+) -> tuple[T, Timing]:
+    """What a call gives, and its wall time.
 
     Parameters
     ----------
@@ -73,8 +89,14 @@ def timed(call: Callable[[], object], *, repeats: int = 5, enough: float = 0.05)
         Runs that count.
     enough : float
         Seconds: a shorter call is run several times a repeat, until a repeat lasts this long.
+    most : float
+        Seconds: of a call that takes longer the first run is the only one, and counts.
     """
-    call()
+    start = time.perf_counter()
+    given = call()
+    first = time.perf_counter() - start
+    if first > most:
+        return given, Timing.of([first])
     start = time.perf_counter()
     call()
     number = max(1, round(enough / max(time.perf_counter() - start, 1e-9)))
@@ -84,4 +106,4 @@ def timed(call: Callable[[], object], *, repeats: int = 5, enough: float = 0.05)
         for _ in range(number):
             call()
         found.append((time.perf_counter() - start) / number)
-    return Timing(statistics.median(found), min(found), max(found), repeats)
+    return given, Timing.of(found)

@@ -113,7 +113,7 @@ def fit_each(
     for closure in closures:
         try:
             found[closure.name] = fit(
-                data, closure=closure.name, method="exact", **choices, **_for(closure, constants)
+                data, closure=closure.name, method="exact", **choices, **choices_for(closure, constants)
             )
         except (UsageError, DataError) as error:
             if not found and not specific:
@@ -123,7 +123,7 @@ def fit_each(
     return found
 
 
-def _for(closure: Closure, constants: Mapping[str, Any]) -> dict[str, Any]:
-    """What holds for this closure."""
+def choices_for(closure: Closure, constants: Mapping[str, Any]) -> dict[str, Any]:
+    """What of `constant_choices` holds for this closure."""
     kept = {key: {n: v for n, v in constants[key].items() if n in closure.constants} for key in _BY_NAME}
     return {**kept, "separate": tuple(n for n in constants["separate"] if n in closure.constants)}

@@ -10,6 +10,7 @@ from ifrfit.inference.mcmc.run import MAX_STEPS as MAX_STEPS
 from ifrfit.inference.mcmc.run import begin as begin
 from ifrfit.inference.mcmc.run import run as run
 from ifrfit.inference.mcmc.sample import Sample as Sample
+from ifrfit.inference.mcmc.sample import fresh as fresh
 from ifrfit.inference.mcmc.sample import sample as sample
 from ifrfit.inference.mcmc.sample import sample_converged as sample_converged
 from ifrfit.inference.mcmc.starts import starts as starts

@@ -97,11 +97,15 @@ def sample(
     if resume is not None:
         chains = load_chains(resume, question_of(problem, seed))
     else:
-        spread, walks = np.random.SeedSequence(seed).spawn(2)
-        places = starts(coordinates, found, np.random.default_rng(spread))
-        chains = begin(coordinates, places, walks)
+        chains = fresh(coordinates, found, seed)
     chains, evidence = run(coordinates, chains, max_steps=max_steps, workers=workers, progress=progress)
     return Sample(coordinates, chains, evidence, seed)
+
+
+def fresh(coordinates: Coordinates, found: LeastSquares, seed: int) -> Chains:
+    """Chains before their first step, about every optimum within reach."""
+    spread, walks = np.random.SeedSequence(seed).spawn(2)
+    return begin(coordinates, starts(coordinates, found, np.random.default_rng(spread)), walks)
 
 
 def sample_converged(drawn: Sample, settled: Fact) -> Fact:

@@ -1,0 +1,74 @@
+"""What chains of a given length say, and how long they take."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+
+from ifrfit.cost.measured import Timing
+from ifrfit.cost.numbers import Numbers, of_law
+from ifrfit.inference.density import Density
+from ifrfit.inference.least_squares import least_squares
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.sampled import Sampled
+
+
+def chains_measured(
+    problem: Problem, lengths: Sequence[int], seeds: Iterable[int]
+) -> Iterator[tuple[int, tuple[Numbers, ...], Timing]]:
+    """Walk as `--method mcmc` does, and look at the chains at given lengths.
+
+    Chains of N steps are the beginning of those of 2 N, so each seed walks once; the time of a length is that
+    of the walk up to it and of what is worked out from the chains there.
+
+    Parameters
+    ----------
+    problem : Problem
+    lengths : sequence of int
+        Steps of each ensemble, growing.
+    seeds : iterable of int
+
+    Yields
+    ------
+    int
+        The length.
+    tuple of Numbers
+        One a seed.
+    Timing
+        Over the seeds.
+    """
+    from ifrfit.inference import mcmc
+    from ifrfit.inference.mcmc.ensemble import walk
+
+    numbers: dict[int, list[Numbers]] = {length: [] for length in lengths}
+    seconds: dict[int, list[float]] = {length: [] for length in lengths}
+    for seed in seeds:
+        begin = time.perf_counter()
+        coordinates = mcmc.Coordinates(Density(problem))
+        chains = mcmc.fresh(coordinates, least_squares(problem), seed)
+        walked = time.perf_counter() - begin
+        for length in lengths:
+            begin = time.perf_counter()
+            more = length - chains.steps
+            chains = chains.longer([walk(coordinates, rest, more) for rest in chains.ends])
+            middle = time.perf_counter()
+            walked += middle - begin
+            kept = mcmc.Evidence(coordinates.quantities(chains.at)).kept
+            law = Sampled.of(problem, {name: x.reshape(-1) for name, x in kept.items()})
+            numbers[length].append(of_law(problem, law))
+            seconds[length].append(walked + time.perf_counter() - middle)
+    for length in lengths:
+        yield length, tuple(numbers[length]), Timing.of(seconds[length])
+
+
+def affordable(problem: Problem, lengths: Sequence[int], longest: float) -> tuple[int, ...]:
+    """The lengths that one seed walks within so many seconds, as far as the density alone tells."""
+    from ifrfit.inference import mcmc
+
+    coordinates = mcmc.Coordinates(Density(problem))
+    ends = mcmc.fresh(coordinates, least_squares(problem), 0).ends
+    begin = time.perf_counter()
+    for rest in ends:
+        coordinates(rest.at)
+    step = time.perf_counter() - begin
+    return tuple(length for length in lengths if length * step <= longest)

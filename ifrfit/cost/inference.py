@@ -1,0 +1,262 @@
+"""What each method of inference costs on a problem, and how far its numbers are from the posterior's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from ifrfit.cost.chains import affordable, chains_measured
+from ifrfit.cost.measured import Cost, Timing, answered
+from ifrfit.cost.numbers import QUANTITIES, Numbers, largest_errors, of_law, of_least_squares, of_profiles
+from ifrfit.errors import UsageError
+from ifrfit.inference.least_squares import least_squares
+from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.sampled import Sampled
+
+UNIT = "posterior sd"
+LSQ, PROFILE, BOOTSTRAP, EXACT, MCMC = "lsq", "profile", "bootstrap", "exact", "mcmc"
+# they answer another question: how far they are from the posterior is no error of arithmetic
+OTHER_QUESTION = (LSQ, PROFILE, BOOTSTRAP)
+
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+REFERENCE = 1e-9  # a step beyond the finest that is measured
+_GROWTH = 4.0  # of the time from one tolerance to the next, where it has not been seen to grow faster
+_FEWEST = 20  # replicates with an answer below which they are no law of anything
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much is measured.
+
+    Attributes
+    ----------
+    tolerances : tuple of float
+        Of exact, from coarse to fine; the reference comes after them.
+    replicates : tuple of int
+        Of the bootstrap.
+    steps : tuple of int
+        Of mcmc, each ensemble's, from few to many.
+    seeds : int
+        Of the bootstrap and of mcmc.
+    repeats : int
+        Of everything else.
+    longest : float
+        Seconds that one call may take; what is foreseen to take longer is left out, and that is said.
+    """
+
+    tolerances: tuple[float, ...] = TOLERANCES
+    replicates: tuple[int, ...] = (100, 1_000, 10_000)
+    steps: tuple[int, ...] = (200, 500, 1_000, 2_000)
+    seeds: int = 5
+    repeats: int = 7
+    longest: float = 4.0
+
+
+FULL = Extent()
+QUICK = Extent(
+    tolerances=(1e-1, 1e-2, 1e-4, 1e-6, 1e-8),
+    replicates=(100, 1_000),
+    steps=(100, 200, 400),
+    seeds=3,
+    repeats=3,
+    longest=1.0,
+)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What errors are measured against.
+
+    Attributes
+    ----------
+    tolerance : float
+        Asked of the quadrature.
+    error : float
+        That it says to have reached, in posterior standard deviations.
+    """
+
+    tolerance: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Costs of all methods on a problem.
+
+    Attributes
+    ----------
+    costs : tuple of Cost
+        One a quantity: mean, sd, interval95; errors in posterior standard deviations, not below what the
+        reference itself reached.
+    reference : Reference
+    notes : tuple of str
+        What was left out, and why.
+    """
+
+    costs: tuple[Cost, ...]
+    reference: Reference
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """One method at one setting: its numbers, of each seed, and its time."""
+
+    method: str
+    setting: str
+    numbers: tuple[Numbers, ...]
+    time: Timing
+
+
+def inference_costs(
+    problem: Problem, *, extent: Extent = FULL, seed: int = 0, progress: Progress | None = None
+) -> Measured:
+    """Measure every method on a problem, now and on this machine.
+
+    The clock runs from data in memory to the mean, the standard deviation and the 95 % interval of every free
+    constant, the certified least squares that each method starts from included.
+
+    Parameters
+    ----------
+    problem : Problem
+    extent : Extent
+        `FULL` or `QUICK`.
+    seed : int
+        Of chains and replicates; each repeat has a seed of its own.
+    progress : callable, optional
+        Called with the number of choices measured and the most there may be.
+
+    Returns
+    -------
+    Measured
+
+    Raises
+    ------
+    UsageError
+        If nothing is free, or for a problem that the exact posterior refuses: then there is no reference.
+    DataError
+        Where the noise is unknown and the data cannot tell it from the constants.
+    """
+    if not problem.free.any():
+        raise UsageError("Every constant is fixed: no method has anything to find. Leave out a --fix.")
+    most = 3 + len(extent.tolerances) + len(extent.replicates) + len(extent.steps)
+    answers: list[_Answer] = []
+    notes: list[str] = []
+    ladder, finest = _ladder(problem, extent, notes)
+
+    def keep(answer: _Answer) -> None:
+        answers.append(answer)
+        if progress is not None:
+            progress(len(answers), most)
+
+    keep(_plain(LSQ, extent, lambda: of_least_squares(problem, least_squares(problem))))
+    for answer in (*_profiles(problem, extent, notes), *_bootstraps(problem, extent, seed, notes)):
+        keep(answer)
+    for tolerance in ladder:
+        keep(_plain(EXACT, extent, _exact(problem, tolerance), f"tolerance {tolerance:g}"))
+    for answer in _chains(problem, extent, seed, notes):
+        keep(answer)
+    reference = Reference(finest.tolerance, finest.error)
+    right = of_law(problem, finest)
+    return Measured(
+        tuple(cost for a in answers for cost in _costs(a, right, reference)), reference, tuple(notes)
+    )
+
+
+def _costs(answer: _Answer, right: Numbers, reference: Reference) -> Iterator[Cost]:
+    found = largest_errors(answer.numbers, right)
+    for quantity in QUANTITIES:
+        # what the reference does not resolve is not claimed
+        error = max(found[quantity], reference.error)
+        yield Cost("inference", answer.method, answer.setting, quantity, answer.time, error, UNIT)
+
+
+def _plain(method: str, extent: Extent, call: Callable[[], Numbers], setting: str = "") -> _Answer:
+    numbers, time = answered(call, repeats=extent.repeats, enough=0.01, most=0.5 * extent.longest)
+    return _Answer(method, setting, (numbers,), time)
+
+
+def _exact(problem: Problem, tolerance: float) -> Callable[[], Numbers]:
+    return lambda: of_law(problem, explore(problem, tolerance))
+
+
+def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[float], Posterior]:
+    """Tolerances that are measured, and the posterior that is their reference: one step finer than they."""
+    reached: list[float] = []
+    last, before = 0.0, 0.0
+    posterior: Posterior | None = None
+    for tolerance in (*extent.tolerances, REFERENCE):
+        grows = max(_GROWTH, last / before if before > 0.0 else 0.0)
+        if posterior is not None and (last * grows > extent.longest or not posterior.converged):
+            break
+        posterior, time = answered(lambda t=tolerance: explore(problem, t), repeats=1, enough=0.0, most=0.0)
+        reached.append(tolerance)
+        last, before = time.median, last
+    assert posterior is not None
+    if reached[-1] != REFERENCE:
+        why = (
+            f"would take longer than {extent.longest:g} s"
+            if posterior.converged
+            else f"are out of reach: the quadrature comes to {posterior.error:.0e} of an sd"
+        )
+        notes.append(f"Tolerances of exact below {reached[-1]:g} {why}; that one is the reference.")
+    return reached[:-1], posterior
+
+
+def _profiles(problem: Problem, extent: Extent, notes: list[str]) -> list[_Answer]:
+    from ifrfit.inference.profiling import profile_all
+
+    if not problem.scatter.is_plain:
+        notes.append("Profiles and replicates know independent Gaussian errors of the values only.")
+        return []
+
+    def call() -> Numbers:
+        return of_profiles(problem, profile_all(problem, least_squares(problem), curves=False))
+
+    return [_plain(PROFILE, extent, call)]
+
+
+def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> list[_Answer]:
+    """Cases drawn anew, with several seeds; as far as one call does not take too long."""
+    from ifrfit.inference.resampling import bootstrap
+
+    if not problem.scatter.is_plain:
+        return []
+    found: list[_Answer] = []
+    last = 0.0
+    for number, replicates in enumerate(extent.replicates):
+        if last * replicates / extent.replicates[number - 1] > extent.longest:
+            notes.append(f"{replicates:,} replicates and more would take longer than {extent.longest:g} s.")
+            break
+        numbers, seconds = [], []
+        for own in range(seed, seed + extent.seeds):
+            if seconds and seconds[0] > extent.longest:
+                break
+
+            def call(own: int = own, replicates: int = replicates) -> Numbers | None:
+                drawn = bootstrap(problem, least_squares(problem), replicates=replicates, seed=own)
+                enough = drawn.answered >= _FEWEST
+                return of_law(problem, Sampled.of(problem, drawn.draws)) if enough else None
+
+            one, time = answered(call, repeats=1, enough=0.0, most=0.0)
+            if one is None:
+                notes.append("The bootstrap is left out: hardly a replicate has an answer.")
+                return found
+            numbers.append(one)
+            seconds.append(time.median)
+        last = max(seconds)
+        found.append(_Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds)))
+    return found
+
+
+def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
+    lengths = affordable(problem, extent.steps, extent.longest)
+    if len(lengths) < len(extent.steps):
+        notes.append(
+            f"{extent.steps[len(lengths)]:,} steps of mcmc would take longer than {extent.longest:g} s."
+        )
+    for steps, numbers, time in chains_measured(problem, lengths, range(seed, seed + extent.seeds)):
+        yield _Answer(MCMC, f"{steps:,} steps", numbers, time)

@@ -1,0 +1,109 @@
+"""Which choice is best for which accuracy, in words that follow from the measurements alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from ifrfit.cost.front import Choice, best_for, cheapest
+from ifrfit.cost.inference import OTHER_QUESTION
+from ifrfit.cost.measured import Kind
+from ifrfit.cost.result import Costs
+from ifrfit.report.regimes import joined
+from ifrfit.report.words import METHODS
+
+TARGETS = tuple(10.0**-k for k in range(1, 17))
+_ACCURACY = {"inference": "of an sd", "physics": "in beta", "arithmetic": ""}
+_UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
+_LONG = 120.0  # seconds from which minutes are said
+
+
+def sentences(costs: Costs, kind: Kind) -> tuple[str, ...]:
+    """Which choice is best for which accuracy; what the others come to; and what is no comparison."""
+    choices = costs.of(kind)
+    if not choices:
+        return ()
+    rivals = [c for c in choices if not (kind == "inference" and c.method in OTHER_QUESTION)]
+    found = best_for(rivals, TARGETS)
+    said = [_best(found, kind)] if found else []
+    winners = {choice.method for _, _, choice in found}
+    others = [c for c in rivals if c.method not in winners]
+    said += [_behind(method, others, rivals, kind) for method in dict.fromkeys(c.method for c in others)]
+    if kind == "inference":
+        said += _other_question(choices)
+    return tuple(said)
+
+
+def named(choice: Choice) -> str:
+    """Method and setting."""
+    name = METHODS.get(choice.method, choice.method)
+    if choice.method in ("exact", "mcmc"):
+        name = choice.method
+    return f"{name}, {choice.setting}" if choice.setting else name
+
+
+def seconds_text(seconds: float) -> str:
+    """A time with two digits and the unit that people would use."""
+    if not math.isfinite(seconds):
+        return "-"
+    if seconds >= _LONG:
+        return f"{seconds / 60.0:.2g} min" if seconds < 6000.0 else f"{seconds / 60.0:,.0f} min"
+    size, unit = next(((size, unit) for size, unit in _UNITS if seconds >= 0.9995 * size), _UNITS[-1])
+    return f"{_two_digits(seconds / size)} {unit}"
+
+
+def _two_digits(value: float) -> str:
+    """A number below 1,000 with two digits, three from 100 on."""
+    return f"{value:.0f}" if value >= 9.95 else f"{value:.1f}" if value >= 0.95 else f"{value:.2g}"
+
+
+def error_text(error: float) -> str:
+    """An error with two digits."""
+    return "-" if math.isnan(error) else f"{error:.1e}" if error > 0.0 else "0"
+
+
+def _power(target: float) -> str:
+    return f"{target:.0e}"
+
+
+def _best(found: Sequence[tuple[float, float, Choice]], kind: Kind) -> str:
+    parts = []
+    for loose, tight, choice in found:
+        span = _power(loose) if loose == tight else f"{_power(loose)} to {_power(tight)}"
+        parts.append(f"{span}: {named(choice)} ({seconds_text(choice.time.median)})")
+    unit = f" {_ACCURACY[kind]}" if _ACCURACY[kind] else ""
+    return f"Cheapest for an error of at most so much{unit}: {'; '.join(parts)}"
+
+
+def _behind(method: str, others: Sequence[Choice], rivals: Sequence[Choice], kind: Kind) -> str:
+    """What a method that is best for no accuracy comes to, and what would have been cheaper."""
+    own = min((c for c in others if c.method == method), key=lambda c: (math.isnan(c.error), c.error))
+    unit = f" {_ACCURACY[kind]}" if _ACCURACY[kind] else ""
+    start = f"{named(own)} comes to {error_text(own.error)}{unit} in {seconds_text(own.time.median)}"
+    better = cheapest([c for c in rivals if c.method != method], own.error)
+    if better is None:
+        return start
+    ratio = own.time.median / better.time.median
+    return f"{start}, {ratio_text(ratio)} the time of {named(better)}, which is no less exact"
+
+
+def ratio_text(ratio: float) -> str:
+    """How many times, with two digits."""
+    return f"{ratio:.2g} times" if ratio < 100.0 else f"{float(f'{ratio:.2g}'):,.0f} times"
+
+
+def _other_question(choices: Sequence[Choice]) -> list[str]:
+    """What least squares, profiles and replicates are from the posterior: a floor, not a failure."""
+    parts = []
+    for method in OTHER_QUESTION:
+        own = [c for c in choices if c.method == method and not math.isnan(c.error)]
+        if own:
+            last = own[-1]  # the longest: what is left there is not chance
+            parts.append(f"{METHODS[method]} {last.error:.2g} sd ({seconds_text(last.time.median)})")
+    if not parts:
+        return []
+    return [
+        "Least squares with its covariance, profiles and replicates answer another question than the "
+        f"posterior: a mean, an sd or an end of an interval lies apart from it by up to {joined(parts)}, "
+        "however exactly it is computed"
+    ]
