@@ -13,6 +13,7 @@ import typer
 
 from ifrfit._version import __version__
 from ifrfit.cli_compare import comparing
+from ifrfit.cli_cost import costing
 from ifrfit.cli_datasets import datasets
 from ifrfit.cli_errors import command
 from ifrfit.cli_fit import fit
@@ -98,6 +99,7 @@ def reproduce(
 
 
 app.command()(simulate)
+app.command()(command(costing(fit)))
 
 
 def _version(wanted: bool) -> None:

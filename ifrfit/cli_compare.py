@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ifrfit.cli_options import Repeated, command_line, ends, pairs
+from ifrfit.cli_options import Repeated, choices_of, command_line, with_options_of
 from ifrfit.cli_progress import working
 
 if TYPE_CHECKING:
@@ -43,7 +42,6 @@ SHARED = (
     "convention",
     "seed",
 )
-_PAIRS = {"fix": "NAME=VALUE", "prior": "NAME=MEAN,SD", "bounds": "NAME=LO,HI"}
 
 
 def comparing(fit: Callable[..., None]) -> Callable[..., None]:
@@ -82,11 +80,7 @@ def comparing(fit: Callable[..., None]) -> Callable[..., None]:
 
         if out is not None:
             check_free(out, force=force, of=COMPARISON)
-        choices: dict[str, Any] = {
-            name: pairs(f"--{name}", value, _PAIRS[name]) if name in _PAIRS else value
-            for name, value in chosen.items()
-        }
-        choices["angle_population"] = ends("--angle-population", choices["angle_population"])
+        choices = choices_of(chosen)
         with working(quiet or as_json, "comparing"):
             found = run(choices.pop("data"), closure or None, loo=loo, command=command_line(), **choices)
             written = write_comparison(found, out, force=force) if out is not None else []
@@ -99,7 +93,7 @@ def comparing(fit: Callable[..., None]) -> Callable[..., None]:
         if strict:
             _insist(found)
 
-    return _with_options_of(fit, compare)
+    return with_options_of(fit, SHARED, compare)
 
 
 def _json(comparison: Comparison) -> str:
@@ -115,18 +109,3 @@ def _insist(comparison: Comparison) -> None:
     if bad:
         typer.echo(f"ifrfit: --strict: {'; '.join(bad)}.", err=True)
         raise typer.Exit(NOT_CONVERGED)
-
-
-def _with_options_of(model: Callable[..., None], own: Callable[..., None]) -> Callable[..., None]:
-    """Put the shared options of one command before another's own, in the place of its keywords."""
-    found = []
-    for function, names in ((model, SHARED), (own, None)):
-        hints = get_type_hints(inspect.unwrap(function), include_extras=True)
-        parameters = inspect.signature(function).parameters
-        for name in names or parameters:
-            if parameters[name].kind is not inspect.Parameter.VAR_KEYWORD:
-                kind = inspect.Parameter.KEYWORD_ONLY
-                found.append(parameters[name].replace(annotation=hints[name], kind=kind))
-    own.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
-    own.__annotations__ = {parameter.name: parameter.annotation for parameter in found}
-    return own

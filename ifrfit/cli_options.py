@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import shlex
 import sys
-from collections.abc import Sequence
-from typing import Annotated, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -13,6 +14,8 @@ from ifrfit.errors import UsageError
 
 Repeated = list[str]
 Data = Annotated[Repeated, typer.Argument(metavar="DATA...", help="Files, or names of bundled datasets.")]
+
+_PAIRS = {"fix": "NAME=VALUE", "prior": "NAME=MEAN,SD", "bounds": "NAME=LO,HI"}
 
 
 def pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
@@ -62,3 +65,31 @@ def numbers(option: str, text: str) -> list[float]:
 def command_line() -> str:
     """The command as text, for the record; file names that are no UTF-8 lose those bytes."""
     return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
+
+
+def choices_of(chosen: Mapping[str, Any]) -> dict[str, Any]:
+    """Keywords of the library from options that are shared with `fit`."""
+    found = {
+        name: pairs(f"--{name}", value, _PAIRS[name]) if name in _PAIRS else value
+        for name, value in chosen.items()
+    }
+    if "angle_population" in found:
+        found["angle_population"] = ends("--angle-population", found["angle_population"])
+    return found
+
+
+def with_options_of(
+    model: Callable[..., None], shared: Sequence[str], own: Callable[..., None]
+) -> Callable[..., None]:
+    """Put shared options of one command before another's own, in the place of its keywords."""
+    found = []
+    for function, names in ((model, shared), (own, None)):
+        hints = get_type_hints(inspect.unwrap(function), include_extras=True)
+        parameters = inspect.signature(function).parameters
+        for name in names or parameters:
+            if parameters[name].kind is not inspect.Parameter.VAR_KEYWORD:
+                kind = inspect.Parameter.KEYWORD_ONLY
+                found.append(parameters[name].replace(annotation=hints[name], kind=kind))
+    own.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
+    own.__annotations__ = {parameter.name: parameter.annotation for parameter in found}
+    return own

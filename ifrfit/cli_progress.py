@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterator
 
 
 @contextlib.contextmanager
-def working(quiet: bool, what: str = "fitting") -> Iterator[Callable[[int, int], None] | None]:
+def working(
+    quiet: bool, what: str = "fitting", of: str = "steps"
+) -> Iterator[Callable[[int, int], None] | None]:
     """Show that work goes on, on standard error if that is a terminal.
 
     Yields
@@ -27,7 +29,7 @@ def working(quiet: bool, what: str = "fitting") -> Iterator[Callable[[int, int],
         task = bar.add_task(what, total=None)
 
         def progress(done: int, most: int) -> None:
-            words = f"{done:,} steps, {most:,} at most"
+            words = f"{done:,} {of}, {most:,} at most"
             bar.update(task, description=words, completed=done, total=most)
 
         yield progress

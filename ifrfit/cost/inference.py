@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from ifrfit.cost.chains import affordable, chains_measured
-from ifrfit.cost.measured import Cost, Timing, answered
+from ifrfit.cost.measured import Cost, Timing, in_turns, power
 from ifrfit.cost.numbers import QUANTITIES, Numbers, largest_errors, of_law, of_least_squares, of_profiles
 from ifrfit.errors import UsageError
 from ifrfit.inference.least_squares import least_squares
 from ifrfit.inference.posterior import Posterior, explore
 from ifrfit.inference.problem import Problem
+from ifrfit.inference.profiling import profile_all
+from ifrfit.inference.resampling import bootstrap
 from ifrfit.inference.sampled import Sampled
 
 UNIT = "posterior sd"
@@ -19,7 +22,7 @@ LSQ, PROFILE, BOOTSTRAP, EXACT, MCMC = "lsq", "profile", "bootstrap", "exact", "
 # they answer another question: how far they are from the posterior is no error of arithmetic
 OTHER_QUESTION = (LSQ, PROFILE, BOOTSTRAP)
 
-TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 REFERENCE = 1e-9  # a step beyond the finest that is measured
 _GROWTH = 4.0  # of the time from one tolerance to the next, where it has not been seen to grow faster
 _FEWEST = 20  # replicates with an answer below which they are no law of anything
@@ -49,17 +52,17 @@ class Extent:
 
     tolerances: tuple[float, ...] = TOLERANCES
     replicates: tuple[int, ...] = (100, 1_000, 10_000)
-    steps: tuple[int, ...] = (200, 500, 1_000, 2_000)
-    seeds: int = 5
-    repeats: int = 7
+    steps: tuple[int, ...] = (100, 300, 1_000)
+    seeds: int = 4
+    repeats: int = 5
     longest: float = 4.0
 
 
 FULL = Extent()
 QUICK = Extent(
-    tolerances=(1e-1, 1e-2, 1e-4, 1e-6, 1e-8),
+    tolerances=(1e-1, 1e-3, 1e-6),
     replicates=(100, 1_000),
-    steps=(100, 200, 400),
+    steps=(50, 150),
     seeds=3,
     repeats=3,
     longest=1.0,
@@ -152,12 +155,11 @@ def inference_costs(
         if progress is not None:
             progress(len(answers), most)
 
-    keep(_plain(LSQ, extent, lambda: of_least_squares(problem, least_squares(problem))))
-    for answer in (*_profiles(problem, extent, notes), *_bootstraps(problem, extent, seed, notes)):
-        keep(answer)
-    for tolerance in ladder:
-        keep(_plain(EXACT, extent, _exact(problem, tolerance), f"tolerance {tolerance:g}"))
-    for answer in _chains(problem, extent, seed, notes):
+    for answer in (
+        *_deterministic(problem, extent, ladder, notes),
+        *_bootstraps(problem, extent, seed, notes),
+        *_chains(problem, extent, seed, notes),
+    ):
         keep(answer)
     reference = Reference(finest.tolerance, finest.error)
     right = of_law(problem, finest)
@@ -174,9 +176,23 @@ def _costs(answer: _Answer, right: Numbers, reference: Reference) -> Iterator[Co
         yield Cost("inference", answer.method, answer.setting, quantity, answer.time, error, UNIT)
 
 
-def _plain(method: str, extent: Extent, call: Callable[[], Numbers], setting: str = "") -> _Answer:
-    numbers, time = answered(call, repeats=extent.repeats, enough=0.01, most=0.5 * extent.longest)
-    return _Answer(method, setting, (numbers,), time)
+def _deterministic(
+    problem: Problem, extent: Extent, ladder: Sequence[float], notes: list[str]
+) -> Iterator[_Answer]:
+    """Least squares, profiles and the exact posterior, which take turns."""
+    calls: dict[tuple[str, str], Callable[[], Numbers]] = {
+        (LSQ, ""): lambda: of_least_squares(problem, least_squares(problem))
+    }
+    if problem.scatter.is_plain:
+        calls[PROFILE, ""] = lambda: of_profiles(
+            problem, profile_all(problem, least_squares(problem), curves=False)
+        )
+    else:
+        notes.append("Profiles and replicates know independent Gaussian errors of the values only.")
+    calls |= {(EXACT, f"tolerance {power(t)}"): _exact(problem, t) for t in ladder}
+    found = in_turns(calls, repeats=extent.repeats, enough=0.01, most=0.5 * extent.longest)
+    for (method, setting), (numbers, taken) in found.items():
+        yield _Answer(method, setting, (numbers,), taken)
 
 
 def _exact(problem: Problem, tolerance: float) -> Callable[[], Numbers]:
@@ -192,9 +208,10 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
         grows = max(_GROWTH, last / before if before > 0.0 else 0.0)
         if posterior is not None and (last * grows > extent.longest or not posterior.converged):
             break
-        posterior, time = answered(lambda t=tolerance: explore(problem, t), repeats=1, enough=0.0, most=0.0)
+        begin = time.perf_counter()
+        posterior = explore(problem, tolerance)
+        last, before = time.perf_counter() - begin, last
         reached.append(tolerance)
-        last, before = time.median, last
     assert posterior is not None
     if reached[-1] != REFERENCE:
         why = (
@@ -202,27 +219,12 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
             if posterior.converged
             else f"are out of reach: the quadrature comes to {posterior.error:.0e} of an sd"
         )
-        notes.append(f"Tolerances of exact below {reached[-1]:g} {why}; that one is the reference.")
+        notes.append(f"Tolerances of exact below {power(reached[-1])} {why}; that one is the reference.")
     return reached[:-1], posterior
-
-
-def _profiles(problem: Problem, extent: Extent, notes: list[str]) -> list[_Answer]:
-    from ifrfit.inference.profiling import profile_all
-
-    if not problem.scatter.is_plain:
-        notes.append("Profiles and replicates know independent Gaussian errors of the values only.")
-        return []
-
-    def call() -> Numbers:
-        return of_profiles(problem, profile_all(problem, least_squares(problem), curves=False))
-
-    return [_plain(PROFILE, extent, call)]
 
 
 def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> list[_Answer]:
     """Cases drawn anew, with several seeds; as far as one call does not take too long."""
-    from ifrfit.inference.resampling import bootstrap
-
     if not problem.scatter.is_plain:
         return []
     found: list[_Answer] = []
@@ -236,17 +238,13 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
             if seconds and seconds[0] > extent.longest:
                 break
 
-            def call(own: int = own, replicates: int = replicates) -> Numbers | None:
-                drawn = bootstrap(problem, least_squares(problem), replicates=replicates, seed=own)
-                enough = drawn.answered >= _FEWEST
-                return of_law(problem, Sampled.of(problem, drawn.draws)) if enough else None
-
-            one, time = answered(call, repeats=1, enough=0.0, most=0.0)
-            if one is None:
+            begin = time.perf_counter()
+            drawn = bootstrap(problem, least_squares(problem), replicates=replicates, seed=own)
+            if drawn.answered < _FEWEST:
                 notes.append("The bootstrap is left out: hardly a replicate has an answer.")
                 return found
-            numbers.append(one)
-            seconds.append(time.median)
+            numbers.append(of_law(problem, Sampled.of(problem, drawn.draws)))
+            seconds.append(time.perf_counter() - begin)
         last = max(seconds)
         found.append(_Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds)))
     return found
@@ -258,5 +256,5 @@ def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> It
         notes.append(
             f"{extent.steps[len(lengths)]:,} steps of mcmc would take longer than {extent.longest:g} s."
         )
-    for steps, numbers, time in chains_measured(problem, lengths, range(seed, seed + extent.seeds)):
-        yield _Answer(MCMC, f"{steps:,} steps", numbers, time)
+    for steps, numbers, taken in chains_measured(problem, lengths, range(seed, seed + extent.seeds)):
+        yield _Answer(MCMC, f"{steps:,} steps", numbers, taken)

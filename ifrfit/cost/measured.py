@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 Kind = Literal["inference", "physics", "arithmetic"]
 T = TypeVar("T")
+K = TypeVar("K")
 
 
 @dataclass(frozen=True)
@@ -72,19 +73,19 @@ class Cost:
 def timed(
     call: Callable[[], object], *, repeats: int = 5, enough: float = 0.05, most: float = math.inf
 ) -> Timing:
-    """Wall time of a call; parameters as `answered`."""
-    return answered(call, repeats=repeats, enough=enough, most=most)[1]
+    """Wall time of a call; parameters as `in_turns`."""
+    return in_turns({"": call}, repeats=repeats, enough=enough, most=most)[""][1]
 
 
-def answered(
-    call: Callable[[], T], *, repeats: int = 5, enough: float = 0.05, most: float = math.inf
-) -> tuple[T, Timing]:
-    """What a call gives, and its wall time.
+def in_turns(
+    calls: Mapping[K, Callable[[], T]], *, repeats: int = 5, enough: float = 0.05, most: float = math.inf
+) -> dict[K, tuple[T, Timing]]:
+    """What calls give, and their wall times, taken in turns: what else the machine does meets all alike.
 
     Parameters
     ----------
-    call : callable
-        Run once before, so that imports and caches are not what is measured.
+    calls : mapping of callable
+        Each is run twice before, so that imports and caches are not what is measured.
     repeats : int
         Runs that count.
     enough : float
@@ -92,18 +93,33 @@ def answered(
     most : float
         Seconds: of a call that takes longer the first run is the only one, and counts.
     """
-    start = time.perf_counter()
-    given = call()
-    first = time.perf_counter() - start
-    if first > most:
-        return given, Timing.of([first])
-    start = time.perf_counter()
-    call()
-    number = max(1, round(enough / max(time.perf_counter() - start, 1e-9)))
-    found = []
-    for _ in range(repeats):
+    found: dict[K, tuple[T, Timing]] = {}
+    numbers: dict[K, int] = {}
+    for name, call in calls.items():
         start = time.perf_counter()
-        for _ in range(number):
-            call()
-        found.append((time.perf_counter() - start) / number)
-    return given, Timing.of(found)
+        given = call()
+        first = time.perf_counter() - start
+        found[name] = given, Timing.of([first])
+        if first <= most:
+            numbers[name] = max(1, round(enough / max(_seconds(call, 1), 1e-9)))
+    seconds: dict[K, list[float]] = {name: [] for name in numbers}
+    for _ in range(repeats):
+        for name, number in numbers.items():
+            seconds[name].append(_seconds(calls[name], number))
+    return {
+        name: (given, Timing.of(seconds[name]) if name in seconds else once)
+        for name, (given, once) in found.items()
+    }
+
+
+def _seconds(call: Callable[[], object], number: int) -> float:
+    start = time.perf_counter()
+    for _ in range(number):
+        call()
+    return (time.perf_counter() - start) / number
+
+
+def power(number: float) -> str:
+    """A number with one digit and its power of ten, as 1e-3."""
+    digit, _, exponent = f"{number:.0e}".partition("e")
+    return f"{digit}e{int(exponent)}"

@@ -62,15 +62,17 @@ def plot(costs: Costs, kind: Kind) -> Figure:
     looks = style.looks(methods)
     width = 110.0 / style.MM_PER_INCH
     title = _title(costs, kind, width)
-    rows = math.ceil((len(methods) + 1) / 3)
+    rows = math.ceil((len(methods) + 2) / 3)
     with style.drawing():
         height = 2.7 + 0.15 * (title.count("\n") + 1) + 0.16 * rows
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.add_subplot()
         _front(axes, choices)
+        if kind == "inference" and costs.reference is not None and costs.reference.error > 0.0:
+            _floor(axes, costs.reference.error)
         for method in methods:
-            _draw(axes, [c for c in choices if c.method == method], looks[method], kind)
+            _draw(axes, [c for c in choices if c.method == method], looks[method])
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_xlabel(_X_LABELS[kind])
@@ -88,6 +90,8 @@ def _title(costs: Costs, kind: Kind, width: float) -> str:
     names = ", ".join(source.name for source in costs.fit.inputs)
     about = costs.about.get(kind, "")
     text = f"{names}: what accuracy costs, {kind}" + (f"; {about}" if about else "")
+    if any(c.method in OTHER_QUESTION for c in costs.of(kind)):
+        text += ". † asks another question: its distance from the posterior is no error of arithmetic"
     if is_stand_in(costs.fit):
         text = f"{STAND_IN} data. {text}"
     return textwrap.fill(text, int(_LETTERS * width)).replace("$", r"\$")
@@ -101,7 +105,7 @@ def _front(axes: Axes, choices: Sequence[Choice]) -> None:
     axes.step([*x, right], [*y, y[-1]], where="post", color="0.75", lw=3.0, zorder=1, label=FRONT_LABEL)
 
 
-def _draw(axes: Axes, choices: Sequence[Choice], look: style.Look, kind: Kind) -> None:
+def _draw(axes: Axes, choices: Sequence[Choice], look: style.Look) -> None:
     """One method: settings joined in their order, the spread of the times, filled where on the front."""
     x, y = [c.time.median for c in choices], [max(c.error, _LEAST) for c in choices]
     left = [c.time.median - c.time.low for c in choices]
@@ -114,16 +118,21 @@ def _draw(axes: Axes, choices: Sequence[Choice], look: style.Look, kind: Kind) -
     for choice, a, b in zip(choices, x, y, strict=True):
         face = look.colour if choice.on_front else "white"
         axes.plot(a, b, ls="none", marker=look.marker, ms=4.5, mfc=face, mec=look.colour, mew=0.9, zorder=4)
-    label = METHODS.get(method, method) + (" †" if kind == "inference" and method in OTHER_QUESTION else "")
+    label = METHODS.get(method, method) + (" †" if method in OTHER_QUESTION else "")
     axes.plot([], [], color=look.colour, ls=look.line, marker=look.marker, ms=4.5, label=label)
     if len(choices) > 1:
-        _name_ends(axes, choices, look.colour)
+        _name_ends(axes, choices)
 
 
-def _name_ends(axes: Axes, choices: Sequence[Choice], colour: str) -> None:
-    """Settings of the first and the last marker of a line."""
-    for choice, place, side in ((choices[0], (4, 3), "left"), (choices[-1], (4, -8), "left")):
+def _name_ends(axes: Axes, choices: Sequence[Choice]) -> None:
+    """Settings of the first and the last marker of a line, turned inwards."""
+    for choice, place, side in ((choices[0], (4, 4), "left"), (choices[-1], (-3, -9), "right")):
         axes.annotate(
             choice.setting, (choice.time.median, max(choice.error, _LEAST)), xytext=place,
-            textcoords="offset points", fontsize=5.8, color=colour, ha=side, zorder=5,
+            textcoords="offset points", fontsize=5.8, color=style.GREY, ha=side, zorder=5,
         )  # fmt: skip
+
+
+def _floor(axes: Axes, error: float) -> None:
+    """Below the reference's own error nothing is claimed."""
+    axes.axhline(error, color=style.GREY, ls=(0, (1, 2)), lw=0.8, zorder=1, label="reached by the reference")

@@ -11,7 +11,7 @@ import numpy as np
 
 from ifrfit.cost.front import Choice
 from ifrfit.cost.inference import Reference
-from ifrfit.cost.measured import Kind
+from ifrfit.cost.measured import Kind, power
 from ifrfit.cost.numbers import free_names
 from ifrfit.cost.result import Costs
 from ifrfit.physics import CLOSURES
@@ -79,8 +79,8 @@ def heading(costs: Costs, kind: Kind) -> str:
 
 def reference_words(reference: Reference) -> str:
     """The posterior that errors are measured against."""
-    reached = f"which reached {reference.error:.0e}" if reference.error > 0.0 else "which moved no more"
-    return f"exact at tolerance {reference.tolerance:g} ({reached})"
+    reached = f"which reached {power(reference.error)}" if reference.error > 0.0 else "which moved no more"
+    return f"exact at tolerance {power(reference.tolerance)} ({reached})"
 
 
 def _model(costs: Costs) -> str:

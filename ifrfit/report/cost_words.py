@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from ifrfit.cost.front import Choice, best_for, cheapest
 from ifrfit.cost.inference import OTHER_QUESTION
-from ifrfit.cost.measured import Kind
+from ifrfit.cost.measured import Kind, power
 from ifrfit.cost.result import Costs
 from ifrfit.report.regimes import joined
 from ifrfit.report.words import METHODS
@@ -62,14 +62,10 @@ def error_text(error: float) -> str:
     return "-" if math.isnan(error) else f"{error:.1e}" if error > 0.0 else "0"
 
 
-def _power(target: float) -> str:
-    return f"{target:.0e}"
-
-
 def _best(found: Sequence[tuple[float, float, Choice]], kind: Kind) -> str:
     parts = []
     for loose, tight, choice in found:
-        span = _power(loose) if loose == tight else f"{_power(loose)} to {_power(tight)}"
+        span = power(loose) if loose == tight else f"{power(loose)} to {power(tight)}"
         parts.append(f"{span}: {named(choice)} ({seconds_text(choice.time.median)})")
     unit = f" {_ACCURACY[kind]}" if _ACCURACY[kind] else ""
     return f"Cheapest for an error of at most so much{unit}: {'; '.join(parts)}"
@@ -99,11 +95,11 @@ def _other_question(choices: Sequence[Choice]) -> list[str]:
         own = [c for c in choices if c.method == method and not math.isnan(c.error)]
         if own:
             last = own[-1]  # the longest: what is left there is not chance
-            parts.append(f"{METHODS[method]} {last.error:.2g} sd ({seconds_text(last.time.median)})")
+            parts.append(f"{last.error:.2g} sd ({METHODS[method]}, {seconds_text(last.time.median)})")
     if not parts:
         return []
     return [
         "Least squares with its covariance, profiles and replicates answer another question than the "
-        f"posterior: a mean, an sd or an end of an interval lies apart from it by up to {joined(parts)}, "
-        "however exactly it is computed"
+        "posterior: however exactly computed, a mean, an sd or an end of an interval differs from it by up "
+        f"to {joined(parts)}"
     ]

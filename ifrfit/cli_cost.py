@@ -1,0 +1,85 @@
+"""`ifrfit cost`: what accuracy costs in time, on the user's own data and machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ifrfit.cli_options import Repeated, choices_of, command_line, with_options_of
+from ifrfit.cli_progress import working
+from ifrfit.errors import UsageError
+
+# declared with `fit`, which means the same by them
+SHARED = (
+    "data",
+    "closure",
+    "fix",
+    "prior",
+    "bounds",
+    "separate",
+    "noise",
+    "observable",
+    "series",
+    "gamma_min",
+    "gamma_max",
+    "speed_min",
+    "speed_max",
+    "exclude",
+    "independent",
+    "inertia_factor",
+    "convention",
+    "seed",
+)
+
+
+def costing(fit: Callable[..., None]) -> Callable[..., None]:
+    """The command, with the options of `fit` that choose data and constants.
+
+    Parameters
+    ----------
+    fit : callable
+        The command `fit`.
+    """
+
+    def cost(
+        kind: Annotated[
+            Repeated,
+            typer.Option(metavar="KIND", help="inference, physics or arithmetic; by default all three."),
+        ] = [],  # noqa: B006
+        quick: Annotated[bool, typer.Option("--quick", help="Fewer settings and repeats: seconds.")] = False,
+        out: Annotated[
+            Path | None, typer.Option(metavar="DIR", help="Write cost.csv and the diagrams there.")
+        ] = None,
+        force: Annotated[bool, typer.Option("--force", help="Replace earlier costs in DIR.")] = False,
+        quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors; needs --out.")] = False,
+        **chosen: Any,
+    ) -> None:
+        """What accuracy costs in time: methods, contact laws and precisions, measured now."""
+        if quiet and out is None:
+            raise UsageError("--quiet without --out leaves nothing of the measurement: add --out DIR.")
+        from ifrfit.cost.api import measure_costs
+        from ifrfit.report.cost_folder import COSTS
+        from ifrfit.report.folder import check_free
+
+        if out is not None:
+            check_free(out, force=force, of=COSTS)
+        choices = choices_of(chosen)
+        with working(quiet, "measuring", "choices") as progress:
+            found = measure_costs(
+                choices.pop("data"),
+                kinds=kind,
+                quick=quick,
+                command=command_line(),
+                progress=progress,
+                **choices,
+            )
+            written = found.save(out, force=force) if out is not None else []
+        if not quiet:
+            typer.echo(found.summary())
+            if written:
+                typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
+
+    return with_options_of(fit, SHARED, cost)
