@@ -21,12 +21,13 @@ def fit(
     data: Data,
     closure: Annotated[str, typer.Option(help="ifr, fr, f, ifr-contact or maw.")] = "ifr",
     method: Annotated[
-        str,
+        str | None,
         typer.Option(
+            show_default="exact",
             help="exact: the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov "
-            "chains; bootstrap: fits of experiments drawn anew."
+            "chains; bootstrap: fits of experiments drawn anew.",
         ),
-    ] = "exact",
+    ] = None,
     fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
     prior: Annotated[
         Repeated, typer.Option(metavar="NAME=MEAN,SD", help="A constant that you measured before.")
@@ -97,6 +98,17 @@ def fit(
         bool,
         typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
     ] = False,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SD",
+            help="Largest error of mean, sd and interval, in posterior sd: picks method and settings.",
+        ),
+    ] = None,
+    budget: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="As exact as this time allows, as 2s, 500ms or 3min."),
+    ] = None,
     max_steps: Annotated[
         int | None, typer.Option(metavar="N", help="mcmc: most steps, 10000 by default.", show_default=False)
     ] = None,
@@ -170,6 +182,8 @@ def fit(
             sigma_spin=sigma_spin,
             inertia_factor=inertia_factor,
             convention=convention,
+            accuracy=accuracy,
+            budget=budget,
             max_steps=max_steps,
             resume=resume,
             resample=resample,

@@ -17,6 +17,8 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.constants import make_constants
 from ifrfit.inference.criticism import residuals_of
 from ifrfit.inference.derived import derived_of
+from ifrfit.inference.effort.reach import problem_for, with_effort
+from ifrfit.inference.effort.wanted import Wanted, make_wanted
 from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.facts import facts_of
 from ifrfit.inference.finish import with_chains, with_posterior, with_profiles, with_replicates
@@ -45,7 +47,7 @@ def fit(
     data: Data | Sequence[Data],
     *,
     closure: str = "ifr",
-    method: str = "exact",
+    method: str | None = None,
     fix: Mapping[str, float] | None = None,
     prior: Mapping[str, tuple[float, float]] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
@@ -69,6 +71,8 @@ def fit(
     inertia_factor: float | None = None,
     convention: Sequence[str] | Mapping[str, str] = (),
     params: Any = None,
+    accuracy: float | None = None,
+    budget: float | str | None = None,
     max_steps: int | None = None,
     resume: str | Path | None = None,
     resample: str | None = None,
@@ -86,10 +90,10 @@ def fit(
         Files, names of bundled datasets, or what `read` and `load_dataset` return.
     closure : str
         ifr, fr, f, ifr-contact or maw.
-    method : str
-        exact: the posterior by deterministic quadrature; lsq: least squares with a certificate of the global
-        optimum; profile: the profile likelihood of each constant; mcmc: the posterior by Markov chains that
-        stop on evidence; bootstrap: fits of experiments drawn anew.
+    method : str, optional
+        exact (the default): the posterior by deterministic quadrature; lsq: least squares with a certificate
+        of the global optimum; profile: the profile likelihood of each constant; mcmc: the posterior by Markov
+        chains that stop on evidence; bootstrap: fits of experiments drawn anew.
     fix : mapping
         Constant to its known value.
     prior : mapping
@@ -131,6 +135,13 @@ def fit(
         How columns are meant, see `read`.
     params : lmfit.Parameters, optional
         Fixed values and bounds in lmfit's form.
+    accuracy : float, optional
+        Largest error of a mean, an sd or an end of an interval, in posterior standard deviations, 1e-9 to
+        0.5: picks method and settings, those of exact or mcmc where one of them is named. The result's
+        `effort` says what was reached.
+    budget : float or str, optional
+        Seconds (or text, as "500ms") from this call on: as exact as the time allows, or until the accuracy is
+        reached. Least squares where it is too short for any posterior.
     max_steps : int, optional
         mcmc: steps of each ensemble after which it stops without enough evidence; 10,000 by default.
     resume : str or Path, optional
@@ -161,11 +172,13 @@ def fit(
     DataError
         For data that are refused.
     """
-    if method not in METHODS:
+    if method is not None and method not in METHODS:
         raise UsageError(f"There is no method '{method}'. This version has {', '.join(METHODS)}.")
+    wanted = make_wanted(accuracy, budget, method)
+    asked, method = method, method or "exact"
     given = {"max-steps": max_steps, "resume": resume, "resample": resample, "replicates": replicates}
     used = {name: value is not None for name, value in given.items()} | {"workers": workers != 1}
-    _check_own(method, used, max_steps, workers)
+    _check_own(method, used, max_steps, workers, wanted)
     chosen = get_closure(closure)
     observations = gather(data, convention, inertia_factor)
     selection = Selection(
@@ -201,7 +214,12 @@ def fit(
         sigma_spin=sigma_spin,
     )
     observations = with_propagated_sigma(observations, scatter)
-    problem = with_scatter(make_problem(observations, chosen, j, constants, noise), scatter, method)
+    problem = make_problem(observations, chosen, j, constants, noise)
+    if wanted is not None:
+        problem, cannot = problem_for(problem, scatter, asked)
+        result = _result(problem, least_squares(problem), seed, command)
+        return with_effort(result, wanted, cannot, workers=workers, progress=progress)
+    problem = with_scatter(problem, scatter, method)
     found = least_squares(problem)
     result = _result(problem, found, seed, command)
     if method == "lsq":
@@ -214,10 +232,14 @@ def fit(
     return with_profiles(result) if method == "profile" else with_posterior(result)
 
 
-def _check_own(method: str, given: Mapping[str, bool], max_steps: int | None, workers: int) -> None:
+def _check_own(
+    method: str, given: Mapping[str, bool], max_steps: int | None, workers: int, wanted: Wanted | None
+) -> None:
     """Refuse options of a method that is not the chosen one, and numbers that make no sense."""
     for name, is_given in given.items():
-        if is_given and method not in _OWN[name]:
+        if is_given and wanted is not None and name != "workers":
+            raise UsageError(f"--accuracy and --budget pick the settings themselves: leave --{name} out.")
+        if is_given and wanted is None and method not in _OWN[name]:
             owners = " or ".join(_OWN[name])
             raise UsageError(f"--{name} belongs to --method {owners}, not to --method {method}.")
     if max_steps is not None and max_steps < 1:

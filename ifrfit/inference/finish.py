@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +20,16 @@ from ifrfit.inference.from_law import (
 )
 from ifrfit.inference.identifiability import identifiable
 from ifrfit.inference.law import Law
-from ifrfit.inference.posterior import TOLERANCE, explore
+from ifrfit.inference.posterior import TOLERANCE, Posterior, explore
 from ifrfit.inference.posterior.converged import exact_converged
 from ifrfit.inference.posterior.noise import noise_bounds
 from ifrfit.inference.predictive import predictive
+from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import Fact, FitResult
 from ifrfit.inference.sharing import sharing
+
+if TYPE_CHECKING:
+    from ifrfit.inference.mcmc import Evidence
 
 COARSE = 1e-3  # tolerance where the scatter is not plain: every node costs all rows
 _CHECKED = 300  # draws behind the posterior predictive checks
@@ -35,10 +40,17 @@ def with_posterior(result: FitResult) -> FitResult:
     problem = result.problem
     tolerance = TOLERANCE if problem.scatter.is_plain else COARSE
     posterior = explore(problem, start=result.least_squares, tolerance=tolerance)
+    return with_explored(result, posterior, explore)
+
+
+def with_explored(
+    result: FitResult, posterior: Posterior, explore: Callable[[Problem], Posterior] | None
+) -> FitResult:
+    """The same with this posterior; other questions about sharing are put to `explore`, if there is one."""
     converged = exact_converged(posterior, result.facts["converged"])
     found = with_law(result, "exact", posterior, converged)
     facts = dict(found.facts)
-    shared = sharing(problem, posterior.log_evidence, explore)
+    shared = None if explore is None else sharing(result.problem, posterior.log_evidence, explore)
     if shared is not None:
         facts["sharing"] = shared
     return replace(found, fit=replace(found.fit, log_evidence=posterior.log_evidence), facts=facts)
@@ -94,6 +106,7 @@ def with_chains(
     workers: int = 1,
     resume: Path | None = None,
     progress: Callable[[int, int], None] | None = None,
+    halt: Callable[[Evidence], bool] | None = None,
 ) -> FitResult:
     """Put a sample of the posterior in the place of the local picture; see `ifrfit.inference.mcmc.sample`."""
     from importlib.metadata import version
@@ -108,6 +121,7 @@ def with_chains(
         workers=workers,
         resume=resume,
         progress=progress,
+        halt=halt,
     )
     converged = mcmc.sample_converged(drawn, result.facts["converged"])
     versions = dict(result.versions) | {name: version(name) for name in ("emcee", "arviz-stats")}

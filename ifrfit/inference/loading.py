@@ -16,6 +16,7 @@ from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
 from ifrfit.inference.checked import REMEDY, Node
 from ifrfit.inference.constants import Constant
+from ifrfit.inference.effort.told import Effort
 from ifrfit.inference.result import Estimate, Fact, FitResult, FitStatistics, Noise, State, Status
 from ifrfit.inference.scatter.law import PLAIN, Scatter, make_scatter
 from ifrfit.inference.serialise import FACTOR, NULL_MARK, SCHEMA
@@ -121,6 +122,18 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
         created=root["created"].text(),
         versions=root["versions"].mapped(lambda node: node.text()),
         asked=_asked(root["asked"]) if "asked" in root else (),
+        effort=_effort(root["effort"]) if "effort" in root else None,
+    )
+
+
+def _effort(node: Node) -> Effort:
+    steps = node["steps"]
+    return Effort(
+        method=node["method"].text(),
+        steps=None if steps.value is None else steps.whole(),
+        seconds=node["seconds"].number(),
+        why=node["why"].text(),
+        **{key: node[key].maybe() for key in ("accuracy", "budget", "tolerance", "reached")},
     )
 
 

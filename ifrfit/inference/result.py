@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
 from ifrfit.inference.constants import Constant
+from ifrfit.inference.effort.told import Effort
 from ifrfit.inference.scatter.law import PLAIN, Scatter
 
 if TYPE_CHECKING:
@@ -193,6 +194,8 @@ class FitResult:
     asked : tuple of Constant
         The constants as they were asked for: domain, fixed value, prior, separate or shared. Empty where the
         file that the result was read from does not say.
+    effort : Effort or None
+        What --accuracy or --budget asked and reached; None where neither was given.
     problem, least_squares, law, profiles, sample
         What the result rests on, for further questions; not kept in result.json.
     """
@@ -215,6 +218,7 @@ class FitResult:
     created: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     asked: tuple[Constant, ...] = ()
+    effort: Effort | None = None
     problem: Any = field(default=None, repr=False, compare=False)
     least_squares: Any = field(default=None, repr=False, compare=False)
     law: Any = field(default=None, repr=False, compare=False)

@@ -106,6 +106,7 @@ def to_dict(result: FitResult) -> dict[str, Any]:
         "method": result.method,
         "noise": _noise(result.noise, nulls),
         **({"asked": {c.name: _asked(c, nulls) for c in result.asked}} if result.asked else {}),
+        **({"effort": _plain(asdict(result.effort), "effort", nulls)} if result.effort is not None else {}),
         "constants": _estimates(result.constants, "constants", nulls),
         "derived": _estimates(result.derived, "derived", nulls),
         "correlation": {

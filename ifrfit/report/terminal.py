@@ -18,7 +18,7 @@ from ifrfit.report.provenance import (
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.rounding import ends_text, interval_text, places_of, spread, value_text
 from ifrfit.report.rows import Row, table_rows
-from ifrfit.report.words import findings, headline, misfit_line, model_line
+from ifrfit.report.words import effort_line, findings, headline, misfit_line, model_line
 
 WIDTH = 100
 
@@ -61,10 +61,10 @@ def text(result: FitResult) -> str:
     lines += wrapped(model_line(result), 2)
     lines += ["", *_table_lines(table_rows(result)), ""]
     regimes = regime_lines(result)
-    misfit = misfit_line(result)
-    for line in [*regimes, *([misfit] if misfit else [])]:
+    below = [*regimes, *(line for line in (misfit_line(result), effort_line(result)) if line)]
+    for line in below:
         lines += ["  " + part for part in wrapped(line, 2, WIDTH - 2)]
-    if regimes or misfit:
+    if below:
         lines.append("")
     for kind, sentence in findings(result):
         lines += finding_lines(kind, sentence)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ifrfit.inference.criticism import p_text
+from ifrfit.inference.effort.words import says as effort_says
 from ifrfit.inference.result import Estimate, FitResult
 from ifrfit.physics import CLOSURES
 from ifrfit.report.regimes import joined
@@ -91,6 +92,11 @@ def misfit_line(result: FitResult) -> str:
     if fit.log_evidence is not None:
         parts.append(f"log evidence {fixed(fit.log_evidence, 2)}")
     return "; ".join(parts)
+
+
+def effort_line(result: FitResult) -> str:
+    """What an asked accuracy or time came to; empty where neither was asked."""
+    return "" if result.effort is None else f"effort: {effort_says(result.effort)}"
 
 
 def status_words(estimate: Estimate) -> str:

@@ -21,6 +21,7 @@ from ifrfit.inference.mcmc.target import Target
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
+Halt = Callable[[Evidence], bool]
 
 MAX_STEPS = 10_000
 
@@ -47,6 +48,7 @@ def run(
     max_steps: int = MAX_STEPS,
     workers: int = 1,
     progress: Progress | None = None,
+    halt: Halt = is_met,
 ) -> tuple[Chains, Evidence]:
     """Walk on until every rule of `stopping` holds, or until `max_steps`.
 
@@ -66,6 +68,8 @@ def run(
         Processes; more than there are ensembles are of no use.
     progress : callable, optional
         Called with the steps walked and the budget after every look.
+    halt : callable
+        Whether to stop, asked at every look; by default whether every rule holds.
 
     Returns
     -------
@@ -81,7 +85,7 @@ def run(
             if progress is not None:
                 progress(chains.steps, max_steps)
             evidence = Evidence(target.quantities(chains.at))
-            if is_met(evidence):
+            if halt(evidence):
                 return chains, evidence
     return chains, Evidence(target.quantities(chains.at))
 

@@ -15,9 +15,9 @@ from ifrfit.inference.mcmc.chains import Chains
 from ifrfit.inference.mcmc.checkpoint import load_chains, question_of, save_chains
 from ifrfit.inference.mcmc.coordinates import Coordinates
 from ifrfit.inference.mcmc.evidence import Evidence
-from ifrfit.inference.mcmc.run import MAX_STEPS, Progress, begin, run
+from ifrfit.inference.mcmc.run import MAX_STEPS, Halt, Progress, begin, run
 from ifrfit.inference.mcmc.starts import starts
-from ifrfit.inference.mcmc.stopping import Verdict, judge
+from ifrfit.inference.mcmc.stopping import Verdict, is_met, judge
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS
@@ -66,6 +66,7 @@ def sample(
     workers: int = 1,
     resume: Path | None = None,
     progress: Progress | None = None,
+    halt: Halt | None = None,
 ) -> Sample:
     """Sample the posterior of a problem.
 
@@ -81,6 +82,8 @@ def sample(
     resume : Path, optional
         Chains to walk on with, or their folder.
     progress : callable, optional
+    halt : callable, optional
+        Whether to stop, asked at every look at the chains; by default when every rule holds.
 
     Raises
     ------
@@ -98,7 +101,14 @@ def sample(
         chains = load_chains(resume, question_of(problem, seed))
     else:
         chains = fresh(coordinates, found, seed)
-    chains, evidence = run(coordinates, chains, max_steps=max_steps, workers=workers, progress=progress)
+    chains, evidence = run(
+        coordinates,
+        chains,
+        max_steps=max_steps,
+        workers=workers,
+        progress=progress,
+        halt=is_met if halt is None else halt,
+    )
     return Sample(coordinates, chains, evidence, seed)
 
 

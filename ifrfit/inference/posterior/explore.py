@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -152,7 +152,12 @@ class Posterior:
         return draw(self, n, rng)
 
 
-def explore(problem: Problem, tolerance: float = TOLERANCE, start: LeastSquares | None = None) -> Posterior:
+def explore(
+    problem: Problem,
+    tolerance: float = TOLERANCE,
+    start: LeastSquares | None = None,
+    over: Callable[[], bool] | None = None,
+) -> Posterior:
     """Integrate the posterior of a problem.
 
     Parameters
@@ -162,6 +167,8 @@ def explore(problem: Problem, tolerance: float = TOLERANCE, start: LeastSquares 
         Of means, standard deviations and quantiles in posterior standard deviations, and of the log evidence.
     start : LeastSquares, optional
         The certified optimum, where it is known already.
+    over : callable, optional
+        Asked after every round: whether to be content with what was reached.
 
     Returns
     -------
@@ -177,10 +184,10 @@ def explore(problem: Problem, tolerance: float = TOLERANCE, start: LeastSquares 
     if start is None:
         start = least_squares(problem)
     plan = make_plan(problem, start, tolerance, apart=True)
-    found = _refined(plan, problem, tolerance)
+    found = _refined(plan, problem, tolerance, over)
     if plan.apart and touches_wall(plan, found.quantities):
         plan = make_plan(problem, start, tolerance, apart=False)
-        found = _refined(plan, problem, tolerance)
+        found = _refined(plan, problem, tolerance, over)
     return found
 
 
@@ -197,7 +204,7 @@ def touches_wall(plan: Plan, quantities: Mapping[str, Quantity]) -> bool:
     return False
 
 
-def _refined(plan: Plan, problem: Problem, tolerance: float) -> Posterior:
+def _refined(plan: Plan, problem: Problem, tolerance: float, over: Callable[[], bool] | None) -> Posterior:
     """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more."""
     allowed = tolerance
     plan.joint.scout(_NOTHING * tolerance)
@@ -205,7 +212,7 @@ def _refined(plan: Plan, problem: Problem, tolerance: float) -> Posterior:
     for round_ in range(_ROUNDS):
         grid = plan.joint.evaluate()
         error_evidence = grid.evidence_error()
-        last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST
+        last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST or (over is not None and over())
         if error_evidence <= tolerance or last:
             quantities = quantities_of(plan, grid)
             error = largest_change(quantities, tolerance)

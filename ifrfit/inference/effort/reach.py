@@ -1,0 +1,148 @@
+"""Pick method and settings for an asked accuracy or time, fit, and tell what was reached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.effort.exact import LADDER, refine
+from ifrfit.inference.effort.told import Effort
+from ifrfit.inference.effort.wanted import Wanted
+from ifrfit.inference.effort.words import missed, short
+from ifrfit.inference.finish import with_chains, with_explored
+from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.result import Fact, FitResult
+from ifrfit.inference.scatter.law import Scatter
+from ifrfit.inference.scatter.setup import with_scatter
+
+_OTHERS = 1e-2  # tolerance of the evidence of other questions where time counts
+
+Progress = Callable[[int, int], None]
+
+
+def problem_for(problem: Problem, scatter: Scatter, method: str | None) -> tuple[Problem, str]:
+    """The problem under this scatter, and why the exact posterior does not know it; empty where it does.
+
+    Raises
+    ------
+    UsageError, DataError
+        As `with_scatter`.
+    """
+    try:
+        return with_scatter(problem, scatter, method or "exact"), ""
+    except UsageError as error:
+        if method is not None:
+            raise
+        return with_scatter(problem, scatter, "mcmc"), str(error)
+
+
+def with_effort(
+    result: FitResult, wanted: Wanted, cannot: str, *, workers: int = 1, progress: Progress | None = None
+) -> FitResult:
+    """Put the posterior in the place of the local picture, as exactly as asked, or as the time allows.
+
+    The exact posterior where it can do the problem; else chains; least squares as they are where the budget
+    is too short for either.
+
+    Parameters
+    ----------
+    result : FitResult
+        Of least squares.
+    wanted : Wanted
+    cannot : str
+        Why not the exact posterior, where that is known already.
+    workers : int
+        Processes of chains.
+    progress : callable, optional
+        Of chains.
+
+    Raises
+    ------
+    UsageError
+        Where the user insists on exact and the problem is not one for it, or for an accuracy that chains do
+        not come to.
+    """
+    if wanted.method != "mcmc" and not cannot:
+        try:
+            posterior = refine(result.problem, result.least_squares, wanted)
+        except UsageError as error:
+            if wanted.method == "exact":
+                raise
+            cannot = str(error)
+        else:
+            if posterior is None and wanted.method == "exact":
+                posterior = explore(result.problem, LADDER[0], result.least_squares)
+            if posterior is None:
+                return _as_it_is(result, wanted, "too short for the exact posterior")
+            return _with_exact(result, posterior, wanted)
+    return _with_chains(result, wanted, cannot, workers, progress)
+
+
+def _with_exact(result: FitResult, posterior: Posterior, wanted: Wanted) -> FitResult:
+    problem = result.problem
+    if wanted.budget is None:
+        found = with_explored(result, posterior, explore)
+    elif not wanted.over:
+        found = with_explored(result, posterior, lambda p: explore(p, _OTHERS, over=lambda: wanted.over))
+    else:
+        found = with_explored(result, posterior, None)
+        if any(c.separate for c in problem.constants):
+            unasked = "Whether the series share their constants was not asked: the time was over."
+            found = replace(found, warnings=(*found.warnings, unasked))
+    return _told(found, wanted, "exact", "", tolerance=posterior.tolerance, reached=posterior.error)
+
+
+def _with_chains(
+    result: FitResult, wanted: Wanted, cannot: str, workers: int, progress: Progress | None
+) -> FitResult:
+    from ifrfit.inference import mcmc
+    from ifrfit.inference.density import Density
+    from ifrfit.inference.effort import chains as of_chains
+    from ifrfit.inference.mcmc.stopping import is_met
+
+    problem, start = result.problem, result.least_squares
+    of_chains.check_reachable(wanted, cannot)
+    why = f"exact is out of the question: {short(cannot)}" if cannot else ""
+    coordinates = mcmc.Coordinates(Density(problem))
+    most = None
+    if coordinates.dimensions:
+        chains = mcmc.fresh(coordinates, start, result.seed)
+        most = of_chains.most_steps(chains)
+        # least squares do not know true angles that scatter: then chains are all there is
+        if (
+            wanted.method is None
+            and not problem.scatter.integrates
+            and of_chains.too_late(coordinates, chains, wanted)
+        ):
+            return _as_it_is(result, wanted, f"{why}, and too short for chains".removeprefix(", and "))
+    halt = of_chains.halting(wanted, is_met)
+    found = with_chains(result, max_steps=most, workers=workers, progress=progress, halt=halt)
+    drawn = found.sample
+    reached = of_chains.standard_error(drawn.evidence)
+    return _told(found, wanted, "mcmc", why, steps=drawn.chains.steps, reached=reached)
+
+
+def _as_it_is(result: FitResult, wanted: Wanted, why: str) -> FitResult:
+    return _told(result, wanted, "lsq", why)
+
+
+def _told(
+    found: FitResult,
+    wanted: Wanted,
+    method: str,
+    why: str,
+    *,
+    tolerance: float | None = None,
+    steps: int | None = None,
+    reached: float | None = None,
+) -> FitResult:
+    """The result with its effort; not converged where the asked accuracy was not reached."""
+    effort = Effort(wanted.accuracy, wanted.budget, method, tolerance, steps, reached, wanted.seconds, why)
+    if effort.met:
+        return replace(found, effort=effort)
+    converged = found.facts["converged"]
+    figures = dict(converged.figures) | {"reached": reached, "asked": wanted.accuracy}
+    fact = Fact(False, missed(effort), figures, converged.threshold)
+    return replace(found, effort=effort, facts={**found.facts, "converged": fact})
