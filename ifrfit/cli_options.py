@@ -69,7 +69,7 @@ def command_line() -> str:
 
 def choices_of(chosen: Mapping[str, Any]) -> dict[str, Any]:
     """Keywords of the library from options that are shared with `fit`."""
-    found = {
+    found: dict[str, Any] = {
         name: pairs(f"--{name}", value, _PAIRS[name]) if name in _PAIRS else value
         for name, value in chosen.items()
     }

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from ifrfit.cost.chains import affordable, chains_measured
-from ifrfit.cost.measured import Cost, Timing, in_turns, power
+from ifrfit.cost.measured import Cost, Timing, in_turns
 from ifrfit.cost.numbers import QUANTITIES, Numbers, largest_errors, of_law, of_least_squares, of_profiles
 from ifrfit.errors import UsageError
+from ifrfit.inference.effort.words import power
 from ifrfit.inference.least_squares import least_squares
 from ifrfit.inference.posterior import Posterior, explore
 from ifrfit.inference.problem import Problem
@@ -55,7 +56,7 @@ class Extent:
     steps: tuple[int, ...] = (100, 300, 1_000)
     seeds: int = 4
     repeats: int = 5
-    longest: float = 4.0
+    longest: float = 8.0
 
 
 FULL = Extent()
@@ -65,7 +66,7 @@ QUICK = Extent(
     steps=(50, 150),
     seeds=3,
     repeats=3,
-    longest=1.0,
+    longest=1.5,
 )
 
 
@@ -233,7 +234,8 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
         if last * replicates / extent.replicates[number - 1] > extent.longest:
             notes.append(f"{replicates:,} replicates and more would take longer than {extent.longest:g} s.")
             break
-        numbers, seconds = [], []
+        numbers: list[Numbers] = []
+        seconds: list[float] = []
         for own in range(seed, seed + extent.seeds):
             if seconds and seconds[0] > extent.longest:
                 break

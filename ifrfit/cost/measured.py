@@ -117,9 +117,3 @@ def _seconds(call: Callable[[], object], number: int) -> float:
     for _ in range(number):
         call()
     return (time.perf_counter() - start) / number
-
-
-def power(number: float) -> str:
-    """A number with one digit and its power of ten, as 1e-3."""
-    digit, _, exponent = f"{number:.0e}".partition("e")
-    return f"{digit}e{int(exponent)}"

@@ -102,8 +102,8 @@ def setting_of(found: FitResult, data: Any, choices: Mapping[str, Any]) -> Setti
     if constants["mu"] < _LEAST:
         constants["mu"] = _LEAST
         notes.append(f"Contact laws need friction: mu = {_LEAST:g} is taken in the place of a smaller one.")
-    columns = (points[name].to_numpy(dtype=float) for name in ("gamma_deg", "spin_y"))
-    return Setting(*columns, constants | {"chi": chi}, tuple(notes))
+    gamma, spin_y = (points[name].to_numpy(dtype=float) for name in ("gamma_deg", "spin_y"))
+    return Setting(gamma, spin_y, constants | {"chi": chi}, tuple(notes))
 
 
 def _chi(found: FitResult, data: Any, choices: Mapping[str, Any]) -> float | None:

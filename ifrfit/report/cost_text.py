@@ -11,9 +11,10 @@ import numpy as np
 
 from ifrfit.cost.front import Choice
 from ifrfit.cost.inference import Reference
-from ifrfit.cost.measured import Kind, power
+from ifrfit.cost.measured import Kind
 from ifrfit.cost.numbers import free_names
 from ifrfit.cost.result import Costs
+from ifrfit.inference.effort.words import power
 from ifrfit.physics import CLOSURES
 from ifrfit.report.cost_words import error_text, named, seconds_text, sentences
 from ifrfit.report.regimes import joined

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 from ifrfit.cost.front import Choice, best_for, cheapest
 from ifrfit.cost.inference import OTHER_QUESTION
-from ifrfit.cost.measured import Kind, power
+from ifrfit.cost.measured import Kind
 from ifrfit.cost.result import Costs
+from ifrfit.inference.effort.words import power
 from ifrfit.report.regimes import joined
 from ifrfit.report.words import METHODS
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.effort.words import power
 
 MOST, LEAST = 0.5, 1e-9  # accuracies that can be asked for: below, rounding is in the way
 METHODS = ("exact", "mcmc")
@@ -84,7 +85,8 @@ def make_wanted(
         return None
     if accuracy is not None and not LEAST <= accuracy <= MOST:
         raise UsageError(
-            f"--accuracy {accuracy:g}: choose from {LEAST:g} to {MOST:g} of a posterior standard deviation."
+            f"--accuracy {accuracy:g}: choose from {power(LEAST)} to {MOST:g} of a posterior standard "
+            "deviation."
         )
     seconds = None if budget is None else seconds_of(budget)
     if method is not None and method not in METHODS:

@@ -22,7 +22,7 @@ def missed(effort: Effort) -> str:
     """That the accuracy was not reached."""
     assert effort.accuracy is not None
     within = "" if effort.budget is None else f" within {time_text(effort.budget)}"
-    start = f"the asked accuracy of {number(effort.accuracy)} of an sd was not reached{within}"
+    start = f"the asked accuracy of {power(effort.accuracy)} of an sd was not reached{within}"
     if effort.reached is None:
         return f"{start}: least squares do not tell how far they are from the posterior"
     return f"{start}: {_setting(effort)} came to {_reached(effort)}"
@@ -42,26 +42,26 @@ def time_text(seconds: float) -> str:
     return f"{1e3 * seconds:.{_DIGITS}g} ms"
 
 
-def number(value: float) -> str:
-    """One digit and a power of ten, as 1e-3."""
-    digit, _, exponent = f"{value:.0e}".partition("e")
+def power(number: float) -> str:
+    """A number with one digit and its power of ten, as 1e-3."""
+    digit, _, exponent = f"{number:.0e}".partition("e")
     return f"{digit}e{int(exponent)}"
 
 
 def _setting(effort: Effort) -> str:
     if effort.tolerance is not None:
-        return f"exact, tolerance {number(effort.tolerance)},"
+        return f"exact, tolerance {power(effort.tolerance)},"
     return f"mcmc, {effort.steps:,} steps,"
 
 
 def _reached(effort: Effort) -> str:
     assert effort.reached is not None
     kind = "a standard error of " if effort.method == "mcmc" else ""
-    return f"{kind}{number(effort.reached)} of an sd"
+    return f"{kind}{power(effort.reached)} of an sd"
 
 
 def _asked(effort: Effort) -> str:
-    parts = [number(effort.accuracy)] if effort.accuracy is not None else []
+    parts = [power(effort.accuracy)] if effort.accuracy is not None else []
     if effort.budget is not None:
         parts.append(f"{'at most' if parts else 'the best in'} {time_text(effort.budget)}")
     return ", ".join(parts)

@@ -27,6 +27,7 @@ def from_points(result: FitResult, file: str) -> str:
         return ""
     words = ["ifrfit", "fit", file, "--closure", result.closure, "--method", result.method]
     words += ["--noise", result.noise.policy]
+    words += _exactness(result)
     if result.inertia_factor != 0.4:
         words += ["--inertia-factor", repr(result.inertia_factor)]
     low, high = CLOSURES[result.closure].domain(result.inertia_factor)
@@ -44,3 +45,11 @@ def from_points(result: FitResult, file: str) -> str:
     if result.seed:
         words += ["--seed", str(result.seed)]
     return shlex.join(words)
+
+
+def _exactness(result: FitResult) -> list[str]:
+    """The accuracy to ask for, where one or a time was asked for."""
+    if result.effort is None or result.effort.reached is None:
+        return []
+    tolerance = result.effort.tolerance
+    return ["--accuracy", repr(result.effort.reached if tolerance is None else tolerance)]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ifrfit.data.observations import SCHEMA
+from ifrfit.inference.effort.words import says
 from ifrfit.inference.result import FitResult
 from ifrfit.inference.serialise import dumps
 from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Section, Table
@@ -78,6 +79,8 @@ def _facts(result: FitResult) -> list[tuple[str, str]]:
         pairs.append((f"SHA-256 of {source.name}", source.sha256 or "not known"))
         if source.descriptor is not None and source.descriptor.licence:
             pairs.append((f"licence of {source.name}", source.descriptor.licence))
+    if result.effort is not None:
+        pairs.append(("effort", says(result.effort)))
     pairs.append(("seed", str(result.seed)))
     pairs.append(("versions", ", ".join(f"{name} {version}" for name, version in result.versions.items())))
     pairs.append(("fitted", result.created or "not stated"))
