@@ -21,7 +21,7 @@ class Choice:
         By quantity.
     error_unit : str
     on_front : bool
-        Whether nothing else of its kind is both as fast and as exact.
+        Whether nothing else that answers the same question is both as fast and as exact.
     """
 
     kind: Kind
@@ -33,6 +33,11 @@ class Choice:
     on_front: bool = False
 
     @property
+    def question(self) -> tuple[str, str]:
+        """What it competes in: its kind; in arithmetic the setting says which impacts, and each has its own."""
+        return self.kind, self.setting if self.kind == "arithmetic" else ""
+
+    @property
     def error(self) -> float:
         """The largest over the quantities; nan where one of them has none to state."""
         values = list(self.errors.values())
@@ -40,7 +45,7 @@ class Choice:
 
 
 def choices_of(costs: Iterable[Cost]) -> tuple[Choice, ...]:
-    """Put the quantities of each method and setting together, and mark the front of each kind."""
+    """Put the quantities of each method and setting together, and mark the front of each question."""
     found: dict[tuple[str, str, str], Choice] = {}
     for cost in costs:
         key = cost.kind, cost.method, cost.setting
@@ -57,7 +62,7 @@ def _beaten(choice: Choice, others: Sequence[Choice]) -> bool:
     if math.isnan(choice.error):
         return True
     return any(
-        other.kind == choice.kind
+        other.question == choice.question
         and other.time.median <= choice.time.median
         and other.error <= choice.error
         and (other.time.median < choice.time.median or other.error < choice.error)

@@ -58,7 +58,7 @@ class Setting:
         if kind == "physics":
             at += f", chi = {own['chi']:.4g}, e_t = {own['e_t']:.4g}"
             spin = f", R omega_y/u = {self.spin:.4g}" if self.spin else ""
-            return f"at {at}; {self.gamma.min():g} to {self.gamma.max():g} degrees{spin}"
+            return f"at {at}; {self.gamma.min():.3g} to {self.gamma.max():.3g} degrees{spin}"
         return f"at {at}, e_t = {own['e_t']:.4g}; the data's own impacts and hard ones"
 
 

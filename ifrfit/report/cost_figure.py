@@ -33,6 +33,8 @@ _X_LABELS = {
     "arithmetic": "time an impact (s)",
 }
 _LETTERS = 15.0  # of a title to an inch
+_SHORT = 18  # letters of a setting that is written beside its marker
+_LOST = 1e-5  # error in arithmetic from which on impacts are named
 _LEAST = 1e-17  # an error of nothing is drawn here
 
 
@@ -40,7 +42,8 @@ def plot(costs: Costs, kind: Kind) -> Figure:
     """Draw one kind.
 
     Each choice is a marker with the spread of its time, settings of a method are joined; filled markers and
-    the grey steps are the Pareto front.
+    the grey steps are the Pareto front. In arithmetic each kind of impacts is a question of its own, joined
+    from one precision to the other.
 
     Returns
     -------
@@ -68,11 +71,18 @@ def plot(costs: Costs, kind: Kind) -> Figure:
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.add_subplot()
-        _front(axes, choices)
+        middle = math.sqrt(min(c.time.median for c in choices) * max(c.time.median for c in choices))
+        if kind == "arithmetic":
+            _draw_questions(axes, choices)
+        else:
+            _front(axes, choices)
         if kind == "inference" and costs.reference is not None and costs.reference.error > 0.0:
             _floor(axes, costs.reference.error)
         for method in methods:
-            _draw(axes, [c for c in choices if c.method == method], looks[method])
+            own = [c for c in choices if c.method == method]
+            _draw(axes, own, looks[method])
+            if kind != "arithmetic" and len(own) > 1:
+                _name_ends(axes, own, middle)
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_xlabel(_X_LABELS[kind])
@@ -120,17 +130,34 @@ def _draw(axes: Axes, choices: Sequence[Choice], look: style.Look) -> None:
         axes.plot(a, b, ls="none", marker=look.marker, ms=4.5, mfc=face, mec=look.colour, mew=0.9, zorder=4)
     label = METHODS.get(method, method) + (" †" if method in OTHER_QUESTION else "")
     axes.plot([], [], color=look.colour, ls=look.line, marker=look.marker, ms=4.5, label=label)
-    if len(choices) > 1:
-        _name_ends(axes, choices)
 
 
-def _name_ends(axes: Axes, choices: Sequence[Choice]) -> None:
-    """Settings of the first and the last marker of a line, turned inwards."""
-    for choice, place, side in ((choices[0], (4, 4), "left"), (choices[-1], (-3, -9), "right")):
-        axes.annotate(
-            choice.setting, (choice.time.median, max(choice.error, _LEAST)), xytext=place,
-            textcoords="offset points", fontsize=5.8, color=style.GREY, ha=side, zorder=5,
-        )  # fmt: skip
+def _name_ends(axes: Axes, choices: Sequence[Choice], middle: float) -> None:
+    """Settings of the first and the last marker of a line, where they are short; turned inwards."""
+    for choice, up in ((choices[0], 4), (choices[-1], -9)):
+        if len(choice.setting) <= _SHORT:
+            right = choice.time.median > middle
+            axes.annotate(
+                choice.setting, (choice.time.median, max(choice.error, _LEAST)),
+                xytext=(-4 if right else 4, up), textcoords="offset points", fontsize=5.8,
+                color=style.GREY, ha="right" if right else "left", zorder=5,
+            )  # fmt: skip
+
+
+def _draw_questions(axes: Axes, choices: Sequence[Choice]) -> None:
+    """Precisions: the same impacts joined from one to the other; those that lose most are named."""
+    for question in dict.fromkeys(choice.question for choice in choices):
+        own = [choice for choice in choices if choice.question == question]
+        axes.plot(
+            [c.time.median for c in own], [max(c.error, _LEAST) for c in own], color="0.75", lw=0.7, zorder=1
+        )
+    for choice in choices:
+        if choice.error > _LOST:
+            worst = max(choice.errors, key=lambda name: choice.errors[name])
+            axes.annotate(
+                f"{choice.setting}: {worst}", (choice.time.median, choice.error), xytext=(5, -2),
+                textcoords="offset points", fontsize=5.8, color=style.GREY, zorder=5,
+            )  # fmt: skip
 
 
 def _floor(axes: Axes, error: float) -> None:

@@ -39,7 +39,7 @@ def summary(costs: Costs) -> str:
     lines += wrapped(f"measured now, on {machine()}; {FRONT}: nothing here is both as fast and as exact", 2)
     for kind in costs.kinds:
         lines += ["", *wrapped(heading(costs, kind), 4), ""]
-        lines += _table(costs.of(kind))
+        lines += _precisions(costs) if kind == "arithmetic" else _table(costs.of(kind))
         lines.append("")
         for says in sentences(costs, kind):
             lines += finding_lines("", says)
@@ -87,6 +87,12 @@ def reference_words(reference: Reference) -> str:
 def _model(costs: Costs) -> str:
     fit = costs.fit
     return f"closure {CLOSURES[fit.closure].title}, {noise_words(fit)}"
+
+
+def _precisions(costs: Costs) -> list[str]:
+    from ifrfit.report.precision import precision_lines
+
+    return precision_lines([cost for cost in costs.costs if cost.kind == "arithmetic"])
 
 
 def _table(choices: Sequence[Choice]) -> list[str]:

@@ -14,25 +14,34 @@ from ifrfit.report.regimes import joined
 from ifrfit.report.words import METHODS
 
 TARGETS = tuple(10.0**-k for k in range(1, 17))
-_ACCURACY = {"inference": "of an sd", "physics": "in beta", "arithmetic": ""}
+_ACCURACY = {"inference": "of an sd", "physics": "in beta"}
 _UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
+_MUCH = 3.0  # times the time of another from which on a method is worth a word
 _LONG = 120.0  # seconds from which minutes are said
 
 
 def sentences(costs: Costs, kind: Kind) -> tuple[str, ...]:
     """Which choice is best for which accuracy; what the others come to; and what is no comparison."""
-    choices = costs.of(kind)
-    if not choices:
+    if kind == "arithmetic":
+        from ifrfit.report.precision import precision_sentences
+
+        return tuple(precision_sentences([cost for cost in costs.costs if cost.kind == kind]))
+    choices = [choice for choice in costs.of(kind) if not math.isnan(choice.error)]
+    rivals = [choice for choice in choices if choice.method not in OTHER_QUESTION]
+    if not rivals:
         return ()
-    rivals = [c for c in choices if not (kind == "inference" and c.method in OTHER_QUESTION)]
     found = best_for(rivals, TARGETS)
     said = [_best(found, kind)] if found else []
-    winners = {choice.method for _, _, choice in found}
-    others = [c for c in rivals if c.method not in winners]
-    said += [_behind(method, others, rivals, kind) for method in dict.fromkeys(c.method for c in others)]
-    if kind == "inference":
-        said += _other_question(choices)
-    return tuple(said)
+    winners = [choice for _, _, choice in found]
+    fastest = min(rivals, key=lambda c: c.time.median)
+    if fastest not in winners:
+        said.append(
+            f"The fastest, {named(fastest)} ({seconds_text(fastest.time.median)}), comes to "
+            f"{error_text(fastest.error)} {_ACCURACY[kind]}"
+        )
+    others = dict.fromkeys(c.method for c in rivals if c.method not in {w.method for w in winners})
+    behind = (_behind(method, rivals, kind) for method in others)
+    return tuple([*said, *filter(None, behind), *_other_question(choices)])
 
 
 def named(choice: Choice) -> str:
@@ -68,20 +77,20 @@ def _best(found: Sequence[tuple[float, float, Choice]], kind: Kind) -> str:
     for loose, tight, choice in found:
         span = power(loose) if loose == tight else f"{power(loose)} to {power(tight)}"
         parts.append(f"{span}: {named(choice)} ({seconds_text(choice.time.median)})")
-    unit = f" {_ACCURACY[kind]}" if _ACCURACY[kind] else ""
-    return f"Cheapest for an error of at most so much{unit}: {'; '.join(parts)}"
+    return f"Cheapest for an error of at most so much {_ACCURACY[kind]}: {'; '.join(parts)}"
 
 
-def _behind(method: str, others: Sequence[Choice], rivals: Sequence[Choice], kind: Kind) -> str:
-    """What a method that is best for no accuracy comes to, and what would have been cheaper."""
-    own = min((c for c in others if c.method == method), key=lambda c: (math.isnan(c.error), c.error))
-    unit = f" {_ACCURACY[kind]}" if _ACCURACY[kind] else ""
-    start = f"{named(own)} comes to {error_text(own.error)}{unit} in {seconds_text(own.time.median)}"
+def _behind(method: str, rivals: Sequence[Choice], kind: Kind) -> str:
+    """What a method that is best for no accuracy comes to, and what would have been much cheaper."""
+    own = min((c for c in rivals if c.method == method), key=lambda c: (c.error, c.time.median))
     better = cheapest([c for c in rivals if c.method != method], own.error)
-    if better is None:
-        return start
-    ratio = own.time.median / better.time.median
-    return f"{start}, {ratio_text(ratio)} the time of {named(better)}, which is no less exact"
+    if better is None or own.time.median < _MUCH * better.time.median:
+        return ""
+    return (
+        f"{named(own)} comes to {error_text(own.error)} {_ACCURACY[kind]} in {seconds_text(own.time.median)}, "
+        f"{ratio_text(own.time.median / better.time.median)} the time of {named(better)}, which is no less "
+        "exact"
+    )
 
 
 def ratio_text(ratio: float) -> str:
