@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results"
+README = Path(__file__).parent / "README.md"
 
 
 def machine(*packages: str) -> str:
@@ -89,9 +90,8 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
         writer.writerows(rows)
 
 
-def put_into_readme(mark: str, lines: Sequence[str]) -> None:
-    """Replace what stands between ``<!-- mark -->`` and ``<!-- end mark -->`` in the README here."""
-    path = Path(__file__).parent / "README.md"
+def put_into_readme(mark: str, lines: Sequence[str], path: Path = README) -> None:
+    """Replace what stands between ``<!-- mark -->`` and ``<!-- end mark -->`` in a file."""
     before, rest = path.read_text(encoding="utf-8").split(f"<!-- {mark} -->\n")
     _, after = rest.split(f"<!-- end {mark} -->\n")
     middle = "\n".join(["", *lines, "", ""])

@@ -1,4 +1,5 @@
 from ._version import __version__ as __version__
+from .cost.api import measure_costs as measure_costs
 from .data import Observations as Observations
 from .data import load_dataset as load_dataset
 from .data import read as read

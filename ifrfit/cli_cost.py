@@ -57,7 +57,7 @@ def costing(fit: Callable[..., None]) -> Callable[..., None]:
         quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors; needs --out.")] = False,
         **chosen: Any,
     ) -> None:
-        """What accuracy costs in time: methods, contact laws and precisions, measured now."""
+        """What accuracy costs in time, measured now, on your data."""
         if quiet and out is None:
             raise UsageError("--quiet without --out leaves nothing of the measurement: add --out DIR.")
         from ifrfit.cost.api import measure_costs

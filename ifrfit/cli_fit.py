@@ -23,8 +23,8 @@ def fit(
     method: Annotated[
         str | None,
         typer.Option(
-            show_default="exact",
-            help="exact: the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov "
+            show_default=False,
+            help="exact (the default): the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov "
             "chains; bootstrap: fits of experiments drawn anew.",
         ),
     ] = None,

@@ -34,7 +34,7 @@ class Choice:
 
     @property
     def question(self) -> tuple[str, str]:
-        """What it competes in: its kind; in arithmetic the setting says which impacts, and each has its own."""
+        """What it competes in: its kind; in arithmetic each setting, which says which impacts."""
         return self.kind, self.setting if self.kind == "arithmetic" else ""
 
     @property

@@ -64,9 +64,9 @@ QUICK = Extent(
     tolerances=(1e-1, 1e-3, 1e-6),
     replicates=(100, 1_000),
     steps=(50, 150),
-    seeds=3,
+    seeds=2,
     repeats=3,
-    longest=1.5,
+    longest=0.7,
 )
 
 

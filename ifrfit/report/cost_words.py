@@ -41,7 +41,7 @@ def sentences(costs: Costs, kind: Kind) -> tuple[str, ...]:
         )
     others = dict.fromkeys(c.method for c in rivals if c.method not in {w.method for w in winners})
     behind = (_behind(method, rivals, kind) for method in others)
-    return tuple([*said, *filter(None, behind), *_other_question(choices)])
+    return (*said, *filter(None, behind), *_other_question(choices))
 
 
 def named(choice: Choice) -> str:
@@ -86,10 +86,10 @@ def _behind(method: str, rivals: Sequence[Choice], kind: Kind) -> str:
     better = cheapest([c for c in rivals if c.method != method], own.error)
     if better is None or own.time.median < _MUCH * better.time.median:
         return ""
+    ratio = ratio_text(own.time.median / better.time.median)
     return (
-        f"{named(own)} comes to {error_text(own.error)} {_ACCURACY[kind]} in {seconds_text(own.time.median)}, "
-        f"{ratio_text(own.time.median / better.time.median)} the time of {named(better)}, which is no less "
-        "exact"
+        f"{named(own)} comes to {error_text(own.error)} {_ACCURACY[kind]} in "
+        f"{seconds_text(own.time.median)}, {ratio} the time of {named(better)}, which is no less exact"
     )
 
 

@@ -36,9 +36,11 @@ TEXTS = {
         "e_n=0.94",
         "--intervals",
     ),
+    "accuracy": ("fit", "cross-2019", "--fix", "e_n=0.94", "--accuracy", "1e-3"),
     "compare-help": ("compare", "--help"),
     "compare": ("compare", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15"),
     "compare-stand-in": ("compare", "cross-2019", "--fix", "e_n=0.94", "--no-loo"),
+    "cost-help": ("cost", "--help"),
     "datasets-list": ("datasets", "list"),
     "datasets-show": ("datasets", "show", "kharaz-2001"),
     "datasets-show-stand-in": ("datasets", "show", "cross-2019"),
@@ -48,6 +50,12 @@ TEXTS = {
     "template": ("template",),
     "template-raw": ("template", "--raw"),
 }
+
+
+@pytest.fixture(autouse=True)
+def still(monkeypatch):
+    """No time goes by for --accuracy and --budget."""
+    monkeypatch.setattr("ifrfit.inference.effort.wanted.CLOCK", lambda: 0.0)
 
 
 @pytest.mark.parametrize("name", TEXTS)
@@ -77,7 +85,15 @@ def test_a_line_fits_a_terminal_and_nothing_trails(name):
 
 @pytest.mark.parametrize(
     "name",
-    ["stand-in", "least-squares", "bootstrap", "separate", "compare-stand-in", "datasets-show-stand-in"],
+    [
+        "stand-in",
+        "accuracy",
+        "least-squares",
+        "bootstrap",
+        "separate",
+        "compare-stand-in",
+        "datasets-show-stand-in",
+    ],
 )
 def test_a_stand_in_says_so_within_its_first_two_lines(name):
     head = (GOLDEN / f"{name}.txt").read_text(encoding="utf-8").splitlines()[:2]

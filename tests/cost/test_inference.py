@@ -17,7 +17,7 @@ from ifrfit.inference.least_squares import least_squares
 from ifrfit.inference.posterior import explore
 from ifrfit.inference.profiling import profile_all
 
-SMALL = Extent(tolerances=(1e-1, 1e-4), replicates=(100,), steps=(50, 200), seeds=3, repeats=1, longest=30.0)
+SMALL = Extent(tolerances=(1e-1, 1e-4), replicates=(100,), steps=(10, 40), seeds=2, repeats=1, longest=30.0)
 
 
 @pytest.fixture
@@ -98,8 +98,8 @@ def test_everything_is_measured_with_three_quantities(near_the_bound):
         ("bootstrap", "100 replicates"),
         ("exact", "tolerance 1e-1"),
         ("exact", "tolerance 1e-4"),
-        ("mcmc", "50 steps"),
-        ("mcmc", "200 steps"),
+        ("mcmc", "10 steps"),
+        ("mcmc", "40 steps"),
     }
     assert len(measured.costs) == 3 * len(names)
     assert {c.quantity for c in measured.costs} == {"mean", "sd", "interval95"}
@@ -125,10 +125,10 @@ def test_errors_of_chains_fall_with_their_length(far_from_bounds):
     right, _, _ = closed_form(far_from_bounds)
     found = {
         length: largest_errors(numbers, right)["mean"]
-        for length, numbers, _ in chains_measured(far_from_bounds, (20, 400), range(3))
+        for length, numbers, _ in chains_measured(far_from_bounds, (20, 200), range(2))
     }
-    assert found[400] < 0.6 * found[20]
-    assert found[400] < 0.03
+    assert found[200] < 0.7 * found[20]
+    assert found[200] < 0.04
 
 
 def test_lengths_that_would_take_too_long_are_left_out(far_from_bounds):

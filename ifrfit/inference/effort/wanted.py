@@ -19,6 +19,8 @@ _RESERVED = 0.1  # of the budget, for statuses, draws and checks after the searc
 
 Clock = Callable[[], float]
 
+CLOCK: Clock = time.perf_counter
+
 
 @dataclass(frozen=True)
 class Wanted:
@@ -61,7 +63,7 @@ class Wanted:
 
 
 def make_wanted(
-    accuracy: float | None, budget: float | str | None, method: str | None, clock: Clock = time.perf_counter
+    accuracy: float | None, budget: float | str | None, method: str | None, clock: Clock | None = None
 ) -> Wanted | None:
     """Check what is asked; None where neither an accuracy nor a budget is.
 
@@ -73,8 +75,8 @@ def make_wanted(
         Seconds, or text as `seconds_of` reads it.
     method : str, optional
         As the user names it.
-    clock : callable
-        Seconds.
+    clock : callable, optional
+        Seconds, by default of this machine.
 
     Raises
     ------
@@ -95,7 +97,8 @@ def make_wanted(
             f"{option} picks the settings of exact or mcmc; --method {method} has none that make it more "
             "exact. Leave one of the two out."
         )
-    return Wanted(accuracy, seconds, method, clock, clock())
+    own = CLOCK if clock is None else clock
+    return Wanted(accuracy, seconds, method, own, own())
 
 
 def seconds_of(budget: float | str) -> float:

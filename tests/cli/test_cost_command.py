@@ -1,0 +1,78 @@
+"""`ifrfit cost` as a user runs it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+CROSS = ("cost", "cross-2019", "--fix", "e_n=0.94", "--kind", "inference", "--quick")
+
+
+def test_measures_says_and_writes(cli):
+    found = cli(*CROSS, "--out", "out")
+    assert (found.returncode, found.stderr) == (0, "")
+    assert "STAND-IN" in found.stdout.splitlines()[0] + found.stdout.splitlines()[1]
+    assert "Cheapest for an error of at most so much of an sd" in found.stdout
+    assert found.stdout.rstrip().endswith("written: out/  cost.csv  cost-inference.svg  cost-inference.png")
+    table = pd.read_csv("out/cost.csv", keep_default_na=False)
+    assert set(table["kind"]) == {"inference"}
+    assert {"lsq", "profile", "bootstrap", "exact", "mcmc"} == set(table["method"])
+    assert (table["time_s"] > 0.0).all()
+    exact = table[table["method"] == "exact"]
+    tolerance = exact["setting"].str.removeprefix("tolerance ").astype(float)
+    assert (exact["error"] <= tolerance).all()
+
+
+def test_quiet_needs_a_folder(cli):
+    found = cli(*CROSS, "--quiet")
+    assert found.returncode == 2
+    assert found.stderr == (
+        "ifrfit: --quiet without --out leaves nothing of the measurement: add --out DIR.\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "says"),
+    [
+        (("nix.csv",), 3, "there is neither a file nor a dataset of that name"),
+        (("cross-2019", "--kind", "time"), 2, "--kind time: choose inference, physics or arithmetic."),
+        (("cross-2019", "--closure", "brach"), 2, "brach"),
+        (
+            (
+                "cross-2019",
+                "--fix",
+                "e_n=0.94",
+                "--fix",
+                "e_t=-0.9",
+                "--fix",
+                "mu=0.1",
+                "--kind",
+                "inference",
+            ),
+            2,
+            "Every constant is fixed: no method has anything to find.",
+        ),
+        (
+            ("cross-2019", "--closure", "fr", "--bounds", "beta0=-1.5,1", "--kind", "inference"),
+            2,
+            "The exact posterior needs beta0 >= -1",
+        ),
+    ],
+)
+def test_impossible_calls_write_nothing(cli, arguments, status, says):
+    found = cli("cost", *arguments, "--quick", "--out", "out")
+    assert found.returncode == status
+    assert says in found.stderr
+    assert found.stdout == ""
+    assert not Path("out").exists()
+
+
+def test_an_earlier_measurement_is_kept(cli):
+    Path("out").mkdir()
+    Path("out/cost.csv").write_text("mine", encoding="utf-8")
+    found = cli(*CROSS, "--out", "out")
+    assert found.returncode == 2
+    assert "holds an earlier measurement of costs; add --force" in found.stderr
+    assert Path("out/cost.csv").read_text(encoding="utf-8") == "mine"

@@ -1,0 +1,56 @@
+"""`ifrfit fit --accuracy` and `--budget` as a user runs them."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+FIT = ("fit", "cross-2019", "--fix", "e_n=0.94")
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (
+            ("--budget", "soon"),
+            "--budget soon: write a time, as 2s, 500ms or 3min; a plain number is seconds.",
+        ),
+        (("--accuracy", "7"), "--accuracy 7: choose from 1e-9 to 0.5 of a posterior standard deviation."),
+        (
+            ("--accuracy", "1e-3", "--method", "lsq"),
+            "--accuracy picks the settings of exact or mcmc; --method lsq has none that make it more exact. "
+            "Leave one of the two out.",
+        ),
+        (
+            ("--budget", "2s", "--method", "mcmc", "--max-steps", "100"),
+            "--accuracy and --budget pick the settings themselves: leave --max-steps out.",
+        ),
+        (
+            ("--accuracy", "1e-6", "--method", "mcmc"),
+            "--accuracy 1e-6 takes chains 7e+12 independent draws: ask for 2e-3 or more, or leave --method "
+            "mcmc out.",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_a_sentence(cli, options, says):
+    found = cli(*FIT, *options)
+    assert (found.returncode, found.stdout) == (2, "")
+    assert found.stderr == f"ifrfit: {says}\n"
+
+
+def test_the_file_tells_what_was_reached(cli):
+    content = json.loads(cli(*FIT, "--accuracy", "1e-2", "--json").stdout)
+    effort = content["effort"]
+    assert (effort["method"], effort["tolerance"], effort["accuracy"]) == ("exact", 1e-2, 1e-2)
+    assert effort["reached"] <= 1e-2
+    assert (effort["budget"], effort["why"]) == (None, "")
+    assert effort["seconds"] > 0.0
+
+
+def test_strict_insists_on_the_accuracy(cli, monkeypatch):
+    now = iter(range(10_000))
+    monkeypatch.setattr("ifrfit.inference.effort.wanted.CLOCK", lambda: float(next(now)))
+    found = cli(*FIT, "--accuracy", "1e-6", "--budget", "0.5", "--strict")
+    assert found.returncode == 4
+    assert "the asked accuracy of 1e-6 of an sd was not reached within 0.5 s" in found.stderr
