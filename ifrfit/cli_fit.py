@@ -24,8 +24,8 @@ def fit(
         str | None,
         typer.Option(
             show_default=False,
-            help="exact (the default): the posterior; lsq: least squares; profile: profile likelihood; mcmc: Markov "
-            "chains; bootstrap: fits of experiments drawn anew.",
+            help="exact (the default): the posterior; lsq: least squares; profile: profile likelihood; "
+            "mcmc: Markov chains; bootstrap: fits of experiments drawn anew.",
         ),
     ] = None,
     fix: Annotated[Repeated, typer.Option(metavar="NAME=VALUE", help="A constant that you know.")] = [],  # noqa: B006
