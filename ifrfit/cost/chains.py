@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -12,9 +13,11 @@ from ifrfit.inference.least_squares import least_squares
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.sampled import Sampled
 
+_FEWEST = 2  # seeds
+
 
 def chains_measured(
-    problem: Problem, lengths: Sequence[int], seeds: Iterable[int]
+    problem: Problem, lengths: Sequence[int], seeds: Iterable[int], enough: float = math.inf
 ) -> Iterator[tuple[int, tuple[Numbers, ...], Timing]]:
     """Walk as `--method mcmc` does, and look at the chains at given lengths.
 
@@ -27,6 +30,8 @@ def chains_measured(
     lengths : sequence of int
         Steps of each ensemble, growing.
     seeds : iterable of int
+    enough : float
+        Seconds after which no further seed begins; two walk in any case.
 
     Yields
     ------
@@ -42,7 +47,10 @@ def chains_measured(
 
     numbers: dict[int, list[Numbers]] = {length: [] for length in lengths}
     seconds: dict[int, list[float]] = {length: [] for length in lengths}
+    spent: list[float] = []
     for seed in seeds:
+        if len(spent) >= _FEWEST and sum(spent) > enough:
+            break
         begin = time.perf_counter()
         coordinates = mcmc.Coordinates(Density(problem))
         chains = mcmc.fresh(coordinates, least_squares(problem), seed)
@@ -57,6 +65,7 @@ def chains_measured(
             law = Sampled.of(problem, {name: x.reshape(-1) for name, x in kept.items()})
             numbers[length].append(of_law(problem, law))
             seconds[length].append(walked + time.perf_counter() - middle)
+        spent.append(walked)
     for length in lengths:
         yield length, tuple(numbers[length]), Timing.of(seconds[length])
 

@@ -10,12 +10,14 @@ from ifrfit.cost.chains import affordable, chains_measured
 from ifrfit.cost.measured import Cost, Timing, in_turns
 from ifrfit.cost.numbers import QUANTITIES, Numbers, largest_errors, of_law, of_least_squares, of_profiles
 from ifrfit.errors import UsageError
+from ifrfit.inference.effort.exact import foreseen
 from ifrfit.inference.effort.words import power
 from ifrfit.inference.least_squares import least_squares
 from ifrfit.inference.posterior import Posterior, explore
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.profiling import profile_all
 from ifrfit.inference.resampling import bootstrap
+from ifrfit.inference.resampling.together import Together
 from ifrfit.inference.sampled import Sampled
 
 UNIT = "posterior sd"
@@ -25,7 +27,7 @@ OTHER_QUESTION = (LSQ, PROFILE, BOOTSTRAP)
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 REFERENCE = 1e-9  # a step beyond the finest that is measured
-_GROWTH = 4.0  # of the time from one tolerance to the next, where it has not been seen to grow faster
+WORST = 0.1  # error of a reference, in sd, beyond which it is none
 _FEWEST = 20  # replicates with an answer below which they are no law of anything
 
 Progress = Callable[[int, int], None]
@@ -49,6 +51,8 @@ class Extent:
         Of everything else.
     longest : float
         Seconds that one call may take; what is foreseen to take longer is left out, and that is said.
+    reference : float
+        Seconds that the reference may take, as far as that can be foreseen.
     """
 
     tolerances: tuple[float, ...] = TOLERANCES
@@ -57,6 +61,7 @@ class Extent:
     seeds: int = 4
     repeats: int = 5
     longest: float = 8.0
+    reference: float = 20.0
 
 
 FULL = Extent()
@@ -67,6 +72,7 @@ QUICK = Extent(
     seeds=2,
     repeats=3,
     longest=0.7,
+    reference=3.0,
 )
 
 
@@ -201,27 +207,32 @@ def _exact(problem: Problem, tolerance: float) -> Callable[[], Numbers]:
 
 
 def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[float], Posterior]:
-    """Tolerances that are measured, and the posterior that is their reference: one step finer than they."""
-    reached: list[float] = []
-    last, before = 0.0, 0.0
-    posterior: Posterior | None = None
+    """Tolerances that are measured, and the posterior that is their reference: the next finer one."""
+    tried: list[tuple[float, Posterior]] = []
+    last = before = 0.0
     for tolerance in (*extent.tolerances, REFERENCE):
-        grows = max(_GROWTH, last / before if before > 0.0 else 0.0)
-        if posterior is not None and (last * grows > extent.longest or not posterior.converged):
-            break
+        if tried:
+            known = tried[-1][1].error <= WORST
+            if known and foreseen(tried[-1][1], last, before) > extent.reference:
+                break
         begin = time.perf_counter()
         posterior = explore(problem, tolerance)
         last, before = time.perf_counter() - begin, last
-        reached.append(tolerance)
-    assert posterior is not None
-    if reached[-1] != REFERENCE:
-        why = (
-            f"would take longer than {extent.longest:g} s"
-            if posterior.converged
-            else f"are out of reach: the quadrature comes to {posterior.error:.0e} of an sd"
+        if tried and not posterior.error < tried[-1][1].error and not posterior.converged:
+            break
+        tried.append((tolerance, posterior))
+    finest, reference = tried[-1]
+    if not reference.error <= WORST:
+        raise UsageError(
+            f"The exact posterior of these data comes to {power(reference.error)} of an sd only: there is "
+            "nothing to measure errors against."
         )
-        notes.append(f"Tolerances of exact below {power(reached[-1])} {why}; that one is the reference.")
-    return reached[:-1], posterior
+    if finest != REFERENCE:
+        notes.append(
+            f"Tolerances of exact below {power(finest)} are out of reach, or take longer than "
+            f"{extent.reference:g} s: that one is the reference."
+        )
+    return [tolerance for tolerance, _ in tried[:-1]], reference
 
 
 def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> list[_Answer]:
@@ -229,17 +240,16 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
     if not problem.scatter.is_plain:
         return []
     found: list[_Answer] = []
-    last = 0.0
-    for number, replicates in enumerate(extent.replicates):
-        if last * replicates / extent.replicates[number - 1] > extent.longest:
-            notes.append(f"{replicates:,} replicates and more would take longer than {extent.longest:g} s.")
+    each = _seconds_a_replicate(problem)
+    for replicates in extent.replicates:
+        if replicates * each > extent.longest:
+            notes.append(f"{replicates:,} replicates would take longer than {extent.longest:g} s.")
             break
         numbers: list[Numbers] = []
         seconds: list[float] = []
         for own in range(seed, seed + extent.seeds):
-            if seconds and seconds[0] > extent.longest:
+            if sum(seconds) > extent.longest:
                 break
-
             begin = time.perf_counter()
             drawn = bootstrap(problem, least_squares(problem), replicates=replicates, seed=own)
             if drawn.answered < _FEWEST:
@@ -247,9 +257,17 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
                 return found
             numbers.append(of_law(problem, Sampled.of(problem, drawn.draws)))
             seconds.append(time.perf_counter() - begin)
-        last = max(seconds)
+        each = max(seconds) / replicates
         found.append(_Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds)))
     return found
+
+
+def _seconds_a_replicate(problem: Problem) -> float:
+    """Time of a replicate where each is fitted on its own; 0 where all are fitted at once, which is fast."""
+    begin = time.perf_counter()
+    start = least_squares(problem)
+    taken = time.perf_counter() - begin
+    return 0.0 if Together.of(problem, start) is not None else taken
 
 
 def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
@@ -258,5 +276,6 @@ def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> It
         notes.append(
             f"{extent.steps[len(lengths)]:,} steps of mcmc would take longer than {extent.longest:g} s."
         )
-    for steps, numbers, taken in chains_measured(problem, lengths, range(seed, seed + extent.seeds)):
+    seeds = range(seed, seed + extent.seeds)
+    for steps, numbers, taken in chains_measured(problem, lengths, seeds, 2.0 * extent.longest):
         yield _Answer(MCMC, f"{steps:,} steps", numbers, taken)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -140,6 +141,24 @@ def test_lengths_that_would_take_too_long_are_left_out(far_from_bounds):
     )
     assert told.notes == ("1,000,000,000 steps of mcmc would take longer than 5 s.",)
     assert "mcmc" not in {c.method for c in told.costs}
+
+
+def test_replicates_that_would_take_too_long_are_left_out(impacts):
+    """Rebound angles have their replicates fitted one by one."""
+    path = impacts(gamma=np.linspace(10.0, 80.0, 10), observables=("delta_deg",), sigma=2.0, noise=1.0)
+    problem = ifrfit.fit(path, method="lsq", fix={"e_n": 0.94}).problem
+    few = Extent((1e-1,), (10**6,), (10,), seeds=1, repeats=1, longest=20.0)
+    told = inference_costs(problem, extent=few)
+    assert "1,000,000 replicates would take longer than 20 s." in told.notes
+    assert "bootstrap" not in {c.method for c in told.costs}
+
+
+def test_without_a_reference_nothing_is_measured(far_from_bounds, monkeypatch):
+    cut = explore(far_from_bounds, 1e-1)
+    bad = replace(cut, error=7.0, tolerance=1e-3)
+    monkeypatch.setattr("ifrfit.cost.inference.explore", lambda *_: bad)
+    with pytest.raises(UsageError, match="comes to 7e0 of an sd only: there is nothing to measure errors"):
+        inference_costs(far_from_bounds, extent=SMALL)
 
 
 def test_nothing_free_is_nothing_to_measure():

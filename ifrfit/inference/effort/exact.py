@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from ifrfit.inference.effort.wanted import Wanted
@@ -13,6 +14,8 @@ from ifrfit.inference.problem import Problem
 LADDER = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 _GROWTH = 4.0  # of the time from one tolerance to the next, where it has not been seen to grow faster
 
+_NEAR = 1.5  # factor within which a tolerance is as good as the asked one
+
 Explore = Callable[..., Any]
 
 
@@ -22,7 +25,9 @@ def refine(
     """Integrate the posterior as exactly as asked, or as the budget allows.
 
     With a budget the tolerance goes down in steps, as long as the next one, foreseen from the last ones,
-    fits into what is left; a step that takes longer than foreseen is cut short.
+    fits into what is left; a step that takes longer than foreseen is cut short. Where a tolerance is not
+    reached the next one is tried all the same: it begins with finer rules, which come through where coarse
+    ones get stuck.
 
     Parameters
     ----------
@@ -35,33 +40,58 @@ def refine(
     Returns
     -------
     Posterior or None
-        The one with the least error; None where not even the coarsest came to an end in time.
+        The one with the least error; None where the budget ended before any error was small.
 
     Raises
     ------
     UsageError, DataError
         As `explore`.
     """
-    if wanted.budget is None:
-        return explore(problem, wanted.accuracy, start)  # type: ignore[no-any-return]
     best: Posterior | None = None
+    latest: Posterior | None = None
     last = before = 0.0
-    for tolerance in ladder(wanted.accuracy):
-        grows = max(_GROWTH, last / before if before > 0.0 else 0.0)
-        if wanted.over or (best is not None and last * grows > wanted.left):
+    for tolerance in ladder(wanted.accuracy, wanted.budget is not None):
+        if latest is not None and (_enough(latest, wanted) or foreseen(latest, last, before) > wanted.left):
+            break
+        if wanted.over:
             break
         begin = wanted.clock()
-        found = explore(problem, tolerance, start, over=lambda: wanted.over)
+        latest = explore(problem, tolerance, start, over=lambda: wanted.over)
         last, before = wanted.clock() - begin, last
-        if best is None or found.error < best.error:
-            best = found
-        if not found.converged:
+        is_better = best is None or latest.error <= best.error
+        if not is_better and not latest.converged:
             break
-    return best if best is not None and best.error <= LADDER[0] else None
+        best = latest if is_better else best
+    if best is None or (wanted.budget is not None and best.error > LADDER[0]):
+        return None
+    if wanted.accuracy is not None and _enough(best, wanted):
+        return replace(best, tolerance=max(best.tolerance, wanted.accuracy))
+    return best
 
 
-def ladder(accuracy: float | None) -> tuple[float, ...]:
-    """Tolerances from coarse to fine; down to the asked accuracy, where one is asked for."""
+def ladder(accuracy: float | None, from_the_top: bool) -> tuple[float, ...]:
+    """Tolerances from coarse to fine: to the asked accuracy, and further where it is not reached there."""
     if accuracy is None:
         return LADDER
-    return (*(tolerance for tolerance in LADDER if tolerance > 1.5 * accuracy), accuracy)
+    coarser = tuple(tolerance for tolerance in LADDER if tolerance > _NEAR * accuracy)
+    finer = tuple(tolerance for tolerance in LADDER if tolerance < accuracy / _NEAR)
+    return (*(coarser if from_the_top else ()), accuracy, *finer)
+
+
+def foreseen(found: Posterior, last: float, before: float) -> float:
+    """Seconds that the next tolerance will take.
+
+    Parameters
+    ----------
+    found : Posterior
+        The last one.
+    last, before : float
+        Seconds that it took, and the one before; 0 where there was none.
+    """
+    if not found.converged:  # it was given up, which takes longest
+        return last
+    return last * max(_GROWTH, last / before if before > 0.0 else 0.0)
+
+
+def _enough(found: Posterior, wanted: Wanted) -> bool:
+    return wanted.accuracy is not None and max(found.error, found.error_evidence) <= wanted.accuracy

@@ -31,13 +31,14 @@ class Integral:
     tolerance: float
     error: float
     converged: bool = True
+    error_evidence: float = 0.0
 
 
 class Explore:
     """Takes as long as it is told to at each tolerance, and looks at the clock as rounds do."""
 
-    def __init__(self, clock, seconds, *, rounds=10):
-        self.clock, self.seconds, self.rounds = clock, seconds, rounds
+    def __init__(self, clock, seconds, *, rounds=10, stuck=()):
+        self.clock, self.seconds, self.rounds, self.stuck = clock, seconds, rounds, stuck
         self.asked = []
 
     def __call__(self, problem, tolerance, start, over=None):
@@ -46,12 +47,14 @@ class Explore:
             self.clock.now += self.seconds[tolerance] / self.rounds
             if over is not None and over() and done < self.rounds:
                 return Integral(tolerance, tolerance * 10.0 ** (self.rounds - done), False)
+        if tolerance in self.stuck:
+            return Integral(tolerance, 300.0 * tolerance, False)
         return Integral(tolerance, 0.5 * tolerance)
 
 
 def refined(budget, seconds, accuracy=None):
     clock = Clock()
-    explore = Explore(clock, dict(zip(ladder(accuracy), seconds, strict=False)))
+    explore = Explore(clock, dict(zip(ladder(accuracy, True), seconds, strict=False)))
     found = refine(None, None, make_wanted(accuracy, budget, None, clock), explore)
     return found, explore.asked, clock.now
 
@@ -94,6 +97,29 @@ def test_nothing_is_begun_after_the_budget():
     explore = Explore(clock, {})
     assert refine(None, None, wanted, explore) is None
     assert explore.asked == []
+
+
+@pytest.mark.parametrize("budget", [None, 100.0])
+def test_finer_rules_are_tried_where_coarse_ones_get_stuck(budget):
+    clock = Clock()
+    explore = Explore(clock, dict.fromkeys((1e-1, *LADDER), 1.0), stuck=(1e-1, 1e-2))
+    found = refine(None, None, make_wanted(0.1, budget, None, clock), explore)
+    assert explore.asked == [1e-1, 1e-2, 1e-3]
+    assert found.error == 0.5e-3
+    assert found.tolerance == 0.1  # what was asked for is what has to be reached
+
+
+def test_what_gets_no_better_is_given_up():
+    clock = Clock()
+    explore = Explore(clock, dict.fromkeys(LADDER, 1.0))
+    explore.error = iter([0.04, 0.05])
+    found = refine(
+        None,
+        None,
+        make_wanted(1e-3, None, None, clock),
+        lambda *_, **__: Integral(1e-3, next(explore.error), False),
+    )
+    assert found.error == 0.04
 
 
 def test_stops_at_the_asked_accuracy():
