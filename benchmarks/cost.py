@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from _common import RESULTS, machine, put_into_readme
 # isort: split
 from ifrfit.cost.api import KINDS, measure_costs
 from ifrfit.cost.result import Costs
+from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
 
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = ROOT / "docs" / "cost"  # what the README shows
@@ -39,13 +41,11 @@ def shown(found: Mapping[str, Costs]) -> list[str]:
         f"![{name}: error against time of every method of inference](docs/cost/{name}/cost-inference.svg)"
         for name in names
     ]
-    heads = [
-        f"{name}, {'**STAND-IN data**' if _is_stand_in(found[name]) else found[name].fit.provenance[0]}"
-        for name in names
-    ]
+    heads = [f"{name}, {_provenance(found[name])}" for name in names]
     lines = [_row(heads), "|" + "---|" * len(names), _row(pictures), ""]
     for name in names:
-        lines += [f"- {name}: {'. '.join(found[name].sentences('inference'))}."]
+        said = f"- {name}: {'. '.join(found[name].sentences('inference'))}."
+        lines += textwrap.wrap(said, 118, subsequent_indent="  ", break_on_hyphens=False)
     return [*lines, "", f"Measured on {machine('emcee')}."]
 
 
@@ -53,10 +53,10 @@ def _row(cells: list[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def _is_stand_in(costs: Costs) -> bool:
-    from ifrfit.report.provenance import is_stand_in
-
-    return is_stand_in(costs.fit)
+def _provenance(costs: Costs) -> str:
+    if is_stand_in(costs.fit):
+        return "**STAND-IN data**"
+    return provenance_words(kinds_of(costs.fit, costs.fit.inputs[0]))
 
 
 def main() -> None:

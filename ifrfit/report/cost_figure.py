@@ -13,8 +13,8 @@ from ifrfit.cost.measured import Kind
 from ifrfit.cost.result import Costs
 from ifrfit.errors import UsageError
 from ifrfit.report import style
+from ifrfit.report.cost_words import error_text, method_name
 from ifrfit.report.provenance import is_stand_in
-from ifrfit.report.words import METHODS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 STAND_IN = "STAND-IN"
 FRONT_LABEL = "Pareto front"
+ASIDE = "† asks another question: its distance from the posterior is no error of arithmetic"
 _Y_LABELS = {
     "inference": "largest error of mean, sd, 95 % interval\n(posterior sd)",
     "physics": "largest error of β",
@@ -35,7 +36,7 @@ _X_LABELS = {
 _LETTERS = 15.0  # of a title to an inch
 _SHORT = 18  # letters of a setting that is written beside its marker
 _LOST = 1e-5  # error in arithmetic from which on impacts are named
-_LEAST = 1e-17  # an error of nothing is drawn here
+_LEAST = 1e-17  # smaller errors are drawn here, with their number
 
 
 def plot(costs: Costs, kind: Kind) -> Figure:
@@ -65,7 +66,7 @@ def plot(costs: Costs, kind: Kind) -> Figure:
     looks = style.looks(methods)
     width = 110.0 / style.MM_PER_INCH
     title = _title(costs, kind, width)
-    rows = math.ceil((len(methods) + 2) / 3)
+    rows = 1 + math.ceil((len(methods) + 2) / 3)
     with style.drawing():
         height = 2.7 + 0.15 * (title.count("\n") + 1) + 0.16 * rows
         figure = Figure(figsize=(width, height), layout="constrained")
@@ -81,7 +82,7 @@ def plot(costs: Costs, kind: Kind) -> Figure:
         for method in methods:
             own = [c for c in choices if c.method == method]
             _draw(axes, own, looks[method])
-            if kind != "arithmetic" and len(own) > 1:
+            if kind != "arithmetic" and len(own) > 1 and method not in OTHER_QUESTION:
                 _name_ends(axes, own, middle)
         axes.set_xscale("log")
         axes.set_yscale("log")
@@ -91,7 +92,10 @@ def plot(costs: Costs, kind: Kind) -> Figure:
         if is_stand_in(costs.fit):
             style.write_across(axes, STAND_IN, size=26.0)
         figure.suptitle(title, fontsize=7.5, weight="bold" if is_stand_in(costs.fit) else "normal")
-        figure.legend(loc="outside lower center", ncols=3, fontsize=6.6, handlelength=2.4)
+        figure.legend(
+            loc="outside lower center", ncols=3, fontsize=6.6, handlelength=2.4, title_fontsize=6.4,
+            title=ASIDE if any(method in OTHER_QUESTION for method in methods) else None,
+        )  # fmt: skip
         style.settle(figure)
     return figure
 
@@ -100,8 +104,6 @@ def _title(costs: Costs, kind: Kind, width: float) -> str:
     names = ", ".join(source.name for source in costs.fit.inputs)
     about = costs.about.get(kind, "")
     text = f"{names}: what accuracy costs, {kind}" + (f"; {about}" if about else "")
-    if any(c.method in OTHER_QUESTION for c in costs.of(kind)):
-        text += ". † asks another question: its distance from the posterior is no error of arithmetic"
     if is_stand_in(costs.fit):
         text = f"{STAND_IN} data. {text}"
     return textwrap.fill(text, int(_LETTERS * width)).replace("$", r"\$")
@@ -128,7 +130,12 @@ def _draw(axes: Axes, choices: Sequence[Choice], look: style.Look) -> None:
     for choice, a, b in zip(choices, x, y, strict=True):
         face = look.colour if choice.on_front else "white"
         axes.plot(a, b, ls="none", marker=look.marker, ms=4.5, mfc=face, mec=look.colour, mew=0.9, zorder=4)
-    label = METHODS.get(method, method) + (" †" if method in OTHER_QUESTION else "")
+        if choice.error < _LEAST:
+            axes.annotate(
+                f"{error_text(choice.error)} ↓", (a, b), xytext=(2, -9), textcoords="offset points",
+                fontsize=5.8, color=style.GREY, ha="right", zorder=5,
+            )  # fmt: skip
+    label = method_name(method) + (" †" if method in OTHER_QUESTION else "")
     axes.plot([], [], color=look.colour, ls=look.line, marker=look.marker, ms=4.5, label=label)
 
 
@@ -162,4 +169,4 @@ def _draw_questions(axes: Axes, choices: Sequence[Choice]) -> None:
 
 def _floor(axes: Axes, error: float) -> None:
     """Below the reference's own error nothing is claimed."""
-    axes.axhline(error, color=style.GREY, ls=(0, (1, 2)), lw=0.8, zorder=1, label="reached by the reference")
+    axes.axhline(error, color=style.GREY, ls=(0, (1, 2)), lw=0.8, zorder=1, label="error of the reference")

@@ -46,10 +46,13 @@ def sentences(costs: Costs, kind: Kind) -> tuple[str, ...]:
 
 def named(choice: Choice) -> str:
     """Method and setting."""
-    name = METHODS.get(choice.method, choice.method)
-    if choice.method in ("exact", "mcmc"):
-        name = choice.method
+    name = method_name(choice.method)
     return f"{name}, {choice.setting}" if choice.setting else name
+
+
+def method_name(method: str) -> str:
+    """A method in words; those that approach the posterior by their short names."""
+    return METHODS.get(method, method) if method in OTHER_QUESTION else method
 
 
 def seconds_text(seconds: float) -> str:
