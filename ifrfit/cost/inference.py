@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 from ifrfit.cost.chains import affordable, chains_measured
 from ifrfit.cost.measured import Cost, Timing, in_turns
@@ -156,18 +157,14 @@ def inference_costs(
     answers: list[_Answer] = []
     notes: list[str] = []
     ladder, finest = _ladder(problem, extent, notes)
-
-    def keep(answer: _Answer) -> None:
+    for answer in chain(
+        _deterministic(problem, extent, ladder, notes),
+        _bootstraps(problem, extent, seed, notes),
+        _chains(problem, extent, seed, notes),
+    ):
         answers.append(answer)
         if progress is not None:
             progress(len(answers), most)
-
-    for answer in (
-        *_deterministic(problem, extent, ladder, notes),
-        *_bootstraps(problem, extent, seed, notes),
-        *_chains(problem, extent, seed, notes),
-    ):
-        keep(answer)
     reference = Reference(finest.tolerance, finest.error)
     right = of_law(problem, finest)
     return Measured(
@@ -235,11 +232,10 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
     return [tolerance for tolerance, _ in tried[:-1]], reference
 
 
-def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> list[_Answer]:
+def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
     """Cases drawn anew, with several seeds; as far as one call does not take too long."""
     if not problem.scatter.is_plain:
-        return []
-    found: list[_Answer] = []
+        return
     each = _seconds_a_replicate(problem)
     for replicates in extent.replicates:
         if replicates * each > extent.longest:
@@ -254,12 +250,11 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
             drawn = bootstrap(problem, least_squares(problem), replicates=replicates, seed=own)
             if drawn.answered < _FEWEST:
                 notes.append("The bootstrap is left out: hardly a replicate has an answer.")
-                return found
+                return
             numbers.append(of_law(problem, Sampled.of(problem, drawn.draws)))
             seconds.append(time.perf_counter() - begin)
         each = max(seconds) / replicates
-        found.append(_Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds)))
-    return found
+        yield _Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds))
 
 
 def _seconds_a_replicate(problem: Problem) -> float:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from scipy import stats
+from scipy import special
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.effort.wanted import Wanted
@@ -22,7 +22,8 @@ _NEXT = 0.25  # steps until the next look, of those behind
 _FIRST = 200  # steps before the first look
 _BESIDE = 1.5  # time of a step over that of its densities
 # of an end of a 95 % interval: sqrt(p (1 - p))/density of a normal law, over the root of effective draws
-END = math.sqrt(LEVELS[0] * (1.0 - LEVELS[0])) / float(stats.norm.pdf(stats.norm.ppf(LEVELS[0])))
+_DENSITY = math.exp(-0.5 * float(special.ndtri(LEVELS[0])) ** 2) / math.sqrt(2.0 * math.pi)
+END = math.sqrt(LEVELS[0] * (1.0 - LEVELS[0])) / _DENSITY
 
 
 def standard_error(evidence: Evidence) -> float:
