@@ -16,6 +16,15 @@ if TYPE_CHECKING:
 
 NOT_CONVERGED = 4
 # declared with `fit`, which means the same by them
+SCATTER = (
+    "tails",
+    "dof",
+    "angle_errors",
+    "angle_population",
+    "sigma_gamma",
+    "sigma_velocity",
+    "sigma_spin",
+)
 SHARED = (
     "data",
     "fix",
@@ -31,13 +40,7 @@ SHARED = (
     "speed_max",
     "exclude",
     "independent",
-    "tails",
-    "dof",
-    "angle_errors",
-    "angle_population",
-    "sigma_gamma",
-    "sigma_velocity",
-    "sigma_spin",
+    *SCATTER,
     "inertia_factor",
     "convention",
     "seed",

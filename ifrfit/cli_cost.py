@@ -8,31 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
+from ifrfit.cli_compare import SCATTER
+from ifrfit.cli_compare import SHARED as COMPARED
 from ifrfit.cli_options import Repeated, choices_of, command_line, with_options_of
 from ifrfit.cli_progress import working
 from ifrfit.errors import UsageError
 
-# declared with `fit`, which means the same by them
-SHARED = (
-    "data",
-    "closure",
-    "fix",
-    "prior",
-    "bounds",
-    "separate",
-    "noise",
-    "observable",
-    "series",
-    "gamma_min",
-    "gamma_max",
-    "speed_min",
-    "speed_max",
-    "exclude",
-    "independent",
-    "inertia_factor",
-    "convention",
-    "seed",
-)
+# those of `compare`, but for scatter that profiles and replicates do not know; and a single closure
+SHARED = ("data", "closure", *(name for name in COMPARED if name not in ("data", *SCATTER)))
 
 
 def costing(fit: Callable[..., None]) -> Callable[..., None]:
