@@ -30,8 +30,8 @@ FACTS = {
     "mean, sd and quantile <= 1e-4 of a standard deviation, of the log evidence <= 1e-4 (or as small as "
     f"asked); mcmc: for every constant, kappa and noise, R-hat over the ensembles < {RHAT:g} "
     f"(rank-normalised, split), >= {ESS:,} effective draws in the bulk and in the tails, and >= {LENGTH} "
-    f"autocorrelation times kept, which change by <= {100 * STABLE:g} % to the later half; bootstrap: besides "
-    f"the noise, <= {100 * FAILED:g} % of the replicates without an answer",
+    f"autocorrelation times kept, which change by <= {100 * STABLE:g} % to the later half; bootstrap: "
+    f"besides the noise, <= {100 * FAILED:g} % of the replicates without an answer",
     "global_optimum": f"gap between chi2 and a proven lower bound over everything else <= {GAP:g} relative, "
     "and no second optimum within 1e-6; those within 4 are counted",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
