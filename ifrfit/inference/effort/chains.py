@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 MOST_DRAWS = 10_000_000
 _TYPICAL = 5.0  # draws that make an effective one
 _NEXT = 0.25  # steps until the next look, of those behind
-_FIRST = 200  # steps before the first look
+FIRST = 200  # steps before the first look
+FEWEST = 50  # steps of who insists on chains
 _BESIDE = 1.5  # time of a step over that of its densities
 # of an end of a 95 % interval: sqrt(p (1 - p))/density of a normal law, over the root of effective draws
 _DENSITY = math.exp(-0.5 * float(special.ndtri(LEVELS[0])) ** 2) / math.sqrt(2.0 * math.pi)
@@ -89,16 +90,21 @@ def halting(wanted: Wanted, rules: Callable[[Evidence], bool]) -> Callable[[Evid
     return halt
 
 
-def most_steps(chains: Chains) -> int:
-    """Steps of each ensemble that make the most draws."""
-    return int(MOST_DRAWS // sum(rest.at.shape[0] for rest in chains.ends))
+def steps_within(coordinates: Coordinates, chains: Chains, wanted: Wanted) -> int:
+    """Steps of each ensemble that fit into what is left, by the density's time, or make `MOST_DRAWS`.
 
-
-def too_late(coordinates: Coordinates, chains: Chains, wanted: Wanted) -> bool:
-    """Whether the first look at the chains would come after the budget, by the density's time alone."""
+    Parameters
+    ----------
+    coordinates : Coordinates
+    chains : Chains
+        Before their first step.
+    wanted : Wanted
+    """
+    most = int(MOST_DRAWS // sum(rest.at.shape[0] for rest in chains.ends))
     if wanted.budget is None:
-        return False
+        return most
     begin = wanted.clock()
     for rest in chains.ends:
         coordinates(rest.at)
-    return _BESIDE * _FIRST * (wanted.clock() - begin) > wanted.left
+    step = _BESIDE * (wanted.clock() - begin)
+    return min(most, int(max(wanted.left, 0.0) / step)) if step > 0.0 else most

@@ -20,7 +20,7 @@ Explore = Callable[..., Any]
 
 
 def refine(
-    problem: Problem, start: LeastSquares, wanted: Wanted, explore: Explore = explore
+    problem: Problem, start: LeastSquares, wanted: Wanted, explore: Explore = explore, *, must: bool = False
 ) -> Posterior | None:
     """Integrate the posterior as exactly as asked, or as the budget allows.
 
@@ -36,6 +36,8 @@ def refine(
     wanted : Wanted
     explore : callable
         As `ifrfit.inference.posterior.explore`.
+    must : bool
+        Whether the coarsest tolerance is worked out however long it takes.
 
     Returns
     -------
@@ -53,16 +55,20 @@ def refine(
     for tolerance in ladder(wanted.accuracy, wanted.budget is not None):
         if latest is not None and (_enough(latest, wanted) or foreseen(latest, last, before) > wanted.left):
             break
-        if wanted.over:
+        first = must and best is None
+        if wanted.over and not first:
             break
         begin = wanted.clock()
-        latest = explore(problem, tolerance, start, over=lambda: wanted.over)
+        try:
+            latest = explore(problem, tolerance, start, over=None if first else lambda: wanted.over)
+        except TimeoutError:
+            break
         last, before = wanted.clock() - begin, last
         is_better = best is None or latest.error <= best.error
         if not is_better and not latest.converged:
             break
         best = latest if is_better else best
-    if best is None or (wanted.budget is not None and best.error > LADDER[0]):
+    if best is None or (wanted.budget is not None and not must and best.error > LADDER[0]):
         return None
     if wanted.accuracy is not None and _enough(best, wanted):
         return replace(best, tolerance=max(best.tolerance, wanted.accuracy))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.effort.exact import LADDER, refine
+from ifrfit.inference.effort.exact import refine
 from ifrfit.inference.effort.told import Effort
 from ifrfit.inference.effort.wanted import Wanted
 from ifrfit.inference.effort.words import missed, short
@@ -65,15 +66,15 @@ def with_effort(
         not come to.
     """
     if wanted.method != "mcmc" and not cannot:
+        # least squares do not know true angles that scatter, and are not what the user insists on
+        must = wanted.method == "exact" or result.problem.scatter.integrates
         try:
-            posterior = refine(result.problem, result.least_squares, wanted)
+            posterior = refine(result.problem, result.least_squares, wanted, must=must)
         except UsageError as error:
             if wanted.method == "exact":
                 raise
             cannot = str(error)
         else:
-            if posterior is None and wanted.method == "exact":
-                posterior = explore(result.problem, LADDER[0], result.least_squares)
             if posterior is None:
                 return _as_it_is(result, wanted, "too short for the exact posterior")
             return _with_exact(result, posterior, wanted)
@@ -108,19 +109,16 @@ def _with_chains(
     coordinates = mcmc.Coordinates(Density(problem))
     most = None
     if coordinates.dimensions:
-        chains = mcmc.fresh(coordinates, start, result.seed)
-        most = of_chains.most_steps(chains)
-        # least squares do not know true angles that scatter: then chains are all there is
-        if (
-            wanted.method is None
-            and not problem.scatter.integrates
-            and of_chains.too_late(coordinates, chains, wanted)
-        ):
+        steps = of_chains.steps_within(coordinates, mcmc.fresh(coordinates, start, result.seed), wanted)
+        short_of = steps < of_chains.FIRST and wanted.method is None
+        if short_of and not problem.scatter.integrates:
             return _as_it_is(result, wanted, f"{why}, and too short for chains".removeprefix(", and "))
+        most = max(steps, of_chains.FEWEST)
     halt = of_chains.halting(wanted, is_met)
     found = with_chains(result, max_steps=most, workers=workers, progress=progress, halt=halt)
     drawn = found.sample
-    reached = of_chains.standard_error(drawn.evidence)
+    error = of_chains.standard_error(drawn.evidence)
+    reached = error if math.isfinite(error) else None
     return _told(found, wanted, "mcmc", why, steps=drawn.chains.steps, reached=reached)
 
 

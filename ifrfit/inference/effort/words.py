@@ -13,7 +13,7 @@ def says(effort: Effort) -> str:
     taken = f"in {time_text(effort.seconds)}"
     why = f" ({effort.why})" if effort.why else ""
     asked = _asked(effort)
-    if effort.reached is None:
+    if effort.method == "lsq":
         return f"least squares {taken}{why}; how far from the posterior is not known; asked: {asked}"
     return f"{_setting(effort)} reached {_reached(effort)} {taken}{why}; asked: {asked}"
 
@@ -23,7 +23,7 @@ def missed(effort: Effort) -> str:
     assert effort.accuracy is not None
     within = "" if effort.budget is None else f" within {time_text(effort.budget)}"
     start = f"the asked accuracy of {power(effort.accuracy)} of an sd was not reached{within}"
-    if effort.reached is None:
+    if effort.method == "lsq":
         return f"{start}: least squares do not tell how far they are from the posterior"
     return f"{start}: {_setting(effort)} came to {_reached(effort)}"
 
@@ -43,7 +43,9 @@ def time_text(seconds: float) -> str:
 
 
 def power(number: float) -> str:
-    """A number with one digit and its power of ten, as 1e-3."""
+    """A number with one digit and its power of ten, as 1e-3; 0 as it is."""
+    if number == 0.0:
+        return "0"
     digit, _, exponent = f"{number:.0e}".partition("e")
     return f"{digit}e{int(exponent)}"
 
@@ -55,7 +57,8 @@ def _setting(effort: Effort) -> str:
 
 
 def _reached(effort: Effort) -> str:
-    assert effort.reached is not None
+    if effort.reached is None:
+        return "no standard error yet"
     kind = "a standard error of " if effort.method == "mcmc" else ""
     return f"{kind}{power(effort.reached)} of an sd"
 

@@ -168,7 +168,7 @@ def explore(
     start : LeastSquares, optional
         The certified optimum, where it is known already.
     over : callable, optional
-        Asked after every round: whether to be content with what was reached.
+        Asked before and after every round: whether to be content with what was reached.
 
     Returns
     -------
@@ -180,6 +180,8 @@ def explore(
         Where the noise is unknown and the data cannot tell it from the constants.
     UsageError
         For a domain that reaches where sticking has no meaning.
+    TimeoutError
+        If `over` says so before the first round.
     """
     if start is None:
         start = least_squares(problem)
@@ -208,6 +210,8 @@ def _refined(plan: Plan, problem: Problem, tolerance: float, over: Callable[[], 
     """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more."""
     allowed = tolerance
     plan.joint.scout(_NOTHING * tolerance)
+    if over is not None and over():
+        raise TimeoutError
     errors: list[float] = []
     for round_ in range(_ROUNDS):
         grid = plan.joint.evaluate()

@@ -90,6 +90,28 @@ def test_nothing_where_even_the_coarsest_does_not_come_to_an_end():
     assert asked == [1e-1]
 
 
+def test_who_must_have_it_gets_the_coarsest_however_long_it_takes():
+    clock = Clock()
+    explore = Explore(clock, dict.fromkeys(LADDER, 50.0))
+    found = refine(None, None, make_wanted(None, 1.0, None, clock), explore, must=True)
+    assert explore.asked == [1e-1]
+    assert found.error == 0.05
+    assert clock.now == pytest.approx(50.0)
+
+
+def test_time_that_ends_before_the_first_round_leaves_what_there_was():
+    clock = Clock()
+
+    def explore(problem, tolerance, start, over):
+        clock.now += 0.01 if tolerance == 1e-1 else 5.0
+        if over():
+            raise TimeoutError
+        return Integral(tolerance, 0.5 * tolerance)
+
+    found = refine(None, None, make_wanted(None, 1.0, None, clock), explore)
+    assert found.tolerance == 1e-1
+
+
 def test_nothing_is_begun_after_the_budget():
     clock = Clock()
     wanted = make_wanted(None, 1.0, None, clock)
@@ -164,7 +186,10 @@ def test_the_accuracy_that_was_asked_for_is_reached(references, name, accuracy):
 def test_a_first_look_alone_says_how_wrong_it_is():
     """The control: cut short at once, the result does not claim what it has not reached."""
     problem = ifrfit.fit("cross-2019", method="lsq", fix={"e_n": 0.94}).problem
-    cut = explore(problem, 1e-8, over=lambda: True)
+    asked = iter([False, True])
+    cut = explore(problem, 1e-8, over=lambda: next(asked))
+    with pytest.raises(TimeoutError):
+        explore(problem, 1e-8, over=lambda: True)
     whole = explore(problem, 1e-8)
     assert not cut.converged
     assert cut.error > 1e-8

@@ -77,6 +77,20 @@ def test_who_insists_on_exact_gets_it_late_rather_than_not(lsq):
     assert found.effort.seconds > 1.0
 
 
+def test_who_insists_on_chains_gets_a_few_steps_and_is_told(lsq):
+    found = reached(lsq, budget=1.0, method="mcmc", step=1.1)
+    assert (found.method, found.effort.steps) == ("mcmc", 50)
+    assert not found.facts["converged"].ok
+
+
+def test_true_angles_that_scatter_are_never_left_to_least_squares():
+    found = ifrfit.fit(
+        "cross-2019", angle_errors="set", sigma_gamma=1.0, fix={"e_n": 0.94, "mu": 0.12}, budget="1ms"
+    )
+    assert found.effort.method == "exact"
+    assert found.effort.seconds > found.effort.budget
+
+
 def test_what_exact_refuses_goes_to_chains_with_the_reason():
     found = ifrfit.fit("cross-2019", closure="fr", bounds={"beta0": (-1.5, 1.0)}, accuracy=0.08, **CROSS)
     assert found.method == "mcmc"
@@ -166,6 +180,14 @@ def test_the_page_tells_it_and_repeats_it(lsq, tmp_path):
 @pytest.mark.parametrize(
     ("effort", "text"),
     [
+        (
+            Effort(None, 1.0, "mcmc", None, 50, None, 1.2),
+            "mcmc, 50 steps, reached no standard error yet in 1.2 s; asked: the best in 1 s",
+        ),
+        (
+            Effort(1e-3, None, "exact", 1e-3, None, 0.0, 0.02),
+            "exact, tolerance 1e-3, reached 0 of an sd in 20 ms; asked: 1e-3",
+        ),
         (
             Effort(1e-3, None, "exact", 1e-3, None, 4.2e-4, 0.0213),
             "exact, tolerance 1e-3, reached 4e-4 of an sd in 21 ms; asked: 1e-3",
