@@ -40,11 +40,14 @@ class Material:
         Closures side by side, where they were compared.
     figure : Figure or None
         The figure of the fit, where it has been drawn before.
+    without_comparison : str
+        Why closures were not compared, if a reader should know.
     """
 
     result: FitResult
     comparison: Comparison | None = None
     figure: Figure | None = None
+    without_comparison: str = ""
 
     @cached_property
     def _asked(self) -> tuple[tuple[Problem, LeastSquares] | None, str]:

@@ -25,7 +25,8 @@ def small(monkeypatch):
     picture = Picture("checks", "Checks", "one", draw_checks({"chi2": 0.5}))
     sections = (Section("one", "One", (Paragraph("Words."), Pictures((picture,), "A caption."))),)
     report = Report("small", (), ("It is.", "Nothing."), False, sections, {"ifrfit": "1"})
-    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *arguments: report)
+    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_, **__: report)
+    monkeypatch.setattr("ifrfit.report.page.writing.compared", lambda _: (None, ""))
 
 
 @pytest.mark.usefixtures("small")

@@ -1,4 +1,4 @@
-"""Closures side by side, where they were compared."""
+"""Closures side by side, or why they are not."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from ifrfit.report.page.wording import sentence
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+ANCHOR, TITLE = "closures", "Closures compared"
 
 
 class Verdict(Protocol):
@@ -32,10 +35,11 @@ class Comparison(Protocol):
 
 
 def section(material: Material) -> Section | None:
-    """Verdict and table of a comparison; None where there is none."""
+    """Verdict and table of a comparison, or the sentence that says why there is none."""
     comparison = material.comparison
     if comparison is None:
-        return None
+        missing = material.without_comparison
+        return Section(ANCHOR, TITLE, (Paragraph(sentence(missing)),)) if missing else None
     table = comparison.table()
     rows = tuple(
         (str(name), *(_cell(cell) for cell in cells))
@@ -43,8 +47,8 @@ def section(material: Material) -> Section | None:
     )
     head = ("closure", *(str(column).replace("_", " ") for column in table.columns))
     return Section(
-        "closures",
-        "Closures compared",
+        ANCHOR,
+        TITLE,
         (
             Paragraph(sentence(comparison.verdict.says)),
             Table("Criteria by closure.", head, rows, frozenset(range(1, len(head)))),
