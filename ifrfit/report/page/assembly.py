@@ -22,13 +22,14 @@ from ifrfit.report.page.sections import (
     repeat,
     residuals,
 )
-from ifrfit.report.page.sections.closures import Comparison
 from ifrfit.report.page.verdict import badges, verdict
 from ifrfit.report.regimes import joined
 from ifrfit.report.words import headline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ifrfit.inference.comparison import Comparison
 
 # a further section is one more file and one more line
 SECTIONS: tuple[Callable[[Material], Section | None], ...] = (

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from ifrfit.inference.comparison import Comparison
     from ifrfit.inference.least_squares import LeastSquares
     from ifrfit.inference.problem import Problem
     from ifrfit.inference.profiling import Profile
-    from ifrfit.report.page.sections.closures import Comparison
 
 DRAWS = 2000
 # beyond these a profile takes long enough to be asked for with --method profile

@@ -16,10 +16,11 @@ from ifrfit.report.page.comparing import LATER, compared
 from ifrfit.report.page.html import GENERATOR, render
 from ifrfit.report.page.markdown import markdown_files
 from ifrfit.report.page.pdf import pdf
-from ifrfit.report.page.sections.closures import Comparison
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ifrfit.inference.comparison import Comparison
 
 FORMATS = ("html", "md", "pdf")
 Files = Mapping[str, bytes]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -63,3 +64,18 @@ def test_what_would_take_long_or_cannot_be_done_is_said(results, case):
     report = assemble(result, without_comparison=missing)
     (own,) = [part for part in report.sections if part.name == "closures"]
     assert own.blocks[0].text == f"{missing.rstrip('.')}."
+
+
+def test_the_table_is_that_of_the_terminal(results, asked):
+    found, _ = asked
+    (own,) = [part for part in assemble(results("fixed"), found).sections if part.name == "closures"]
+    words, table, pictures, _ = own.blocks
+    assert words.text.rstrip(".") == found.verdict.says.rstrip(".")
+    lines = [re.split(r"\s{2,}", line.strip()) for line in found.summary().splitlines()]
+    assert list(table.head) in lines
+    assert [list(row) in lines for row in table.rows] == [True] * len(CLOSURES)
+    assert len(pictures.items[0].figure.axes) > len(CLOSURES)
+
+
+def test_without_a_comparison_and_without_a_reason_there_is_no_section(results):
+    assert "closures" not in [part.name for part in assemble(results("fixed")).sections]
