@@ -33,6 +33,6 @@ def _too_much(result: FitResult) -> str:
     if len(result.points) > MOST_ROWS or free > MOST_CONSTANTS:
         return f"{len(result.points)} rows and {free} free constants take long"
     scatter = result.noise.scatter
-    if scatter is not None and scatter.integrates and result.noise.policy != "known":
-        return "Errors of the angle with a noise that is not known take long"
+    if scatter is not None and not scatter.is_plain and result.noise.policy != "known":
+        return "Such a scatter with a noise that is not known takes long"
     return ""

@@ -53,7 +53,7 @@ def test_what_would_take_long_or_cannot_be_done_is_said(results, case):
         scatter = Scatter(angles="set", gamma=1.0)
         result = replace(result, noise=replace(result.noise, policy="scaled", scatter=scatter))
         says = (
-            "Errors of the angle with a noise that is not known take long: ifrfit compare puts the closures"
+            "Such a scatter with a noise that is not known takes long: ifrfit compare"
         )
     else:
         result = replace(result, problem=None, asked=())
