@@ -52,7 +52,7 @@ def arithmetic_costs(
     list of Cost
         Kind ``arithmetic``; setting: which impacts; quantity: ``velocities`` (and spins, over 1 + |s| with
         the spin before) or an observable, read off velocities and spins in the same precision. Error units
-        ``1 + |s|``, ``1``, ``deg``. The error is the largest one over the impacts, infinite where a value
+        ``1 + |s|``, ``1``, ``rad``. The error is the largest one over the impacts, infinite where a value
         that exists is lost. Seconds an impact: on 200,000 impacts a call with lateral spin on one thread,
         compiled where numba is there, else in numpy; of the fifty digits on the given impacts.
 
@@ -113,11 +113,11 @@ def errors(
     true["spin_y"] = exact["before_y"]
     rounded, expected = sides_of(before, after), sides_of(true, exact)
     for name, kind in READINGS.items():
-        if name == "lambda_deg" and not impacts.spin_x.any():
+        if name == "lambda" and not impacts.spin_x.any():
             continue
         read, known = rounded[name], expected[name]
         worst = _quotient(read, known) if kind == "quotient" else _angle(read, known)
-        found.append((name, worst, "1" if kind == "quotient" else "deg"))
+        found.append((name, worst, "1" if kind == "quotient" else "rad"))
     return found
 
 
@@ -184,13 +184,13 @@ def _quotient(read: Any, known: Any) -> float:
 
 
 def _angle(read: Any, known: Any) -> float:
-    """Degrees, the short way round."""
-    from mpmath import atan2, degrees
+    """Radians, the short way round."""
+    from mpmath import atan2
 
     there = (known.over != 0) | (known.under != 0)
-    exact = [degrees(atan2(y, x)) for y, x in zip(known.over[there], known.under[there], strict=True)]
-    gaps = _off(np.array(exact, dtype=object), np.degrees(np.arctan2(read.over, read.under))[there])
-    return float(np.max(np.minimum(gaps, np.abs(360.0 - gaps)), initial=0.0))
+    exact = [atan2(y, x) for y, x in zip(known.over[there], known.under[there], strict=True)]
+    gaps = _off(np.array(exact, dtype=object), np.arctan2(read.over, read.under)[there])
+    return float(np.max(np.minimum(gaps, np.abs(2.0 * math.pi - gaps)), initial=0.0))
 
 
 def _time(name: str, given: Impact, constants: Mapping[str, float], quick: bool) -> Timing:

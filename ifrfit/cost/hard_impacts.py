@@ -60,14 +60,15 @@ def _transition(distance: float) -> Draw:
     return draw
 
 
+# names are rows of a table at the terminal: at most 24 letters
 _DRAWS: dict[str, Draw] = {
-    "5 to 80 degrees, spins of 0.3": _free(5.0, 80.0, 0.3),
-    "at the transition, to 1e-6": _transition(1e-6),
-    "normal, below 0.001 degrees": _free(1e-6, 1e-3, 0.0),
-    "grazing, beyond 89 degrees": _free(89.0, 89.9, 0.0),
-    "grazing, beyond 89.999 degrees": _free(89.999, 89.9999, 0.0),
-    "spin cancels all but 1e-3 of the slip": _rolling_on(1e-3),
-    "spin cancels all but 1e-6 of the slip": _rolling_on(1e-6),
+    "5 to 80 deg, spins 0.3": _free(5.0, 80.0, 0.3),
+    "at the transition": _transition(1e-6),
+    "normal, below 0.001 deg": _free(1e-6, 1e-3, 0.0),
+    "grazing, from 89 deg": _free(89.0, 89.9, 0.0),
+    "grazing, from 89.999 deg": _free(89.999, 89.9999, 0.0),
+    "slip cancels to 1e-3": _rolling_on(1e-3),
+    "slip cancels to 1e-6": _rolling_on(1e-6),
     "spins of 1e3": _free(5.0, 80.0, 1e3),
     "spins of 1e6": _free(5.0, 80.0, 1e6),
 }

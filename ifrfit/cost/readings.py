@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
-# sides that make a quotient, or an angle in degrees
+# what its two sides make of each
 READINGS: dict[str, Literal["quotient", "angle"]] = {
     "beta": "quotient",
     "beta_cm": "quotient",
     "beta_tot": "quotient",
     "mu_app": "quotient",
-    "psi_after_deg": "angle",
-    "delta_deg": "angle",
-    "lambda_deg": "angle",
+    "psi_after": "angle",
+    "delta": "angle",
+    "lambda": "angle",
 }
 
 
@@ -41,7 +41,7 @@ def sides_of(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, S
     Returns
     -------
     dict of str to Sides
-        By the names in the common schema; lambda only makes sense with lateral spin.
+        By name, as in the common schema; angles without their unit. lambda only makes sense with lateral spin.
     """
     sine, cosine = before["sine"], before["cosine"]
     slip_x, slip_y = sine + before["spin_y"], before["spin_x"]
@@ -55,7 +55,7 @@ def sides_of(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, S
         "beta_cm": Sides(-v_x, sine),
         "beta_tot": Sides((v_x * v_x + v_y * v_y + v_n * v_n) ** 0.5, sine * 0 + 1),
         "mu_app": Sides(sine - v_x, cosine + v_n),
-        "psi_after_deg": Sides(contact_x, cosine),
-        "delta_deg": Sides(v_x, v_n),
-        "lambda_deg": Sides(v_y, v_x),
+        "psi_after": Sides(contact_x, cosine),
+        "delta": Sides(v_x, v_n),
+        "lambda": Sides(v_y, v_x),
     }
