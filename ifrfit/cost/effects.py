@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
@@ -14,9 +15,9 @@ from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects import EFFECTS, Contact, Impacts, Plan, PlanLine, compose
 from ifrfit.physics.observables import OBSERVABLES
 
-MANY = 50_000  # impacts a call
+FEWEST, MOST = 10_000, 200_000  # impacts a call: less is overhead; arrays beyond the cache cost more
 REPEATS, QUICK_REPEATS = 5, 2
-PAIRS = 5  # differences behind each repeat
+_EVALUATIONS, _LEAST_PAIRS = 250_000, 3  # impacts behind the median difference of a repeat, about
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,8 @@ class EffectCosts:
         One an effect that can be computed, in the order of the plan. Kind ``physics``; method: the effect;
         setting: its state in the plan; quantity: the observable that it changes most; error: that change,
         which is the error of doing without it (infinite where it decides whether the observable exists, nan
-        where there is nothing to compare with); error unit ``rad`` for angles, else ``1``; time: seconds an
+        where there is nothing to compare with, or where a law would only take the place of a constant that is
+        given without acting); error unit ``rad`` for angles, else ``1``; time: seconds an
         impact that it adds.
     impacts : int
         A call.
@@ -52,7 +54,8 @@ def effect_costs(contact: Contact, impacts: Impacts, plan: Plan, *, quick: bool 
     ----------
     contact : Contact
     impacts : Impacts
-        With one dimension. 50,000 of them make a call: evenly through the scene, or over and over.
+        With one dimension. A call takes as many as there are, but at least 10,000, over and over, and at most
+        200,000, evenly through the scene.
     plan : Plan
         Of the same impacts.
     quick : bool
@@ -65,13 +68,14 @@ def effect_costs(contact: Contact, impacts: Impacts, plan: Plan, *, quick: bool 
     Notes
     -----
     The scene is computed without the effect and with it, beside those that the plan has on, in turns: numpy
-    on one thread. A repeat is the median of five differences. A law of e_n or of the tangential impulse takes
-    the place of another one; where the closure lacks its constant, compliance is held against closure F.
+    on one thread. A repeat is the median of several differences. A law of e_n or of the tangential impulse
+    takes the place of another one; where the closure lacks its constant, compliance is held against F.
     """
     count = impacts.speed.size
-    rows = (
-        np.linspace(0, count - 1, MANY).astype(np.intp) if count > MANY else np.resize(np.arange(count), MANY)
-    )
+    number = min(max(count, FEWEST), MOST)
+    rows = np.resize(np.arange(count), number)
+    if count > number:
+        rows = np.linspace(0, count - 1, number).astype(np.intp)
     many = _complete(impacts.take(rows))
     repeats = QUICK_REPEATS if quick else REPEATS
 
@@ -83,9 +87,9 @@ def effect_costs(contact: Contact, impacts: Impacts, plan: Plan, *, quick: bool 
         if line.criterion is not None:
             more = _with(plan.on, line.effect)
             less = [name for name in more if name != line.effect]
-            costs.append(_cost(line, _added(run(less), run(more), repeats).per(MANY)))
-    plain, planned = (timed(run(on), repeats=repeats, enough=0.02).per(MANY) for on in ((), plan.on))
-    return EffectCosts(plain, planned, tuple(costs), MANY)
+            costs.append(_cost(line, _added(run(less), run(more), number, repeats)))
+    plain, planned = (timed(run(on), repeats=repeats, enough=0.02).per(number) for on in ((), plan.on))
+    return EffectCosts(plain, planned, tuple(costs), number)
 
 
 def _complete(impacts: Impacts) -> Impacts:
@@ -101,15 +105,15 @@ def _with(on: Sequence[str], name: str) -> list[str]:
     return [n for n in on if n != name and (not same or EFFECTS[n].replaces != same)] + [name]
 
 
-def _added(less: Callable[[], object], more: Callable[[], object], repeats: int) -> Timing:
-    """How much longer the one takes; they take turns, so that a busy machine meets both alike."""
+def _added(less: Callable[[], object], more: Callable[[], object], number: int, repeats: int) -> Timing:
+    """How much longer an impact takes; they take turns, so that a busy machine meets both alike."""
     for call in (less, more):
         call()  # tables and caches are not what is measured
     found = []
     for _ in range(repeats):
-        seconds = [(_seconds(less), _seconds(more)) for _ in range(PAIRS)]
-        found.append(statistics.median(two - one for one, two in seconds))
-    return _timing(found)
+        pairs = range(max(_EVALUATIONS // number, _LEAST_PAIRS))
+        found.append(statistics.median(-_seconds(less) + _seconds(more) for _ in pairs))
+    return _timing(found).per(number)
 
 
 def _seconds(call: Callable[[], object]) -> float:
@@ -126,5 +130,6 @@ def _timing(seconds: Sequence[float]) -> Timing:
 
 def _cost(line: PlanLine, added: Timing) -> Cost:
     unit = "rad" if line.observable and OBSERVABLES[line.observable].unit == "deg" else "1"
-    change = float("nan") if line.change is None else line.change
+    acts = line.state != "constant" or (line.criterion is not None and line.criterion.met)
+    change = line.change if line.change is not None and acts else math.nan
     return Cost("physics", line.effect, line.state, line.observable, added, change, unit)

@@ -41,7 +41,7 @@ def sides_of(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, S
     Returns
     -------
     dict of str to Sides
-        By name, as in the common schema; angles without their unit. lambda only makes sense with lateral spin.
+        By name, as in the common schema; angles without their unit. lambda needs lateral spin to make sense.
     """
     sine, cosine = before["sine"], before["cosine"]
     slip_x, slip_y = sine + before["spin_y"], before["spin_x"]
