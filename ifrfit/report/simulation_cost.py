@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _NS = 1e9
 _SHOWN = {"on": "on", "off": "off", "constant": "off", "refused": "off"}
 _LEAST_NS = 0.5  # a cost below this is drawn there: it was not seen beside the noise
+_LEAST = 1e-12  # a smaller change is rounding
 
 
 def cost_lines(measured: EffectCosts) -> list[str]:
@@ -26,7 +27,7 @@ def cost_lines(measured: EffectCosts) -> list[str]:
     rows = [("", "closure alone, planar", "", measured.plain)]
     rows += [(_SHOWN[c.setting], EFFECTS[c.method].title, change_text(c), c.time) for c in measured.costs]
     rows.append(("", "as planned", "", measured.planned))
-    titles, changes = (max(len(row[i]) for row in rows) for i in (1, 2))
+    titles, changes = max(len(row[1]) for row in rows), max(len(row[2]) for row in rows)
     lines = [
         "  what an effect changes, and what it adds to an impact: measured now, numpy on one thread,",
         f"  {measured.impacts:,} impacts of this scene a call",
@@ -108,10 +109,11 @@ def plot_costs(measured: EffectCosts, accuracy: float, title: str) -> Figure:
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
 
     shown = [cost for cost in measured.costs if not math.isnan(cost.error)]
     finite = [cost.error for cost in shown if 0.0 < cost.error < math.inf] + [accuracy]
-    low, high = 0.1 * min(finite), 10.0 * max(finite)
+    low, high = 0.1 * max(min(finite), _LEAST), 10.0 * max(finite)
     width = 110.0 / style.MM_PER_INCH
     with style.drawing():
         text = textwrap.fill(title, int(15.0 * width)).replace("$", r"\$")
@@ -128,11 +130,14 @@ def plot_costs(measured: EffectCosts, accuracy: float, title: str) -> Figure:
         for cost, look in zip(shown, style.looks([c.method for c in shown]).values(), strict=True):
             _draw(axes, cost, look, min(max(cost.error, low), high))
         axes.set_ylim(0.4 * low, 2.5 * high)
-        axes.margins(x=0.2)
+        axes.margins(x=0.1)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+        axes.xaxis.set_minor_locator(NullLocator())
         axes.set_xlabel("added to an impact (ns)")
         axes.set_ylabel("largest change of an observable\n(angles in radians)")
         figure.suptitle(text, fontsize=7.5)
-        figure.legend(loc="outside lower center", ncols=3, fontsize=6.6)
+        figure.legend(loc="outside lower center", ncols=2, fontsize=6.6)
         style.settle(figure)
     return figure
 
@@ -143,11 +148,7 @@ def _draw(axes: Axes, cost: Cost, look: style.Look, y: float) -> None:
     axes.errorbar([x], [y], xerr=[[x - left], [right - x]], fmt="none", ecolor=look.colour, elinewidth=0.8)
     axes.plot(
         [x], [y], ls="none", marker=look.marker, ms=5.0, mfc=face, mec=look.colour, mew=0.9,
-        label=f"{EFFECTS[cost.method].title} ({_SHOWN[cost.setting]})",
-    )  # fmt: skip
-    axes.annotate(
-        change_text(cost), (x, y), xytext=(0, 5), textcoords="offset points", fontsize=6.0, ha="center",
-        color=style.GREY,
+        label=f"{EFFECTS[cost.method].title}, {_SHOWN[cost.setting]}: {change_text(cost)}",
     )  # fmt: skip
 
 
