@@ -89,8 +89,8 @@ def physics_costs(
     list of Cost
         Kind ``physics``, quantity ``beta``, error unit ``1``, seconds an impact: closures and table on
         200,000 impacts a call, Stronge's model on 2,000, memory function on the impacts themselves, annuli on
-        four of them; one thread. The error is the largest one over the
-        impacts, and never below that of the reference.
+        four of them; one thread. The error is the largest one over the impacts, and never below that of the
+        reference.
 
     Raises
     ------
@@ -102,7 +102,8 @@ def physics_costs(
     The reference is the solution of Maw, Barber & Fawcett (1976) by the memory function with 64,000 steps
     (quick: 16,000). Its own row states how far it moves when the steps are halved, over 3: for an error that
     falls with the square of the steps that is what is left of it. For e_n < 1 the elastic solution is scaled,
-    which is an assumption of its own, see `scaling_doubt`; it is in none of these errors.
+    which is an assumption of its own, see `scaling_doubt`. It is in none of these errors but that of Stronge's
+    model with e_n as it is, which is not scaled.
     """
     scene = Scene.of(gamma_deg, spin_y, e_n, mu, chi)
     extent = QUICK if quick else WHOLE

@@ -52,9 +52,10 @@ def test_the_effect_is_the_only_difference(monkeypatch):
     pairs = []
 
     def compared(less, more, number, repeats):
+        composed.clear()
         for call in (less, more):
             call()
-        pairs.append((composed[-2], composed[-1]))
+        pairs.append(tuple(composed))
         return effects.Timing(1.0, 1.0, 1.0, repeats)
 
     composed = []
@@ -80,6 +81,8 @@ def test_the_effect_is_the_only_difference(monkeypatch):
         ({"plasticity"}, {"plasticity", "adhesion"}),
         ({"plasticity"}, {"plasticity", "compliance"}),
         ({"plasticity"}, {"plasticity", "fluid"}),
+        (set(),),  # the closure alone, and as planned
+        ({"plasticity"},),
     ]
 
 
