@@ -102,8 +102,8 @@ def physics_costs(
     The reference is the solution of Maw, Barber & Fawcett (1976) by the memory function with 64,000 steps
     (quick: 16,000). Its own row states how far it moves when the steps are halved, over 3: for an error that
     falls with the square of the steps that is what is left of it. For e_n < 1 the elastic solution is scaled,
-    which is an assumption of its own, see `scaling_doubt`. It is in none of these errors but that of Stronge's
-    model with e_n as it is, which is not scaled.
+    which is an assumption of its own, see `scaling_doubt`. It is in none of these errors but that of
+    Stronge's model with e_n as it is, which is not scaled.
     """
     scene = Scene.of(gamma_deg, spin_y, e_n, mu, chi)
     extent = QUICK if quick else WHOLE
