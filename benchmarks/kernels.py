@@ -95,7 +95,7 @@ def measured(n: int, budget: float) -> tuple[list[dict[str, object]], list[str]]
     for name, each in times.items():
         kind = name.split()[0]
         moved, seconds = BYTES[kind], statistics.median(each)
-        pace = BYTES["triad"] / moved / ratio_of(each, times["triad"])
+        pace = moved / BYTES["triad"] / ratio_of(each, times["triad"])
         rows.append(
             {
                 "loop": name,

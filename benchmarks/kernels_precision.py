@@ -5,8 +5,8 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 
+from ifrfit.cost.balance import balance
 from ifrfit.physics.angles import sincos
-from ifrfit.physics.closures import get_closure
 from ifrfit.physics.kernels import rebound_many
 
 DIGITS = 50
@@ -23,6 +23,7 @@ CASES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, fl
     "near the transition, to 1e-7": ((43.5311, 43.5313), (0.0, 0.0), (0.0, 0.0), 0.2),
 }
 CLOSURE, CONSTANT, E_N = "ifr", -0.93, 0.9
+STATE = ("v_x", "v_y", "v_n", "spin_x", "spin_y")
 
 
 def precision_rows() -> list[dict[str, object]]:
@@ -38,35 +39,17 @@ def _error(name: str, dtype: np.dtype) -> float:
     s_x, s_y = rng.normal(*x, N), rng.normal(*y, N)
     given = [part.astype(dtype) for part in (sine, cosine, s_y, s_x)]
     found = rebound_many(*given, e_n=E_N, e_t=CONSTANT, mu=mu, closure=CLOSURE)
-    assert found.v_y is not None
-    assert found.spin_x is not None
-    got = np.stack((found.v_x, found.v_y, found.v_n, found.spin_x, found.spin_y))
+    got = np.stack([getattr(found, name) for name in STATE])
     with mpmath.workdps(DIGITS):
         worst = mpmath.mpf(0)
+        constants = {name: mpmath.mpf(x) for name, x in (("constant", CONSTANT), ("e_n", E_N), ("mu", mu))}
+        constants |= {"law": CLOSURE, "inertia_factor": mpmath.mpf(2) / 5}
         for i in range(N):
-            exact = _exact(*(mpmath.mpf(float(part[i])) for part in given), mu)
+            before = (mpmath.mpf(float(part[i])) for part in (given[0], given[1], given[3], given[2]))
+            exact = balance(*before, **constants)
             scale = 1 + abs(float(given[2][i])) + abs(float(given[3][i]))
             worst = max(
-                worst, *(abs(mpmath.mpf(float(g)) - e) / scale for g, e in zip(got[:, i], exact, strict=True))
+                worst,
+                *(abs(float(g) - exact[name]) / scale for name, g in zip(STATE, got[:, i], strict=True)),
             )
     return float(worst)
-
-
-def _exact(
-    sine: mpmath.mpf, cosine: mpmath.mpf, s_y: mpmath.mpf, s_x: mpmath.mpf, mu: float
-) -> list[mpmath.mpf]:
-    law = get_closure(CLOSURE).coefficients(0.4)
-    share = mpmath.mpf(2) / 7
-    a, b = share * (1 + mpmath.mpf(CONSTANT)), mpmath.mpf(law.b0)
-    kappa = mpmath.mpf(mu) * (1 + mpmath.mpf(E_N))
-    u_x, u_y = sine + s_y, s_x
-    slip = mpmath.sqrt(u_x**2 + u_y**2)
-    k = a + (b if slip == 0 else min(b, kappa * cosine / slip))
-    five = mpmath.mpf(5) / 2
-    return [
-        sine - k * u_x,
-        -k * u_y,
-        mpmath.mpf(E_N) * cosine,
-        s_x - five * k * u_y,
-        s_y - five * k * u_x,
-    ]

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ifrfit.cli_errors import command
 from ifrfit.cli_progress import working
+
+if TYPE_CHECKING:
+    from ifrfit.cost.effects import EffectCosts
 
 
 @command
@@ -30,6 +33,9 @@ def simulate(
     as_json: Annotated[
         bool, typer.Option("--json", help="simulation.json on standard output, nothing else.")
     ] = False,
+    cost: Annotated[
+        bool, typer.Option("--cost", help="Measure what each effect adds to the time of an impact.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Seed of everything that is drawn.", min=0)] = 0,
     quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
 ) -> None:
@@ -40,18 +46,25 @@ def simulate(
         from ifrfit.report.simulation_folder import check_simulation_folder
 
         check_simulation_folder(out)
+    measured: EffectCosts | None = None
     written: list[str] = []
     with working(quiet or as_json, "simulating"):
         found = run(scene, samples=samples, seed=seed)
+        if cost:
+            from ifrfit.cost.effects import effect_costs
+
+            measured = effect_costs(found.contact, found.impacts, found.plan)
         if out is not None:
             from ifrfit.report.simulation_folder import write_simulation
 
-            written = write_simulation(found, out, force=force)
+            written = write_simulation(found, out, force=force, measured=measured)
     if as_json:
         from ifrfit.report.simulation_folder import dumps
 
-        typer.echo(dumps(found), nl=False)
+        typer.echo(dumps(found, measured), nl=False)
     elif not quiet:
-        typer.echo(found.summary())
+        from ifrfit.report.simulation import summary
+
+        typer.echo(summary(found, measured))
         if written:
             typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")

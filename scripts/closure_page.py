@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 from calibration_verdict import FAMILY, Line
-from closure_study import BOUNDS, CLOSURES, GAMMA, INERTIA, N_BETA, N_E_N, RIGHT, SIGMA, Seen, lines_of
+from closure_study import BOUNDS, GAMMA, INERTIA, N_BETA, N_E_N, RIGHT, SIGMA, Seen, lines_of
 from closure_ties import Tie, tie_lines
 
 from ifrfit.inference.comparison.verdict import SCALE
@@ -54,10 +54,10 @@ def page(seen: Sequence[Seen], ties: Sequence[Tie], seed: int) -> str:
 
 
 def _head(result: str, right: Seen, seed: int) -> str:
-    each = right.truth.size // len(CLOSURES)
+    each = right.truth.size // len(right.closures)
     domains = ", ".join(
         f"{c.constant} of {c.title} {c.domain(INERTIA)[0]:g} to {c.domain(INERTIA)[1]:g}"
-        for c in map(get_closure, CLOSURES)
+        for c in map(get_closure, right.closures)
         if c.constant
     )
     packages = ", ".join(f"{name} {version(name)}" for name in ("ifrfit", "numpy", "scipy"))
@@ -82,7 +82,7 @@ laws are a little wide. Holm's rule over all tests keeps the chance of a false a
 
 
 def _recovery(right: Seen, lines: Sequence[Line]) -> list[str]:
-    titles = [get_closure(name).title for name in CLOSURES]
+    titles = [get_closure(name).title for name in right.closures]
     rows = [
         "## How often the right closure has the largest evidence",
         "",
@@ -103,7 +103,7 @@ def _recovery(right: Seen, lines: Sequence[Line]) -> list[str]:
         *rows,
         "",
         f"*Expected* is what the probabilities themselves say. Over all: {100 * share:.1f} % right,",
-        f"{100 * theory:.1f} % expected (smallest adjusted p of the four {least:.2g}).",
+        f"{100 * theory:.1f} % expected (smallest adjusted p of these {least:.2g}).",
         "",
     ]
 

@@ -20,7 +20,8 @@ from ifrfit.physics.closures import get_closure
 
 Array = NDArray[np.float64]
 
-CLOSURES = ("f", "fr", "ifr", "ifr-contact")  # quick by exact posterior; `simulate` knows every other one too
+BILINEAR = ("f", "fr", "ifr", "ifr-contact")
+CLOSURES = (*BILINEAR, "maw")  # its evidence takes seven times as long as the other four together
 BOUNDS = {"e_n": (0.5, 1.0), "mu": (0.0, 0.5)}  # each closure's own constant: its passive domain
 N_BETA, N_E_N = 12, 3
 SIGMA = {"beta": 0.15, "e_n": 0.02}
@@ -41,6 +42,7 @@ class Task:
     number: int
     seed: int
     control: bool = False
+    closures: tuple[str, ...] = CLOSURES  # that are weighed
 
     def rng(self) -> np.random.Generator:
         """Return the generator of this experiment, the same in whatever process."""
@@ -89,7 +91,7 @@ def problem_of(data: Observations, name: str) -> Problem:
 def run(task: Task) -> Outcome:
     """Simulate one experiment and integrate it under every closure."""
     data = simulate(task.truth, task.rng())
-    problems = {name: problem_of(data, name) for name in CLOSURES}
+    problems = {name: problem_of(data, name) for name in task.closures}
     evidence = {name: log_evidence(problem, TOLERANCE) for name, problem in problems.items()}
     wrong = None
     if task.control:
@@ -100,9 +102,9 @@ def run(task: Task) -> Outcome:
     return Outcome(task, evidence, wrong)
 
 
-def tasks_of(seed: int, repeats: int, controls: int) -> list[Task]:
+def tasks_of(seed: int, repeats: int, controls: int, closures: tuple[str, ...] = CLOSURES) -> list[Task]:
     """List the experiments: as many of each closure, the first `controls` of them also seen wrongly."""
-    return [Task(name, i, seed, i < controls) for name in CLOSURES for i in range(repeats)]
+    return [Task(name, i, seed, i < controls, closures) for name in closures for i in range(repeats)]
 
 
 def run_many(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
@@ -123,12 +125,15 @@ class Seen:
         Posterior probability of each closure.
     log_bayes_factor : ndarray, (n,)
         Of the best closure over the next.
+    closures : tuple of str
+        What truth and probability count.
     """
 
     method: str
     truth: NDArray[np.intp]
     probability: Array
     log_bayes_factor: Array
+    closures: tuple[str, ...] = CLOSURES
 
     @property
     def picked(self) -> NDArray[np.intp]:
@@ -153,11 +158,12 @@ def _swapped(evidence: Mapping[str, float]) -> dict[str, float]:
 
 
 def _seen(method: str, outcomes: Sequence[Outcome], evidences: Sequence[Mapping[str, float]]) -> Seen:
-    truth = np.array([CLOSURES.index(o.task.truth) for o in outcomes], dtype=np.intp)
+    closures = outcomes[0].task.closures
+    truth = np.array([closures.index(o.task.truth) for o in outcomes], dtype=np.intp)
     chances = [probabilities(evidence) for evidence in evidences]
-    probability = np.array([[chance[name] for name in CLOSURES] for chance in chances])
-    ordered = np.sort([[evidence[name] for name in CLOSURES] for evidence in evidences], axis=1)
-    return Seen(method, truth, probability.reshape(-1, len(CLOSURES)), ordered[:, -1] - ordered[:, -2])
+    probability = np.array([[chance[name] for name in closures] for chance in chances])
+    ordered = np.sort([[evidence[name] for name in closures] for evidence in evidences], axis=1)
+    return Seen(method, truth, probability, ordered[:, -1] - ordered[:, -2], closures)
 
 
 def poisson_binomial_p(hits: int, chances: Array) -> float:
@@ -176,7 +182,7 @@ def lines_of(seen: Seen) -> list[Line]:
     the share that is right, and the mean probability given.
     """
     found = []
-    for i, name in enumerate(CLOSURES):
+    for i, name in enumerate(seen.closures):
         p, right = seen.probability[:, i], seen.truth == i
         where = np.clip((p * BINS).astype(int), 0, BINS - 1)
         for number in np.unique(where):

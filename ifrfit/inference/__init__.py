@@ -1,21 +1,6 @@
 """How constants are recovered: problem, least squares with a certificate, statuses and facts."""
 
-from ifrfit.inference.api import fit
-from ifrfit.inference.comparison import Comparison, compare
-from ifrfit.inference.lmfit_bridge import lmfit_model
-from ifrfit.inference.result import Estimate, Fact, FitResult
-from ifrfit.inference.serialise import load_result
-from ifrfit.inference.simulation import Simulation, simulate
+import lazy_loader
 
-__all__ = [
-    "Comparison",
-    "Estimate",
-    "Fact",
-    "FitResult",
-    "Simulation",
-    "compare",
-    "fit",
-    "lmfit_model",
-    "load_result",
-    "simulate",
-]
+# who fits does not pay for the modules that compare and simulate
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

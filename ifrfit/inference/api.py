@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 import math
-import platform
 from collections.abc import Callable, Collection, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ifrfit._version import __version__
 from ifrfit.data import Observations, Selection, combine, resolve, select
 from ifrfit.errors import UsageError
 from ifrfit.inference.constants import make_constants
-from ifrfit.inference.criticism import residuals_of
-from ifrfit.inference.derived import derived_of
 from ifrfit.inference.effort.reach import problem_for, with_effort
 from ifrfit.inference.effort.wanted import Wanted, make_wanted
-from ifrfit.inference.estimates import constants_of
-from ifrfit.inference.facts import facts_of
 from ifrfit.inference.finish import with_chains, with_posterior, with_profiles, with_replicates
-from ifrfit.inference.least_squares import LeastSquares, least_squares
-from ifrfit.inference.problem import Problem, make_problem
-from ifrfit.inference.result import FitResult, Noise
+from ifrfit.inference.optimum_result import optimum_of
+from ifrfit.inference.problem import make_problem
+from ifrfit.inference.result import FitResult
 from ifrfit.inference.scatter.law import make_scatter
-from ifrfit.inference.scatter.setup import reported_policy, with_propagated_sigma, with_scatter
-from ifrfit.inference.statistics import state_of, statistics_of
+from ifrfit.inference.scatter.setup import with_propagated_sigma, with_scatter
 from ifrfit.physics.closures import get_closure
 
 METHODS = ("exact", "lsq", "profile", "mcmc", "bootstrap")
@@ -217,11 +207,10 @@ def fit(
     problem = make_problem(observations, chosen, j, constants, noise)
     if wanted is not None:
         problem, cannot = problem_for(problem, scatter, asked)
-        result = _result(problem, least_squares(problem), seed, command)
+        result = optimum_of(problem, seed, command)
         return with_effort(result, wanted, cannot, workers=workers, progress=progress)
     problem = with_scatter(problem, scatter, method)
-    found = least_squares(problem)
-    result = _result(problem, found, seed, command)
+    result = optimum_of(problem, seed, command)
     if method == "lsq":
         return result
     if method == "mcmc":
@@ -278,92 +267,3 @@ def _inertia_factor(observations: Observations) -> float:
             "fit them apart, or choose one with --inertia-factor."
         )
     return stated.pop() if stated else 0.4
-
-
-def _result(problem: Problem, found: LeastSquares, seed: int, command: str) -> FitResult:
-    import pandas as pd
-
-    theta = found.optimum.theta
-    e_n, c, mu = problem.per_row(theta)
-    _, sticks = problem.impulse(e_n, c, mu)
-    residuals = residuals_of(problem, found)
-    statistics = statistics_of(problem, found, residuals, sticks)
-    constants = constants_of(problem, found)
-    free = problem.free
-    capped = found.local.to_theta @ found.local.covariance(capped=True) @ found.local.to_theta.T
-    size = np.sqrt(np.diag(capped))[free]
-    names = tuple(n for n, is_free in zip(problem.names, free, strict=True) if is_free)
-    table = problem.observations.table
-    columns = {
-        "sigma_used": found.sigma,
-        "fitted": problem.rows.value - residuals.raw,
-        "residual": residuals.raw,
-        "standardised": residuals.studentised,
-        "tau": problem.rows.tau,
-        "sticking": sticks,
-    }
-    points = pd.concat([table, pd.DataFrame(columns, index=table.index)], axis=1)
-    return FitResult(
-        closure=problem.closure.name,
-        inertia_factor=problem.inertia_factor,
-        method="lsq",
-        inputs=problem.observations.sources,
-        noise=Noise(reported_policy(problem), found.noise, scatter=problem.scatter),
-        constants=constants,
-        derived=derived_of(problem, found, constants),
-        correlation=(names, capped[np.ix_(free, free)] / np.outer(size, size)),
-        fit=statistics,
-        facts=facts_of(problem, found, residuals, constants, statistics),
-        warnings=_warnings(problem),
-        state=state_of(problem, found),
-        points=points,
-        seed=seed,
-        command=command,
-        created=datetime.now(UTC).isoformat(timespec="seconds"),
-        versions=_versions(),
-        asked=problem.constants,
-        problem=problem,
-        least_squares=found,
-    )
-
-
-def _warnings(problem: Problem) -> tuple[str, ...]:
-    said = list(problem.observations.notes)
-    table = problem.observations.table
-    ignored = [
-        problem.observations.called(column)
-        for column in ("sigma_spin_x", "sigma_spin_y", "sigma_gamma_deg")
-        if (table[column].to_numpy(dtype=float) > 0.0).any()
-    ]
-    if ignored and problem.scatter.angles == "none":
-        said.append(f"Not propagated: {' and '.join(ignored)}; angles and spins are taken as exact.")
-    if not problem.scatter.is_plain:
-        said.append(
-            f"Scatter: {problem.scatter.words}. chi2, residuals and what is said of misfit and outliers "
-            "are those of the reweighted rows."
-        )
-    if problem.closure.name == "maw":
-        said.append(
-            "Closure MAW is an elastic solution, scaled to e_n < 1: another rule moves the contact velocity "
-            "by up to 0.09 (e_n = 0.95) or 0.17 (e_n = 0.9) of mu U_n/khat; see docs/compliance.md."
-        )
-    given = int(np.isfinite(problem.sigma).sum())
-    if problem.noise == "unknown" and given:
-        said.append(
-            f"sigma is given in {given} of {problem.sigma.size} rows, and is not used: the noise comes from "
-            "the misfit. Give every row a sigma, or choose --noise."
-        )
-    return tuple(said)
-
-
-def _versions() -> dict[str, str]:
-    import pandas
-    import scipy
-
-    return {
-        "ifrfit": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "pandas": pandas.__version__,
-    }

@@ -35,10 +35,11 @@ COARSE = 1e-3  # tolerance where the scatter is not plain: every node costs all 
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
-def with_posterior(result: FitResult) -> FitResult:
+def with_posterior(result: FitResult, tolerance: float | None = None) -> FitResult:
     """Put the exact posterior in the place of the local picture; the facts about the optimum stay."""
     problem = result.problem
-    tolerance = TOLERANCE if problem.scatter.is_plain else COARSE
+    if tolerance is None:
+        tolerance = TOLERANCE if problem.scatter.is_plain else COARSE
     posterior = explore(problem, start=result.least_squares, tolerance=tolerance)
     return with_explored(result, posterior, explore)
 

@@ -51,12 +51,18 @@ class LeastSquares:
         return self.change <= AT_REST
 
 
-def least_squares(problem: Problem) -> LeastSquares:
+def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
     """Fit by least squares under the problem's noise policy.
 
     known: sigma is taken at its word. scaled: sigma times one common factor, from the misfit.
     unknown: one sigma a series and observable, from the misfit; weights are iterated and the optimum is
     certified at the final ones. The same where the scatter is not plain, see `scatter.reweighted`.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : ndarray, optional
+        theta of a neighbouring problem: where only a search can find the optimum, it begins there alone.
 
     Raises
     ------
@@ -68,7 +74,7 @@ def least_squares(problem: Problem) -> LeastSquares:
 
         return reweighted(problem)
     if problem.noise == "known":
-        optimum = solve(problem, problem.sigma)
+        optimum = solve(problem, problem.sigma, start)
         local = local_picture(problem, problem.sigma, optimum.theta)
         return LeastSquares(optimum, problem.sigma, group_sigma(problem, problem.sigma), math.inf, 0.0, local)
     groups = {"": np.arange(problem.rows.value.size)} if problem.noise == "scaled" else problem.groups()
@@ -80,7 +86,7 @@ def least_squares(problem: Problem) -> LeastSquares:
     if problem.noise == "unknown":
         for rows in groups.values():
             factor[rows] = max(float(np.std(problem.rows.value[rows])), 1e-6)
-    near = None  # a search that found the optimum once follows it while the noise settles
+    near = start  # a search that found the optimum once follows it while the noise settles
     for _ in range(_ITERATIONS):
         optimum = solve(problem, base * factor, near)
         local = local_picture(problem, base * factor, optimum.theta)
@@ -92,7 +98,7 @@ def least_squares(problem: Problem) -> LeastSquares:
         near = None if problem.closure.bilinear else optimum.theta
     sigma = base * factor
     if near is not None:
-        optimum = solve(problem, sigma)
+        optimum = solve(problem, sigma, start)
     dof = sum(rows.size - float(local.leverage[rows].sum()) for rows in groups.values())
     local = local_picture(problem, sigma, optimum.theta)
     return LeastSquares(optimum, sigma, group_sigma(problem, sigma), dof, change, local)

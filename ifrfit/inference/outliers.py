@@ -21,7 +21,7 @@ def outliers(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
     """Rows beyond the Bonferroni limit at 1 %, found one by one.
 
     The worst row is left out and the rest fitted again before the next one is judged: an outlier drags good
-    rows along.
+    rows along. Where only a search finds an optimum, it goes on from the last one.
     """
     found: list[tuple[int, float]] = []  # place in the problem, distance in sigma
     places = np.arange(problem.rows.value.size)
@@ -38,7 +38,7 @@ def outliers(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
         kept = np.delete(np.arange(places.size), worst)
         places, kept_problem = places[kept], kept_problem.with_rows(kept)
         try:
-            fit = least_squares(kept_problem)
+            fit = least_squares(kept_problem, fit.optimum.theta)
         except DataError:  # too few rows are left to tell their noise
             break
         residuals = residuals_of(kept_problem, fit)

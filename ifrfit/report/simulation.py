@@ -10,18 +10,26 @@ from typing import TYPE_CHECKING
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects import PlanLine
 from ifrfit.physics.scenes import Quantity
+from ifrfit.report.simulation_cost import cost_lines
 from ifrfit.report.terminal import WIDTH
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ifrfit.cost.effects import EffectCosts
     from ifrfit.inference.simulation import Simulation
 
 MOST_ROWS = 30
 
 
-def summary(simulation: Simulation) -> str:
+def summary(simulation: Simulation, measured: EffectCosts | None = None) -> str:
     """What was simulated, with the effect plan and a table of the curves.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    measured : EffectCosts, optional
+        What its effects cost, to be told after the plan.
 
     Returns
     -------
@@ -43,6 +51,8 @@ def summary(simulation: Simulation) -> str:
     for line in simulation.plan.lines:
         lines += plan_text(line)
     lines += [f"  what is dropped as too small changes {_amount(simulation.plan.dropped)} together", ""]
+    if measured is not None:
+        lines += [*cost_lines(measured), ""]
     lines += _curves(simulation)
     lines += [part for note in simulation.notes for part in _wrapped(note, "  note  ", 8)]
     return "\n".join(line.rstrip() for line in lines).rstrip("\n")

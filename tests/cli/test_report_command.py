@@ -22,14 +22,22 @@ def result(cli, fitted):
     return path
 
 
-def test_the_page_of_fit_is_the_page_of_report(cli, fitted):
+def test_report_adds_the_comparison_of_closures_to_the_page_of_fit(cli, fitted):
+    def apart(page):
+        before, rest = page.split('<section id="closures"')
+        own, after = rest.split("</section>", 1)
+        return own, before + after
+
     assert cli(*fitted, "--out", "results", "--quiet").returncode == 0
     result = Path("results/result.json")
-    written = Path("results/report.html").read_bytes()
+    missing, written = apart(Path("results/report.html").read_text(encoding="utf-8"))
+    assert "Not compared here: ifrfit report RESULT.json puts the closures side by side." in missing
     found = cli("report", result)
     assert (found.returncode, found.stderr) == (0, "")
     assert found.stdout == "written: results/report.html\n"
-    assert Path("results/report.html").read_bytes() == written
+    compared, page = apart(Path("results/report.html").read_text(encoding="utf-8"))
+    assert page == written
+    assert [name for name in ("f", "fr", "ifr", "ifr-contact", "maw") if f">{name}<" not in compared] == []
     assert sorted(path.name for path in Path("results").iterdir()) == [
         "fit.png", "fit.svg", "report.html", "result.json"
     ]  # fmt: skip

@@ -42,6 +42,18 @@ def test_json_is_all_there_is(cli):
     assert list(Path().iterdir()) == []
 
 
+def test_costs_are_measured_where_they_are_asked_for(cli, one_impact):
+    found = cli("simulate", one_impact, "--cost", "--out", "one")
+    assert (found.returncode, found.stderr) == (0, "")
+    assert "closure alone, planar" in found.stdout
+    assert found.stdout.rstrip().endswith("cost.csv  cost.svg  cost.png")
+    content = json.loads(cli("simulate", one_impact, "--cost", "--json").stdout)
+    assert list(content["cost"]["effects_ns"]) == [
+        line["effect"] for line in content["plan"]["effects"] if line["value"] is not None
+    ]
+    assert "cost" not in json.loads(cli("simulate", one_impact, "--json").stdout)
+
+
 def test_quiet_is_silent(cli, one_impact):
     found = cli("simulate", one_impact, "--quiet", "--out", "one")
     assert (found.returncode, found.stdout, found.stderr) == (0, "", "")

@@ -73,7 +73,11 @@ def compare(
     notes += applied_where(asked, constants)
     rest = {key: value for key, value in choices.items() if key not in _OF_CONSTANTS}
     observations = gather(data, rest.get("convention", ()), rest.get("inertia_factor"))
-    fits = fit_each(observations, asked, constants, rest | {"seed": seed})
+    return weighed(fit_each(observations, asked, constants, rest | {"seed": seed}), notes, loo, seed)
+
+
+def weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed: int) -> Comparison:
+    """Put fits by exact posterior, one a closure, side by side; arguments as `compare`."""
     priors = prior_table(fits)
     found = _cross_validated(fits, seed) if loo else {}
     if loo and not found:

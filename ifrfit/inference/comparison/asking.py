@@ -33,7 +33,8 @@ def chosen_closures(
     """
     given = [] if names is None else [names] if isinstance(names, str) else list(names)
     if not given:
-        return _known_to(choices)
+        plain = choices.get("tails", "gaussian") == "gaussian"
+        return known_to(plain and choices.get("angle_errors", "none") == "none")
     found = tuple({c.name: c for c in map(get_closure, given)}.values())
     if len(found) < 2:
         raise UsageError(
@@ -43,10 +44,9 @@ def chosen_closures(
     return found, ()
 
 
-def _known_to(choices: Mapping[str, Any]) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
-    """All closures that know the scatter that was chosen."""
+def known_to(plain: bool) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
+    """All closures that know a scatter, plain or not, and which were left out."""
     every = tuple(CLOSURES.values())
-    plain = choices.get("tails", "gaussian") == "gaussian" and choices.get("angle_errors", "none") == "none"
     if plain:
         return every, ()
     said = tuple(

@@ -48,7 +48,7 @@ class Adhesion:
     title: str = "adhesion"
     stage: Stage = "adhesion"
     replaces: Literal[""] = ""
-    cost_ns: float = 50.0
+    cost_ns: float = 16.0
     source: str = (
         "Thornton & Ning (1998), Powder Technol. 99, 154; Johnson & Pollock (1994), "
         "J. Adhesion Sci. Technol. 8, 1323; with plasticity our own combination"

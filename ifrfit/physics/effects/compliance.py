@@ -46,7 +46,7 @@ class Compliance:
     title: str = "compliance"
     stage: Stage = "tangential"
     replaces: Literal["tangential"] = "tangential"
-    cost_ns: None = None
+    cost_ns: float = 70.0
     source: str = (
         "Maw, Barber & Fawcett (1976), Wear 38, 101; for e_n < 1 the scaling of Wu, Thornton & Li (2003), "
         "Adv. Powder Technol. 14, 435"

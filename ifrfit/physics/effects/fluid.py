@@ -42,7 +42,7 @@ class AmbientFluid:
     title: str = "fluid"
     stage: Stage = "fluid"
     replaces: Literal[""] = ""
-    cost_ns: float = 20.0
+    cost_ns: float = 11.0
     source: str = (
         "Legendre, Daniel & Guiraud (2005), Phys. Fluids 17, 097105; Joseph, Zenit, Hunt & Rosenwinkel "
         "(2001), J. Fluid Mech. 433, 329; Gondret, Lance & Petit (2002), Phys. Fluids 14, 643"

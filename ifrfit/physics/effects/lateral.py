@@ -25,7 +25,7 @@ class LateralSpin:
     title: str = "lateral spin"
     stage: Stage = "plane"
     replaces: Literal[""] = ""
-    cost_ns: float = 65.0
+    cost_ns: float = 36.0
     source: str = "Doménech-Carbó (2023), appendix A2"
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:

@@ -62,7 +62,7 @@ class Plasticity:
     title: str = "plasticity"
     stage: Stage = "normal"
     replaces: Literal["e_n"] = "e_n"
-    cost_ns: float = 30.0
+    cost_ns: float = 22.0
     source: str = "Thornton (1997), J. Appl. Mech. 64, 383; Thornton & Ning (1998), Powder Technol. 99, 154"
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:

@@ -79,8 +79,8 @@ class Effect(Protocol):
         """Which constant it takes the place of: e_n, or the closure's own one."""
 
     @property
-    def cost_ns(self) -> float | None:
-        """Nanoseconds an impact on one core, about, see benchmarks/effects.py; None: not measured yet."""
+    def cost_ns(self) -> float:
+        """Nanoseconds an impact on one core, about, see benchmarks/effects.py."""
 
     @property
     def source(self) -> str:

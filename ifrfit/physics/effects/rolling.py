@@ -24,7 +24,7 @@ class Rolling:
     title: str = "rolling"
     stage: Stage = "rolling"
     replaces: Literal[""] = ""
-    cost_ns: float = 40.0
+    cost_ns: float = 22.0
     source: str = "our own option: balance of angular momentum with a Coulomb-like couple"
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:

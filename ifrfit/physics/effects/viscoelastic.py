@@ -48,7 +48,7 @@ class Viscoelastic:
     title: str = "viscoelasticity"
     stage: Stage = "normal"
     replaces: Literal["e_n"] = "e_n"
-    cost_ns: float = 25.0
+    cost_ns: float = 12.0
     source: str = (
         "Brilliantov, Spahn, Hertzsch & Pöschel (1996), PRE 53, 5382; Müller & Pöschel (2011), PRE 84, 021302"
     )

@@ -22,13 +22,14 @@ from ifrfit.report.page.sections import (
     repeat,
     residuals,
 )
-from ifrfit.report.page.sections.closures import Comparison
 from ifrfit.report.page.verdict import badges, verdict
 from ifrfit.report.regimes import joined
 from ifrfit.report.words import headline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ifrfit.inference.comparison import Comparison
 
 # a further section is one more file and one more line
 SECTIONS: tuple[Callable[[Material], Section | None], ...] = (
@@ -46,7 +47,12 @@ SECTIONS: tuple[Callable[[Material], Section | None], ...] = (
 )
 
 
-def assemble(result: FitResult, comparison: Comparison | None = None, figure: Figure | None = None) -> Report:
+def assemble(
+    result: FitResult,
+    comparison: Comparison | None = None,
+    figure: Figure | None = None,
+    without_comparison: str = "",
+) -> Report:
     """Everything that the report of a result says and shows.
 
     Parameters
@@ -54,11 +60,13 @@ def assemble(result: FitResult, comparison: Comparison | None = None, figure: Fi
     result : FitResult
         Of a fit, or read from a file.
     comparison : Comparison, optional
-        Closures side by side; the section is left out without.
+        Closures side by side.
     figure : Figure, optional
         The figure of the fit, where it has been drawn before.
+    without_comparison : str
+        Sentence in the place of a comparison; without either the section is left out.
     """
-    material = Material(result, comparison, figure)
+    material = Material(result, comparison, figure, without_comparison)
     sections = tuple(found for build in SECTIONS if (found := build(material)) is not None)
     made = {"ifrfit": result.versions.get("ifrfit", ""), "fitted": result.created}
     return Report(

@@ -95,9 +95,23 @@ def payload(result: FitResult) -> dict[str, Any]:
         },
         "open": undetermined(result),
         "stand_in": is_stand_in(result),
+        "yardstick": _yardstick(result),
         "thinned": step > 1,
         "n": len(points),
     }
+
+
+def _yardstick(result: FitResult) -> str:
+    """Which sigma chi2 rests on: as in the result, that of the data where they have one."""
+    if result.noise.policy == "unknown":
+        return "the noise of the fit"
+    stated = "the sigma that the data state"
+    if result.noise.policy == "known":
+        return stated
+    found = result.noise.estimates.get("")
+    optimum = float((result.points["sigma_used"] / result.points["sigma"]).median())
+    factor = optimum if found is None or found.value is None else found.value
+    return f"{stated}; the noise of the fit is {factor:.3g} times that"
 
 
 def _observables(result: FitResult) -> list[str]:

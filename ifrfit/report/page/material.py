@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from ifrfit.inference.comparison import Comparison
     from ifrfit.inference.least_squares import LeastSquares
     from ifrfit.inference.problem import Problem
     from ifrfit.inference.profiling import Profile
-    from ifrfit.report.page.sections.closures import Comparison
 
 DRAWS = 2000
 # beyond these a profile takes long enough to be asked for with --method profile
@@ -40,11 +40,14 @@ class Material:
         Closures side by side, where they were compared.
     figure : Figure or None
         The figure of the fit, where it has been drawn before.
+    without_comparison : str
+        Why closures were not compared, if a reader should know.
     """
 
     result: FitResult
     comparison: Comparison | None = None
     figure: Figure | None = None
+    without_comparison: str = ""
 
     @cached_property
     def _asked(self) -> tuple[tuple[Problem, LeastSquares] | None, str]:

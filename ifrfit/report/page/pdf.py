@@ -161,6 +161,9 @@ def _figure_page(pages: Any, section: str, picture: Picture, caption: str) -> No
     ]
     for text, size in zip(added, (10.0, SMALL), strict=True):
         text.set_fontsize(size * scale)
+    # a legend outside the axes keeps to the figure, not to the page around it
+    for legend in figure.legends:
+        legend.set_bbox_to_anchor((0.0, 0.0, 1.0, 1.0), figure.transFigure)
     try:
         pages.savefig(figure, bbox_inches=Bbox([[-left, -bottom], [page_width - left, page_height - bottom]]))
     finally:

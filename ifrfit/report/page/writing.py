@@ -12,26 +12,34 @@ from typing import TYPE_CHECKING
 from ifrfit.errors import UsageError
 from ifrfit.inference.result import FitResult
 from ifrfit.report.page.assembly import assemble
+from ifrfit.report.page.comparing import LATER, compared
 from ifrfit.report.page.html import GENERATOR, render
 from ifrfit.report.page.markdown import markdown_files
 from ifrfit.report.page.pdf import pdf
-from ifrfit.report.page.sections.closures import Comparison
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ifrfit.inference.comparison import Comparison
 
 FORMATS = ("html", "md", "pdf")
 Files = Mapping[str, bytes]
 
 
-def page(result: FitResult, comparison: Comparison | None = None, figure: Figure | None = None) -> str:
-    """The report of a result as one HTML page; arguments as `assemble`."""
-    return render(assemble(result, comparison, figure))
+def page(result: FitResult, figure: Figure | None = None) -> str:
+    """The report of a fit just made as one HTML page; who wants the closures compared is told how."""
+    return render(assemble(result, figure=figure, without_comparison=LATER))
 
 
 def report_files(result: FitResult, name: str, comparison: Comparison | None = None) -> dict[str, bytes]:
-    """The files of a report, by the suffix of `name`: one, but for Markdown, whose figures are apart."""
-    report = assemble(result, comparison)
+    """The files of a report, by the suffix of `name`: one, but for Markdown, whose figures are apart.
+
+    Closures are compared here where no comparison is given, and the problem is small enough.
+    """
+    missing = ""
+    if comparison is None:
+        comparison, missing = compared(result)
+    report = assemble(result, comparison, without_comparison=missing)
     stem, _, suffix = name.rpartition(".")
     if suffix == "html":
         return {name: render(report).encode("utf-8")}
@@ -50,7 +58,7 @@ def write_report(
     path : Path
         Its suffix is the format: html, md or pdf.
     comparison : Comparison, optional
-        Closures side by side.
+        Closures side by side, where they were compared before.
     force : bool
         Replace files that are not reports, too.
 

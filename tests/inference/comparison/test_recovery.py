@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from calibration_verdict import FAMILY, binomial_p
 from closure_page import page, verdict
 from closure_study import (
+    BILINEAR,
     CLOSURES,
     RIGHT,
     SWAPPED,
@@ -54,8 +56,8 @@ def test_right_probabilities_pass_and_sharpened_ones_fail():
 
 @pytest.fixture(scope="module")
 def seen():
-    """Reduced study; the full one is `make calibrate`."""
-    return {one.method: one for one in seen_by(list(run_many(tasks_of(SEED, 15, 4), 1)))}
+    """Reduced study of the closures that are quick; the full one is `make calibrate`."""
+    return {one.method: one for one in seen_by(list(run_many(tasks_of(SEED, 15, 4, BILINEAR), 1)))}
 
 
 def test_probabilities_are_right_as_often_as_they_say(seen):
@@ -85,6 +87,15 @@ def test_ties_have_the_evidence_of_one_dimensional_integrals():
 
 
 @pytest.mark.long
+def test_with_compliance_probabilities_are_right_as_often_as_they_say():
+    right = seen_by(list(run_many(tasks_of(SEED, 15, 1), 2)))[0]
+    assert right.closures == CLOSURES
+    assert not [(line.scene, line.name) for line in lines_of(right) if not line.holds]
+    own = right.truth == CLOSURES.index("maw")
+    assert right.probability[own, -1].mean() > 2.0 * right.probability[~own, -1].mean()
+
+
+@pytest.mark.long
 def test_workers_do_not_change_the_study():
     tasks = tasks_of(SEED, 1, 1)
     assert list(run_many(tasks, 2)) == list(run_many(tasks, 1))
@@ -94,9 +105,9 @@ def test_page_tells_good_from_bad(seen):
     ties_ = ties(SEED, 3)
     text = page(list(seen.values()), ties_, SEED)
     assert "| IFR-contact |" in text
-    swapped = [Seen(RIGHT, o.truth, o.probability, o.log_bayes_factor) for o in [seen[SWAPPED]]]
+    swapped = [replace(seen[SWAPPED], method=RIGHT)]
     assert any("adjusted p" in sentence for sentence in verdict(swapped, ties_))
-    holds = Seen(SWAPPED, *(getattr(seen[RIGHT], x) for x in ("truth", "probability", "log_bayes_factor")))
+    holds = replace(seen[RIGHT], method=SWAPPED)
     assert f"control passes: {SWAPPED}" in verdict([seen[RIGHT], holds], ties_)
 
 

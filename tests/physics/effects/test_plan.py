@@ -28,7 +28,7 @@ def test_the_registry_is_in_the_order_of_composition():
     for name, effect in EFFECTS.items():
         assert effect.name == name
         assert effect.source
-        assert effect.cost_ns is None or effect.cost_ns > 0.0
+        assert effect.cost_ns > 0.0
 
 
 def test_one_line_for_every_effect_with_number_threshold_and_change(impacts, glass):

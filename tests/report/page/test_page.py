@@ -10,7 +10,6 @@ from collections import Counter
 from dataclasses import replace
 from html.parser import HTMLParser
 
-import numpy as np
 import pytest
 
 import ifrfit
@@ -128,10 +127,10 @@ def test_names_from_a_file_stay_text(pages, results):
 
 
 @pytest.mark.parametrize("name", ["digitised", "hostile"])
-def test_the_same_bytes_again_and_from_the_file(pages, results, tmp_path, name):
+def test_the_same_bytes_again_and_from_the_file(results, tmp_path, name):
     results(name).save(tmp_path / "result.json")
     loaded = load_result(tmp_path / "result.json")
-    assert page(loaded) == pages(name)
+    assert page(loaded) == page(results(name))
 
 
 def test_the_verdict_is_two_sentences(reports):
@@ -224,25 +223,6 @@ def test_a_result_without_points_has_a_report_all_the_same(results):
     assert section(report, "residuals") is None
     assert section(report, "fit").blocks[0].text.startswith("The result holds no points")
     assert "The result holds no points" in section(report, "profiles").blocks[0].text
-
-
-def test_a_comparison_is_shown_where_there_is_one(results, reports):
-    import pandas as pd
-
-    class Verdict:
-        says = "the data prefer IFR: log Bayes factor 7.1"
-
-    class Compared:
-        verdict = Verdict()
-
-        def table(self):
-            return pd.DataFrame({"log_evidence": [12.5, np.nan]}, index=["IFR", "FR"])
-
-    assert section(reports("fixed"), "closures") is None
-    blocks = section(assemble(results("fixed"), Compared()), "closures").blocks
-    assert blocks[0].text == "The data prefer IFR: log Bayes factor 7.1."
-    assert blocks[1].head == ("closure", "log evidence")
-    assert blocks[1].rows == (("IFR", "12.5"), ("FR", "-"))
 
 
 def test_chains_are_shown_only_where_a_sampler_ran(results):

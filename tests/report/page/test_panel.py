@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from ifrfit.physics import get_closure, transition_angles, transition_tau
-from ifrfit.report.page.state import coordinates
+from ifrfit.report.page.state import coordinates, values_of
 
 EVERY = ("fixed", "loose", "hostile", "stand-in", "digitised", "lsq")
 
@@ -90,6 +92,21 @@ def test_another_closure_keeps_the_restitution_in_sticking(opened, pages):
     )
     shown.tab.select_option("#explorer-closure", "f")
     assert not shown.tab.is_visible("#explorer-c")
+
+
+def test_the_note_says_which_sigma_chi2_rests_on(opened, pages, results):
+    shown = opened(pages("fixed"))
+    assert "with the sigma that the data state." in shown.text("note")
+    # digitised data with scaled noise
+    scaled = opened(pages("digitised"))
+    result = results("digitised")
+    found = re.search(r"the noise of the fit is ([\d.]+) times that", scaled.text("note"))
+    assert float(found[1]) == pytest.approx(result.noise.estimates[""].value, rel=5e-3)
+    names, best, _, _ = coordinates(result, None)
+    at = values_of(names, best)
+    assert first_number(scaled.text("chi2")) == pytest.approx(
+        chi2(result, at["e_n"], at["e_t"], at["mu"]), rel=1e-3
+    )
 
 
 def test_the_keyboard_moves_and_returns(opened, pages):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from ifrfit.errors import UsageError
 from ifrfit.report.page import write_batch, write_report
@@ -14,7 +17,7 @@ from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Report, Sect
 from ifrfit.report.page.drawings.checks import draw_checks
 from ifrfit.report.page.html import fill
 from ifrfit.report.page.markdown import escaped, markdown_files
-from ifrfit.report.page.pdf import pdf
+from ifrfit.report.page.pdf import _figure_page, pdf
 
 KINDS = {"html": b"<!DOCTYPE html>", "md": b"<!-- ifrfit report -->", "pdf": b"%PDF-"}
 
@@ -25,7 +28,8 @@ def small(monkeypatch):
     picture = Picture("checks", "Checks", "one", draw_checks({"chi2": 0.5}))
     sections = (Section("one", "One", (Paragraph("Words."), Pictures((picture,), "A caption."))),)
     report = Report("small", (), ("It is.", "Nothing."), False, sections, {"ifrfit": "1"})
-    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *arguments: report)
+    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_, **__: report)
+    monkeypatch.setattr("ifrfit.report.page.writing.compared", lambda _: (None, ""))
 
 
 @pytest.mark.usefixtures("small")
@@ -145,3 +149,23 @@ def test_a_template_refuses_what_it_is_not_given():
 
     with pytest.raises(UndefinedError):
         fill("report.html.j2", script="")
+
+
+def test_a_legend_stays_with_its_figure_on_a_page_of_pdf():
+    from matplotlib.figure import Figure
+
+    figure = Figure((4.0, 2.0), layout="constrained")
+    figure.subplots().plot([0, 1], label="curve")
+    figure.legend(loc="outside lower center")
+    drawn = io.BytesIO()
+
+    class Pages:
+        def savefig(self, shown, bbox_inches):
+            shown.savefig(drawn, format="png", bbox_inches=bbox_inches, dpi=50)
+
+    _figure_page(Pages(), "Section", Picture("one", "One", "one", figure), "A caption.")
+    drawn.seek(0)
+    dark = np.asarray(Image.open(drawn).convert("L")) < 128
+    # heading, figure and caption lie in the upper half of the page; nothing below
+    assert dark[: dark.shape[0] // 2].any()
+    assert not dark[dark.shape[0] // 2 :].any()

@@ -240,7 +240,7 @@
 
   function note(v) {
     const own = data.series[state.series];
-    const said = ["chi2 takes each row at its own spin, with the noise of the fit."];
+    const said = [`chi2 takes each row at its own spin, with ${data.yardstick}.`];
     if (data.open.length) said.push(`Not determined by the data: ${data.open.join(", ")}; the panel starts from a value that is compatible with them, one of many.`);
     if (data.groups.length > 1) said.push(`It counts the rows of ${own.name} alone, whose constants these are.`);
     if (v.spin_x !== own.spin_x || v.spin_y !== own.spin_y) said.push(`The dashed curve is at the spin chosen, the data of ${own.name} are not.`);

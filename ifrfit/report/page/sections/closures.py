@@ -1,58 +1,40 @@
-"""Closures side by side, where they were compared."""
+"""Closures side by side, or why they are not."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
-
-from ifrfit.report.page.blocks import Paragraph, Section, Table
+from ifrfit.inference.comparison.verdict import title
+from ifrfit.report.comparison_columns import CROSS_VALIDATION, criteria, cross_validated
+from ifrfit.report.comparison_words import findings, prior_line
+from ifrfit.report.page.blocks import Findings, Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.material import Material
-from ifrfit.report.page.wording import sentence
+from ifrfit.report.page.wording import sentence, stand_in_words
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-
-class Verdict(Protocol):
-    """Which closure the data prefer."""
-
-    @property
-    def says(self) -> str:
-        """One sentence, with how strongly."""
-
-
-class Comparison(Protocol):
-    """What a comparison of closures must give to be shown."""
-
-    @property
-    def verdict(self) -> Verdict:
-        """Which closure the data prefer, and how strongly."""
-
-    def table(self) -> pd.DataFrame:
-        """One row a closure (index: its name), one column a criterion."""
+ANCHOR, TITLE = "closures", "Closures compared"
 
 
 def section(material: Material) -> Section | None:
-    """Verdict and table of a comparison; None where there is none."""
+    """Verdict, table and picture of a comparison, or the sentence that says why there is none."""
     comparison = material.comparison
     if comparison is None:
-        return None
-    table = comparison.table()
+        missing = material.without_comparison
+        return Section(ANCHOR, TITLE, (Paragraph(sentence(missing)),)) if missing else None
+    columns = criteria(comparison) + (CROSS_VALIDATION if cross_validated(comparison) else [])
     rows = tuple(
-        (str(name), *(_cell(cell) for cell in cells))
-        for name, *cells in table.itertuples(index=True, name=None)
+        (title(name), *(cell(comparison.entries[name]) for _, cell in columns)) for name in comparison.ranked
     )
-    head = ("closure", *(str(column).replace("_", " ") for column in table.columns))
+    head = ("closure", *(name for name, _ in columns))
+    told = set(material.result.warnings)
     return Section(
-        "closures",
-        "Closures compared",
+        ANCHOR,
+        TITLE,
         (
             Paragraph(sentence(comparison.verdict.says)),
-            Table("Criteria by closure.", head, rows, frozenset(range(1, len(head)))),
+            Table(prior_line(comparison), head, rows, frozenset(range(1, len(head)))),
+            Pictures(
+                (Picture("closures", "Closures", sentence(comparison.verdict.says), comparison.plot()),),
+                f"{stand_in_words(material.result)}Data with the best curve of each closure, the residuals "
+                "of each in units of its own sigma, and log Bayes factors against the best.",
+            ),
+            Findings(tuple(item for item in findings(comparison) if item[1] not in told)),
         ),
     )
-
-
-def _cell(cell: object) -> str:
-    if isinstance(cell, float):
-        return "-" if cell != cell else f"{cell:.5g}"
-    return str(cell)
