@@ -13,6 +13,7 @@ from ifrfit.cost.setting import Setting, setting_of
 from ifrfit.data import Observations
 from ifrfit.errors import UsageError
 from ifrfit.inference import fit
+from ifrfit.inference.effort.words import power
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
@@ -78,6 +79,8 @@ def measure_costs(
             costs += _OTHERS[kind](setting, quick)
             about[kind] = setting.words(kind)
         notes += setting.notes
+        if "physics" in wanted and setting.constants["e_n"] < 1.0:
+            notes.append(_doubt(setting))
     return Costs(tuple(costs), found, reference, about, tuple(notes))
 
 
@@ -101,6 +104,20 @@ def _physics(setting: Setting, quick: bool) -> list[Cost]:
         chi=own["chi"],
         e_t=own["e_t"],
         quick=quick,
+    )
+
+
+def _doubt(setting: Setting) -> str:
+    """What no error of physics holds."""
+    from ifrfit.cost.physics import scaling_doubt
+
+    own = setting.constants
+    doubt = scaling_doubt(
+        gamma_deg=setting.grid(), spin_y=setting.spin, e_n=own["e_n"], mu=own["mu"], chi=own["chi"]
+    )
+    return (
+        "The converged solution is elastic, scaled to e_n < 1. Another rule moves beta by up to "
+        f"{power(doubt)} (Stronge's model, scaled and as it is), which is in none of the errors of physics."
     )
 
 

@@ -25,6 +25,29 @@ def test_measures_says_and_writes(cli):
     assert (exact["error"] <= tolerance).all()
 
 
+def test_contact_laws_and_precisions_stand_beside_one_another(cli):
+    found = cli(
+        "cost", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--quick", "--out", "out",
+        "--kind", "physics", "--kind", "arithmetic",
+    )  # fmt: skip
+    assert (found.returncode, found.stderr) == (0, "")
+    text = " ".join(found.stdout.split())
+    assert "physics: time an impact, and error of beta against the converged solution of Maw" in text
+    assert "arithmetic: time an impact, and error against 50 digits; at e_n = 0.98" in text
+    assert "Cheapest for an error of at most so much in beta" in text
+    assert "Single precision keeps velocities and spins" in text
+    assert "which is in none of the errors of physics" in text
+    assert max(len(line) for line in found.stdout.splitlines() if "written:" not in line) <= 100
+    table = pd.read_csv("out/cost.csv", keep_default_na=False)
+    assert set(table["kind"]) == {"physics", "arithmetic"}
+    arithmetic = table[table["kind"] == "arithmetic"]
+    assert arithmetic[arithmetic["method"] == "50 digits"]["on_front"].all()
+    names = {path.name for path in Path("out").iterdir()}
+    assert names == {"cost.csv"} | {
+        f"cost-{kind}.{suffix}" for kind in ("physics", "arithmetic") for suffix in ("svg", "png")
+    }
+
+
 def test_quiet_needs_a_folder(cli):
     found = cli(*CROSS, "--quiet")
     assert found.returncode == 2

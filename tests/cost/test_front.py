@@ -41,6 +41,18 @@ def test_kinds_do_not_compete():
     assert all(c.on_front for c in found)
 
 
+def test_in_arithmetic_each_kind_of_impacts_is_a_question_of_its_own():
+    found = choices_of(
+        [
+            cost("float32", 1.0, 1e-7, setting="easy", kind="arithmetic"),
+            cost("float32", 1.0, 1e-2, setting="hard", kind="arithmetic"),
+            cost("float64", 2.0, 1e-16, setting="easy", kind="arithmetic"),
+            cost("float64", 2.0, 1e-10, setting="hard", kind="arithmetic"),
+        ]
+    )
+    assert all(c.on_front for c in found)
+
+
 def test_cheapest_for_each_target():
     choices = choices_of([cost("a", 1.0, 2e-2), cost("b", 2.0, 1e-4), cost("c", 3.0, 1e-5)])
     assert cheapest(choices, 1e-6) is None
