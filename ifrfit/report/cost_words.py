@@ -71,8 +71,11 @@ def _two_digits(value: float) -> str:
 
 
 def error_text(error: float) -> str:
-    """An error with two digits."""
-    return "-" if math.isnan(error) else f"{error:.1e}" if error > 0.0 else "0"
+    """An error with two digits and its power of ten, as 1.2e-5."""
+    if math.isnan(error) or error == 0.0:
+        return "-" if error else "0"
+    digits, _, exponent = f"{error:.1e}".partition("e")
+    return f"{digits}e{int(exponent)}" if exponent else "infinite"
 
 
 def _best(found: Sequence[tuple[float, float, Choice]], kind: Kind) -> str:

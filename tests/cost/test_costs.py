@@ -60,7 +60,7 @@ def test_sentences_follow_from_the_measurements(costs):
         "1e-4 to 1e-6: exact, tolerance 1e-4 (50 ms); 1e-7 to 1e-10: exact, tolerance 1e-8 (300 ms)"
     )
     assert behind == (
-        "mcmc, 1,000 steps comes to 1.8e-02 of an sd in 6.2 s, 500 times the time of exact, tolerance 1e-1, "
+        "mcmc, 1,000 steps comes to 1.8e-2 of an sd in 6.2 s, 500 times the time of exact, tolerance 1e-1, "
         "which is no less exact"
     )
     assert other.endswith(
@@ -83,9 +83,9 @@ def test_physics_says_what_the_fastest_comes_to(costs):
         "Cheapest for an error of at most so much in beta: 1e-1 to 1e-4: table, compiled"
     )
     assert (
-        said[1] == "The fastest, closure IFR, e_t = -0.9, given; compiled (0.5 ns), comes to 6.0e-01 in beta"
+        said[1] == "The fastest, closure IFR, e_t = -0.9, given; compiled (0.5 ns), comes to 6.0e-1 in beta"
     )
-    assert said[2].startswith("annuli, 20 annuli comes to 8.0e-02 in beta in 1.2 ms, 300,000 times the time")
+    assert said[2].startswith("annuli, 20 annuli comes to 8.0e-2 in beta in 1.2 ms, 300,000 times the time")
 
 
 def test_nothing_measured_is_nothing_said(costs):
@@ -114,7 +114,13 @@ def test_times_in_the_unit_that_people_use(seconds, text):
 
 
 def test_errors_and_ratios():
-    assert [error_text(x) for x in (0.0, math.nan, 1.234e-5)] == ["0", "-", "1.2e-05"]
+    assert [error_text(x) for x in (0.0, math.nan, 1.234e-5, math.inf, 2.3)] == [
+        "0",
+        "-",
+        "1.2e-5",
+        "infinite",
+        "2.3e0",
+    ]
     assert [ratio_text(x) for x in (3.14159, 1234.5, 2.345e5)] == [
         "3.1 times",
         "1,200 times",
