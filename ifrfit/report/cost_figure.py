@@ -14,7 +14,7 @@ from ifrfit.cost.result import Costs
 from ifrfit.errors import UsageError
 from ifrfit.report import style
 from ifrfit.report.cost_words import error_text, method_name
-from ifrfit.report.provenance import is_stand_in
+from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,10 +101,11 @@ def plot(costs: Costs, kind: Kind) -> Figure:
 
 
 def _title(costs: Costs, kind: Kind, width: float) -> str:
-    names = ", ".join(source.name for source in costs.fit.inputs)
+    fit = costs.fit
+    names = ", ".join(f"{s.name} ({provenance_words(kinds_of(fit, s))})" for s in fit.inputs)
     about = costs.about.get(kind, "")
     text = f"{names}: what accuracy costs, {kind}" + (f"; {about}" if about else "")
-    if is_stand_in(costs.fit):
+    if is_stand_in(fit):
         text = f"{STAND_IN} data. {text}"
     return textwrap.fill(text, int(_LETTERS * width)).replace("$", r"\$")
 
