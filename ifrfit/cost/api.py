@@ -66,15 +66,16 @@ def measure_costs(
     about: dict[str, str] = {}
     notes: list[str] = []
     reference: Reference | None = None
+    others = [kind for kind in wanted if kind != "inference"]
+    # before anything is measured: it may refuse
+    setting = setting_of(found, data, choices) if others else None
     if "inference" in wanted:
         extent = QUICK if quick else FULL
         measured = inference_costs(found.problem, extent=extent, seed=seed, progress=progress)
         costs += measured.costs
         reference = measured.reference
         notes += measured.notes
-    others = [kind for kind in wanted if kind != "inference"]
-    if others:
-        setting = setting_of(found, data, choices)
+    if setting is not None:
         for kind in others:
             costs += _OTHERS[kind](setting, quick)
             about[kind] = setting.words(kind)

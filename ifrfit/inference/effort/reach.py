@@ -18,6 +18,8 @@ from ifrfit.inference.result import Fact, FitResult
 from ifrfit.inference.scatter.law import Scatter
 from ifrfit.inference.scatter.setup import with_scatter
 
+UNASKED = "Whether the series share their constants was not asked: the time was over."
+
 _OTHERS = 1e-2  # tolerance of the evidence of other questions where time counts
 
 Progress = Callable[[int, int], None]
@@ -82,17 +84,31 @@ def with_effort(
 
 
 def _with_exact(result: FitResult, posterior: Posterior, wanted: Wanted) -> FitResult:
-    problem = result.problem
     if wanted.budget is None:
         found = with_explored(result, posterior, explore)
-    elif not wanted.over:
-        found = with_explored(result, posterior, lambda p: explore(p, _OTHERS, over=lambda: wanted.over))
     else:
-        found = with_explored(result, posterior, None)
-        if any(c.separate for c in problem.constants):
-            unasked = "Whether the series share their constants was not asked: the time was over."
-            found = replace(found, warnings=(*found.warnings, unasked))
+        try:
+            found = with_explored(result, posterior, lambda problem: _evidence(problem, wanted))
+        except TimeoutError:
+            found = with_explored(result, posterior, None)
+            found = replace(found, warnings=(*found.warnings, UNASKED))
     return _told(found, wanted, "exact", "", tolerance=posterior.tolerance, reached=posterior.error)
+
+
+def _evidence(problem: Problem, wanted: Wanted) -> Posterior:
+    """The posterior of another question, as exactly as its evidence needs.
+
+    Raises
+    ------
+    TimeoutError
+        If there is no time for it.
+    """
+    if wanted.over:
+        raise TimeoutError
+    found = explore(problem, _OTHERS, over=lambda: wanted.over)
+    if found.error_evidence > _OTHERS:
+        raise TimeoutError
+    return found
 
 
 def _with_chains(

@@ -13,7 +13,7 @@ import pytest
 import ifrfit
 from ifrfit.errors import UsageError
 from ifrfit.inference.effort.chains import END, check_reachable, halting, reachable, standard_error
-from ifrfit.inference.effort.reach import with_effort
+from ifrfit.inference.effort.reach import UNASKED, with_effort
 from ifrfit.inference.effort.told import Effort
 from ifrfit.inference.effort.wanted import make_wanted
 from ifrfit.inference.effort.words import says
@@ -68,6 +68,22 @@ def test_an_accuracy_that_there_was_no_time_for_is_not_converged(lsq):
         "they are from the posterior"
     )
     assert "the estimator did not converge" in found.summary().splitlines()[0]
+
+
+def test_time_that_ends_anywhere_leaves_a_whole_result():
+    """The clock jumps beyond the budget at each look in turn, in the search or in the question of sharing."""
+    start = ifrfit.fit(
+        "cross-2019", method="lsq", series=["no spin", "spin 0.225"], separate="mu", fix={"e_n": 0.94}
+    )
+    ends = set()
+    for looks in range(1, 16):
+        seen = iter(range(10_000))
+        wanted = make_wanted(0.1, 1.0, None, lambda looks=looks, seen=seen: float(next(seen) > looks))
+        found = with_effort(start, wanted, "")
+        end = found.method, "sharing" in found.facts
+        assert (UNASKED in found.warnings) == (end == ("exact", False))
+        ends.add(end)
+    assert ends == {("lsq", False), ("exact", False), ("exact", True)}
 
 
 def test_who_insists_on_exact_gets_it_late_rather_than_not(lsq):
