@@ -22,6 +22,7 @@ HEADLINES = {
     "global_optimum": "the optimum is not proven to be the best",
     "identifiable": "the data do not determine every constant",
     "lack_of_fit": "the data contradict the closure",
+    "effects": "the residuals call for a further effect",
     "outliers": "outliers",
     "predictive": "the posterior does not predict such data",
     "resampling": "there is too little to draw from",

@@ -1,0 +1,93 @@
+"""Which effect the residuals call for, and which others they do not tell from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ifrfit.inference.calling.directions import RIVALS, directions
+from ifrfit.inference.calling.score import Score, holm, scores
+from ifrfit.inference.calling.words import called_words, none_words
+from ifrfit.inference.least_squares import LeastSquares
+from ifrfit.inference.problem import Problem
+from ifrfit.inference.result import Estimate, Fact
+from ifrfit.inference.rules import FACTS, REFUTED
+
+ALIKE = 4.0  # of -2 log likelihood, as for optima that are counted as near
+_LAWS = ("viscoelastic", "plasticity")
+
+
+def effects_fact(
+    problem: Problem, fit: LeastSquares, constants: Mapping[str, object], *, chi: float | None = None
+) -> Fact | None:
+    """Test the residuals for effects that the closure does not hold.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquares
+    constants : mapping
+        Name to `Estimate`, or to one a series.
+    chi : float, optional
+        Compliance number of the materials, where they are known.
+
+    Returns
+    -------
+    Fact or None
+        None where no effect could show in these rows.
+    """
+    theta = fit.optimum.theta
+    jacobian = problem.jacobian(theta)
+    every = directions(problem, theta, jacobian, chi=chi, knows_e_n=_determined(constants["e_n"]))
+    residual = (problem.rows.value - problem.fitted(theta)) / fit.sigma
+    tested = scores(
+        [replace(d, change=d.change / fit.sigma) for d in every],
+        jacobian / fit.sigma[:, None],
+        residual,
+        known=problem.noise == "known" and problem.scatter.is_plain,
+    )
+    if all(one.direction.name in RIVALS for one in tested):
+        return None
+    corrected = holm([one.p for one in tested])
+    named = best_of([one for one, p in zip(tested, corrected, strict=True) if p < REFUTED])
+    figures: dict[str, object] = {
+        "called": [one.direction.name for one in named],
+        "tests": {
+            one.direction.name: {
+                "p": p,
+                "drop": one.drop,
+                "strength": one.strength,
+                "sd": one.sd,
+                **one.direction.figures,
+            }
+            for one, p in zip(tested, corrected, strict=True)
+        },
+    }
+    by_name = {one.direction.name: p for one, p in zip(tested, corrected, strict=True)}
+    if named:
+        says = called_words(problem, named, by_name[named[0].direction.name])
+    else:
+        says = none_words([one.direction.name for one in tested], min(corrected))
+    return Fact(not named, says, figures, FACTS["effects"])
+
+
+def best_of(significant: Sequence[Score]) -> list[Score]:
+    """The direction that takes most of the misfit, and those that take about as much.
+
+    The two laws e_n(v) have nearly the same shape and differ by their size: where e_n is known, the one
+    whose own size fits worse falls out.
+    """
+    if not significant:
+        return []
+    top = max(one.drop for one in significant)
+    near = sorted((one for one in significant if one.drop >= top - ALIKE), key=lambda one: -one.drop)
+    laws = [one for one in near if one.direction.name in _LAWS and one.direction.whole]
+    best = max((one.drop_whole for one in laws), default=0.0)
+    return [one for one in near if one not in laws or one.drop_whole >= best - ALIKE]
+
+
+def _determined(entry: object) -> bool:
+    each = [entry] if isinstance(entry, Estimate) else list(entry.values()) if isinstance(entry, dict) else []
+    return bool(each) and bool(np.all([isinstance(one, Estimate) and one.value is not None for one in each]))
