@@ -41,6 +41,7 @@ SHARED = (
     "sigma_spin",
     "inertia_factor",
     "convention",
+    "scene",
     "seed",
 )
 _PAIRS = {"fix": "NAME=VALUE", "prior": "NAME=MEAN,SD", "bounds": "NAME=LO,HI"}

@@ -9,6 +9,7 @@ from typing import Any
 
 from ifrfit.data import Observations, Selection, combine, resolve, select
 from ifrfit.errors import UsageError
+from ifrfit.inference.calling.scene import setting_of
 from ifrfit.inference.constants import make_constants
 from ifrfit.inference.finish import with_chains, with_posterior, with_profiles, with_replicates
 from ifrfit.inference.optimum_result import optimum_of
@@ -59,6 +60,7 @@ def fit(
     inertia_factor: float | None = None,
     convention: Sequence[str] | Mapping[str, str] = (),
     params: Any = None,
+    scene: str | Path | None = None,
     max_steps: int | None = None,
     resume: str | Path | None = None,
     resample: str | None = None,
@@ -121,6 +123,9 @@ def fit(
         How columns are meant, see `read`.
     params : lmfit.Parameters, optional
         Fixed values and bounds in lmfit's form.
+    scene : str or Path, optional
+        Scene file that says what hit what, for the effects' criteria; by default the conditions of the
+        dataset. Its impacts are not looked at, but for the speed of rows that state none.
     max_steps : int, optional
         mcmc: steps of each ensemble after which it stops without enough evidence; 10,000 by default.
     resume : str or Path, optional
@@ -191,8 +196,9 @@ def fit(
         sigma_spin=sigma_spin,
     )
     observations = with_propagated_sigma(observations, scatter)
+    setting = setting_of(observations, j, scene)
     problem = with_scatter(make_problem(observations, chosen, j, constants, noise), scatter, method)
-    result = optimum_of(problem, seed, command)
+    result = optimum_of(problem, seed, command, setting)
     if method == "lsq":
         return result
     if method == "mcmc":

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ifrfit.inference.calling.verdict import effects_fact
 from ifrfit.inference.criticism import Residuals, lack_of_fit
 from ifrfit.inference.identifiability import identifiable
 from ifrfit.inference.least_squares import LeastSquares
@@ -23,9 +22,8 @@ def facts_of(
     residuals: Residuals,
     constants: Mapping[str, Any],
     statistics: FitStatistics,
-    chi: float | None = None,
 ) -> dict[str, Fact]:
-    """All facts of a least-squares fit; `chi` is that of the materials, where they are known."""
+    """All facts of a least-squares fit."""
     facts = {
         "converged": _converged(found),
         "global_optimum": _global_optimum(found, bilinear=problem.closure.bilinear),
@@ -34,9 +32,6 @@ def facts_of(
         "lack_of_fit": lack_of_fit(problem, found, residuals),
         "outliers": outliers(problem, found, residuals),
     }
-    effects = effects_fact(problem, found, constants, chi=chi)
-    if effects is not None:
-        facts["effects"] = effects
     if problem.observations.momentum:
         facts["angular_momentum"] = _angular_momentum(problem)
     return facts

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import joined, title
 from ifrfit.report.rounding import alone
+from ifrfit.report.words import scene_notes
 
 _SURE = 2.0  # standard errors beyond which cross-validation is heard
 
@@ -45,14 +46,21 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
     # the p of the others stands in the table
     leading = comparison.verdict.tied or comparison.ranked[:1]
     look += [f"{title(n)}: {fits[n].says.rstrip('.')}" for n in leading if not fits[n].ok]
+    look += _of_effects(comparison, leading)
     look += _of_slopes(comparison)
     look += _of_cross_validation(comparison)
-    notes = [*comparison.notes, *_of_plane(comparison), *_of_data(comparison)]
+    notes = [*comparison.notes, *scene_notes(comparison.best), *_of_plane(comparison), *_of_data(comparison)]
     return [
         *(("LOOK", says) for says in look),
         *(("ok", says) for says in fine),
         *(("note", says) for says in notes),
     ]
+
+
+def _of_effects(comparison: Comparison, leading: Sequence[str]) -> list[str]:
+    """Which effects the residuals of the leading closures call for."""
+    facts = {name: comparison.entries[name].fit.facts.get("effects") for name in leading}
+    return [f"{title(name)}: {fact.says}" for name, fact in facts.items() if fact and not fact.ok]
 
 
 def _of_slopes(comparison: Comparison) -> list[str]:

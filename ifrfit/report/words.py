@@ -7,6 +7,7 @@ from dataclasses import replace
 from ifrfit.inference.criticism import p_text
 from ifrfit.inference.result import Estimate, FitResult
 from ifrfit.physics import CLOSURES
+from ifrfit.physics.effects import EFFECTS
 from ifrfit.report.regimes import joined
 from ifrfit.report.rounding import fixed
 
@@ -160,6 +161,23 @@ def _also_predicted(result: FitResult) -> str:
     return f"; posterior predictive checks fail too: {joined(named)}"
 
 
+def scene_notes(result: FitResult) -> list[str]:
+    """What the conditions of the data say of the effects, where it adds to what the residuals say."""
+    fact = result.facts.get("effects")
+    called = fact.figures["called"] if fact is not None else []
+    said = []
+    for line in result.effects:
+        title = EFFECTS[line.effect].title if line.effect in EFFECTS else line.effect
+        if line.visible:
+            also = ", as the residuals do" if line.effect in called else ""
+            said.append(f"by its conditions the scene calls for {title}{also}: {line.says}")
+        elif called[:1] == [line.effect] and line.signal is not None:
+            said.append(
+                f"by its conditions the scene would hardly show {title}: {line.says}; look for another reason"
+            )
+    return said
+
+
 def findings(result: FitResult) -> list[tuple[str, str]]:
     """Facts and warnings as (kind, sentence); kind is LOOK, ok or note, LOOK first."""
     partner = _told_with(result)
@@ -174,6 +192,7 @@ def findings(result: FitResult) -> list[tuple[str, str]]:
     look = [("LOOK", f.says) for name, f in facts if not f.ok and name not in QUIET_FACTS]
     fine = [("ok", fact.says) for _, fact in facts if fact.ok]
     notes = [("note", f.says) for name, f in facts if not f.ok and name in QUIET_FACTS]
+    notes += [("note", says) for says in scene_notes(result)]
     told = {says for _, says in look + fine + notes}
     # that data are a stand-in is said at the very top
     said_above = tuple(f"{source.name} is a STAND-IN" for source in result.inputs)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
 
 from ifrfit.inference.calling.directions import RIVALS, directions
 from ifrfit.inference.calling.score import Score, holm, scores
 from ifrfit.inference.calling.words import called_words, none_words
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Estimate, Fact
+from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS, REFUTED
 
 ALIKE = 4.0  # of -2 log likelihood, as for optima that are counted as near
@@ -20,7 +18,7 @@ _LAWS = ("viscoelastic", "plasticity")
 
 
 def effects_fact(
-    problem: Problem, fit: LeastSquares, constants: Mapping[str, object], *, chi: float | None = None
+    problem: Problem, fit: LeastSquares, *, chi: float | None = None, knows_e_n: bool = True
 ) -> Fact | None:
     """Test the residuals for effects that the closure does not hold.
 
@@ -28,10 +26,10 @@ def effects_fact(
     ----------
     problem : Problem
     fit : LeastSquares
-    constants : mapping
-        Name to `Estimate`, or to one a series.
     chi : float, optional
         Compliance number of the materials, where they are known.
+    knows_e_n : bool
+        Whether e_n is determined or fixed.
 
     Returns
     -------
@@ -40,7 +38,7 @@ def effects_fact(
     """
     theta = fit.optimum.theta
     jacobian = problem.jacobian(theta)
-    every = directions(problem, theta, jacobian, chi=chi, knows_e_n=_determined(constants["e_n"]))
+    every = directions(problem, theta, jacobian, chi=chi, knows_e_n=knows_e_n)
     residual = (problem.rows.value - problem.fitted(theta)) / fit.sigma
     tested = scores(
         [replace(d, change=d.change / fit.sigma) for d in every],
@@ -86,8 +84,3 @@ def best_of(significant: Sequence[Score]) -> list[Score]:
     laws = [one for one in near if one.direction.name in _LAWS and one.direction.whole]
     best = max((one.drop_whole for one in laws), default=0.0)
     return [one for one in near if one not in laws or one.drop_whole >= best - ALIKE]
-
-
-def _determined(entry: object) -> bool:
-    each = [entry] if isinstance(entry, Estimate) else list(entry.values()) if isinstance(entry, dict) else []
-    return bool(each) and bool(np.all([isinstance(one, Estimate) and one.value is not None for one in each]))
