@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from ifrfit.inference.calling.words import called_title
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import joined, title
 from ifrfit.report.rounding import alone
@@ -49,7 +50,7 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
     look += _of_effects(comparison, leading)
     look += _of_slopes(comparison)
     look += _of_cross_validation(comparison)
-    notes = [*comparison.notes, *scene_notes(comparison.best), *_of_plane(comparison), *_of_data(comparison)]
+    notes = [*comparison.notes, *_called(comparison), *scene_notes(comparison.best), *_of_plane(comparison), *_of_data(comparison)]
     return [
         *(("LOOK", says) for says in look),
         *(("ok", says) for says in fine),
@@ -61,6 +62,17 @@ def _of_effects(comparison: Comparison, leading: Sequence[str]) -> list[str]:
     """Which effects the residuals of the leading closures call for."""
     facts = {name: comparison.entries[name].fit.facts.get("effects") for name in leading}
     return [f"{title(name)}: {fact.says}" for name, fact in facts.items() if fact and not fact.ok]
+
+
+def _called(comparison: Comparison) -> list[str]:
+    """What the residuals of all closures call for, in one sentence; empty where nothing."""
+    wanted: dict[str, list[str]] = {}
+    for name in comparison.ranked:
+        fact = comparison.entries[name].fit.facts.get("effects")
+        if fact is not None and not fact.ok:
+            wanted.setdefault(called_title(fact.figures["called"][0]), []).append(title(name))
+    parts = [f"those of {joined(names)} for {what}" for what, names in wanted.items()]
+    return [f"what the residuals call for: {'; '.join(parts)}"] if parts else []
 
 
 def _of_slopes(comparison: Comparison) -> list[str]:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ifrfit.inference.calling.measured import Array, computed, impacts_of, oblique, speeds
 from ifrfit.inference.problem import Problem
@@ -28,6 +27,7 @@ RIVALS = ("sticking-law", "sliding-law", "friction-by-speed")
 _POISSON = 0.3  # where the materials are not known; compliance depends little on it
 _STEP = 1e-6
 _SMALL_COUPLE = 1e-6  # mu_r of the difference that stands for the derivative
+_GRID = 4000  # places of a law's number, to invert it to 1e-5
 _SHAPE = (0.1, 0.95)  # e_n from which a law takes its shape where the data do not tell e_n
 
 
@@ -136,14 +136,19 @@ def _of_speed(problem: Problem, theta: Array, jacobian: Array, knows_e_n: bool) 
 
 def _dissipating(e_n: float) -> Callable[[Array], Array]:
     """Viscoelastic e_n by V/V_0, through e_n at 1."""
-    x = brentq(lambda x: float(after_dissipation(np.array(x))) - e_n, 0.0, 1e4)
+    x = _inverse(after_dissipation, np.geomspace(1e4, 1e-8, _GRID), e_n)
     return lambda ratio: after_dissipation(x * ratio**0.2)
 
 
 def _yielding(e_n: float) -> Callable[[Array], Array]:
     """Elastic-plastic e_n by V/V_0, through e_n at 1."""
-    r = brentq(lambda r: float(after_yield(np.array(r))) - e_n, 1e-12, 1.0)
+    r = _inverse(after_yield, np.geomspace(1e-8, 1.0, _GRID), e_n)
     return lambda ratio: after_yield(r / ratio)
+
+
+def _inverse(law: Callable[[Array], Array], number: Array, e_n: float) -> float:
+    """Number at which a law gives e_n; numbers in the order of rising e_n."""
+    return float(np.exp(np.interp(e_n, law(number), np.log(number))))
 
 
 def _restitution_law(

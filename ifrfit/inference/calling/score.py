@@ -34,10 +34,12 @@ class Score:
     p : float
         Before correction for the number of tests; one-sided where the effect has a sign. The larger one of
         that of all rows and that without the row which speaks for it most, so that no outlier is an effect.
-    signal : float
-        Standard deviations that an effect of strength 1 would stand out by.
     weight : ndarray, (n,)
         Share of each row in the direction.
+    chi2 : tuple of float, or None
+        What the constants leave, and what the direction leaves of that; None where sigma is not known.
+    dof : int
+        Degrees of freedom with the direction.
     """
 
     direction: Direction
@@ -46,8 +48,9 @@ class Score:
     drop: float
     drop_whole: float
     p: float
-    signal: float
     weight: Array
+    chi2: tuple[float, float] | None
+    dof: int
 
 
 def scores(
@@ -110,9 +113,8 @@ def _score(direction: Direction, d: Array, left: Array, dof: int, known: bool) -
     at_one = (t * t - (norm - t) ** 2) / (1.0 if known else scale**2)
     drop = t * t if known else dof * math.log1p(t * t / rest)
     yardstick = 1.0 if known else scale
-    return Score(
-        direction, t / norm, yardstick / norm, drop, at_one, p, norm / yardstick, weight
-    )
+    chi2 = (total, rest) if known else None
+    return Score(direction, t / norm, yardstick / norm, drop, at_one, p, weight, chi2, dof - 1)
 
 
 def _p(t: float, total: float, dof: int, known: bool, two_sided: bool) -> float:

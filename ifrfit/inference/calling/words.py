@@ -33,14 +33,19 @@ _SHORT = {
 _MOST = 0.9  # of a direction lies where the words say
 
 
+def called_title(name: str) -> str:
+    """What is called for, in a few words."""
+    return _CALLED[name].partition(",")[0]
+
+
 def called_words(problem: Problem, named: Sequence[Score], p: float) -> str:
     """The effect that the residuals call for, where, how large, what else it may be, what to do."""
     first, *others = named
     says = f"the residuals call for {_CALLED[first.direction.name]}"
     if others:
-        rest = [_CALLED[one.direction.name].partition(",")[0] for one in others]
+        rest = [called_title(one.direction.name) for one in others]
         says += f", not told apart from {' or '.join(rest)}"
-    parts = [f"p = {p_text(p)}", *_where(problem, first), *_size(problem, named)]
+    parts = [f"p = {p_text(p)}", *_where(problem, first), *_size(named), *_taken(first)]
     return f"{says}: {'; '.join(parts)}. {_remedy(problem, named)}"
 
 
@@ -53,7 +58,7 @@ def none_words(tested: Sequence[str], p: float) -> str:
 def _where(problem: Problem, one: Score) -> list[str]:
     """The rows that an effect shows in."""
     table = problem.observations.table
-    if one.direction.name in ("compliance", "sticking-law"):
+    if one.direction.name == "compliance":
         gamma = table["gamma_deg"].to_numpy(dtype=float)
         return [f"at impacts up to {_end(gamma, one.weight):.3g} degrees"]
     if one.direction.name == "adhesion":
@@ -73,7 +78,15 @@ def _end(values: np.ndarray, weight: np.ndarray) -> float:
     return float(values[order[min(int(np.searchsorted(total, _MOST * total[-1])), order.size - 1)]])
 
 
-def _size(problem: Problem, named: Sequence[Score]) -> list[str]:
+def _taken(one: Score) -> list[str]:
+    """How much of chi2 it takes, where chi2 says something."""
+    if one.chi2 is None:
+        return []
+    before, after = one.chi2
+    return [f"chi2 falls from {before:.4g} to {after:.4g} for {one.dof} degrees of freedom"]
+
+
+def _size(named: Sequence[Score]) -> list[str]:
     """How strong the effect is, beside what its theory says."""
     one = named[0]
     name, figures = one.direction.name, one.direction.figures
@@ -112,7 +125,7 @@ def _remedy(problem: Problem, named: Sequence[Score]) -> str:
     if names[0] in ("sticking-law", "sliding-law"):
         return f"ifrfit compare shows which closure does better than {get_closure(problem.closure.name).title}"
     if names[0] == "rolling":
-        return "No closure holds it yet: fit v_x and v_n without the spin, which it changes"
+        return "No closure holds it; the velocities of the centre (v_x, v_n, beta_cm) do not feel it"
     if "friction-by-speed" in names and any(n in names for n in ("viscoelastic", "plasticity")):
         return "Measure e_n at several speeds to tell which; until then fit a narrow range: --speed-min, --speed-max"
     return "One set of constants holds for a narrow range of speeds: --speed-min, --speed-max"
