@@ -14,7 +14,7 @@ import numpy as np
 from ifrfit.data import Descriptor, Source
 from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
-from ifrfit.inference.calling.lines import EffectLine, SceneOfData
+from ifrfit.inference.calling.stored import effect_from, scene_from
 from ifrfit.inference.checked import REMEDY, Node
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.result import Estimate, Fact, FitResult, FitStatistics, Noise, State, Status
@@ -122,25 +122,8 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
         created=root["created"].text(),
         versions=root["versions"].mapped(lambda node: node.text()),
         asked=_asked(root["asked"]) if "asked" in root else (),
-        scene=_scene(root["scene"]) if "scene" in root else None,
-        effects=tuple(root["effects"].each(_effect)) if "effects" in root else (),
-    )
-
-
-def _scene(node: Node) -> SceneOfData:
-    words = {key: node[key].text() for key in ("origin", "body", "wall")}
-    lists = {key: tuple(node[key].each(lambda item: item.text())) for key in ("known", "unknown")}
-    return SceneOfData(**words, **lists)  # type: ignore[arg-type]
-
-
-def _effect(node: Node) -> EffectLine:
-    met = node["met"]
-    if met.value is not None:
-        met.check(bool)
-    return EffectLine(
-        met=met.value,
-        **{key: node[key].text() for key in ("effect", "criterion", "observable", "unit", "says")},
-        **{key: node[key].maybe() for key in ("value", "threshold", "change", "signal")},
+        scene=scene_from(root["scene"]) if "scene" in root else None,
+        effects=tuple(root["effects"].each(effect_from)) if "effects" in root else (),
     )
 
 

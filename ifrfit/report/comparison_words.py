@@ -50,7 +50,13 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
     look += _of_effects(comparison, leading)
     look += _of_slopes(comparison)
     look += _of_cross_validation(comparison)
-    notes = [*comparison.notes, *_called(comparison), *scene_notes(comparison.best), *_of_plane(comparison), *_of_data(comparison)]
+    notes = [
+        *comparison.notes,
+        *_called(comparison),
+        *scene_notes(comparison.best),
+        *_of_plane(comparison),
+        *_of_data(comparison),
+    ]
     return [
         *(("LOOK", says) for says in look),
         *(("ok", says) for says in fine),

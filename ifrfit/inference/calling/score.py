@@ -53,9 +53,7 @@ class Score:
     dof: int
 
 
-def scores(
-    directions: Sequence[Direction], jacobian: Array, residual: Array, *, known: bool
-) -> list[Score]:
+def scores(directions: Sequence[Direction], jacobian: Array, residual: Array, *, known: bool) -> list[Score]:
     """Test every direction that the constants cannot imitate.
 
     Parameters

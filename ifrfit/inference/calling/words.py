@@ -30,6 +30,7 @@ _SHORT = {
     "adhesion": "adhesion",
     "rolling": "rolling friction",
 }
+_NARROW = "One set of constants holds for a narrow range of speeds: --speed-min, --speed-max"
 _MOST = 0.9  # of a direction lies where the words say
 
 
@@ -123,9 +124,11 @@ def _remedy(problem: Problem, named: Sequence[Score]) -> str:
     if names[0] == "compliance":
         return "Try --closure maw; ifrfit compare shows how much better it is"
     if names[0] in ("sticking-law", "sliding-law"):
-        return f"ifrfit compare shows which closure does better than {get_closure(problem.closure.name).title}"
+        return (
+            f"ifrfit compare shows which closure does better than {get_closure(problem.closure.name).title}"
+        )
     if names[0] == "rolling":
         return "No closure holds it; the velocities of the centre (v_x, v_n, beta_cm) do not feel it"
     if "friction-by-speed" in names and any(n in names for n in ("viscoelastic", "plasticity")):
-        return "Measure e_n at several speeds to tell which; until then fit a narrow range: --speed-min, --speed-max"
-    return "One set of constants holds for a narrow range of speeds: --speed-min, --speed-max"
+        return f"Measure e_n at several speeds to tell which. {_NARROW}"
+    return _NARROW

@@ -178,9 +178,9 @@ def compliance_table() -> Table:
 
 
 def _spline(values: Array) -> Array:
-    """Cubics of the not-a-knot spline through evenly spaced nodes, (m, n) to (m, n - 1, 4), lowest power first.
+    """Cubics of the not-a-knot spline through evenly spaced nodes, (m, n) to (m, n - 1, 4).
 
-    scipy has it too, but importing that takes longer than a fit.
+    Lowest power first. scipy has it too, but importing that takes longer than a fit.
     """
     n = values.shape[1]
     system = np.diag(np.full(n, 4.0)) + np.eye(n, k=1) + np.eye(n, k=-1)

@@ -6,4 +6,14 @@ from ifrfit.physics.scenes.reading import read_scene
 from ifrfit.physics.scenes.scene import Scene
 from ifrfit.physics.scenes.surroundings import Surroundings, read_surroundings
 
-__all__ = ["FLUIDS", "MATERIALS", "Material", "Quantity", "Scene", "Surroundings", "read_scene", "read_surroundings", "recognised"]
+__all__ = [
+    "FLUIDS",
+    "MATERIALS",
+    "Material",
+    "Quantity",
+    "Scene",
+    "Surroundings",
+    "read_scene",
+    "read_surroundings",
+    "recognised",
+]

@@ -115,7 +115,8 @@ _ALIASES = {
 }
 # words that say nothing of what a body is made of
 _SHAPES = frozenset(
-    "a ball balls bead beads block flat of plane plate polished smooth sphere spheres spherical thick wall".split()
+    ("ball", "balls", "bead", "beads", "block", "plane", "plate", "polished", "smooth", "sphere", "spheres")
+    + ("spherical", "thick", "wall")
 )
 
 

@@ -37,7 +37,13 @@ def section(material: Material) -> Section | None:
 def _tests(result: FitResult) -> Table:
     found = result.facts["effects"].figures["tests"]
     rows = tuple(
-        (_title(name), _number(test["strength"]), _number(test["sd"]), f"{test['drop']:.1f}", p_text(test["p"]))
+        (
+            _title(name),
+            _number(test["strength"]),
+            _number(test["sd"]),
+            f"{test['drop']:.1f}",
+            p_text(test["p"]),
+        )
         for name, test in sorted(found.items(), key=lambda item: -item[1]["drop"])
     )
     return Table(
