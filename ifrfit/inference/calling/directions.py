@@ -45,6 +45,8 @@ class Direction:
         Whether its strength may be negative.
     whole : bool
         Whether strength 1 is what the effect's theory says with the fitted constants, nothing free.
+    by_kappa : bool
+        Whether the rows know e_n in kappa = mu (1 + e_n) only, so that a law e_n(v) may be one of mu.
     figures : mapping
         What the words need: chi, e_n over a tenfold of speed.
     """
@@ -53,6 +55,7 @@ class Direction:
     change: Array
     two_sided: bool = False
     whole: bool = False
+    by_kappa: bool = False
     figures: dict[str, float] = field(default_factory=dict)
 
 
@@ -117,9 +120,8 @@ def _of_speed(problem: Problem, theta: Array, jacobian: Array, knows_e_n: bool) 
     row = np.arange(normal.size)
     e_n, c, mu = problem.per_row(theta)
     if coming.any():
-        own = knows_e_n and problem.inertia_factor == SOLID
         for name, law in (("viscoelastic", _dissipating), ("plasticity", _yielding)):
-            direction = _restitution_law(problem, (e_n, c, mu), normal, coming, name, law, own)
+            direction = _restitution_law(problem, (e_n, c, mu), normal, coming, name, law, knows_e_n)
             if direction is not None:
                 yield direction
         by_e_n = jacobian[row, places["e_n"][problem.rows.series]]
@@ -158,11 +160,11 @@ def _restitution_law(
     coming: np.ndarray,
     name: str,
     law: Callable[[float], Callable[[Array], Array]],
-    own: bool,
+    knows_e_n: bool,
 ) -> Direction | None:
     """Change from a constant e_n to e_n(v) with that value at the mean log speed."""
     e_n, c, mu = constants
-    shape = e_n if own else np.clip(e_n, *_SHAPE)
+    shape = e_n if knows_e_n else np.clip(e_n, *_SHAPE)
     if ((shape <= 0.02) | (shape >= 1.0)).any():
         return None
     ratio = np.where(coming, normal, 1.0)
@@ -179,7 +181,13 @@ def _restitution_law(
     changed = np.clip(changed, 0.0, 1.0)
     (k, _), (old, _) = problem.impulse(changed, c, mu), problem.impulse(e_n, c, mu)
     change = problem.values_with(k, changed, mu) - problem.values_with(old, e_n, mu)
-    return Direction(name, change, whole=own, figures={"fall": fall, "speed": middle})
+    return Direction(
+        name,
+        change,
+        whole=knows_e_n and problem.inertia_factor == SOLID,  # both are laws of a Hertz contact
+        by_kappa=not knows_e_n,
+        figures={"fall": fall, "speed": middle},
+    )
 
 
 def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:

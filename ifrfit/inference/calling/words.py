@@ -98,6 +98,8 @@ def _size(named: Sequence[Score]) -> list[str]:
         ]
     if name in ("viscoelastic", "plasticity"):
         fall = figures["fall"]
+        if one.direction.by_kappa:
+            return []
         seen = f"e_n falls by {_pair(one.strength * fall, one.sd * fall)} for ten times the speed"
         if not one.direction.whole:
             return [seen]
@@ -129,6 +131,9 @@ def _remedy(problem: Problem, named: Sequence[Score]) -> str:
         )
     if names[0] == "rolling":
         return "No closure holds it; the velocities of the centre (v_x, v_n, beta_cm) do not feel it"
-    if "friction-by-speed" in names and any(n in names for n in ("viscoelastic", "plasticity")):
-        return f"Measure e_n at several speeds to tell which. {_NARROW}"
+    if any(one.direction.by_kappa for one in named):
+        return (
+            "These rows hold e_n in kappa = mu (1 + e_n) only, so that mu may depend on the speed instead: "
+            f"measure e_n at several speeds. {_NARROW}"
+        )
     return _NARROW

@@ -115,8 +115,8 @@ _ALIASES = {
 }
 # words that say nothing of what a body is made of
 _SHAPES = frozenset(
-    ("ball", "balls", "bead", "beads", "block", "plane", "plate", "polished", "smooth", "sphere", "spheres")
-    + ("spherical", "thick", "wall")
+    {"ball", "balls", "bead", "beads", "block", "plane", "plate", "sphere", "spheres", "wall"}
+    | {"polished", "smooth", "spherical", "thick"}
 )
 
 
