@@ -88,7 +88,8 @@ class _Scene:
         few = every.take(rows)
         lacking = effect.lacks(contact, few)
         if lacking:
-            return EffectLine(name, says=lacking)
+            # chi is no constant of measured impacts
+            return EffectLine(name, says=lacking.replace(", or constants.chi", ""))
         number = effect.criterion(
             contact, few, compose(contact, few, ("lateral-spin",)), self._accuracy(rows)
         )

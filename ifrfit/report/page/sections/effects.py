@@ -49,7 +49,8 @@ def _tests(result: FitResult) -> Table:
     return Table(
         "Score tests of the residuals along what each effect would do to the values, the most telling first. "
         "Strength: 1 is the effect as its theory has it, of adhesion the square of the sticking speed in "
-        "(m/s)^2, of rolling friction mu_r. p is corrected for the number of tests.",
+        "(m/s)^2, of rolling friction mu_r, of other laws of sticking and sliding the change of the impulse "
+        "factor, of friction by speed d ln mu/d ln speed. p is corrected for the number of tests.",
         ("effect", "strength", "sd", "fall of -2 log L", "p"),
         rows,
         frozenset({1, 2, 3, 4}),
@@ -79,7 +80,8 @@ def _criteria(lines: tuple[EffectLine, ...]) -> Table:
     )
     return Table(
         "Criteria of the effects on this scene; changes are those that no choice of the constants could take "
-        "up. What would change values by less than the noise cannot be seen in these data.",
+        "up. What would change values by less than the noise cannot be seen in these data; what is not given "
+        "can be given by --scene.",
         ("effect", "acts", "number and change"),
         rows,
     )
