@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from ifrfit.inference.calling.words import called_title
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import joined, title
+from ifrfit.physics import get_closure
 from ifrfit.report.rounding import alone
 from ifrfit.report.words import scene_notes
 
@@ -52,7 +53,7 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
     look += _of_cross_validation(comparison)
     notes = [
         *comparison.notes,
-        *_called(comparison),
+        *_called(comparison, leading),
         *scene_notes(comparison.best),
         *_of_plane(comparison),
         *_of_data(comparison),
@@ -70,12 +71,17 @@ def _of_effects(comparison: Comparison, leading: Sequence[str]) -> list[str]:
     return [f"{title(name)}: {fact.says}" for name, fact in facts.items() if fact and not fact.ok]
 
 
-def _called(comparison: Comparison) -> list[str]:
-    """What the residuals of all closures call for, in one sentence; empty where nothing."""
+def _called(comparison: Comparison, leading: Sequence[str]) -> list[str]:
+    """Which effect the others lack, where a closure that holds one leads alone.
+
+    Where a constant closure describes the data, what the residuals of its rivals call for is that closure.
+    """
+    if any(get_closure(name).bilinear for name in leading):
+        return []
     wanted: dict[str, list[str]] = {}
     for name in comparison.ranked:
         fact = comparison.entries[name].fit.facts.get("effects")
-        if fact is not None and not fact.ok:
+        if fact is not None and not fact.ok and name not in leading:
             wanted.setdefault(called_title(fact.figures["called"][0]), []).append(title(name))
     parts = [f"those of {joined(names)} for {what}" for what, names in wanted.items()]
     return [f"what the residuals call for: {'; '.join(parts)}"] if parts else []
