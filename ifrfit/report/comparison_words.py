@@ -76,7 +76,7 @@ def _called(comparison: Comparison, leading: Sequence[str]) -> list[str]:
 
     Where a constant closure describes the data, what the residuals of its rivals call for is that closure.
     """
-    if any(get_closure(name).bilinear for name in leading):
+    if comparison.verdict.kind == "stand_in" or any(get_closure(name).bilinear for name in leading):
         return []
     wanted: dict[str, list[str]] = {}
     for name in comparison.ranked:
