@@ -6,20 +6,19 @@ lie along it is a test of one degree of freedom, see `score`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ifrfit.inference.calling.measured import Array, computed, impacts_of, oblique, speeds
+from ifrfit.inference.calling.speed_laws import LAWS, reference_speed
 from ifrfit.inference.problem import Problem
 from ifrfit.physics.closures import Coefficients, get_closure
 from ifrfit.physics.compliance import chi_of
 from ifrfit.physics.compliance.law import chi_range
 from ifrfit.physics.effects import Contact
 from ifrfit.physics.effects.contact import SOLID
-from ifrfit.physics.effects.plasticity import restitution as after_yield
-from ifrfit.physics.effects.viscoelastic import restitution as after_dissipation
 
 # no effects of the registry, but what a misfit may be instead
 RIVALS = ("sticking-law", "sliding-law", "friction-by-speed")
@@ -27,7 +26,7 @@ RIVALS = ("sticking-law", "sliding-law", "friction-by-speed")
 _POISSON = 0.3  # where the materials are not known; compliance depends little on it
 _STEP = 1e-6
 _SMALL_COUPLE = 1e-6  # mu_r of the difference that stands for the derivative
-_GRID = 4000  # places of a law's number, to invert it to 1e-5
+_LOWEST = 0.02  # e_n below which nothing is left to fall
 _SHAPE = (0.1, 0.95)  # e_n from which a law takes its shape where the data do not tell e_n
 
 
@@ -60,7 +59,13 @@ class Direction:
 
 
 def directions(
-    problem: Problem, theta: Array, jacobian: Array, *, chi: float | None = None, knows_e_n: bool = True
+    problem: Problem,
+    theta: Array,
+    jacobian: Array,
+    sigma: Array,
+    *,
+    chi: float | None = None,
+    knows_e_n: bool = True,
 ) -> list[Direction]:
     """Every direction that these rows can show.
 
@@ -71,6 +76,8 @@ def directions(
         The optimum.
     jacobian : ndarray, (n, p)
         `Problem.jacobian` there.
+    sigma : ndarray, (n,)
+        Standard uncertainty of each row.
     chi : float, optional
         Compliance number of the materials; by default that of a Poisson ratio of 0.3.
     knows_e_n : bool
@@ -78,7 +85,7 @@ def directions(
     """
     return [
         *_tangential(problem, theta, chi),
-        *_of_speed(problem, theta, jacobian, knows_e_n),
+        *_of_speed(problem, theta, jacobian, sigma, knows_e_n),
         *_rolling(problem, theta),
     ]
 
@@ -108,75 +115,55 @@ def _tangential(problem: Problem, theta: Array, chi: float | None) -> Iterator[D
         yield Direction("sliding-law", by_k, two_sided=True)
 
 
-def _of_speed(problem: Problem, theta: Array, jacobian: Array, knows_e_n: bool) -> Iterator[Direction]:
+def _of_speed(
+    problem: Problem, theta: Array, jacobian: Array, sigma: Array, knows_e_n: bool
+) -> Iterator[Direction]:
     """Laws e_n(v), adhesion, and friction that depends on the speed of sliding."""
     i = problem.rows.incidence
-    speed = speeds(problem)
-    normal = speed * i.cosine
-    with np.errstate(invalid="ignore"):
-        coming = np.isfinite(normal) & (normal > 0.0)
-        slipping = np.isfinite(speed) & (speed * i.slip > 0.0)
+    speed = np.nan_to_num(speeds(problem))
+    normal, sliding = speed * i.cosine, speed * i.slip
     places = problem.positions()
     row = np.arange(normal.size)
     e_n, c, mu = problem.per_row(theta)
+    coming, slipping = normal > 0.0, (sliding > 0.0) & oblique(problem)
     if coming.any():
-        for name, law in (("viscoelastic", _dissipating), ("plasticity", _yielding)):
-            direction = _restitution_law(problem, (e_n, c, mu), normal, coming, name, law, knows_e_n)
+        by_e_n = jacobian[row, places["e_n"][problem.rows.series]]
+        for name in LAWS:
+            weight = (by_e_n / sigma) ** 2
+            direction = _restitution_law(problem, (e_n, c, mu), normal, weight, name, knows_e_n)
             if direction is not None:
                 yield direction
-        by_e_n = jacobian[row, places["e_n"][problem.rows.series]]
         # e_n^2 falls by (V_s/V)^2: per V_s^2
-        less = np.where(coming, -0.5 / (np.maximum(e_n, _SHAPE[0]) * np.where(coming, normal, 1.0) ** 2), 0.0)
+        less = -0.5 / (np.maximum(e_n, _LOWEST) * np.where(coming, normal, np.inf) ** 2)
         yield Direction("adhesion", by_e_n * less)
     if slipping.any():
         by_mu = jacobian[row, places["mu"][problem.rows.series]]
-        slip = np.log(np.where(slipping, speed * i.slip, 1.0))
-        yield Direction(
-            "friction-by-speed", np.where(slipping & oblique(problem), by_mu * mu * slip, 0.0), two_sided=True
-        )
-
-
-def _dissipating(e_n: float) -> Callable[[Array], Array]:
-    """Viscoelastic e_n by V/V_0, through e_n at 1."""
-    x = _inverse(after_dissipation, np.geomspace(1e4, 1e-8, _GRID), e_n)
-    return lambda ratio: after_dissipation(x * ratio**0.2)
-
-
-def _yielding(e_n: float) -> Callable[[Array], Array]:
-    """Elastic-plastic e_n by V/V_0, through e_n at 1."""
-    r = _inverse(after_yield, np.geomspace(1e-8, 1.0, _GRID), e_n)
-    return lambda ratio: after_yield(r / ratio)
-
-
-def _inverse(law: Callable[[Array], Array], number: Array, e_n: float) -> float:
-    """Number at which a law gives e_n; numbers in the order of rising e_n."""
-    return float(np.exp(np.interp(e_n, law(number), np.log(number))))
+        log = np.log(np.where(slipping, sliding, 1.0))
+        yield Direction("friction-by-speed", by_mu * mu * log, two_sided=True)
 
 
 def _restitution_law(
     problem: Problem,
     constants: tuple[Array, Array, Array],
     normal: Array,
-    coming: np.ndarray,
+    weight: Array,
     name: str,
-    law: Callable[[float], Callable[[Array], Array]],
     knows_e_n: bool,
 ) -> Direction | None:
-    """Change from a constant e_n to e_n(v) with that value at the mean log speed."""
+    """Change from a constant e_n to a law e_n(v) with that mean."""
     e_n, c, mu = constants
     shape = e_n if knows_e_n else np.clip(e_n, *_SHAPE)
-    if ((shape <= 0.02) | (shape >= 1.0)).any():
+    if ((shape <= _LOWEST) | (shape >= 1.0)).any():
         return None
-    ratio = np.where(coming, normal, 1.0)
-    middle = float(np.exp(np.log(ratio[coming]).mean()))
-    ratio = ratio / middle
+    coming = normal > 0.0
     changed = e_n.copy()
     fall = 0.0
-    for value in np.unique(shape):
+    for value in np.unique(shape[coming]):
         at = coming & (shape == value)
-        through = law(float(value))
-        changed[at] += through(ratio[at]) - value
-        tenth = through(np.sqrt(np.array([0.1, 10.0])))
+        law = LAWS[name](float(value))
+        through = reference_speed(law, float(value), normal[at], weight[at])
+        changed[at] += law(normal[at] / through) - value
+        tenth = law(np.sqrt(np.array([0.1, 10.0])))
         fall += float(tenth[0] - tenth[1]) * float(at.sum()) / float(coming.sum())
     changed = np.clip(changed, 0.0, 1.0)
     (k, _), (old, _) = problem.impulse(changed, c, mu), problem.impulse(e_n, c, mu)
@@ -186,7 +173,7 @@ def _restitution_law(
         change,
         whole=knows_e_n and problem.inertia_factor == SOLID,  # both are laws of a Hertz contact
         by_kappa=not knows_e_n,
-        figures={"fall": fall, "speed": middle},
+        figures={"fall": fall},
     )
 
 

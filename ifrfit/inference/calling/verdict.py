@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from ifrfit.inference.calling.directions import RIVALS, directions
 from ifrfit.inference.calling.score import Score, holm, scores
+from ifrfit.inference.calling.speed_laws import LAWS
 from ifrfit.inference.calling.words import called_words, none_words
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Problem
@@ -14,7 +15,6 @@ from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS, REFUTED
 
 ALIKE = 4.0  # of -2 log likelihood, as for optima that are counted as near
-_LAWS = ("viscoelastic", "plasticity")
 
 
 def effects_fact(
@@ -38,7 +38,7 @@ def effects_fact(
     """
     theta = fit.optimum.theta
     jacobian = problem.jacobian(theta)
-    every = directions(problem, theta, jacobian, chi=chi, knows_e_n=knows_e_n)
+    every = directions(problem, theta, jacobian, fit.sigma, chi=chi, knows_e_n=knows_e_n)
     residual = (problem.rows.value - problem.fitted(theta)) / fit.sigma
     tested = scores(
         [replace(d, change=d.change / fit.sigma) for d in every],
@@ -81,6 +81,6 @@ def best_of(significant: Sequence[Score]) -> list[Score]:
         return []
     top = max(one.drop for one in significant)
     near = sorted((one for one in significant if one.drop >= top - ALIKE), key=lambda one: -one.drop)
-    laws = [one for one in near if one.direction.name in _LAWS and one.direction.whole]
+    laws = [one for one in near if one.direction.name in LAWS and one.direction.whole]
     best = max((one.drop_whole for one in laws), default=0.0)
     return [one for one in near if one not in laws or one.drop_whole >= best - ALIKE]

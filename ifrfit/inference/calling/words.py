@@ -9,6 +9,7 @@ import numpy as np
 
 from ifrfit.inference.calling.directions import RIVALS
 from ifrfit.inference.calling.score import Score
+from ifrfit.inference.calling.speed_laws import LAWS
 from ifrfit.inference.criticism import p_text
 from ifrfit.inference.problem import Problem
 from ifrfit.physics.closures import get_closure
@@ -96,7 +97,7 @@ def _size(named: Sequence[Score]) -> list[str]:
             f"strength {_pair(one.strength, one.sd)}, where 1 is Maw, Barber & Fawcett's "
             f"with chi = {figures['chi']:.3g}"
         ]
-    if name in ("viscoelastic", "plasticity"):
+    if name in LAWS:
         fall = figures["fall"]
         if one.direction.by_kappa:
             return []

@@ -12,22 +12,11 @@ from ifrfit.inference.calling.directions import directions
 from ifrfit.inference.calling.measured import computed, impacts_of, speeds
 from ifrfit.physics import rebound
 from ifrfit.physics.compliance import chi_of
-from ifrfit.physics.effects import Contact, plasticity, viscoelastic
+from ifrfit.physics.effects import Contact
 from ifrfit.physics.effects.adhesion import sticking_speed
 
 RADIUS = 5e-6
 GLASS = Contact(density=2563.0, modulus=38e9)
-
-
-def dissipating(contact, speed):
-    """e_n at a normal speed, by the number of the effect's docstring."""
-    stiffness = 4.0 / 3.0 * contact.modulus * np.sqrt(RADIUS) / contact.masses(np.array(RADIUS))
-    return viscoelastic.restitution(1.5 * contact.dissipation_time * stiffness**0.4 * speed**0.2)
-
-
-def yielding(contact, speed):
-    """e_n at a normal speed."""
-    return plasticity.restitution(plasticity.yield_speed(contact, np.array(RADIUS)) / speed)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +27,8 @@ def problem(make):
 
 
 def by_name(problem, theta, **choices):
-    return {d.name: d for d in directions(problem, theta, problem.jacobian(theta), **choices)}
+    sigma = np.ones(problem.sigma.size)
+    return {d.name: d for d in directions(problem, theta, problem.jacobian(theta), sigma, **choices)}
 
 
 def effect(problem, theta, contact, name, radius=RADIUS):
@@ -62,23 +52,27 @@ def test_adhesion(problem):
 
 
 @pytest.mark.parametrize(
-    ("name", "contact", "e_n"),
+    ("name", "contact"),
     [
-        ("viscoelastic", replace(GLASS, dissipation_time=2e-9), dissipating),
-        ("plasticity", replace(GLASS, limiting_pressure=3e8), yielding),
+        ("viscoelastic", replace(GLASS, dissipation_time=2e-9)),
+        ("plasticity", replace(GLASS, limiting_pressure=3e8)),
     ],
 )
-def test_laws_of_e_n(problem, name, contact, e_n):
-    """With e_n at the mean log speed, a direction is the very law."""
+def test_laws_of_e_n(problem, name, contact):
+    """From the constant e_n that would be fitted to a law, a direction leads to the very law."""
     problem, theta = problem
     law = effect(problem, theta, contact, name) + problem.fitted(theta)
-    speed = np.exp(np.log(speeds(problem) * problem.rows.incidence.cosine).mean())
-    middle = float(e_n(contact, np.array([speed]))[0])
+    at = problem.rows.rows_of("v_n")
+    cosine = problem.rows.incidence.cosine[at]
+    # the constant that would be fitted to the law's own v_n = e_n cos(gamma)
+    middle = float(law[at] @ cosine / (cosine @ cosine))
     there = np.where(np.array(problem.names) == "e_n", middle, theta)
-    direction = by_name(problem, there)[name]
+    only = np.where(problem.rows.which == problem.rows.names.index("v_n"), 1.0, 1e9)
+    found = directions(problem, there, problem.jacobian(there), only)
+    direction = next(one for one in found if one.name == name)
     assert direction.whole
     assert direction.figures["fall"] > 0.0
-    assert np.allclose(problem.fitted(there) + direction.change, law, atol=1e-4)
+    assert np.allclose(problem.fitted(there) + direction.change, law, rtol=2e-3, atol=2e-3)
 
 
 def test_compliance(problem):
