@@ -71,7 +71,7 @@ def optimum_of(
         derived=derived,
         correlation=(names, capped[np.ix_(free, free)] / np.outer(size, size)),
         fit=statistics,
-        facts=facts_of(problem, found, residuals, constants, statistics) | fact,
+        facts=facts_of(problem, found, residuals, constants, statistics, fact),
         warnings=_warnings(problem),
         state=state_of(problem, found),
         points=points,

@@ -38,6 +38,7 @@ CHECKS = {
 }
 # a failing fact of this name is told by the status of the constant already
 QUIET_FACTS = ("at_bound",)
+_ABSENT = 0.05  # p above which the residuals show nothing of an effect
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 
 
@@ -165,12 +166,17 @@ def scene_notes(result: FitResult) -> list[str]:
     """What the conditions of the data say of the effects, where it adds to what the residuals say."""
     fact = result.facts.get("effects")
     called = fact.figures["called"] if fact is not None else []
+    tests = fact.figures["tests"] if fact is not None else {}
     said = []
     for line in result.effects:
         title = EFFECTS[line.effect].title if line.effect in EFFECTS else line.effect
         if line.visible:
             also = ", as the residuals do" if line.effect in called else ""
-            said.append(f"by its conditions the scene calls for {title}{also}: {line.says}")
+            absent = tests.get(line.effect, {}).get("p", 0.0) > _ABSENT
+            said.append(
+                f"by its conditions the scene calls for {title}{also}: {line.says}"
+                f"{'; the residuals do not show it' if absent else ''}"
+            )
         elif called[:1] == [line.effect] and line.signal is not None:
             said.append(
                 f"by its conditions the scene would hardly show {title}: {line.says}; look for another reason"

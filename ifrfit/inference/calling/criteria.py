@@ -111,9 +111,10 @@ class _Scene:
         says = f"{start}; would change {observable} by {amount}, {size / sigma[most]:.2g} times its noise"
         if signal == 0.0:
             says = f"{start}; would change nothing"
-        if not effect.validity(contact, few).holds:
-            says += " at most"
-        return replace(line, change=size, observable=observable, unit=unit, signal=signal, says=says)
+        line = replace(line, change=size, observable=observable, unit=unit, signal=signal, says=says)
+        if not effect.validity(contact, few).holds:  # what its law gives is a bound, and calls for nothing
+            return replace(line, signal=None, says=f"{says} at most: its law does not hold here")
+        return line
 
     def _change(self, name: str, effect: Effect, impacts: Impacts) -> Array:
         """What the effect does to each row's value; of a law of e_n, beyond its own mean e_n."""

@@ -51,7 +51,8 @@ class EffectLine:
     observable, unit : str
         Of `change`; unit ``deg`` or empty.
     signal : float or None
-        Standard deviations by which the effect would stand out in all rows together.
+        Standard deviations by which the effect would stand out in all rows together; None as `change`, and
+        where its law does not hold and gives a bound only.
     says : str
     """
 

@@ -126,10 +126,14 @@ def test_what_is_below_the_noise_cannot_be_seen(make, tiny):
     for name in ("adhesion", "rolling"):
         assert line(strong, name).signal > 3.1
         assert line(strong, name).visible
-    assert line(strong, "fluid").says.endswith("at most")
+    assert line(strong, "fluid").met
+    assert line(strong, "fluid").says.endswith("at most: its law does not hold here")
+    assert not line(strong, "fluid").visible
     # the scene calls for them, and these data, made without, do not
     assert strong.facts["effects"].ok
-    assert "by its conditions the scene calls for adhesion: V_s/V" in strong.summary()
+    text = " ".join(strong.summary().split())
+    assert "by its conditions the scene calls for adhesion: V_s/V" in text
+    assert text.count("; the residuals do not show it") == 3  # compliance, too
 
 
 def test_capture_decides_whether_an_angle_exists(make, tiny):
@@ -146,6 +150,9 @@ def test_a_called_effect_that_the_scene_would_hardly_show(make, tiny):
     assert found.facts["effects"].figures["called"] == ["rolling"]
     assert "by its conditions the scene would hardly show rolling" in found.summary()
     assert "look for another reason" in found.summary()
+    # the misfit sits near the normal, but microslip is not what the residuals look like
+    assert not found.facts["lack_of_fit"].ok
+    assert "Microslip" not in found.facts["lack_of_fit"].says
 
 
 def test_round_trip_and_schema(kharaz, tmp_path):
