@@ -103,13 +103,13 @@ class _Scene:
             what = problem.rows.names[problem.rows.which[int(np.argmin(np.isfinite(inside)))]]
             return replace(line, says=f"{start}; would decide whether {what} exists")
         left = inside - self.own @ (self.own.T @ inside)
-        most = int(np.argmax(np.abs(left) * sigma))
+        most = int(np.argmax(np.abs(left)))
         observable = problem.rows.names[problem.rows.which[most]]
         size, signal = float(abs(left[most]) * sigma[most]), float(np.linalg.norm(left))
         unit = OBSERVABLES[observable].unit
         amount = f"{size:.2g}{' degrees' if unit else ''}"
         says = f"{start}; would change {observable} by {amount}, {size / sigma[most]:.2g} times its noise"
-        if signal == 0.0:
+        if size <= 1e-9 * sigma[most]:
             says = f"{start}; would change nothing"
         line = replace(line, change=size, observable=observable, unit=unit, signal=signal, says=says)
         if not effect.validity(contact, few).holds:  # what its law gives is a bound, and calls for nothing

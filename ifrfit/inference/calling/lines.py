@@ -46,8 +46,8 @@ class EffectLine:
     met : bool or None
         Whether the number is beyond the threshold.
     change : float or None
-        Largest change of a value that the constants cannot take up. None where it is not known, or where
-        the effect decides whether the value exists.
+        Change that the constants cannot take up, of the value in which it is largest beside the noise. None
+        where it is not known, or where the effect decides whether the value exists.
     observable, unit : str
         Of `change`; unit ``deg`` or empty.
     signal : float or None
