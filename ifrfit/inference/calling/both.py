@@ -40,8 +40,13 @@ def effects_of(
     facts : dict
         ``effects``; empty where no effect could show in these rows.
     """
-    chi = None if setting is None else _chi(setting, problem.inertia_factor)
-    fact = effects_fact(problem, fit, chi=chi, knows_e_n=_has_value(constants["e_n"]))
+    knows_e_n = _has_value(constants["e_n"])
+    if setting is None:
+        fact = effects_fact(problem, fit, knows_e_n=knows_e_n)
+    else:
+        speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
+        chi = _chi(setting, problem.inertia_factor)
+        fact = effects_fact(problem, fit, chi=chi, speed=speed, knows_e_n=knows_e_n)
     facts = {} if fact is None else {"effects": fact}
     if setting is None:
         return (), facts

@@ -65,6 +65,7 @@ def directions(
     sigma: Array,
     *,
     chi: float | None = None,
+    speed: float = 0.0,
     knows_e_n: bool = True,
 ) -> list[Direction]:
     """Every direction that these rows can show.
@@ -80,12 +81,14 @@ def directions(
         Standard uncertainty of each row.
     chi : float, optional
         Compliance number of the materials; by default that of a Poisson ratio of 0.3.
+    speed : float
+        Of rows that state none, m/s; 0 where it is not known.
     knows_e_n : bool
         Whether e_n is determined or fixed: else a law e_n(v) has a shape, but no size of its own.
     """
     return [
         *_tangential(problem, theta, chi),
-        *_of_speed(problem, theta, jacobian, sigma, knows_e_n),
+        *_of_speed(problem, theta, jacobian, sigma, speeds(problem, speed), knows_e_n),
         *_rolling(problem, theta),
     ]
 
@@ -116,11 +119,10 @@ def _tangential(problem: Problem, theta: Array, chi: float | None) -> Iterator[D
 
 
 def _of_speed(
-    problem: Problem, theta: Array, jacobian: Array, sigma: Array, knows_e_n: bool
+    problem: Problem, theta: Array, jacobian: Array, sigma: Array, speed: Array, knows_e_n: bool
 ) -> Iterator[Direction]:
     """Laws e_n(v), adhesion, and friction that depends on the speed of sliding."""
     i = problem.rows.incidence
-    speed = np.nan_to_num(speeds(problem))
     normal, sliding = speed * i.cosine, speed * i.slip
     places = problem.positions()
     row = np.arange(normal.size)

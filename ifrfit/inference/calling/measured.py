@@ -42,9 +42,10 @@ def _values(problem: Problem, outcome: Outcome, mu: Array) -> Array:
     return out
 
 
-def speeds(problem: Problem) -> Array:
-    """Incoming speed of each row, m/s; nan where not stated."""
-    return np.asarray(problem.observations.table["speed_m_s"].to_numpy(dtype=float))
+def speeds(problem: Problem, otherwise: float = np.nan) -> Array:
+    """Incoming speed of each row, m/s; `otherwise` where a row states none."""
+    stated = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
+    return np.where(np.isfinite(stated), stated, otherwise)
 
 
 def oblique(problem: Problem) -> NDArray[np.bool_]:

@@ -18,7 +18,12 @@ ALIKE = 4.0  # of -2 log likelihood, as for optima that are counted as near
 
 
 def effects_fact(
-    problem: Problem, fit: LeastSquares, *, chi: float | None = None, knows_e_n: bool = True
+    problem: Problem,
+    fit: LeastSquares,
+    *,
+    chi: float | None = None,
+    speed: float = 0.0,
+    knows_e_n: bool = True,
 ) -> Fact | None:
     """Test the residuals for effects that the closure does not hold.
 
@@ -28,6 +33,8 @@ def effects_fact(
     fit : LeastSquares
     chi : float, optional
         Compliance number of the materials, where they are known.
+    speed : float
+        Of rows that state none, m/s; 0 where it is not known.
     knows_e_n : bool
         Whether e_n is determined or fixed.
 
@@ -38,7 +45,7 @@ def effects_fact(
     """
     theta = fit.optimum.theta
     jacobian = problem.jacobian(theta)
-    every = directions(problem, theta, jacobian, fit.sigma, chi=chi, knows_e_n=knows_e_n)
+    every = directions(problem, theta, jacobian, fit.sigma, chi=chi, speed=speed, knows_e_n=knows_e_n)
     residual = (problem.rows.value - problem.fitted(theta)) / fit.sigma
     tested = scores(
         [replace(d, change=d.change / fit.sigma) for d in every],

@@ -42,13 +42,21 @@ def called_title(name: str) -> str:
 
 def called_words(problem: Problem, named: Sequence[Score], p: float) -> str:
     """The effect that the residuals call for, where, how large, what else it may be, what to do."""
-    first, *others = named
-    says = f"the residuals call for {_CALLED[first.direction.name]}"
+    first = named[0]
+    wanted, *others = dict.fromkeys(_wanted(one) for one in named)
+    says = f"the residuals call for {wanted}"
     if others:
-        rest = [called_title(one.direction.name) for one in others]
+        rest = [other.partition(",")[0] for other in others]
         says += f", not told apart from {' or '.join(rest)}"
     parts = [f"p = {p_text(p)}", *_where(problem, first), *_size(named), *_taken(first)]
     return f"{says}: {'; '.join(parts)}. {_remedy(problem, named)}"
+
+
+def _wanted(one: Score) -> str:
+    """What is called for; without a name of its own where the size of a law e_n(v) is open."""
+    if one.direction.name in LAWS and not one.direction.whole:
+        return "a restitution that falls with the speed"
+    return _CALLED[one.direction.name]
 
 
 def none_words(tested: Sequence[str], p: float) -> str:
@@ -65,7 +73,7 @@ def _where(problem: Problem, one: Score) -> list[str]:
         return [f"at impacts up to {_end(gamma, one.weight):.3g} degrees"]
     if one.direction.name == "adhesion":
         speed = table["speed_m_s"].to_numpy(dtype=float)
-        return [f"at impacts up to {_end(speed, one.weight):.3g} m/s"]
+        return [f"at impacts up to {_end(speed, one.weight):.3g} m/s"] if np.isfinite(speed).any() else []
     if one.direction.name == "rolling":
         share = [one.weight[problem.rows.rows_of(name)].sum() for name in problem.rows.names]
         return [f"mostly in {problem.rows.names[int(np.argmax(share))]}"]

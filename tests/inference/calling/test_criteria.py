@@ -196,3 +196,15 @@ def test_compare_says_what_the_residuals_call_for():
     assert "what the residuals call for: those of IFR for tangential compliance (microslip)" in text
     oblique = ifrfit.compare("kharaz-2001", ["ifr", "fr"], loo=False, gamma_min=15)
     assert "call for" not in oblique.summary()
+
+
+def test_the_speed_of_the_scene_stands_for_rows_that_state_none(impacts, tmp_path):
+    data = impacts(gamma=np.linspace(5.0, 80.0, 20), observables=("v_x", "v_n"), noise=0.02, sigma=0.02)
+    scene = tmp_path / "scene.toml"
+    scene.write_text("[sphere]\ndiameter_mm = 5\n[impact]\nspeed_m_s = 2")
+    without, with_it = (fit(data, method="lsq", independent=True, scene=path) for path in (None, scene))
+    assert "plasticity" not in without.facts["effects"].figures["tests"]
+    assert "plasticity" in with_it.facts["effects"].figures["tests"]
+    scene.write_text("[sphere]\ndiameter_mm = 5\n[impact]\nspeed_m_s = [2, 3]")  # which of them, nobody knows
+    ranged = fit(data, method="lsq", independent=True, scene=scene)
+    assert "plasticity" not in ranged.facts["effects"].figures["tests"]

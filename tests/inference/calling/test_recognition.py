@@ -112,6 +112,16 @@ def test_restitution_through_kappa_alone_may_be_friction(make):
     assert {"plasticity", "viscoelastic"} & set(fact.figures["called"])
     assert "so that mu may depend on the speed instead: measure e_n at several speeds" in fact.says
     assert "for ten times the speed" not in fact.says
+    assert "call for a restitution that falls with the speed" in fact.says
+
+
+def test_of_a_hollow_ball_no_law_is_named(make):
+    """Viscoelasticity and yield are laws of Hertz' contact, which a shell does not have."""
+    data = make("plasticity", 1, ("e_n",))
+    says = fit(data, method="lsq", inertia_factor=2.0 / 3.0).facts["effects"].says
+    assert "call for a restitution that falls with the speed: p" in says
+    assert "for ten times the speed" in says
+    assert "yield" not in says
 
 
 def test_strengths_are_those_that_were_put_in(make):
