@@ -26,6 +26,9 @@ def facts_of(
 ) -> dict[str, Fact]:
     """All facts of a least-squares fit; `effects` holds what the residuals call for, where it was tested."""
     called = effects["effects"].figures["called"] if effects else []
+    momentum = _angular_momentum(problem) if problem.observations.momentum else None
+    if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
+        effects = {}  # velocities and spins say it themselves
     # microslip is no remedy where the residuals call for something else
     remedy = not called or "compliance" in called
     facts = {
@@ -37,8 +40,8 @@ def facts_of(
         "outliers": outliers(problem, found, residuals),
         **effects,
     }
-    if problem.observations.momentum:
-        facts["angular_momentum"] = _angular_momentum(problem)
+    if momentum is not None:
+        facts["angular_momentum"] = momentum
     return facts
 
 

@@ -42,8 +42,8 @@ FACTS = {
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
     "viscoelasticity or yield, adhesion and rolling friction would move the values, and of other laws of "
-    "sticking, sliding and friction that may be mistaken for them; named is the largest fall of "
-    "-2 log likelihood, with those within 4 of it",
+    "sticking, sliding and friction and of another inertia factor, which may be mistaken for them; named is "
+    "the largest fall of -2 log likelihood, with those within 4 of it",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",

@@ -7,7 +7,7 @@ lie along it is a test of one degree of freedom, see `score`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,11 +19,13 @@ from ifrfit.physics.compliance import chi_of
 from ifrfit.physics.compliance.law import chi_range
 from ifrfit.physics.effects import Contact
 from ifrfit.physics.effects.contact import SOLID
+from ifrfit.physics.observables import OBSERVABLES
 
 # no effects of the registry, but what a misfit may be instead
-RIVALS = ("sticking-law", "sliding-law", "friction-by-speed")
+RIVALS = ("sticking-law", "sliding-law", "friction-by-speed", "inertia-factor")
 
-_POISSON = 0.3  # where the materials are not known; compliance depends little on it
+_POISSON = (0.1, 0.3, 0.45)  # where the materials are not known
+_KAPPA = (0.5, 2.0)  # that a step may reach, over the fitted one
 _STEP = 1e-6
 _SMALL_COUPLE = 1e-6  # mu_r of the difference that stands for the derivative
 _LOWEST = 0.02  # e_n below which nothing is left to fall
@@ -80,42 +82,64 @@ def directions(
     sigma : ndarray, (n,)
         Standard uncertainty of each row.
     chi : float, optional
-        Compliance number of the materials; by default that of a Poisson ratio of 0.3.
+        Compliance number of the materials; by default those of Poisson ratios of 0.1, 0.3 and 0.45 are tried.
     speed : float
         Of rows that state none, m/s; 0 where it is not known.
     knows_e_n : bool
         Whether e_n is determined or fixed: else a law e_n(v) has a shape, but no size of its own.
     """
     return [
-        *_tangential(problem, theta, chi),
+        *_tangential(problem, theta, jacobian, sigma, chi),
         *_of_speed(problem, theta, jacobian, sigma, speeds(problem, speed), knows_e_n),
         *_rolling(problem, theta),
+        *_inertia(problem, theta),
     ]
 
 
-def _tangential(problem: Problem, theta: Array, chi: float | None) -> Iterator[Direction]:
+def _tangential(
+    problem: Problem, theta: Array, jacobian: Array, sigma: Array, chi: float | None
+) -> Iterator[Direction]:
     """Compliance, and the other constant laws of sticking and sliding, which may look like it."""
     if not problem.closure.bilinear or not oblique(problem).any():
         return
     e_n, c, mu = problem.per_row(theta)
     k, sticks = problem.impulse(e_n, c, mu)
     j = problem.inertia_factor
-    low, high = chi_range(j)
-    number = float(chi_of(_POISSON, j)) if chi is None else chi
-    if low <= number <= high:
-        law = get_closure("maw").law(j)
-        compliant, _ = law.impulse(problem.rows.incidence, np.array(number), mu * (1.0 + e_n))
-        change = problem.values_with(compliant, e_n, mu) - problem.values_with(k, e_n, mu)
-        yield Direction("compliance", change, whole=True, figures={"chi": number})
     law = problem.closure.law(j)
     up = problem.values_with(k + _STEP, e_n, mu)
     by_k = (up - problem.values_with(k - _STEP, e_n, mu)) / (2.0 * _STEP)
     # k = a + min(b, kappa/tau): closures differ in which of a and b is free
     assert isinstance(law, Coefficients)
+    free = {}
     if law.b1 == 0.0:
-        yield Direction("sticking-law", np.where(sticks, by_k, 0.0), two_sided=True)
+        free["sticking-law"] = np.where(sticks, by_k, 0.0)
     if law.a1 == 0.0:
-        yield Direction("sliding-law", by_k, two_sided=True)
+        free["sliding-law"] = by_k
+    factor = _kappa_factor(problem, theta, np.column_stack((jacobian, *free.values())), sigma)
+    compliance, low_high = get_closure("maw").law(j), chi_range(j)
+    for number in [float(chi_of(nu, j)) for nu in _POISSON] if chi is None else [chi]:
+        if low_high[0] <= number <= low_high[1]:
+            kappa = factor * mu * (1.0 + e_n)
+            compliant, _ = compliance.impulse(problem.rows.incidence, np.array(number), kappa)
+            change = problem.values_with(compliant, e_n, mu) - problem.values_with(k, e_n, mu)
+            yield Direction("compliance", change, whole=True, figures={"chi": number})
+    for name, change in free.items():
+        yield Direction(name, change, two_sided=True)
+
+
+def _kappa_factor(problem: Problem, theta: Array, columns: Array, sigma: Array) -> Array:
+    """kappa over that of the fit, for each row, by a step in which no tie of the closure holds it back.
+
+    Where the contact is compliant, a closure that ties sticking to sliding finds a kappa that lies off.
+    """
+    residual = (problem.rows.value - problem.fitted(theta)) / sigma
+    step = np.linalg.lstsq(columns / sigma[:, None], residual, rcond=_STEP)[0]
+    places, series = problem.positions(), problem.rows.series
+    at_e, at_mu = places["e_n"][series], places["mu"][series]
+    e_n, _, mu = problem.per_row(theta)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = 1.0 + step[at_mu] / mu + step[at_e] / (1.0 + e_n)
+    return np.clip(np.nan_to_num(factor, nan=1.0), *_KAPPA)
 
 
 def _of_speed(
@@ -186,3 +210,13 @@ def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
     contact = Contact(inertia_factor=problem.inertia_factor, rolling_friction=_SMALL_COUPLE)
     slowed, free = (computed(problem, contact, impacts, on) for on in (("rolling",), ()))
     yield Direction("rolling", np.nan_to_num((slowed - free) / _SMALL_COUPLE))
+
+
+def _inertia(problem: Problem, theta: Array) -> Iterator[Direction]:
+    """Relative derivative by the inertia factor; spins beside velocities show it as they do rolling."""
+    tangential = [name for name in problem.rows.names if OBSERVABLES[name].kind in ("tangential", "curved")]
+    spins = [name for name in tangential if name.startswith("spin_")]
+    if spins and len(spins) < len(tangential):
+        other = replace(problem, inertia_factor=problem.inertia_factor * (1.0 + _STEP))
+        change = (other.fitted(theta) - problem.fitted(theta)) / _STEP
+        yield Direction("inertia-factor", change, two_sided=True)

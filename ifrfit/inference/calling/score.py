@@ -52,6 +52,11 @@ class Score:
     chi2: tuple[float, float] | None
     dof: int
 
+    @property
+    def towards(self) -> float:
+        """1, or -1 where the residuals point against the effect."""
+        return 1.0 if self.direction.two_sided or self.strength > 0.0 else -1.0
+
 
 def scores(directions: Sequence[Direction], jacobian: Array, residual: Array, *, known: bool) -> list[Score]:
     """Test every direction that the constants cannot imitate.

@@ -55,27 +55,31 @@ def effects_fact(
     )
     if all(one.direction.name in RIVALS for one in tested):
         return None
-    corrected = holm([one.p for one in tested])
-    named = best_of([one for one, p in zip(tested, corrected, strict=True) if p < REFUTED])
+    corrected = [replace(one, p=p) for one, p in zip(tested, holm([one.p for one in tested]), strict=True)]
+    found = _each_best(corrected)
+    named = best_of([one for one in found.values() if one.p < REFUTED])
     figures: dict[str, object] = {
         "called": [one.direction.name for one in named],
-        "tests": {
-            one.direction.name: {
-                "p": p,
-                "drop": one.drop,
-                "strength": one.strength,
-                "sd": one.sd,
-                **one.direction.figures,
-            }
-            for one, p in zip(tested, corrected, strict=True)
-        },
+        "tests": {name: _figures(one) for name, one in found.items()},
     }
-    by_name = {one.direction.name: p for one, p in zip(tested, corrected, strict=True)}
-    if named:
-        says = called_words(problem, named, by_name[named[0].direction.name])
-    else:
-        says = none_words([one.direction.name for one in tested], min(corrected))
+    least = min(one.p for one in found.values())
+    says = called_words(problem, named) if named else none_words(list(found), least)
     return Fact(not named, says, figures, FACTS["effects"])
+
+
+def _each_best(tested: Sequence[Score]) -> dict[str, Score]:
+    """By name; of an effect at several of its numbers the one that explains most."""
+    found: dict[str, Score] = {}
+    for one in tested:
+        other = found.get(one.direction.name)
+        if other is None or one.drop * one.towards > other.drop * other.towards:
+            found[one.direction.name] = one
+    return found
+
+
+def _figures(one: Score) -> dict[str, float]:
+    shown = {"p": one.p, "drop": one.drop, "strength": one.strength, "sd": one.sd}
+    return shown | dict(one.direction.figures)
 
 
 def best_of(significant: Sequence[Score]) -> list[Score]:

@@ -23,6 +23,7 @@ _CALLED = {
     "sticking-law": "another constant law of sticking",
     "sliding-law": "a restitution in sliding too",
     "friction-by-speed": "friction that depends on the speed of sliding",
+    "inertia-factor": "another inertia factor",
 }
 _SHORT = {
     "compliance": "compliance",
@@ -40,7 +41,7 @@ def called_title(name: str) -> str:
     return _CALLED[name].partition(",")[0]
 
 
-def called_words(problem: Problem, named: Sequence[Score], p: float) -> str:
+def called_words(problem: Problem, named: Sequence[Score]) -> str:
     """The effect that the residuals call for, where, how large, what else it may be, what to do."""
     first = named[0]
     wanted, *others = dict.fromkeys(_wanted(one) for one in named)
@@ -48,7 +49,7 @@ def called_words(problem: Problem, named: Sequence[Score], p: float) -> str:
     if others:
         rest = [other.partition(",")[0] for other in others]
         says += f", not told apart from {' or '.join(rest)}"
-    parts = [f"p = {p_text(p)}", *_where(problem, first), *_size(named), *_taken(first)]
+    parts = [f"p = {p_text(first.p)}", *_where(problem, first), *_size(problem, named), *_taken(first)]
     return f"{says}: {'; '.join(parts)}. {_remedy(problem, named)}"
 
 
@@ -96,7 +97,7 @@ def _taken(one: Score) -> list[str]:
     return [f"chi2 falls from {before:.4g} to {after:.4g} for {one.dof} degrees of freedom"]
 
 
-def _size(named: Sequence[Score]) -> list[str]:
+def _size(problem: Problem, named: Sequence[Score]) -> list[str]:
     """How strong the effect is, beside what its theory says."""
     one = named[0]
     name, figures = one.direction.name, one.direction.figures
@@ -117,6 +118,8 @@ def _size(named: Sequence[Score]) -> list[str]:
         return [f"a sticking speed of {math.sqrt(max(one.strength, 0.0)):.2g} m/s"]
     if name == "rolling":
         return [f"mu_r = {_pair(one.strength, one.sd)}"]
+    if name == "inertia-factor":
+        return [f"some {problem.inertia_factor * (1.0 + one.strength):.2g} to first order"]
     if name == "friction-by-speed":
         share = math.log(10.0) * one.strength
         way = "rises" if share > 0.0 else "falls"
@@ -142,6 +145,8 @@ def _remedy(problem: Problem, named: Sequence[Score]) -> str:
         return (
             f"ifrfit compare shows which closure does better than {get_closure(problem.closure.name).title}"
         )
+    if names[0] == "inertia-factor":
+        return "Give the body's own with --inertia-factor"
     if names[0] == "rolling":
         return "No closure holds it; the velocities of the centre (v_x, v_n, beta_cm) do not feel it"
     if any(one.direction.by_kappa for one in named):

@@ -97,6 +97,25 @@ def test_a_constant_of_another_closure_is_no_effect(make, known):
         assert fit(moved, method="lsq", noise=noise, closure="fr", **FIXED).facts["effects"].ok
 
 
+@pytest.mark.parametrize("closure", ["f", "fr", "ifr-contact"])
+@pytest.mark.parametrize("chi", [1.2, 1.7])
+def test_compliance_is_named_whatever_closure_and_materials(make, closure, chi):
+    """Poisson ratios from 0.48 to 0.06, none of which the directions are made with."""
+    for seed in range(3):
+        data = make("memory", seed, n=100, noise=0.01, chi=chi)
+        fact = fit(data, method="lsq", closure=closure, independent=True).facts["effects"]
+        assert fact.figures["called"] == ["compliance"]
+
+
+def test_another_inertia_factor_is_no_rolling_friction(make):
+    for seed in range(5):
+        fact = called(make, "", seed, asked={"inertia_factor": 0.5})
+        assert fact.figures["called"] == ["inertia-factor"]
+        strength = fact.figures["tests"]["inertia-factor"]["strength"]
+        assert 0.5 * (1.0 + strength) == pytest.approx(0.4, abs=0.03)
+        assert "--inertia-factor" in fact.says
+
+
 def test_the_closure_that_holds_an_effect_does_not_call_for_it(make):
     for seed in range(3):
         data = make("memory", seed, ("beta",), spins=False)
