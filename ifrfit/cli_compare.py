@@ -43,6 +43,7 @@ SHARED = (
     *SCATTER,
     "inertia_factor",
     "convention",
+    "scene",
     "seed",
 )
 

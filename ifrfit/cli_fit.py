@@ -94,6 +94,10 @@ def fit(
         Repeated,
         typer.Option(metavar="NAME=CHOICE", help="How a column is meant, as angle=alpha_deg:from-wall."),
     ] = [],  # noqa: B006
+    scene: Annotated[
+        Path | None,
+        typer.Option(metavar="SCENE.toml", help="What hit what, to see which effects that calls for."),
+    ] = None,
     intervals: Annotated[
         bool,
         typer.Option("--intervals", help="Compare intervals by covariance, profile and exact posterior."),
@@ -184,6 +188,7 @@ def fit(
             convention=convention,
             accuracy=accuracy,
             budget=budget,
+            scene=scene,
             max_steps=max_steps,
             resume=resume,
             resample=resample,

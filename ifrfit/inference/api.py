@@ -9,6 +9,7 @@ from typing import Any
 
 from ifrfit.data import Observations, Selection, combine, resolve, select
 from ifrfit.errors import UsageError
+from ifrfit.inference.calling.scene import setting_of
 from ifrfit.inference.constants import make_constants
 from ifrfit.inference.effort.reach import problem_for, with_effort
 from ifrfit.inference.effort.wanted import Wanted, make_wanted
@@ -63,6 +64,7 @@ def fit(
     params: Any = None,
     accuracy: float | None = None,
     budget: float | str | None = None,
+    scene: str | Path | None = None,
     max_steps: int | None = None,
     resume: str | Path | None = None,
     resample: str | None = None,
@@ -132,6 +134,9 @@ def fit(
     budget : float or str, optional
         Seconds (or text, as "500ms") from this call on: as exact as the time allows, or until the accuracy is
         reached. Least squares where it is too short for any posterior.
+    scene : str or Path, optional
+        Scene file that says what hit what, for the effects' criteria; by default the conditions of the
+        dataset. Its impacts are not looked at, but for the speed of rows that state none.
     max_steps : int, optional
         mcmc: steps of each ensemble after which it stops without enough evidence; 10,000 by default.
     resume : str or Path, optional
@@ -204,13 +209,14 @@ def fit(
         sigma_spin=sigma_spin,
     )
     observations = with_propagated_sigma(observations, scatter)
+    setting = setting_of(observations, j, scene)
     problem = make_problem(observations, chosen, j, constants, noise)
     if wanted is not None:
         problem, cannot = problem_for(problem, scatter, asked)
-        result = optimum_of(problem, seed, command)
+        result = optimum_of(problem, seed, command, setting)
         return with_effort(result, wanted, cannot, workers=workers, progress=progress)
     problem = with_scatter(problem, scatter, method)
-    result = optimum_of(problem, seed, command)
+    result = optimum_of(problem, seed, command, setting)
     if method == "lsq":
         return result
     if method == "mcmc":

@@ -158,9 +158,9 @@ def _smooth(problem: Problem, fit: LeastSquares, r: Array) -> float | None:
     if not columns:
         return None
     jacobian = problem.jacobian(fit.optimum.theta)[:, problem.free] / fit.sigma[:, None]
-    own = _orthonormal(jacobian)
+    own = orthonormal(jacobian)
     extra = np.concatenate(columns, axis=1)
-    extra = _orthonormal(extra - own @ (own.T @ extra))
+    extra = orthonormal(extra - own @ (own.T @ extra))
     left = r - own @ (own.T @ r)
     gained = float(((extra.T @ left) ** 2).sum())
     rest = float(left @ left) - gained
@@ -182,7 +182,7 @@ def _natural_spline(tau: Array) -> Array | None:
     return np.asarray(full[:, 1:])
 
 
-def _orthonormal(a: Array) -> Array:
+def orthonormal(a: Array) -> Array:
     """Orthonormal basis of the columns' span."""
     size = np.sqrt((a * a).sum(axis=0))
     a = a[:, size > 1e-12 * size.max(initial=0.0)] / size[size > 1e-12 * size.max(initial=0.0)]

@@ -22,18 +22,26 @@ def facts_of(
     residuals: Residuals,
     constants: Mapping[str, Any],
     statistics: FitStatistics,
+    effects: Mapping[str, Fact],
 ) -> dict[str, Fact]:
-    """All facts of a least-squares fit."""
+    """All facts of a least-squares fit; `effects` holds what the residuals call for, where it was tested."""
+    called = effects["effects"].figures["called"] if effects else []
+    momentum = _angular_momentum(problem) if problem.observations.momentum else None
+    if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
+        effects = {}  # velocities and spins say it themselves
+    # microslip is no remedy where the residuals call for something else
+    remedy = not called or "compliance" in called
     facts = {
         "converged": _converged(found),
         "global_optimum": _global_optimum(found, bilinear=problem.closure.bilinear),
         "identifiable": identifiable(problem, found, constants, statistics.n_sticking, statistics.n_sliding),
         "at_bound": at_bound(constants),
-        "lack_of_fit": lack_of_fit(problem, found, residuals),
+        "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
         "outliers": outliers(problem, found, residuals),
+        **effects,
     }
-    if problem.observations.momentum:
-        facts["angular_momentum"] = _angular_momentum(problem)
+    if momentum is not None:
+        facts["angular_momentum"] = momentum
     return facts
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from ifrfit.data import Descriptor, Source
 from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
+from ifrfit.inference.calling.stored import effect_from, scene_from
 from ifrfit.inference.checked import REMEDY, Node
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.effort.told import Effort
@@ -123,6 +124,8 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
         versions=root["versions"].mapped(lambda node: node.text()),
         asked=_asked(root["asked"]) if "asked" in root else (),
         effort=_effort(root["effort"]) if "effort" in root else None,
+        scene=scene_from(root["scene"]) if "scene" in root else None,
+        effects=tuple(root["effects"].each(effect_from)) if "effects" in root else (),
     )
 
 

@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from ifrfit._version import __version__
+from ifrfit.inference.calling.both import effects_of
+from ifrfit.inference.calling.scene import Setting
 from ifrfit.inference.criticism import residuals_of
 from ifrfit.inference.derived import derived_of
 from ifrfit.inference.estimates import constants_of
@@ -19,7 +21,9 @@ from ifrfit.inference.scatter.setup import reported_policy
 from ifrfit.inference.statistics import state_of, statistics_of
 
 
-def optimum_of(problem: Problem, seed: int = 0, command: str = "") -> FitResult:
+def optimum_of(
+    problem: Problem, seed: int = 0, command: str = "", setting: Setting | None = None
+) -> FitResult:
     """Least squares with everything that is said of an optimum; other methods begin with it.
 
     Parameters
@@ -29,6 +33,8 @@ def optimum_of(problem: Problem, seed: int = 0, command: str = "") -> FitResult:
         Of the draws and bands that follow.
     command : str
         The command line, for the record.
+    setting : Setting, optional
+        The scene of the data, for the effects' criteria.
     """
     import pandas as pd
 
@@ -53,6 +59,8 @@ def optimum_of(problem: Problem, seed: int = 0, command: str = "") -> FitResult:
         "sticking": sticks,
     }
     points = pd.concat([table, pd.DataFrame(columns, index=table.index)], axis=1)
+    derived = derived_of(problem, found, constants)
+    effects, fact = effects_of(problem, found, setting, constants, derived)
     return FitResult(
         closure=problem.closure.name,
         inertia_factor=problem.inertia_factor,
@@ -60,10 +68,10 @@ def optimum_of(problem: Problem, seed: int = 0, command: str = "") -> FitResult:
         inputs=problem.observations.sources,
         noise=Noise(reported_policy(problem), found.noise, scatter=problem.scatter),
         constants=constants,
-        derived=derived_of(problem, found, constants),
+        derived=derived,
         correlation=(names, capped[np.ix_(free, free)] / np.outer(size, size)),
         fit=statistics,
-        facts=facts_of(problem, found, residuals, constants, statistics),
+        facts=facts_of(problem, found, residuals, constants, statistics, fact),
         warnings=_warnings(problem),
         state=state_of(problem, found),
         points=points,
@@ -72,6 +80,8 @@ def optimum_of(problem: Problem, seed: int = 0, command: str = "") -> FitResult:
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions(),
         asked=problem.constants,
+        scene=None if setting is None else setting.told,
+        effects=effects,
         problem=problem,
         least_squares=found,
     )

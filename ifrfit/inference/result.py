@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
+from ifrfit.inference.calling.lines import EffectLine, SceneOfData
 from ifrfit.inference.constants import Constant
 from ifrfit.inference.effort.told import Effort
 from ifrfit.inference.scatter.law import PLAIN, Scatter
@@ -196,6 +197,11 @@ class FitResult:
         file that the result was read from does not say.
     effort : Effort or None
         What --accuracy or --budget asked and reached; None where neither was given.
+    scene : SceneOfData or None
+        What is known of what hit what; None where nothing is.
+    effects : tuple of EffectLine
+        Each effect's criterion on that scene; empty without one. What the residuals call for is the fact
+        ``effects``.
     problem, least_squares, law, profiles, sample
         What the result rests on, for further questions; not kept in result.json.
     """
@@ -219,6 +225,8 @@ class FitResult:
     versions: Mapping[str, str] = field(default_factory=dict)
     asked: tuple[Constant, ...] = ()
     effort: Effort | None = None
+    scene: SceneOfData | None = None
+    effects: tuple[EffectLine, ...] = ()
     problem: Any = field(default=None, repr=False, compare=False)
     least_squares: Any = field(default=None, repr=False, compare=False)
     law: Any = field(default=None, repr=False, compare=False)

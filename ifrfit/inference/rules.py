@@ -39,6 +39,11 @@ FACTS = {
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
     "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
+    "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
+    "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
+    "viscoelasticity or yield, adhesion and rolling friction would move the values, and of other laws of "
+    "sticking, sliding and friction and of another inertia factor, which may be mistaken for them; named is "
+    "the largest fall of -2 log likelihood, with those within 4 of it",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",

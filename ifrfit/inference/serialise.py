@@ -123,6 +123,12 @@ def to_dict(result: FitResult) -> dict[str, Any]:
             }
             for name, fact in result.facts.items()
         },
+        **({"scene": _plain(asdict(result.scene), "scene", nulls)} if result.scene else {}),
+        **(
+            {"effects": [_plain(asdict(line), "effects", nulls) for line in result.effects]}
+            if result.effects
+            else {}
+        ),
         "warnings": [],
         "state": _state(result.state, nulls),
         "points": _points(result.points, nulls),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+from ifrfit.inference.calling.words import called_title
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import joined, title
+from ifrfit.physics import get_closure
 from ifrfit.report.rounding import alone
+from ifrfit.report.words import scene_notes
 
 _SURE = 2.0  # standard errors beyond which cross-validation is heard
 
@@ -45,14 +48,43 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
     # the p of the others stands in the table
     leading = comparison.verdict.tied or comparison.ranked[:1]
     look += [f"{title(n)}: {fits[n].says.rstrip('.')}" for n in leading if not fits[n].ok]
+    look += _of_effects(comparison, leading)
     look += _of_slopes(comparison)
     look += _of_cross_validation(comparison)
-    notes = [*comparison.notes, *_of_plane(comparison), *_of_data(comparison)]
+    notes = [
+        *comparison.notes,
+        *_called(comparison, leading),
+        *scene_notes(comparison.best),
+        *_of_plane(comparison),
+        *_of_data(comparison),
+    ]
     return [
         *(("LOOK", says) for says in look),
         *(("ok", says) for says in fine),
         *(("note", says) for says in notes),
     ]
+
+
+def _of_effects(comparison: Comparison, leading: Sequence[str]) -> list[str]:
+    """Which effects the residuals of the leading closures call for."""
+    facts = {name: comparison.entries[name].fit.facts.get("effects") for name in leading}
+    return [f"{title(name)}: {fact.says}" for name, fact in facts.items() if fact and not fact.ok]
+
+
+def _called(comparison: Comparison, leading: Sequence[str]) -> list[str]:
+    """Which effect the others lack, where a closure that holds one leads alone.
+
+    Where a constant closure describes the data, what the residuals of its rivals call for is that closure.
+    """
+    if comparison.verdict.kind == "stand_in" or any(get_closure(name).bilinear for name in leading):
+        return []
+    wanted: dict[str, list[str]] = {}
+    for name in comparison.ranked:
+        fact = comparison.entries[name].fit.facts.get("effects")
+        if fact is not None and not fact.ok and name not in leading:
+            wanted.setdefault(called_title(fact.figures["called"][0]), []).append(title(name))
+    parts = [f"those of {joined(names)} for {what}" for what, names in wanted.items()]
+    return [f"what the residuals call for: {'; '.join(parts)}"] if parts else []
 
 
 def _of_slopes(comparison: Comparison) -> list[str]:

@@ -8,6 +8,7 @@ from ifrfit.inference.criticism import p_text
 from ifrfit.inference.effort.words import says as effort_says
 from ifrfit.inference.result import Estimate, FitResult
 from ifrfit.physics import CLOSURES
+from ifrfit.physics.effects import EFFECTS
 from ifrfit.report.regimes import joined
 from ifrfit.report.rounding import fixed
 
@@ -23,6 +24,7 @@ HEADLINES = {
     "global_optimum": "the optimum is not proven to be the best",
     "identifiable": "the data do not determine every constant",
     "lack_of_fit": "the data contradict the closure",
+    "effects": "the residuals call for a further effect",
     "outliers": "outliers",
     "predictive": "the posterior does not predict such data",
     "resampling": "there is too little to draw from",
@@ -37,6 +39,7 @@ CHECKS = {
 }
 # a failing fact of this name is told by the status of the constant already
 QUIET_FACTS = ("at_bound",)
+_ABSENT = 0.05  # p above which the residuals show nothing of an effect
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 
 
@@ -165,6 +168,28 @@ def _also_predicted(result: FitResult) -> str:
     return f"; posterior predictive checks fail too: {joined(named)}"
 
 
+def scene_notes(result: FitResult) -> list[str]:
+    """What the conditions of the data say of the effects, where it adds to what the residuals say."""
+    fact = result.facts.get("effects")
+    called = fact.figures["called"] if fact is not None else []
+    tests = fact.figures["tests"] if fact is not None else {}
+    said = []
+    for line in result.effects:
+        title = EFFECTS[line.effect].title if line.effect in EFFECTS else line.effect
+        if line.visible:
+            also = ", as the residuals do" if line.effect in called else ""
+            absent = tests.get(line.effect, {}).get("p", 0.0) > _ABSENT
+            said.append(
+                f"by its conditions the scene calls for {title}{also}: {line.says}"
+                f"{'; the residuals do not show it' if absent else ''}"
+            )
+        elif called[:1] == [line.effect] and line.signal is not None:
+            said.append(
+                f"by its conditions the scene would hardly show {title}: {line.says}; look for another reason"
+            )
+    return said
+
+
 def findings(result: FitResult) -> list[tuple[str, str]]:
     """Facts and warnings as (kind, sentence); kind is LOOK, ok or note, LOOK first."""
     partner = _told_with(result)
@@ -179,6 +204,7 @@ def findings(result: FitResult) -> list[tuple[str, str]]:
     look = [("LOOK", f.says) for name, f in facts if not f.ok and name not in QUIET_FACTS]
     fine = [("ok", fact.says) for _, fact in facts if fact.ok]
     notes = [("note", f.says) for name, f in facts if not f.ok and name in QUIET_FACTS]
+    notes += [("note", says) for says in scene_notes(result)]
     told = {says for _, says in look + fine + notes}
     # that data are a stand-in is said at the very top
     said_above = tuple(f"{source.name} is a STAND-IN" for source in result.inputs)

@@ -253,3 +253,36 @@ def test_a_hollow_ball_taken_for_a_solid_one_is_told_in_the_first_line(cli):
     assert solid.startswith("LOOK")
     assert "--inertia-factor 0.667" in " ".join(solid.split())
     assert not cli("fit", "ball.csv", "--inertia-factor", "0.6667").stdout.startswith("LOOK")
+
+
+def test_a_scene_says_what_hit_what(cli, impacts):
+    data = impacts(gamma=[5.0, 15.0, 25.0, 40.0, 55.0, 70.0, 80.0], noise=0.01, sigma=0.01)
+    scene = Path("scene.toml")
+    bodies = '[sphere]\ndiameter_mm = 5\nmaterial = "alumina"\n[wall]\nmaterial = "soda-lime-glass"\n'
+    scene.write_text(bodies, encoding="utf-8")
+    content = strict_json(cli("fit", data, "--scene", scene, "--json").stdout)
+    assert content["scene"]["origin"] == "scene.toml"
+    assert {line["effect"] for line in content["effects"] if line["met"] is not None} == {"compliance"}
+    assert "effects" not in strict_json(cli("fit", data, "--json").stdout)
+    found = cli("compare", data, "--scene", scene, "--no-loo", "--closure", "ifr", "--closure", "fr")
+    assert found.returncode == 0
+    assert "by its conditions the scene calls for compliance: psi_1" in " ".join(found.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[wall]\n", "scene.toml: sphere.diameter_mm is missing."),
+        ("[sphere]\ndiameter_mm = 20\n", "the diameter is 20 mm, but that of kharaz-2001 is 5 mm."),
+        ("[sphere]\ndiameter_mm = 5\ninertia_factor = 0.5\n", "but the fit takes 0.4."),
+        (None, "scene.toml: there is no such file."),
+    ],
+)
+def test_a_scene_that_does_not_fit_is_refused(cli, text, says):
+    if text is not None:
+        Path("scene.toml").write_text(text, encoding="utf-8")
+    found = cli("fit", "kharaz-2001", "--scene", "scene.toml", "--out", "results")
+    assert found.returncode == 3
+    assert found.stdout == ""
+    assert says in found.stderr
+    assert not Path("results").exists()

@@ -1,8 +1,19 @@
 """Scenes: TOML files that say which impacts to simulate."""
 
-from ifrfit.physics.scenes.materials import FLUIDS, MATERIALS, Material
+from ifrfit.physics.scenes.materials import FLUIDS, MATERIALS, Material, recognised
 from ifrfit.physics.scenes.quantities import Quantity
 from ifrfit.physics.scenes.reading import read_scene
 from ifrfit.physics.scenes.scene import Scene
+from ifrfit.physics.scenes.surroundings import Surroundings, read_surroundings
 
-__all__ = ["FLUIDS", "MATERIALS", "Material", "Quantity", "Scene", "read_scene"]
+__all__ = [
+    "FLUIDS",
+    "MATERIALS",
+    "Material",
+    "Quantity",
+    "Scene",
+    "Surroundings",
+    "read_scene",
+    "read_surroundings",
+    "recognised",
+]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 from ifrfit.errors import DataError
@@ -50,22 +51,38 @@ def read_contact(top: Table) -> Bodies:
     sphere.done()
     wall.done()
     pressure = between.number("limiting_pressure", "pressure", low=1.0, high=1e13)
-    contact = Contact(
-        inertia_factor=j,
-        # a material says how heavy a body is only where the body is full of it
-        density=ball.density if math.isclose(j, SOLID, rel_tol=1e-9) else None,
+    contact = replace(
+        contact_of(ball, plane, j),
         mass=mass,
-        modulus=_modulus(ball, plane),
-        stiffness_ratio=_stiffness_ratio(ball, plane),
-        limiting_pressure=_softer(ball, plane) if pressure is None else pressure,
         interface_energy=between.number("interface_energy", "energy per area", low=0.0, high=1e3),
         dissipation_time=between.number("dissipation_time", "time", low=0.0, high=1e3),
         rolling_friction=between.number("rolling_friction", low=0.0, high=10.0),
         fluid=_fluid(top),
     )
+    if pressure is not None:
+        contact = replace(contact, limiting_pressure=pressure)
     between.done()
     sources = tuple(f"{m.name}: {m.source}" for m in dict.fromkeys((ball, plane)) if m.source)
     return contact, diameter, ball.name, plane.name, sources
+
+
+def contact_of(ball: Material, plane: Material, inertia_factor: float = SOLID) -> Contact:
+    """What two materials say of a sphere on a wall; nothing else is known.
+
+    Parameters
+    ----------
+    ball, plane : Material
+    inertia_factor : float
+        J = I/(m R^2).
+    """
+    return Contact(
+        inertia_factor=inertia_factor,
+        # a material says how heavy a body is only where the body is full of it
+        density=ball.density if math.isclose(inertia_factor, SOLID, rel_tol=1e-9) else None,
+        modulus=_modulus(ball, plane),
+        stiffness_ratio=_stiffness_ratio(ball, plane),
+        limiting_pressure=_softer(ball, plane),
+    )
 
 
 def _material(table: Table) -> Material:

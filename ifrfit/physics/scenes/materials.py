@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from ifrfit.physics.effects.contact import Fluid
@@ -96,3 +97,44 @@ FLUIDS: dict[str, Fluid] = {
         Fluid("water", 1.002e-3),
     )
 }
+
+# other names of exactly these materials; a name that leaves open which one is meant, as steel, is not here
+_ALIASES = {
+    "52100 steel": "bearing-steel",
+    "aisi 52100": "bearing-steel",
+    "aisi 52100 steel": "bearing-steel",
+    "304 stainless steel": "stainless-304",
+    "aisi 304": "stainless-304",
+    "aisi 304 stainless steel": "stainless-304",
+    "sae 304 stainless steel": "stainless-304",
+    "stainless steel 304": "stainless-304",
+    "soda lime silica glass": "soda-lime-glass",
+    "aluminium oxide": "alumina",
+    "aluminum oxide": "alumina",
+    "alpha alumina": "alumina",
+}
+# words that say nothing of what a body is made of
+_SHAPES = frozenset(
+    {"ball", "balls", "bead", "beads", "block", "plane", "plate", "sphere", "spheres", "wall"}
+    | {"polished", "smooth", "spherical", "thick"}
+)
+
+
+def recognised(name: str) -> Material | None:
+    """Material of the library that a name means, by its own name or a stated other one.
+
+    Parameters
+    ----------
+    name : str
+        As ``thick soda-lime glass``: case, hyphens and words of shape and finish do not count.
+
+    Returns
+    -------
+    Material or None
+        None where the name leaves open which material is meant (``steel``, ``glass``) or is not known.
+    """
+    words = [word for word in re.split(r"[\s-]+", name.casefold().strip()) if word]
+    plain = " ".join(word for word in words if word not in _SHAPES)
+    by_name = {known.replace("-", " "): known for known in MATERIALS}
+    found = by_name.get(plain) or _ALIASES.get(plain)
+    return None if found is None else MATERIALS[found]

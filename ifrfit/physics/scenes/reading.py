@@ -42,6 +42,18 @@ def read_scene(path: str | Path) -> Scene:
         The file is missing, broken or contradicts itself; the message names the key and what to do.
     """
     path = Path(path)
+    content, sha256 = load(path)
+    return _scene(content, path, sha256)
+
+
+def load(path: Path) -> tuple[dict[str, Any], str]:
+    """Content of a TOML file, and its SHA-256.
+
+    Raises
+    ------
+    DataError
+        If it is missing or is no TOML.
+    """
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -56,7 +68,7 @@ def read_scene(path: str | Path) -> Scene:
         raise DataError(f"{path}: is not TOML ({error}). Correct it there.") from None
     except RecursionError:
         raise DataError(f"{path}: is nested too deeply to be a scene. Correct it.") from None
-    return _scene(content, path, hashlib.sha256(data).hexdigest())
+    return content, hashlib.sha256(data).hexdigest()
 
 
 def _scene(content: dict[str, Any], path: Path, sha256: str) -> Scene:

@@ -9,9 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.compliance import METHODS, chi_of, poisson_ratio, rebound_ratio
+from ifrfit.physics.compliance.table import compliance_table
 
 NU_03 = float(chi_of(0.3))
 
@@ -173,3 +175,12 @@ def test_refused(call: dict[str, object], says: str) -> None:
     arguments = {"psi1": 1.0, "chi": 1.4} | call
     with pytest.raises(UsageError, match=says.replace("(", r"\(").replace(".", r"\.")):
         rebound_ratio(**arguments)  # type: ignore[arg-type]
+
+
+def test_the_splines_of_the_table_are_those_of_scipy() -> None:
+    """Through the values at the nodes, with the not-a-knot condition at the ends of both ranges."""
+    table = compliance_table()
+    for part in (table.nodes[:, : table.first], table.nodes[:, table.first :]):
+        values = np.concatenate((part[:, :, 0], part[:, -1:].sum(axis=2)), axis=1)
+        spline = CubicSpline(np.arange(values.shape[1]), values, axis=1)
+        assert np.allclose(part, spline.c[::-1].transpose(2, 1, 0), rtol=0.0, atol=1e-12)
