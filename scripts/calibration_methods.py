@@ -16,7 +16,7 @@ from ifrfit.inference.kappa import kappa_of
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.posterior import TOLERANCE, explore
 from ifrfit.inference.profiling import profile_all
-from ifrfit.inference.result import Estimate, Interval
+from ifrfit.inference.stated import Estimate, Interval
 
 Array = NDArray[np.float64]
 Score = tuple[float, float, float, float]  # rank of the truth, whether it is in the 50, 68, 95 % interval

@@ -2,9 +2,9 @@ from .api import fit as fit
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
 from .lmfit_bridge import lmfit_model as lmfit_model
-from .result import Estimate as Estimate
-from .result import Fact as Fact
 from .result import FitResult as FitResult
 from .serialise import load_result as load_result
 from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
+from .stated import Estimate as Estimate
+from .stated import Fact as Fact

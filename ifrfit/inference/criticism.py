@@ -12,8 +12,8 @@ from scipy import special
 from ifrfit.errors import DataError
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Index, Problem
-from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS, REFUTED
+from ifrfit.inference.stated import Fact
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]

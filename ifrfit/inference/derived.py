@@ -11,7 +11,7 @@ import numpy as np
 from ifrfit.inference.kappa import kappa_of
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Estimate
+from ifrfit.inference.stated import Estimate
 from ifrfit.inference.truncated import quantile
 from ifrfit.physics.closures import rotational_share
 from ifrfit.physics.compliance import poisson_ratio

@@ -14,8 +14,8 @@ from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.local import local_picture
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.profiled import is_local, open_estimate, outlying
-from ifrfit.inference.result import Estimate, Interval
 from ifrfit.inference.rules import HALF
+from ifrfit.inference.stated import Estimate, Interval
 from ifrfit.inference.truncated import half_width, quantile
 from ifrfit.physics.observables import OBSERVABLES
 

@@ -11,9 +11,9 @@ from ifrfit.inference.identifiability import identifiable
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.outliers import outliers
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Estimate, Fact, FitStatistics
 from ifrfit.inference.rules import FACTS
 from ifrfit.inference.scatter.law import ITERATED
+from ifrfit.inference.stated import Estimate, Fact, FitStatistics
 
 
 def facts_of(

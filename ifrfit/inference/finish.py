@@ -25,8 +25,9 @@ from ifrfit.inference.posterior.converged import exact_converged
 from ifrfit.inference.posterior.noise import noise_bounds
 from ifrfit.inference.predictive import predictive
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Fact, FitResult
+from ifrfit.inference.result import FitResult
 from ifrfit.inference.sharing import sharing
+from ifrfit.inference.stated import Fact
 
 if TYPE_CHECKING:
     from ifrfit.inference.mcmc import Evidence

@@ -15,8 +15,8 @@ from ifrfit.inference.law import LEVELS, Law
 from ifrfit.inference.local import kappa_coordinates
 from ifrfit.inference.optimum import Array
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Estimate, Interval, Noise, State
 from ifrfit.inference.rules import HALF
+from ifrfit.inference.stated import Estimate, Interval, Noise, State
 from ifrfit.physics.transition import transition_angles
 
 DRAWS = 2000  # kept in the result, for predictions

@@ -10,8 +10,8 @@ import numpy as np
 
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS
+from ifrfit.inference.stated import Fact
 from ifrfit.physics.observables import OBSERVABLES
 
 _SHARE = 0.1  # of the largest loading below which a constant is not named in a combination

@@ -129,7 +129,7 @@ def _label(name: str) -> str:
 
 
 def _settled(result: FitResult) -> set[str]:
-    from ifrfit.inference.result import Estimate
+    from ifrfit.inference.stated import Estimate
 
     names = set()
     for name, found in result.constants.items():

@@ -16,8 +16,9 @@ from ifrfit.inference.estimates import constants_of
 from ifrfit.inference.facts import facts_of
 from ifrfit.inference.least_squares import least_squares
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import FitResult, Noise
+from ifrfit.inference.result import FitResult
 from ifrfit.inference.scatter.setup import reported_policy
+from ifrfit.inference.stated import Noise
 from ifrfit.inference.statistics import state_of, statistics_of
 
 

@@ -11,8 +11,8 @@ from ifrfit.errors import DataError
 from ifrfit.inference.criticism import Residuals, residuals_of
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS, OUTLIER
+from ifrfit.inference.stated import Fact
 
 _MOST = 8  # outliers that are looked for
 

@@ -17,7 +17,8 @@ from ifrfit.physics.rebound import rebound_of
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ifrfit.inference.result import FitResult, State
+    from ifrfit.inference.result import FitResult
+    from ifrfit.inference.stated import State
 
 Array = NDArray[np.float64]
 

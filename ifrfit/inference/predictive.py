@@ -15,8 +15,8 @@ from ifrfit.inference.density import Density
 from ifrfit.inference.forward import fitted_at
 from ifrfit.inference.outliers import row_name
 from ifrfit.inference.problem import Index, Problem
-from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS, REFUTED
+from ifrfit.inference.stated import Fact
 
 Array = NDArray[np.float64]
 

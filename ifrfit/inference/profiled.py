@@ -10,8 +10,8 @@ from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.optimum import Array, Optimum
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.profile import CENTRAL, ONE_SIDED, crossing, profile_function, series_problem
-from ifrfit.inference.result import Estimate, Interval
 from ifrfit.inference.rules import HALF
+from ifrfit.inference.stated import Estimate, Interval
 from ifrfit.inference.truncated import half_width
 
 _AT_BOUND = 1e-9

@@ -16,7 +16,8 @@ import numpy as np
 from ifrfit._version import __version__
 from ifrfit.data import Source
 from ifrfit.inference.constants import Constant
-from ifrfit.inference.result import Estimate, FitResult, FitStatistics, Noise, State
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Estimate, FitStatistics, Noise, State
 
 if TYPE_CHECKING:
     from ifrfit.inference.loading import from_dict, load_result

@@ -11,8 +11,8 @@ import numpy as np
 
 from ifrfit.errors import DataError
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS
+from ifrfit.inference.stated import Fact
 
 INDIFFERENT = 3.0
 DECIDED = 20.0

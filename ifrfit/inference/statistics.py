@@ -11,7 +11,7 @@ from scipy.special import chdtrc
 from ifrfit.inference.criticism import Residuals
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import FitStatistics, State
+from ifrfit.inference.stated import FitStatistics, State
 from ifrfit.physics.observables import OBSERVABLES
 
 

@@ -10,7 +10,7 @@ from html import escape
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.parts import PsiPlane, Slope
 from ifrfit.inference.comparison.verdict import joined, title
-from ifrfit.inference.result import Interval
+from ifrfit.inference.stated import Interval
 from ifrfit.report.comparison_columns import CROSS_VALIDATION, Column, criteria, cross_validated
 from ifrfit.report.comparison_words import findings, prior_line
 from ifrfit.report.rounding import decimals, fixed, interval_text, spread

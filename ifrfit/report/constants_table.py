@@ -6,7 +6,8 @@ import textwrap
 from collections.abc import Sequence
 
 from ifrfit.inference.criticism import p_text
-from ifrfit.inference.result import Estimate, FitResult
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Estimate
 from ifrfit.report.paper.question import Answer
 from ifrfit.report.provenance import contents
 from ifrfit.report.recovered import LEVEL, Done, Line, chance, held

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.inference.result import Estimate, FitResult
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Estimate
 from ifrfit.report.regimes import joined
 from ifrfit.report.rounding import decimals, fixed
 from ifrfit.report.words import status_words

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from ifrfit.inference.criticism import p_text
 from ifrfit.inference.effort.words import says as effort_says
-from ifrfit.inference.result import Estimate, FitResult
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.report.regimes import joined

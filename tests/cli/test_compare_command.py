@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ifrfit.cli_compare import SHARED
-from ifrfit.inference.result import Fact
+from ifrfit.inference.stated import Fact
 
 QUICK = ("--no-loo", "--fix", "e_n=0.94", "--closure", "fr", "--closure", "ifr")
 

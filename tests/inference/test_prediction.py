@@ -9,7 +9,7 @@ from scipy import stats
 import ifrfit
 from ifrfit import UsageError
 from ifrfit.inference.prediction import truncated_normal
-from ifrfit.inference.result import State
+from ifrfit.inference.stated import State
 from ifrfit.inference.truncated import quantile
 
 GAMMA = np.linspace(4.0, 86.0, 34)

@@ -11,8 +11,8 @@ import ifrfit
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.profiling import Profile, objective, profile_all, profile_converged
-from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS
+from ifrfit.inference.stated import Fact
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 

@@ -13,8 +13,8 @@ import ifrfit
 from ifrfit.inference.finish import with_law
 from ifrfit.inference.law import LEVELS, Law
 from ifrfit.inference.posterior import Posterior
-from ifrfit.inference.result import Estimate, Fact
 from ifrfit.inference.sampled import Sampled
+from ifrfit.inference.stated import Estimate, Fact
 
 ANGLES = [5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0]
 M = 20_000

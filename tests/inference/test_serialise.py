@@ -18,8 +18,9 @@ import ifrfit
 from ifrfit.errors import DataError
 from ifrfit.inference import serialise
 from ifrfit.inference.loading import from_dict, load_result
-from ifrfit.inference.result import Estimate, Fact, FitResult
+from ifrfit.inference.result import FitResult
 from ifrfit.inference.serialise import NULL_MARK, dumps, save, to_dict
+from ifrfit.inference.stated import Estimate, Fact
 from ifrfit.report import summary
 
 KEYS = [

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import Fact
+from ifrfit.inference.stated import Fact
 from ifrfit.report import legend, plot
 from ifrfit.report.panels import axis_label
 from ifrfit.report.ringed import outlier_limit, ringed

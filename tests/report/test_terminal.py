@@ -7,7 +7,7 @@ import pytest
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import Estimate, Fact, Noise
+from ifrfit.inference.stated import Estimate, Fact, Noise
 from ifrfit.report import summary
 from ifrfit.report.provenance import provenance_sentences, reference, stand_in_sentence
 from ifrfit.report.words import findings, headline

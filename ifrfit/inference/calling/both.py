@@ -11,7 +11,7 @@ from ifrfit.inference.calling.scene import Setting
 from ifrfit.inference.calling.verdict import effects_fact
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Constants, Estimate, Fact
+from ifrfit.inference.stated import Constants, Estimate, Fact
 from ifrfit.physics.compliance.law import chi_range
 
 

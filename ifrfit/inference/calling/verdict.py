@@ -11,8 +11,8 @@ from ifrfit.inference.calling.speed_laws import LAWS
 from ifrfit.inference.calling.words import called_words, none_words
 from ifrfit.inference.least_squares import LeastSquares
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS, REFUTED
+from ifrfit.inference.stated import Fact
 
 ALIKE = 4.0  # of -2 log likelihood, as for optima that are counted as near
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.result import Interval
+from ifrfit.inference.stated import Interval
 
 Array = NDArray[np.float64]
 Kind = Literal["stand_in", "refuted", "undecided", "preferred"]

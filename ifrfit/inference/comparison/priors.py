@@ -14,7 +14,8 @@ from ifrfit.inference.constants import Constant
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.posterior.unknown import Unknown
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import FitResult, Interval
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Interval
 from ifrfit.physics.closures import get_closure
 
 MU_WIDTHS = (0.25, 0.5, 2.0)  # times the stated width: 0.5, 1 and 4 of the default 2

@@ -29,7 +29,7 @@ from ifrfit.inference.comparison.psi_rows import (
 )
 from ifrfit.inference.piecewise import PiecewiseOptimum, PiecewiseProblem, minimise
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Interval
+from ifrfit.inference.stated import Interval
 from ifrfit.physics.closures import Closure
 from ifrfit.physics.rebound import rebound
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from ifrfit.inference.comparison.parts import Loo, PsiPlane, Slope
 from ifrfit.inference.comparison.result import Comparison, Entry
-from ifrfit.inference.result import Interval
 from ifrfit.inference.serialise import render, write_whole
+from ifrfit.inference.stated import Interval
 
 SCHEMA = "ifrfit/compare/1"
 

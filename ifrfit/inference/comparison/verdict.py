@@ -10,7 +10,8 @@ import numpy as np
 from ifrfit.inference.comparison.parts import PriorRow, Verdict
 from ifrfit.inference.comparison.result import Entry
 from ifrfit.inference.criticism import p_text
-from ifrfit.inference.result import FitResult, Interval
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Interval
 from ifrfit.physics.closures import get_closure
 
 # Kass & Raftery (1995), Journal of the American Statistical Association 90, 773: natural logarithms

@@ -14,9 +14,10 @@ from ifrfit.inference.effort.words import missed, short
 from ifrfit.inference.finish import with_chains, with_explored
 from ifrfit.inference.posterior import Posterior, explore
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Fact, FitResult
+from ifrfit.inference.result import FitResult
 from ifrfit.inference.scatter.law import Scatter
 from ifrfit.inference.scatter.setup import with_scatter
+from ifrfit.inference.stated import Fact
 
 UNASKED = "Whether the series share their constants was not asked: the time was over."
 

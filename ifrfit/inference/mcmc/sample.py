@@ -19,9 +19,9 @@ from ifrfit.inference.mcmc.run import MAX_STEPS, Halt, Progress, begin, run
 from ifrfit.inference.mcmc.starts import starts
 from ifrfit.inference.mcmc.stopping import Verdict, is_met, judge
 from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS
 from ifrfit.inference.sampled import Sampled
+from ifrfit.inference.stated import Fact
 
 
 @dataclass(frozen=True)

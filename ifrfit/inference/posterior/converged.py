@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ifrfit.inference.posterior.explore import Posterior
-from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS
+from ifrfit.inference.stated import Fact
 
 
 def exact_converged(posterior: Posterior, settled: Fact) -> Fact:

@@ -19,7 +19,7 @@ from ifrfit.inference.profiling.judged import Known, judged
 from ifrfit.inference.profiling.objective import Misfit
 from ifrfit.inference.profiling.profile import Profile
 from ifrfit.inference.profiling.quantities import Quantity, follow, quantities_of, transition_tau
-from ifrfit.inference.result import Estimate
+from ifrfit.inference.stated import Estimate
 from ifrfit.physics.closures import Coefficients, rotational_share
 from ifrfit.physics.compliance import poisson_ratio
 from ifrfit.physics.transition import transition_angles

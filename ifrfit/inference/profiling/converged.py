@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ifrfit.inference.profiling.profile import Profile
-from ifrfit.inference.result import Fact
 from ifrfit.inference.rules import FACTS
+from ifrfit.inference.stated import Fact
 
 
 def profile_converged(profiles: Mapping[str, Profile], settled: Fact) -> Fact:

@@ -9,8 +9,8 @@ from ifrfit.inference.profiling.objective import limit
 from ifrfit.inference.profiling.profile import AT_BOUND, Profile, closed, hull, shape_of
 from ifrfit.inference.profiling.quantities import Quantity
 from ifrfit.inference.profiling.trace import Trace
-from ifrfit.inference.result import Interval, Status
 from ifrfit.inference.rules import HALF
+from ifrfit.inference.stated import Interval, Status
 from ifrfit.inference.truncated import half_width
 
 _COVERED = 0.997

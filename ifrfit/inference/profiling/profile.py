@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.inference.optimum import Array
-from ifrfit.inference.result import Estimate, Interval, Status
+from ifrfit.inference.stated import Estimate, Interval, Status
 
 Shape = Literal["bounded", "one_sided", "flat", "multimodal"]
 

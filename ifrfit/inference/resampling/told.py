@@ -16,9 +16,10 @@ from ifrfit.inference.local import Local
 from ifrfit.inference.problem import Problem
 from ifrfit.inference.resampling.bootstrap import Bootstrap
 from ifrfit.inference.resampling.solved import NO_E_N, NO_SLIDING
-from ifrfit.inference.result import Estimate, Fact, FitResult, Interval
+from ifrfit.inference.result import FitResult
 from ifrfit.inference.rules import FACTS, FAILED
 from ifrfit.inference.sampled import Sampled
+from ifrfit.inference.stated import Estimate, Fact, Interval
 
 _LOADED = 1e-6  # share of the prior sd from which on a constant takes part in a loose combination
 _FEWEST = 20  # replicates with an answer below which they are no law of anything

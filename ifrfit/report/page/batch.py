@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import Estimate, FitResult
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page.assembly import title
 from ifrfit.report.page.blocks import Picture

@@ -11,7 +11,8 @@ import numpy as np
 
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.rebuilt import question
-from ifrfit.inference.result import Estimate, FitResult
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Estimate
 
 if TYPE_CHECKING:
     import pandas as pd

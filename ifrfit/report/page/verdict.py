@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ifrfit.inference.result import Estimate, FitResult
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page.blocks import Badge
 from ifrfit.report.provenance import STAND_IN, is_stand_in, kinds_of, provenance_words

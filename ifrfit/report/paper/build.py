@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ifrfit.inference.result import Estimate, FitResult
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Estimate
 from ifrfit.physics.angles import Array
 from ifrfit.report.figures import NON_BREAKING, contradiction
 from ifrfit.report.paper.axes import Abscissa, Ordinate

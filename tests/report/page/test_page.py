@@ -14,7 +14,7 @@ import pytest
 
 import ifrfit
 from ifrfit.inference.loading import load_result
-from ifrfit.inference.result import Fact
+from ifrfit.inference.stated import Fact
 from ifrfit.report.page import assemble, page
 from ifrfit.report.page.explorer import payload, why_not
 from ifrfit.report.page.html import policy

@@ -8,7 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.intervals import disagreements
-from ifrfit.inference.result import Estimate, FitResult, Interval
+from ifrfit.inference.result import FitResult
+from ifrfit.inference.stated import Estimate, Interval
 from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.drawings.intervals import Span, draw_intervals
 from ifrfit.report.page.material import Material
