@@ -12,7 +12,8 @@ import numpy as np
 
 from ifrfit.cost.measured import Cost, Timing
 from ifrfit.physics.closures import get_closure
-from ifrfit.physics.effects import EFFECTS, Contact, Impacts, Plan, PlanLine, compose
+from ifrfit.physics.effects import Contact, Impacts, Plan, PlanLine, compose
+from ifrfit.physics.effects.compose import with_effect
 from ifrfit.physics.observables import OBSERVABLES
 
 FEWEST, MOST = 10_000, 200_000  # impacts a call: less is overhead; arrays beyond the cache cost more
@@ -85,7 +86,7 @@ def effect_costs(contact: Contact, impacts: Impacts, plan: Plan, *, quick: bool 
     costs = []
     for line in plan.lines:
         if line.criterion is not None:
-            more = _with(plan.on, line.effect)
+            more = with_effect(plan.on, line.effect)
             less = [name for name in more if name != line.effect]
             costs.append(_cost(line, _added(run(less), run(more), number, repeats)))
     plain, planned = (_added(lambda: None, run(on), number, repeats) for on in ((), plan.on))
@@ -97,12 +98,6 @@ def _complete(impacts: Impacts) -> Impacts:
     if impacts.constant is not None:
         return impacts
     return replace(impacts, closure=get_closure("f"), constant=np.zeros_like(impacts.speed))
-
-
-def _with(on: Sequence[str], name: str) -> list[str]:
-    """These effects and this one, which takes the place of any that replaces the same constant."""
-    same = EFFECTS[name].replaces
-    return [n for n in on if n != name and (not same or EFFECTS[n].replaces != same)] + [name]
 
 
 def _added(less: Callable[[], object], more: Callable[[], object], number: int, repeats: int) -> Timing:

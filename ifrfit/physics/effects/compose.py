@@ -44,6 +44,12 @@ def compose(contact: Contact, impacts: Impacts, on: Collection[str]) -> Outcome:
     return bounce.done
 
 
+def with_effect(names: Collection[str], more: str) -> list[str]:
+    """These effects and one more, which takes the place of any that replaces the same constant."""
+    same = EFFECTS[more].replaces
+    return [n for n in names if n != more and (not same or EFFECTS[n].replaces != same)] + [more]
+
+
 def _after_contact(contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
     """The closure's impulse, unless an effect has given one, and the motion after it."""
     if bounce.impulse_factor is None:

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.physics.effects.asked import Wanted, check_closure, check_restitution, check_wanted
-from ifrfit.physics.effects.compose import compose
+from ifrfit.physics.effects.compose import compose, with_effect
 from ifrfit.physics.effects.contact import Contact, Impacts
 from ifrfit.physics.effects.difference import differences
 from ifrfit.physics.effects.pilot import pilot_rows
@@ -154,7 +154,7 @@ class _Planner:
         changes: dict[str, tuple[float, str]] = {}
         for name in usable:
             less = [n for n in base if n != name]
-            changes[name] = self._change(base, less if name in base else self._with(base, name))
+            changes[name] = self._change(base, less if name in base else with_effect(base, name))
         dropped, together = self._drop(computed, refused, changes)
         lines = []
         for name in EFFECTS:
@@ -182,11 +182,6 @@ class _Planner:
         if name == "lateral-spin":
             return bool(np.any(self.impacts.incidence.spin_x != 0.0))
         return name == "compliance" and self.impacts.constant is None
-
-    def _with(self, computed: Collection[str], name: str) -> list[str]:
-        """These effects and one more, which takes the place of any that replaces the same constant."""
-        same = EFFECTS[name].replaces
-        return [n for n in computed if not same or EFFECTS[n].replaces != same] + [name]
 
     def _change(self, one: Sequence[str], two: Sequence[str]) -> tuple[float, str]:
         """Largest change between two sets of effects, and the observable it happens to."""
