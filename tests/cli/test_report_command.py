@@ -37,7 +37,7 @@ def test_report_adds_the_comparison_of_closures_to_the_page_of_fit(cli, fitted):
     assert found.stdout == "written: results/report.html\n"
     compared, page = apart(Path("results/report.html").read_text(encoding="utf-8"))
     assert page == written
-    assert [name for name in ("f", "fr", "ifr", "ifr-contact", "maw") if f">{name}<" not in compared] == []
+    assert [name for name in ("F", "FR", "IFR", "IFR-contact", "MAW") if f">{name}<" not in compared] == []
     assert sorted(path.name for path in Path("results").iterdir()) == [
         "fit.png", "fit.svg", "report.html", "result.json"
     ]  # fmt: skip
