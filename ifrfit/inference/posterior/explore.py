@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ifrfit.errors import UsageError
 from ifrfit.inference.law import LEVELS
 from ifrfit.inference.least_squares import LeastSquares, least_squares
 from ifrfit.inference.posterior import quantity as of
@@ -30,7 +31,8 @@ _ROUNDS = 30
 _DEAR = 1_500_000  # values of the density beyond which a round is dear
 _PATIENCE, _PATIENT = 2, 8  # rounds in which the error must halve, dear ones and others
 _NOTHING = 1e-7  # share of the mass, times the tolerance, that a first look may leave out: tails can be long
-_LARGEST = 6_000_000  # values of the density held at once
+_LARGEST = 6_000_000  # values of the density after which no finer grid is begun
+_MOST = 400_000_000  # values that would fill the memory (some 10 GB): not begun at all
 _THRESHOLDS = 256  # of a distribution function, taken at once
 _GRAIN = 0.02  # sd: from a bound to where the density is taken
 _WALL = 1e-12  # mass at the end of kappa's domain above which e_n does not separate
@@ -179,7 +181,7 @@ def explore(
     DataError
         Where the noise is unknown and the data cannot tell it from the constants.
     UsageError
-        For a domain that reaches where sticking has no meaning.
+        For a domain that reaches where sticking has no meaning, or where the grid would fill the memory.
     TimeoutError
         If `over` says so before the first round.
     """
@@ -214,6 +216,11 @@ def _refined(plan: Plan, problem: Problem, tolerance: float, over: Callable[[], 
         raise TimeoutError
     errors: list[float] = []
     for round_ in range(_ROUNDS):
+        if plan.joint.size() > _MOST:
+            raise UsageError(
+                f"The exact posterior needs a grid of {plan.joint.size():.0e} values here, which does not "
+                "fit into memory. Use --method mcmc, or fix a constant."
+            )
         grid = plan.joint.evaluate()
         error_evidence = grid.evidence_error()
         last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST or (over is not None and over())

@@ -76,6 +76,17 @@ class Joint:
             log_z = np.log(z) + shift
         return Grid(self, at, tensors, density / z[:, None], share, log_z)
 
+    def size(self) -> int:
+        """Values of the density that the present nodes ask for."""
+        outer = math.prod(one.axis.nodes().size for one in self.shared)
+        inner = 0
+        for series in self.series:
+            axes = (series.e_axis, series.x_axis)
+            # two panels about the mode of c
+            of_c = 2 * (series.c_order + 1) if series.has_c else 1
+            inner += of_c * math.prod(axis.nodes().size for axis in axes if axis is not None)
+        return outer * inner
+
     def scout(self, nothing: float) -> None:
         """Drop the panels in which a coarse look finds next to nothing."""
         axes = [one.axis for one in self.shared]
