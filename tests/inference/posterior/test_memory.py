@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+
 import pytest
 from posterior_questions import Question, measured
 
@@ -16,6 +18,8 @@ def test_the_size_of_a_grid_is_foreseen(monkeypatch: pytest.MonkeyPatch) -> None
     problem = Question(rows, "ifr", fix={"e_n": 0.9}).problem()
     grid = explore(problem).grid
     assert grid.joint.size() == sum(tensor.f.size for tensor in grid.tensors)
-    monkeypatch.setattr("ifrfit.inference.posterior.explore._MOST", grid.joint.size() // 4)
+    # the module, which is hidden by its function of the same name
+    module = importlib.import_module("ifrfit.inference.posterior.explore")
+    monkeypatch.setattr(module, "_MOST", grid.joint.size() // 4)
     with pytest.raises(UsageError, match="does not fit into memory"):
         explore(problem)
