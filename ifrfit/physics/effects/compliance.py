@@ -2,33 +2,20 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from ifrfit.physics.angles import Array
 from ifrfit.physics.closures import rotational_share
+from ifrfit.physics.compliance import rebound_ratio
 from ifrfit.physics.effects.bounce import Bounce, Outcome
 from ifrfit.physics.effects.contact import Contact, Impacts, known
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
-_MODULE = "ifrfit.physics.compliance"
 # of chi = stiffness ratio (1 + 1/J)/2, from nu = 0.5 to nu = 0; a little more for rounding
 _STIFFNESS = (2.0 / 3.0 - 1e-9, 1.0 + 1e-9)
-
-
-def available() -> bool:
-    """Whether this version computes tangential compliance."""
-    return importlib.util.find_spec(_MODULE) is not None
-
-
-def _rebound_ratio() -> Callable[[Array, Array], Any]:
-    ratio: Callable[[Array, Array], Any] = importlib.import_module(_MODULE).rebound_ratio
-    return ratio
 
 
 def stiffness_ratio(contact: Contact, impacts: Impacts) -> Array:
@@ -54,8 +41,6 @@ class Compliance:
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:
         """Elastic constants, or a possible chi."""
-        if not available():
-            return "this version does not compute it"
         if impacts.chi is None and (missing := contact.lacks("stiffness_ratio")):
             return missing
         ratio, (low, high) = stiffness_ratio(contact, impacts), _STIFFNESS
@@ -87,7 +72,7 @@ class Compliance:
         slides = number >= 4.0 * chi - 1.0
         # gross slip in closed form: the table need not reach to infinity
         inside = np.where(slides, 1.0, np.maximum(number, 1e-6))
-        after = np.asarray(_rebound_ratio()(inside, chi))
+        after = np.asarray(rebound_ratio(inside, chi))
         with np.errstate(divide="ignore", invalid="ignore"):
             sliding = np.where(np.isinf(number), 0.0, 4.0 * chi / number)
         k = share * np.where(slides, sliding, 1.0 - after / inside)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -19,10 +17,9 @@ COMPLIANCE = EFFECTS["compliance"]
 @pytest.fixture
 def stopping(monkeypatch):
     """A table in which every contact that does not slip throughout stops: closure F."""
-    fake = ModuleType(module._MODULE)
-    fake.rebound_ratio = lambda psi, chi: np.zeros(np.broadcast_shapes(np.shape(psi), np.shape(chi)))  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, module._MODULE, fake)
-    monkeypatch.setattr(module, "available", lambda: True)
+    monkeypatch.setattr(
+        module, "rebound_ratio", lambda psi, chi: np.zeros(np.broadcast_shapes(np.shape(psi), np.shape(chi)))
+    )
 
 
 @pytest.mark.usefixtures("stopping")
@@ -73,12 +70,6 @@ def test_impossible_chi_is_refused(impacts, glass):
     assert COMPLIANCE.lacks(glass, impacts(chi=1.5)) == ""
 
 
-def test_without_the_solver_it_says_so(impacts, glass, monkeypatch):
-    monkeypatch.setattr(module, "_MODULE", "ifrfit.physics.not_there")
-    assert COMPLIANCE.lacks(glass, impacts()) == "this version does not compute it"
-
-
-@pytest.mark.skipif(not module.available(), reason="tangential compliance is not part of this version")
 def test_near_the_normal_the_contact_point_does_not_spring_back(impacts, glass):
     """Maw, Barber & Fawcett at nu = 0.3: beta is negative below psi_1 = 0.85 and 0.46 at psi_1 = 2.6."""
     stiffness = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)
@@ -108,8 +99,7 @@ def test_without_a_constant_it_is_on_and_with_one_it_only_warns(impacts, glass):
         make_plan(glass, impacts(**near), ("beta",), given=given, **listed)
 
 
-def test_without_either_the_scene_is_refused(impacts, monkeypatch):
-    monkeypatch.setattr(module, "available", lambda: True)
+def test_without_either_the_scene_is_refused(impacts):
     with pytest.raises(DataError, match=r"constants\.e_t is missing, and compliance cannot .* Poisson's"):
         make_plan(
             Contact(),
