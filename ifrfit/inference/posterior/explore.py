@@ -33,6 +33,7 @@ _PATIENCE, _PATIENT = 2, 8  # rounds in which the error must halve, dear ones an
 _NOTHING = 1e-7  # share of the mass, times the tolerance, that a first look may leave out: tails can be long
 _LARGEST = 6_000_000  # values of the density after which no finer grid is begun
 _MOST = 400_000_000  # values that would fill the memory (some 10 GB): not begun at all
+_NO_END = 1e-12  # the transition's scale is not followed beyond 1 less this
 _THRESHOLDS = 256  # of a distribution function, taken at once
 _GRAIN = 0.02  # sd: from a bound to where the density is taken
 _WALL = 1e-12  # mass at the end of kappa's domain above which e_n does not separate
@@ -141,7 +142,8 @@ class Posterior:
         c = self.plan.unknowns["c", block]
         if part.misfit.law is not None or (part.stretched and isinstance(c, Unknown)):
             own = of_series(self.grid, self.plan.tangential[block], "tau", "tau")
-            return quantiles_of(own, np.array(LEVELS), own.moments(0), self.tolerance)
+            share = quantiles_of(own, np.array(LEVELS), own.moments(0), self.tolerance)
+            return np.asarray(part.unit * share / np.maximum(1.0 - share, _NO_END))
         b = float(part.misfit.b(c if not isinstance(c, Unknown) else 0.0))
         names = [name for name in self.quantities if name.startswith("kappa")]
         name = next((n for n in names if n.endswith(f"[{series}]")), names[0])

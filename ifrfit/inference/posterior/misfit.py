@@ -4,8 +4,8 @@ Sorted by tau, the rows that stick at a given transition are the first ones. Pre
 products of four columns (residual at a reference, value there, and the derivatives by the closure constant
 and by kappa) give the sum of squares at any constants from sixteen numbers, however many rows there are: a
 quadratic in the closure constant, given e_n and the transition. Rows that are not linear in the impulse
-are evaluated as they stand; under a law that is not bilinear that is every oblique row, and kappa itself is
-the transition's coordinate.
+are evaluated as they stand; under a law that is not bilinear that is every oblique row. There, and where no
+row is oblique, kappa itself is the transition's coordinate.
 """
 
 from __future__ import annotations
@@ -75,8 +75,11 @@ class Misfit:
         reference: Reference,
     ) -> None:
         self.rows, self.weight, self.groups = rows, weight, tuple(groups)
-        # of any other law than a bilinear one; its rows are not linear
-        self.law: Law | None = None if closure.bilinear else closure.law(inertia_factor)
+        # of any other law than a bilinear one, whose rows are not linear; and of one with a tilted bound that no
+        # row sees: at given mu and e_n the transition would still run with the closure constant
+        oblique = any(OBSERVABLES[name].kind in ("tangential", "curved") for name in rows.names)
+        straight = closure.bilinear and (oblique or closure.coefficients(inertia_factor).b1 == 0.0)
+        self.law: Law | None = None if straight else closure.law(inertia_factor)
         self.coefficients = closure.coefficients(inertia_factor) if self.law is None else _BY_KAPPA
         self.inertia_factor = inertia_factor
         self.reference = reference

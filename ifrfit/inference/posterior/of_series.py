@@ -23,7 +23,7 @@ _AT_ONCE = 4_000_000  # numbers of a threshold's table held at once
 
 
 def of_series(grid: Grid, number: int, kind: str, name: str) -> Quantity:
-    """e_n, c, mu, kappa or tau (the transition) of one series."""
+    """e_n, c, mu, kappa or the transition (its tau on a scale with an end) of one series."""
     tensor = grid.tensors[number]
     made = {"e_n": _e_n, "c": _c, "mu": _mu, "kappa": _kappa, "tau": _tau}[kind](grid, tensor, name)
     values = {"e_n": tensor.e_n[..., None], "c": tensor.c, "mu": tensor.mu}
@@ -204,20 +204,31 @@ def _walls(grid: Grid, tensor: Tensor) -> Callable[[Array], bool] | None:
 
 
 def _tau(grid: Grid, tensor: Tensor, name: str) -> Quantity:
-    own = tensor.series.misfit.law
-    below = tensor.along_x(grid.share)
+    """tau/(tau + unit): it has an end and moments also where the transition has none."""
+    series = tensor.series
+    own, unit = series.misfit.law, series.unit
+
+    def tau(s: Array) -> Array:
+        return np.asarray(unit * s / np.maximum(1.0 - s, 1e-300))
+
     if own is None:
-        moments = _of_values(grid, tensor, tensor.x[..., None])
-        return Quantity(name, 0.0, math.inf, moments, lambda t, levels: below(t[:, None, None], levels))
-    moments = _of_values(grid, tensor, tensor.x[..., None] / own.bound(tensor.c))
-    if not tensor.series.has_c:
-        bound = own.bound(tensor.c[..., 0])[..., 0]
+        below = tensor.along_x(grid.share)
+        moments = _of_values(grid, tensor, (tensor.x / (tensor.x + unit))[..., None])
+        return Quantity(name, 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None], levels))
+    x = tensor.x[..., None]
+    moments = _of_values(grid, tensor, x / np.maximum(x + unit * own.bound(tensor.c), 1e-300))
+    if not series.has_c:
+        below, bound = tensor.along_x(grid.share), own.bound(tensor.c[..., 0])[..., 0]
         return Quantity(
-            name, 0.0, math.inf, moments, lambda t, levels: below(t[:, None, None] * bound, levels)
+            name, 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None] * bound, levels)
         )
-    # kappa/bound(c) rises with c
-    cdf = _by_c(tensor, grid.share, lambda t: own.constant_at(tensor.x / np.maximum(t, 1e-300)))
-    return Quantity(name, 0.0, math.inf, moments, cdf)
+    up_to = _by_c(tensor, grid.share, lambda s: own.constant_at(tensor.x / np.maximum(tau(s), 1e-300)))
+    unknown = series.c
+    assert isinstance(unknown, Unknown)
+    ends = own.bound(np.array([unknown.lower, unknown.upper]))
+    if ends[0] > ends[1]:  # kappa/bound(c) rises with c
+        return Quantity(name, 0.0, 1.0, moments, up_to)
+    return Quantity(name, 0.0, 1.0, moments, lambda s, levels: 1.0 - up_to(s, levels))
 
 
 def friction_apart(

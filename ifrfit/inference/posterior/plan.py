@@ -226,7 +226,7 @@ def _shared(
         edges = ladder(center, sd, unknown_.lower, unknown_.upper)
         if kind == "mu" and series[0].e_n is not None and not isinstance(series[0].e_n, Unknown):
             kinks = np.unique(np.concatenate([s.misfit.kinks for s in series]))
-            if not series[0].stretched:
+            if not any(one.stretched for one in series):
                 kinks = kinks * float(series[0].misfit.b(0.0)) / (1.0 + series[0].e_n)
                 near = kinks[np.abs(kinks - center) <= 8.0 * sd]
                 edges = np.concatenate((edges, thinned(near, _MOST_KINKS)))
