@@ -202,7 +202,8 @@ class Series:
         if isinstance(self.c, Unknown) and self.has_c:
             mu_ends = (self.mu.lower, self.mu.upper) if isinstance(self.mu, Unknown) else None
             limits_c = c_limits(self.c, self.misfit.coefficients, mu_ends, e, x)
-            place = Place(squares, e, x, mu, None if noise is None else noise[..., 0])
+            near = self.misfit.with_mu(squares, e, x)
+            place = Place(near, e, x, mu, None if noise is None else noise[..., 0])
             own = (self.misfit, self.noise, self.sigma, self.c)
             spread = about_mode(*own, place, limits_c, self.tail, self.law)
             nodes, log_jacobian = spread.nodes(self.c_order)

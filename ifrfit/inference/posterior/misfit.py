@@ -27,7 +27,6 @@ from ifrfit.physics.observables import OBSERVABLES, Observable
 Array = NDArray[np.float64]
 
 _BY_KAPPA = Coefficients(0.0, 0.0, 1.0, 0.0)  # x = kappa
-_MOST_MINIMA = 8
 AT_ONCE = 40_000  # values of curved rows computed at once: their arrays stay in the cache
 
 
@@ -47,6 +46,10 @@ class _Direct:
     curvature: float
     slope: float
     square: float
+
+    def at(self, d: Array) -> Array:
+        """Sum of squares at a distance from the reference."""
+        return np.asarray(self.square + d * (self.curvature * d - 2.0 * self.slope))
 
 
 class Misfit:
@@ -75,8 +78,8 @@ class Misfit:
         reference: Reference,
     ) -> None:
         self.rows, self.weight, self.groups = rows, weight, tuple(groups)
-        # of any other law than a bilinear one, whose rows are not linear; and of one with a tilted bound that no
-        # row sees: at given mu and e_n the transition would still run with the closure constant
+        # of any other law than a bilinear one, whose rows are not linear; and of one with a tilted bound that
+        # no row sees: at given mu and e_n the transition would still run with the closure constant
         oblique = any(OBSERVABLES[name].kind in ("tangential", "curved") for name in rows.names)
         straight = closure.bilinear and (oblique or closure.coefficients(inertia_factor).b1 == 0.0)
         self.law: Law | None = None if straight else closure.law(inertia_factor)
@@ -92,7 +95,7 @@ class Misfit:
         )
         self._oblique = curved | tangential
         self.curved_rows = [group[curved[group]] for group in self.groups]
-        self._sums = [self._tangential(group[tangential[group]]) for group in self.groups]
+        self.sums = [self._tangential(group[tangential[group]]) for group in self.groups]
         self._normal = [self._normal_rows(group[normal[group]]) for group in self.groups]
         self._friction = [self._friction_rows(group[friction[group]]) for group in self.groups]
 
@@ -167,7 +170,7 @@ class Misfit:
         )
 
     def quadratics(self, e_n: Array, x: Array) -> list[Quadratic]:
-        """Of each noise group, all rows but the curved ones.
+        """Of each noise group, all rows but the curved ones; under a tilted bound not those of mu either.
 
         Parameters
         ----------
@@ -178,19 +181,16 @@ class Misfit:
         k, ref = self.coefficients, self.reference
         b = k.b0 + k.b1 * ref.c
         d_kappa, h = x * b - ref.mu * (1.0 + ref.e_n), x * k.b1
-        d_mu, h_mu = x * b / (1.0 + e_n) - ref.mu, x * k.b1 / (1.0 + e_n)
+        d_mu = x * b / (1.0 + e_n) - ref.mu
         found = []
-        for sums, normal, friction in zip(self._sums, self._normal, self._friction, strict=True):
+        for sums, normal, friction in zip(self.sums, self._normal, self._friction, strict=True):
             square: Array = np.asarray(normal.square)
             if normal.curvature:
-                square = square + d_e * (normal.curvature * d_e - 2.0 * normal.slope)
+                square = normal.at(d_e)
             slope: Array = np.asarray(0.0)
             curvature: Array = np.asarray(0.0)
-            if friction.curvature:
-                square = square + friction.square + d_mu * (friction.curvature * d_mu - 2.0 * friction.slope)
-                if k.b1:
-                    slope = slope + h_mu * (friction.slope - friction.curvature * d_mu)
-                    curvature = curvature + friction.curvature * h_mu * h_mu
+            if friction.curvature and not k.b1:
+                square = square + friction.at(d_mu)
             for part in sums:
                 more = expand(part, e_n, x, d_kappa, h if k.b1 else None, ref.e_n)
                 square, slope = square + more.square, slope + more.slope
@@ -198,53 +198,37 @@ class Misfit:
             found.append(Quadratic(square, slope, curvature))
         return found
 
-    def local_minima(
-        self, sigma: Array, c_ends: tuple[float, float], c_prior: tuple[float, float] | None, reach: float
-    ) -> list[tuple[float, float]]:
-        """Transitions about which the sum of squares has a minimum between two kinks, with their spread.
+    def with_mu(self, squares: Sequence[Quadratic], e_n: Array, x: Array) -> list[Quadratic]:
+        """The quadratics with the rows of mu under a tilted bound, to find the likely closure constant.
 
-        Taken at the reference's e_n. Minima whose sum of squares exceeds the least by `reach` are left out.
+        Far out, where mu is a large x times a small bound, their digits cancel: `curved` has these rows as
+        they are.
         """
-        kinks = self.kinks
-        edges = np.concatenate(([0.0], kinks, [np.inf]))
-        if kinks.size == 0 or not any(self._sums):
-            return []
-        middle = np.concatenate((0.5 * (edges[:-2] + edges[1:-1]), [2.0 * kinks[-1]]))
-        total = np.zeros((len(PAIRS), middle.size))
-        for s, group in zip(sigma, self._sums, strict=True):
-            for part in group:
-                factor = float(scale_of(part.scale, np.asarray(self.reference.e_n)))
-                powers = np.array([1.0, 0, factor, factor, 0, 0, 0, factor**2, factor**2, factor**2])
-                at = np.searchsorted(part.tau, middle, side="right")
-                total += powers[:, None] * part.products[:, at] / s**2
-        rr, _, rp, rq, _, _, _, pp, pq, qq = total
-        if c_prior is not None:
-            off = c_prior[0] - self.reference.c
-            rr, rp, pp = (
-                rr + (off / c_prior[1]) ** 2,
-                rp + off / c_prior[1] ** 2,
-                pp + 1.0 / c_prior[1] ** 2,
-            )
         k, ref = self.coefficients, self.reference
-        with np.errstate(divide="ignore", invalid="ignore"):
-            free = (qq * rp - pq * rq) / (qq * pp - pq * pq)
-            free = np.where(np.isfinite(free), free, np.where(pp > 0.0, rp / pp, 0.0))
-            d = np.clip(free, c_ends[0] - ref.c, c_ends[1] - ref.c)
-            shift = (rq - pq * d) / qq
-            square = rr - 2.0 * (rp * d + rq * shift) + pp * d * d + 2.0 * pq * d * shift + qq * shift * shift
-            b = k.b0 + k.b1 * (ref.c + d)
-            x = (ref.mu * (1.0 + ref.e_n) + shift) / b
-            spread = np.sqrt(pp / (qq * pp - pq * pq)) / b
-        good = np.isfinite(x) & np.isfinite(spread) & (x >= edges[:-1]) & (x <= edges[1:])
-        if not good.any():
-            return []
-        good &= square <= square[good].min() + reach
-        order = np.flatnonzero(good)[np.argsort(square[good])][:_MOST_MINIMA]
-        return [(float(x[i]), float(spread[i])) for i in order]
+        d_mu, h = x * (k.b0 + k.b1 * ref.c) / (1.0 + e_n) - ref.mu, x * k.b1 / (1.0 + e_n)
+        return [
+            Quadratic(
+                q.square + friction.at(d_mu),
+                q.slope + h * (friction.slope - friction.curvature * d_mu),
+                q.curvature + friction.curvature * h * h,
+            )
+            if friction.curvature and k.b1
+            else q
+            for q, friction in zip(squares, self._friction, strict=True)
+        ]
 
     def curved(self, e_n: Array, x: Array, c: Array, mu: Array) -> list[Array | float]:
-        """Sum of squares of the curved rows of each noise group; 0.0 where it has none."""
-        return [self._curved_group(rows, e_n, x, c, mu) if rows.size else 0.0 for rows in self.curved_rows]
+        """Sum of squares of each noise group's curved rows, and of those of mu that `quadratics` leaves out.
+
+        0.0 where there are none.
+        """
+        found: list[Array | float] = []
+        for rows, friction in zip(self.curved_rows, self._friction, strict=True):
+            square = self._curved_group(rows, e_n, x, c, mu) if rows.size else 0.0
+            if friction.curvature and self.coefficients.b1:
+                square = square + friction.at(mu - self.reference.mu)
+            found.append(square)
+        return found
 
     def curved_values(
         self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array, *, law: Law | None = None

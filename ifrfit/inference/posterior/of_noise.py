@@ -28,7 +28,7 @@ def noise(grid: Grid, number: int, group: int, name: str) -> Quantity:
     assert tensor.series.noise is not None
     own = tensor.series.noise[group]
     square, weight = tensor.squares(group, grid.share)
-    square, weight = _compressed(square, weight, own.n, 0.1 * math.exp(-tensor.series.tail))
+    square, weight = _compressed(square, weight, own.n, math.exp(-tensor.series.tail))
     axis = Axis.of(_edges(own, float(square.min()), float(square.max())), _ORDER)
     nodes = axis.nodes()
     density = weight @ own.density(nodes, square[:, None])
@@ -71,9 +71,10 @@ def _compressed(square: Array, weight: Array, n: int, nothing: float) -> tuple[A
     """Sums of squares with their probabilities, (2, m), told by their values at a few nodes.
 
     What follows from a sum of squares is smooth in its logarithm: the probabilities of all nodes are shared
-    out over interpolation nodes, exactly for polynomials.
+    out over interpolation nodes, exactly for polynomials. Nodes that hold no more than `nothing` all together
+    are left out.
     """
-    kept = np.abs(weight[0]) > nothing
+    kept = np.abs(weight[0]) > nothing / weight.shape[1]
     log_q, weight = np.log(np.maximum(square[kept], 1e-300)), weight[:, kept]
     low, high = float(log_q.min()), float(log_q.max())
     if high - low < 1e-9:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.inner import Series
+from ifrfit.inference.posterior.minima import local_minima
 from ifrfit.inference.posterior.misfit import Misfit, Reference
 from ifrfit.inference.posterior.noise import UnknownNoise
 from ifrfit.inference.posterior.setting import LADDER, Setting, ladder
@@ -139,7 +140,7 @@ def _x_edges(
     c_ends, prior = (-np.inf, np.inf), None
     if isinstance(known["c"], Unknown):
         c_ends, prior = (known["c"].lower, known["c"].upper), known["c"].prior
-    places = [(center, sd), *series.misfit.local_minima(series.sigma, c_ends, prior, 4.0 * series.tail)]
+    places = [(center, sd), *local_minima(series.misfit, series.sigma, c_ends, prior, 4.0 * series.tail)]
     # a minimum that is next to another one is on its ladder already
     places = [p for i, p in enumerate(places) if not any(_next_to(p, q) for q in places[:i])]
     reach = np.concatenate([x + np.concatenate((-s * LADDER, [0.0], s * LADDER)) for x, s in places])

@@ -155,8 +155,11 @@ def _assemble(
     tangential: list[int] = []
     is_normal = np.array([OBSERVABLES[n].kind == "normal" for n in setting.problem.rows.names])
     direct = is_normal[setting.problem.rows.which]
-    # a common factor of the noise is integrated inside where one part has all rows, or e_n and c meet in them
+    # a common factor of the noise is integrated inside where one part has all rows, or e_n and c meet, be it
+    # under a tilted bound in the domain of mu
     tied = setting.constant("e_n").fixed is not None or not _sees_e_n_apart(setting.problem)
+    closure = setting.problem.closure
+    tied = tied or (closure.bilinear and closure.coefficients(setting.problem.inertia_factor).b1 != 0.0)
     whole = (
         len(blocks) == 1 and (not direct.any() or (not apart and tied)) and setting.problem.scatter.is_plain
     )

@@ -1,14 +1,18 @@
-"""A grid that would fill the memory is refused in words before it is begun."""
+"""Grids stay within the memory, or are refused in words before they are begun."""
 
 from __future__ import annotations
 
 import importlib
+import math
+from dataclasses import replace
+from functools import cache
 
+import numpy as np
 import pytest
-from posterior_questions import Question, measured
+from posterior_questions import Question, Row, measured
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import Posterior, explore
 
 
 def test_the_size_of_a_grid_is_foreseen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,3 +27,53 @@ def test_the_size_of_a_grid_is_foreseen(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(module, "_MOST", grid.joint.size() // 4)
     with pytest.raises(UsageError, match="does not fit into memory"):
         explore(problem)
+
+
+FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
+ROWS = (*measured("beta", FAN, seed=4, closure="fr", c=0.4), Row("e_n", 7.0, 0.91, 0.03))
+FACTOR = {"noise": "scaled", "noise_bounds": {"": (0.05, 20.0)}}
+
+
+ASKED = {
+    "a prior on mu": Question(ROWS, "fr", prior={"mu": (0.15, 0.05)}, **FACTOR),  # type: ignore[arg-type]
+    "a row of mu": Question((*ROWS, Row("mu", 5.0, 0.15, 0.03)), "fr", **FACTOR),  # type: ignore[arg-type]
+}
+
+
+@cache
+def posterior(name: str) -> Posterior:
+    return explore(ASKED[name].problem(), tolerance=1e-2)
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_a_common_factor_under_a_tilted_bound_makes_no_fourth_axis(name: str) -> None:
+    # e_n, the transition and the closure constant meet in mu
+    post = posterior(name)
+    assert post.converged
+    assert post.grid.joint.size() < 4_000_000
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_a_common_factor_is_the_mixture_over_its_values(name: str) -> None:
+    asked, (low, high) = ASKED[name], FACTOR["noise_bounds"][""]  # type: ignore[index]
+    x, w = np.polynomial.legendre.leggauss(24)
+    start, end = math.log(0.2), math.log(high)  # a fifth of the stated noise is out of the question
+    log_factor = 0.5 * (start + end) + 0.5 * (end - start) * x
+    weight = 0.5 * (end - start) * w / math.log(high / low)
+    each = []
+    for s in np.exp(log_factor):
+        rows = tuple(replace(r, sigma=float(s) * r.sigma) for r in asked.rows if r.sigma is not None)
+        known = replace(asked, rows=rows, noise="known", noise_bounds={})
+        each.append(explore(known.problem(), tolerance=1e-2))
+    log_z = np.array([p.log_evidence for p in each])
+    share = weight * np.exp(log_z - log_z.max())
+    post = posterior(name)
+    assert abs(post.log_evidence - math.log(share.sum()) - log_z.max()) < 2e-2
+    share /= share.sum()
+    assert abs(post.mean("noise") - float(share @ np.exp(log_factor))) < 2e-2 * post.sd("noise")
+    for constant in ("e_n", "beta0", "mu", "kappa"):
+        mean = float(share @ [p.mean(constant) for p in each])
+        assert abs(post.mean(constant) - mean) < 2e-2 * post.sd(constant)
+        for level in (0.025, 0.975):
+            at = post.quantile(constant, level)
+            assert abs(float(share @ [p.cdf(constant, at) for p in each]) - level) < 2e-3
