@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.axis import Axis
+from ifrfit.inference.posterior.cut import Cut
 from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.marginal import Panels
 from ifrfit.inference.posterior.quantity import Cdf, Moments, Quantity, moments_of
@@ -19,7 +20,7 @@ from ifrfit.inference.posterior.unknown import Unknown
 
 Array = NDArray[np.float64]
 
-_AT_ONCE = 4_000_000  # numbers of a threshold's table held at once
+Errors = Callable[[Array], list[tuple[Axis, Array]]]
 
 
 def of_series(grid: Grid, number: int, kind: str, name: str) -> Quantity:
@@ -70,87 +71,75 @@ def _c(grid: Grid, tensor: Tensor, name: str) -> Quantity:
             return 1.0 - law(x, levels)
 
         return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
-    errors = _errors_by_c(grid, tensor, lambda t: np.full((1, 1, 1), t))
-    cdf = _by_c(tensor, grid.share, lambda t: t)
-    return Quantity(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
-
-
-def _by_c(tensor: Tensor, share: Array, threshold: Callable[[Array], Array]) -> Cdf:
-    """Distribution function of what is below t where the closure constant is below threshold(t)."""
-    size = int(np.prod(tensor.f.shape[:3])) * (tensor.series.c_order + 2)
-    step = max(1, _AT_ONCE // size)
-
-    def below(t: Array, levels: int) -> Array:
-        parts = [
-            tensor.below_c(threshold(t[i : i + step, None, None, None]), share, levels)
-            for i in range(0, t.size, step)
-        ]
-        return np.concatenate(parts, axis=1)
-
-    return below
+    cut = Cut(tensor, grid.share, np.zeros((1, 1, 1)), lambda t, own: t + own)
+    errors = _errors_by_c(grid, tensor, cut)
+    return Quantity(name, unknown.lower, unknown.upper, moments, cut.probability, errors=errors)
 
 
 def _mu(grid: Grid, tensor: Tensor, name: str) -> Quantity:
     unknown = tensor.series.mu
     assert isinstance(unknown, Unknown)
     moments = _of_values(grid, tensor, tensor.mu)
-    factor = 1.0 + tensor.e_n
-    cdf, errors = _friction_cdf(tensor, factor, grid.share), _friction_errors(grid, tensor, factor)
+    cdf, errors = _friction(grid, tensor, 1.0 + tensor.e_n)
     return Quantity(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
+
+
+def _friction(grid: Grid, tensor: Tensor, factor: Array) -> tuple[Cdf, Errors]:
+    """Distribution function of x b(c)/factor, and the errors of panels over which it is averaged."""
+    if tensor.series.misfit.coefficients.b1 and tensor.series.has_c:
+        cut = _cut_by_friction(tensor, factor, grid.share)
+        return cut.probability, _errors_by_c(grid, tensor, cut)
+    return _friction_cdf(tensor, factor, grid.share), _errors_by_x(grid, tensor, factor)
+
+
+def _cut_by_friction(tensor: Tensor, factor: Array, share: Array) -> Cut:
+    """Where x b(c)/factor is below a value."""
+    k = tensor.series.misfit.coefficients
+    return Cut(
+        tensor, share, factor / np.maximum(tensor.x, 1e-300), lambda t, per_x: (t * per_x - k.b0) / k.b1
+    )
 
 
 def _friction_cdf(tensor: Tensor, factor: Array, share: Array) -> Cdf:
     """Distribution function of x b(c)/factor."""
-    misfit = tensor.series.misfit
-    k = misfit.coefficients
-    if k.b1 and tensor.series.has_c:
-        per_x = factor / np.maximum(tensor.x, 1e-300)
-        return _by_c(tensor, share, lambda t: (t * per_x - k.b0) / k.b1)
+    if tensor.series.misfit.coefficients.b1 and tensor.series.has_c:
+        return _cut_by_friction(tensor, factor, share).probability
     ratio = _per_x(tensor, factor)
     below = tensor.along_x(share)
     return lambda t, levels: below(t[:, None, None] * ratio, levels)
 
 
-def _errors_by_c(
-    grid: Grid, tensor: Tensor, threshold: Callable[[float], Array]
-) -> Callable[[Array], list[tuple[Axis, Array]]]:
+def _errors_by_c(grid: Grid, tensor: Tensor, cut: Cut) -> Errors:
     """Errors of panels over which conditional distribution functions of the closure constant are averaged."""
 
     def errors(at: Array) -> list[tuple[Axis, Array]]:
         share, series = grid.share, tensor.series
+        left = [cut.density(float(t)) for t in at]
         found = []
         for axis, used, along in (
-            (series.x_axis, series.has_x_axis, tensor.along_x_below_c),
-            (series.e_axis, series.has_e_axis, tensor.along_e_below_c),
+            (series.x_axis, series.has_x_axis, tensor.along_x_below),
+            (series.e_axis, series.has_e_axis, tensor.along_e_below),
         ):
             if axis is not None and used:
-                each = [axis.errors(along(threshold(float(t)), share)) for t in at]
+                each = [axis.errors(along(part, share)) for part in left]
                 found.append((axis, np.asarray(np.max(each, axis=0))))
         return found
 
     return errors
 
 
-def _friction_errors(
-    grid: Grid, tensor: Tensor, factor: Array
-) -> Callable[[Array], list[tuple[Axis, Array]]]:
-    """Errors of panels over which the distribution function of x b(c)/factor is averaged."""
+def _errors_by_x(grid: Grid, tensor: Tensor, factor: Array) -> Errors:
+    """Errors of panels over which the distribution function of x b/factor is averaged."""
     series = tensor.series
-    k = series.misfit.coefficients
 
     def errors(at: Array) -> list[tuple[Axis, Array]]:
-        share = grid.share
-        if k.b1 and series.has_c:
-            per_x = factor / np.maximum(tensor.x, 1e-300)
-            return _errors_by_c(grid, tensor, lambda t: (t * per_x - k.b0) / k.b1)(at)
-        if series.has_e_axis and series.has_x_axis:
-            axis = series.e_axis
-            ratio = _per_x(tensor, factor)
-            each = [tensor.along_e_below_x(t * ratio, share) for t in at]
-        else:
+        if not (series.has_e_axis and series.has_x_axis):
             return []
+        axis = series.e_axis
         assert axis is not None
-        return [(axis, np.max([axis.errors(part) for part in each], axis=0))]
+        ratio = _per_x(tensor, factor)
+        each = [axis.errors(tensor.along_e_below_x(t * ratio, grid.share)) for t in at]
+        return [(axis, np.max(each, axis=0))]
 
     return errors
 
@@ -182,7 +171,7 @@ def _kappa(grid: Grid, tensor: Tensor, name: str) -> Quantity:
         )
 
     one = np.ones((1, 1, 1))
-    cdf, errors = _friction_cdf(tensor, one, grid.share), _friction_errors(grid, tensor, one)
+    cdf, errors = _friction(grid, tensor, one)
     return Quantity(name, ends[0], ends[1], moments, cdf, split=_walls(grid, tensor), errors=errors)
 
 
@@ -222,7 +211,10 @@ def _tau(grid: Grid, tensor: Tensor, name: str) -> Quantity:
         return Quantity(
             name, 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None] * bound, levels)
         )
-    up_to = _by_c(tensor, grid.share, lambda s: own.constant_at(tensor.x / np.maximum(tau(s), 1e-300)))
+    cut = Cut(
+        tensor, grid.share, tensor.x, lambda s, at_x: own.constant_at(at_x / np.maximum(tau(s), 1e-300))
+    )
+    up_to = cut.probability
     unknown = series.c
     assert isinstance(unknown, Unknown)
     ends = own.bound(np.array([unknown.lower, unknown.upper]))

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.conditional import Spread
+from ifrfit.inference.posterior.cut import Sides
 from ifrfit.inference.posterior.marginal import Panels
-from ifrfit.inference.posterior.rule import partial, rule
+from ifrfit.inference.posterior.rule import rule
 from ifrfit.inference.posterior.sums import lifted
 
 if TYPE_CHECKING:
@@ -166,48 +167,21 @@ class Tensor:
 
         return below
 
-    def below_c(self, c: Array, share: Array, levels: int) -> Array:
-        """Posterior probability of a closure constant below c, (n, m, n_e, n_x), by levels, (levels, n)."""
-        weight = self.apart * self.weight * self.outer(share)
-        below = self._below_c(c, levels)
-        if below.shape[-2] == 1 and below.shape[-3] == 1:  # one law of c for all e_n and outer nodes
-            weight = weight.sum(axis=(1, 2), keepdims=True)
-        return np.asarray((below * weight[:levels, None]).sum(axis=(-3, -2, -1)))
-
     @cached_property
-    def _sides(self) -> Array:
-        """Coefficients of the integrals up to c, (2 sides, coefficients, levels, m, n_e, n_x)."""
-        nodes = self.series.c_order + 1
-        sides = self.f.reshape(-1, 2, nodes)
-        to_integral = rule(self.series.c_order).antiderivative.swapaxes(0, 1).reshape(-1, nodes)
-        found = np.stack([to_integral @ sides[:, side].T for side in (0, 1)])
-        return found.reshape(2, nodes + 1, 2, *self.f.shape[:-1])
+    def sides(self) -> Sides:
+        """Integrals of the closure constant's densities, for `Cut`."""
+        return Sides.of(self)
 
-    def _below_c(self, c: Array, levels: int) -> Array:
-        """Density at each (outer node, e_n, x), cut off at c, by levels."""
-        spread = self.spread
-        assert spread is not None
-        sides = self._sides[:, :, :levels]
-        left, right = sides.reshape(*sides.shape[:3], *(1,) * (c.ndim - 3), *sides.shape[3:])
-        distance = c - spread.mode
-        above = distance >= 0.0
-        reach = np.where(above, spread.reach[..., 1], spread.reach[..., 0])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            v = np.arcsinh(np.abs(distance) / spread.size) / reach
-        v = np.where(reach > 0.0, np.clip(v, 0.0, 1.0), 1.0)
-        part = partial(np.moveaxis(np.where(above, right, left), 0, -1), v)
-        return np.asarray(left.sum(axis=0) + np.where(above, part, -part))
-
-    def along_x_below_c(self, c: Array, share: Array) -> Array:
-        """Density along the transition of what lies below c, (rows, panels, nodes)."""
+    def along_x_below(self, cut: Array, share: Array) -> Array:
+        """Density along the transition of what a cut leaves at each node, (rows, panels, nodes)."""
         assert self.series.x_axis is not None
         across = self.outer(share)[0] * self.e_weight[0][:, None]
-        return np.asarray(self._below_c(c, 1)[0] * self.apart * across).reshape(-1, *self.series.x_axis.shape)
+        return np.asarray(cut * self.apart * across).reshape(-1, *self.series.x_axis.shape)
 
-    def along_e_below_c(self, c: Array, share: Array) -> Array:
-        """Density along e_n of what lies below c, (rows, panels, nodes)."""
+    def along_e_below(self, cut: Array, share: Array) -> Array:
+        """Density along e_n of what a cut leaves at each node, (rows, panels, nodes)."""
         assert self.series.e_axis is not None
-        inner = (self._below_c(c, 1)[0] * self.apart * self.x_weight[0]).sum(axis=-1)
+        inner = (cut * self.apart * self.x_weight[0]).sum(axis=-1)
         return np.asarray((inner * self.outer(share)[0, ..., 0]).reshape(-1, *self.series.e_axis.shape))
 
     def along_e_below_x(self, x: Array, share: Array) -> Array:
