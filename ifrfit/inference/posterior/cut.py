@@ -118,7 +118,7 @@ class Cut:
                 below = self._below(t[some], part, levels)
                 for level in range(levels):
                     found[level, some] += below[level] @ self._weight[level, part]
-        return found / self._whole[:levels, None]
+        return np.asarray(found / self._whole[:levels, None])
 
     def density(self, t: float) -> Array:
         """Density at each (outer node, e_n, transition), cut off, by the rules alone."""
