@@ -21,12 +21,14 @@ Array = NDArray[np.float64]
 
 _STEPS = 4  # Gauss-Newton steps to the mode where rows are not linear
 _STEP = 1e-6  # of differences by the closure constant
+_MANY = 10_000_000  # values of curved rows beyond which the mode is looked for at
+_FEW = 16  # nodes of e_n
 _CURVED = 3.0  # how much further the tails of rows are followed that are not linear
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where the closure constant is asked for: e_n, transition, mu if it is given, and a common noise factor.
+    """Where the closure constant is asked for: e_n, transition, and a common noise factor.
 
     All are (m, n_e, n_x), broadcastable; `squares` are the sums of squares of the noise groups there.
     """
@@ -34,8 +36,16 @@ class Place:
     squares: list[Quadratic]
     e_n: Array
     x: Array
-    mu: Array | None
     noise: Array | None
+
+    def thinned(self, nodes: NDArray[np.intp]) -> Place:
+        """The same at some of the nodes of e_n."""
+
+        def part(values: Array) -> Array:
+            return _thin(values, nodes, self.e_n.shape[1])
+
+        squares = [Quadratic(part(q.square), part(q.slope), part(q.curvature)) for q in self.squares]
+        return Place(squares, part(self.e_n), part(self.x), None if self.noise is None else part(self.noise))
 
 
 @dataclass(frozen=True)
@@ -110,35 +120,16 @@ def about_mode(
     """
     lower, upper = limits
     weight = [1.0 / s**2 for s in sigma]
+    few = _few(misfit, place)
+    if few is None:
+        d, curvature, count = _settled(misfit, noise, weight, c, place, limits)
+    else:
+        # where rows are dear, the mode moves smoothly enough to be found at some of the nodes of e_n
+        n_e = place.e_n.shape[1]
+        some = _thin(lower, few, n_e), _thin(upper, few, n_e)
+        d, curvature, count = _settled(misfit, noise, weight, c, place.thinned(few), some)
+        d, curvature = (_between(y, place.e_n, few) for y in (d, curvature))
     reference = misfit.reference.c
-    added = 1.0 / c.prior[1] ** 2 if c.prior else 0.0
-    mean = c.prior[0] - reference if c.prior else 0.0
-    d = np.zeros((1, 1, 1))
-    factor = 1.0 if place.noise is None else 1.0 / place.noise**2
-    count = 0  # rows behind the noises that widen the tails
-    for number, group in enumerate(noise or ()):
-        takes_part = np.ndim(place.squares[number].slope) > 0 or misfit.curved_rows[number].size > 0
-        count += group.n if takes_part else 0
-    for _ in range(_STEPS if not misfit.is_quadratic else 1 + (noise is not None)):
-        slope, curvature = added * mean, np.asarray(added)
-        at = reference + np.clip(d, lower - reference, upper - reference)
-        curved = [_gauss_newton(misfit, rows, place, at) for rows in misfit.curved_rows]
-        for w, q, (more_slope, more_curvature) in zip(weight, place.squares, curved, strict=True):
-            if np.ndim(q.slope) == np.ndim(more_slope) == 0:
-                continue  # the closure constant takes no part in this group
-            slope = slope + factor * w * (q.slope + more_slope + more_curvature * d)
-            curvature = curvature + factor * w * (q.curvature + more_curvature)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            d = np.where(curvature > 0.0, slope / curvature, 0.5 * (lower + upper) - reference)
-        d = _spread_over(d, np.broadcast(d, lower).shape)
-        if noise:
-            inside = np.clip(d, lower - reference, upper - reference)
-            weight = [
-                group.n / np.maximum(q.at(inside), group.n * group.lower**2)
-                if misfit.is_quadratic and np.ndim(q.slope)
-                else w
-                for group, q, w in zip(noise, place.squares, weight, strict=True)
-            ]
     with np.errstate(divide="ignore"):
         size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
     size = np.maximum(_spread_over(size, d.shape), 1e-300)
@@ -158,6 +149,72 @@ def about_mode(
     return Spread(mode, size, reach)
 
 
+def _settled(
+    misfit: Misfit,
+    noise: tuple[UnknownNoise, ...] | None,
+    weight: list[Array | float],
+    c: Unknown,
+    place: Place,
+    limits: tuple[Array, Array],
+) -> tuple[Array, Array, int]:
+    """Distance of the mode from the reference, curvature there, and rows behind unknown noises."""
+    lower, upper = limits
+    reference = misfit.reference.c
+    added = 1.0 / c.prior[1] ** 2 if c.prior else 0.0
+    mean = c.prior[0] - reference if c.prior else 0.0
+    d = np.zeros((1, 1, 1))
+    factor = 1.0 if place.noise is None else 1.0 / place.noise**2
+    count = 0  # rows behind the noises that widen the tails
+    for number, group in enumerate(noise or ()):
+        takes_part = np.ndim(place.squares[number].slope) > 0 or misfit.curved_rows[number].size > 0
+        count += group.n if takes_part else 0
+    for _ in range(_STEPS if not misfit.is_quadratic else 1 + (noise is not None)):
+        slope: Array = np.asarray(added * mean)
+        curvature: Array = np.asarray(added)
+        at = reference + np.clip(d, lower - reference, upper - reference)
+        curved = [_gauss_newton(misfit, rows, place, at) for rows in misfit.curved_rows]
+        for w, q, (more_slope, more_curvature) in zip(weight, place.squares, curved, strict=True):
+            if np.ndim(q.slope) == np.ndim(more_slope) == 0:
+                continue  # the closure constant takes no part in this group
+            slope = slope + factor * w * (q.slope + more_slope + more_curvature * d)
+            curvature = curvature + factor * w * (q.curvature + more_curvature)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            d = np.where(curvature > 0.0, slope / curvature, 0.5 * (lower + upper) - reference)
+        d = _spread_over(d, np.broadcast(d, lower).shape)
+        if noise:
+            inside = np.clip(d, lower - reference, upper - reference)
+            weight = [
+                group.n / np.maximum(q.at(inside), group.n * group.lower**2)
+                if misfit.is_quadratic and np.ndim(q.slope)
+                else w
+                for group, q, w in zip(noise, place.squares, weight, strict=True)
+            ]
+    return d, np.asarray(curvature), count
+
+
+def _few(misfit: Misfit, place: Place) -> NDArray[np.intp] | None:
+    """Nodes of e_n at which the mode is looked for; None for all of them."""
+    n_e = place.e_n.shape[1]
+    values = sum(rows.size for rows in misfit.curved_rows) * n_e * place.x.shape[2]
+    if values < _MANY or n_e < 2 * _FEW or place.x.shape[1] > 1:
+        return None
+    return np.unique(np.linspace(0, n_e - 1, _FEW).round().astype(np.intp))
+
+
+def _thin(values: Array, nodes: NDArray[np.intp], n_e: int) -> Array:
+    return values[:, nodes] if np.ndim(values) == 3 and values.shape[1] == n_e else values
+
+
+def _between(values: Array, e_n: Array, nodes: NDArray[np.intp]) -> Array:
+    """Linear along e_n between its nodes."""
+    if values.ndim < 3 or values.shape[1] != nodes.size:
+        return values
+    at = e_n[0, :, 0]
+    right = np.clip(np.searchsorted(at[nodes], at), 1, nodes.size - 1)
+    share = ((at - at[nodes[right - 1]]) / (at[nodes[right]] - at[nodes[right - 1]]))[None, :, None]
+    return np.asarray((1.0 - share) * values[:, right - 1] + share * values[:, right])
+
+
 def _spread_over(values: Array, shape: tuple[int, ...]) -> Array:
     return values if values.shape == shape else np.broadcast_to(values, shape)
 
@@ -168,13 +225,12 @@ def _gauss_newton(misfit: Misfit, rows: Index, place: Place, c: Array) -> tuple[
         return 0.0, 0.0
     shape = np.broadcast_shapes(place.e_n.shape, place.x.shape, c.shape)
     e, x, c = (np.broadcast_to(y, shape).reshape(-1) for y in (place.e_n, place.x, c))
-    mu = x * misfit.b(c) / (1.0 + e) if place.mu is None else np.broadcast_to(place.mu, shape).reshape(-1)
     slope, curvature = np.empty(e.size), np.empty(e.size)
     step = max(1, AT_ONCE // rows.size)
     for start in range(0, slope.size, step):
         at = slice(start, start + step)
-        left = misfit.curved_values(rows, e[at], x[at], c[at], mu[at])
-        right = misfit.curved_values(rows, e[at], x[at], c[at] + _STEP, mu[at])
+        left = misfit.curved_values(rows, e[at], x[at], c[at])
+        right = misfit.curved_values(rows, e[at], x[at], c[at] + _STEP)
         by_c = (left - right) / _STEP
         slope[at] = np.einsum("ij,ij->i", by_c, left)
         curvature[at] = np.einsum("ij,ij->i", by_c, by_c)

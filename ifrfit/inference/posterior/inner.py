@@ -203,7 +203,7 @@ class Series:
             mu_ends = (self.mu.lower, self.mu.upper) if isinstance(self.mu, Unknown) else None
             limits_c = c_limits(self.c, self.misfit.coefficients, mu_ends, e, x)
             near = self.misfit.with_mu(squares, e, x)
-            place = Place(near, e, x, mu, None if noise is None else noise[..., 0])
+            place = Place(near, e, x, None if noise is None else noise[..., 0])
             own = (self.misfit, self.noise, self.sigma, self.c)
             spread = about_mode(*own, place, limits_c, self.tail, self.law)
             nodes, log_jacobian = spread.nodes(self.c_order)

@@ -10,6 +10,7 @@ row is oblique, kappa itself is the transition's coordinate.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.posterior.smooth import on_grid
 from ifrfit.inference.posterior.sums import PAIRS, Quadratic, Sums, expand, scale_of
 from ifrfit.inference.problem import Index, RowModel
 from ifrfit.physics.angles import Incidence
@@ -27,6 +29,7 @@ from ifrfit.physics.observables import OBSERVABLES, Observable
 Array = NDArray[np.float64]
 
 _BY_KAPPA = Coefficients(0.0, 0.0, 1.0, 0.0)  # x = kappa
+_MANY = 10_000_000  # values of curved rows from which it pays to look for a polynomial
 AT_ONCE = 40_000  # values of curved rows computed at once: their arrays stay in the cache
 
 
@@ -224,15 +227,13 @@ class Misfit:
         """
         found: list[Array | float] = []
         for rows, friction in zip(self.curved_rows, self._friction, strict=True):
-            square = self._curved_group(rows, e_n, x, c, mu) if rows.size else 0.0
+            square = self._curved_group(rows, e_n, x, c) if rows.size else 0.0
             if friction.curvature and self.coefficients.b1:
                 square = square + friction.at(mu - self.reference.mu)
             found.append(square)
         return found
 
-    def curved_values(
-        self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array, *, law: Law | None = None
-    ) -> Array:
+    def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array, *, law: Law | None = None) -> Array:
         """Weighted residuals of curved rows, (..., rows); by another form of the law, if one is given."""
         part = self.rows.take(rows)
         factor = self._factors(part, x, c, law or self.law)
@@ -265,17 +266,23 @@ class Misfit:
             ratio = np.where(part.tau > 0.0, x[..., None] / part.tau, np.inf)
         return np.asarray(a[..., None] + b[..., None] * np.minimum(1.0, ratio))
 
-    def _curved_group(self, rows: Index, e_n: Array, x: Array, c: Array, mu: Array) -> Array:
-        shape = np.broadcast_shapes(e_n.shape, x.shape, c.shape, mu.shape)
-        flat = [np.broadcast_to(y, shape).reshape(-1) for y in (e_n, x, c, mu)]
-        out = np.empty(flat[0].size)
+    def _curved_group(self, rows: Index, e_n: Array, x: Array, c: Array) -> Array:
+        shape = np.broadcast_shapes(e_n.shape, x.shape, c.shape)
+        if rows.size * math.prod(shape) < _MANY or self.law is not None:  # its tables are not that smooth
+            return self._squares(rows, *(np.broadcast_to(y, shape) for y in (e_n, x, c)))
+        return on_grid(lambda *at: self._squares(rows, *at), e_n, x, c, rows.size)
+
+    def _squares(self, rows: Index, e_n: Array, x: Array, c: Array) -> Array:
+        """Sums of squares as they are, at constants in arrays of one shape."""
+        flat = [y.reshape(-1) for y in (e_n, x, c)]
+        out = np.empty(c.size)
         step = max(1, AT_ONCE // rows.size)
         law = None if self.law is None else self.law.for_many(out.size * rows.size)
         for start in range(0, out.size, step):
             at = slice(start, start + step)
             residual = self.curved_values(rows, *(y[at] for y in flat), law=law)
             out[at] = np.einsum("ij,ij->i", residual, residual)
-        return out.reshape(shape)
+        return out.reshape(c.shape)
 
 
 def by_impulse(observable: Observable, i: Incidence, k: Array, e_n: Array, j: float) -> Array:
