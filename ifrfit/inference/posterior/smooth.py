@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 Direct = Callable[[Array, Array, Array], Array]
 
 _DEGREES = (8, 12, 16, 24, 32)
+_FEW = 8  # transitions at which a degree is tried before it is taken at all
 _GAIN = 4  # how many places a computed one must stand for
 _SPREAD, _LOWEST = 192, 64  # places at which a polynomial is checked: all over, and the likeliest
 _EXACT = 1e-10  # relative error of a sum that counts
@@ -72,22 +73,27 @@ def between(direct: Direct, e_n: Array, x: Array, c: Array, n: int) -> Array | N
     ndarray, (n_e, n_x, n_c), or None
         None where no polynomial agrees with the sums, or none takes fewer of them.
     """
-    ends = c.min(axis=(0, 2)), c.max(axis=(0, 2))
-    places = np.unique(np.linspace(0, c.size - 1, _SPREAD).astype(np.intp))
-    truth = _at(direct, e_n, x, c, places)
+    few = np.unique(np.linspace(0, x.size - 1, _FEW).round().astype(np.intp))
     for degree in _DEGREES:
-        n_e = min(degree, e_n.size)
-        if _GAIN * n_e * degree > e_n.size * c.shape[2]:
+        size = min(degree, e_n.size), degree
+        if _GAIN * size[0] * size[1] > e_n.size * c.shape[2]:
             return None
-        found = _interpolated(direct, e_n, x, c, ends, (n_e, degree))
-        flat = found.reshape(-1)
-        if not _agrees(flat[places], truth, truth.min(), n):
+        if x.size > 2 * _FEW and _tried(direct, e_n, x[few], c[:, few], n, size) is None:
             continue
-        lowest = np.argpartition(flat, _LOWEST)[:_LOWEST]
-        likely = _at(direct, e_n, x, c, lowest)
-        if _agrees(flat[lowest], likely, likely.min(), n) and _agrees(flat[places], truth, likely.min(), n):
+        found = _tried(direct, e_n, x, c, n, size)
+        if found is not None:
             return found
     return None
+
+
+def _tried(direct: Direct, e_n: Array, x: Array, c: Array, n: int, size: tuple[int, int]) -> Array | None:
+    """The polynomials of a size, where they agree with the sums all over and where these are least."""
+    found = _interpolated(direct, e_n, x, c, size)
+    flat = found.reshape(-1)
+    lowest = np.argpartition(flat, _LOWEST)[:_LOWEST]
+    places = np.concatenate((lowest, np.linspace(0, c.size - 1, _SPREAD).astype(np.intp)))
+    truth = _at(direct, e_n, x, c, places)
+    return found if _agrees(flat[places], truth, n) else None
 
 
 def _at(direct: Direct, e_n: Array, x: Array, c: Array, places: NDArray[np.intp]) -> Array:
@@ -95,17 +101,17 @@ def _at(direct: Direct, e_n: Array, x: Array, c: Array, places: NDArray[np.intp]
     return direct(e_n[i], x[j], c.reshape(-1)[places])
 
 
-def _agrees(found: Array, truth: Array, least: float, n: int) -> bool:
+def _agrees(found: Array, truth: Array, n: int) -> bool:
     """Whether sums are exact where they count, and high enough where they do not."""
+    least = truth.min()
     rise = truth - least
     allowed = np.where(rise <= _LIKELY * least / n, _EXACT * truth, _FAR * rise)
     return bool((np.abs(found - truth) <= allowed).all())
 
 
-def _interpolated(
-    direct: Direct, e_n: Array, x: Array, c: Array, ends: tuple[Array, Array], size: tuple[int, int]
-) -> Array:
+def _interpolated(direct: Direct, e_n: Array, x: Array, c: Array, size: tuple[int, int]) -> Array:
     n_e, n_c = size
+    ends = c.min(axis=(0, 2)), c.max(axis=(0, 2))
     low, high = float(e_n.min()), float(e_n.max())
     along_e = e_n if n_e == e_n.size else 0.5 * (low + high + (high - low) * chebyshev.chebpts1(n_e))
     unit = chebyshev.chebpts1(n_c)
