@@ -141,6 +141,8 @@ def about_mode(
     far = size * 2.0 * fall / (pull + np.sqrt(pull * pull + 2.0 * fall))
     if not misfit.is_quadratic or law is not None:
         far = _CURVED * far  # an angle saturates, so its misfit rises more slowly than it begins
+    if not misfit.is_quadratic:  # where the steps have not come to rest inside, the mode may be anywhere
+        far = np.where((pull > 0.0) | (np.abs(mode - at) > size), np.inf, far)
     if law is not None and law.scatter.dof is not None:
         far = np.full(far.shape, np.inf)  # rows that disagree keep places likely that are far from the mode
     size = size / (1.0 + pull)

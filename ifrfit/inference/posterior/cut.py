@@ -120,6 +120,15 @@ class Cut:
                     found[level, some] += below[level] @ self._weight[level, part]
         return np.asarray(found / self._whole[:levels, None])
 
+    def of_the_constant(self, t: Array) -> Array:
+        """Change of the probability by the coarse rule along the closure constant alone, (n,)."""
+        found = np.zeros(t.size)
+        for start in range(0, self._at.size, _AT_ONCE // t.size):
+            part = slice(start, start + _AT_ONCE // t.size)
+            below = self._below(t, part, 2)
+            found += (below[1] - below[0]) @ self._weight[0, part]
+        return np.asarray(np.abs(found) / self._whole[0])
+
     def density(self, t: float) -> Array:
         """Density at each (outer node, e_n, transition), cut off, by the rules alone."""
         found = np.zeros(math.prod(self._shape))

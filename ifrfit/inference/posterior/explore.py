@@ -18,7 +18,7 @@ from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.of_series import of_series
 from ifrfit.inference.posterior.plan import Plan, make_plan
 from ifrfit.inference.posterior.quantity import Quantity
-from ifrfit.inference.posterior.settled import largest_change, panel_errors, quantiles_of
+from ifrfit.inference.posterior.settled import largest_change, levels_of, panel_errors, quantiles_of
 from ifrfit.inference.posterior.unknown import Unknown
 from ifrfit.inference.posterior.whereabouts import quantities_of
 from ifrfit.inference.problem import Problem
@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
 
 _ROUNDS = 30
+_CHEAP = 200_000  # values of the density up to which a grid is refined as a whole, without a rehearsal
 _DEAR = 1_500_000  # values of the density beyond which a round is dear
 _PATIENCE, _PATIENT = 2, 8  # rounds in which the error must halve, dear ones and others
 _NOTHING = 1e-7  # share of the mass, times the tolerance, that a first look may leave out: tails can be long
@@ -214,6 +215,8 @@ def _refined(plan: Plan, problem: Problem, tolerance: float, over: Callable[[], 
     """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more."""
     allowed = tolerance
     plan.joint.scout(_NOTHING * tolerance)
+    if plan.joint.size() > _CHEAP:
+        plan.joint.rehearse(tolerance)
     if over is not None and over():
         raise TimeoutError
     errors: list[float] = []
@@ -234,17 +237,34 @@ def _refined(plan: Plan, problem: Problem, tolerance: float, over: Callable[[], 
             stuck = len(errors) > patience and error > 0.5 * errors[-1 - patience]
             if last or stuck or error <= tolerance:
                 break
-        more = panel_errors(quantities, tolerance) if error_evidence <= tolerance else []
-        changed = plan.joint.refine(grid, allowed, more)
-        if error_evidence <= tolerance:
-            for own in quantities.values():
-                if own.split is not None:
-                    changed |= own.split(quantiles_of(own, np.array(LEVELS), own.moments(0), tolerance))
-        while not changed and allowed > 1e-15:
-            allowed *= 0.1
-            changed = plan.joint.refine(grid, allowed, more)
+        # where values are many, only what carries the error is refined beyond the tolerance, while that helps
+        helps = len(errors) < 2 or errors[-1] <= 0.5 * errors[-2]
+        allowed *= 1.0 if helps else 0.1
+        found = quantities if error_evidence <= tolerance else {}
+        allowed = _finer(plan, grid, found, tolerance, allowed, everywhere=not helps or _size(grid) <= _CHEAP)
     log_evidence = float(grid.log_z[0])
     return Posterior(problem, log_evidence, error, error_evidence, tolerance, plan, grid, quantities)
+
+
+def _finer(
+    plan: Plan,
+    grid: Grid,
+    quantities: Mapping[str, Quantity],
+    tolerance: float,
+    allowed: float,
+    *,
+    everywhere: bool,
+) -> float:
+    """Refine for the evidence and these quantities, with as little allowed as changes anything; that much."""
+    more = panel_errors(quantities, tolerance)
+    changed = plan.joint.refine(grid, allowed if everywhere else tolerance, more, allowed)
+    for own in quantities.values():
+        if own.split is not None:
+            changed |= own.split(levels_of(own, tolerance)[0])
+    while not changed and allowed > 1e-15:
+        allowed *= 0.1
+        changed = plan.joint.refine(grid, allowed if everywhere else tolerance, more, allowed)
+    return allowed
 
 
 def _size(grid: Grid) -> int:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,10 @@ Array = NDArray[np.float64]
 
 _COARSE = 4  # order of the first look
 _FINEST = 128  # order along the closure constant
+_REHEARSALS = 16  # rounds at most
+_CARRIES = 0.25  # share of the largest error from which on an axis is among those that carry it
+
+Errors = Sequence[tuple[Axis | Series, Array]]  # of the panels of an axis, or of a closure constant
 
 
 @dataclass
@@ -91,43 +96,91 @@ class Joint:
         """Drop the panels in which a coarse look finds next to nothing."""
         axes = [one.axis for one in self.shared]
         axes += [axis for s in self.series for axis in (s.e_axis, s.x_axis) if axis is not None]
+        with self._coarser(axes):
+            grid = self.evaluate()
+            masses = [(one.axis, grid.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
+            for tensor in grid.tensors:
+                masses += tensor.panel_masses(grid.share)
+            for axis, mass in masses:
+                axis.drop(mass, nothing)
+
+    def rehearse(self, allowed: float) -> None:
+        """Refine the transitions as far as a coarse look along everything else can tell.
+
+        Kinks along them take most rounds to resolve, and the rest has little to do with these.
+        """
+        axes = [one.axis for one in self.shared] + [s.e_axis for s in self.series if s.e_axis is not None]
+        with self._coarser(axes):
+            for _ in range(_REHEARSALS):
+                grid = self.evaluate()
+                changed = False
+                for found in self._found(grid):
+                    if found.axis is not None and not any(found.axis is axis for axis in axes):
+                        changed |= found.axis.refine(found.mass, found.error, allowed)
+                if not changed:
+                    break
+
+    @contextmanager
+    def _coarser(self, axes: Sequence[Axis]) -> Iterator[None]:
+        """Some axes at a lower order for a while, the closure constants at twice that."""
         orders = [axis.order for axis in axes], [s.c_order for s in self.series]
         for axis in axes:
             axis.order = _COARSE
         for series in self.series:
             series.c_order = 2 * _COARSE
-        grid = self.evaluate()
-        masses = [(one.axis, grid.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
-        for tensor in grid.tensors:
-            masses += tensor.panel_masses(grid.share)
-        for axis, mass in masses:
-            axis.drop(mass, nothing)
-        for axis, order in zip(axes, orders[0], strict=True):
-            axis.order = order
-        for series, order in zip(self.series, orders[1], strict=True):
-            series.c_order = order
+        yield
+        for axis, own in zip(axes, orders[0], strict=True):
+            axis.order = own
+        for series, own in zip(self.series, orders[1], strict=True):
+            series.c_order = own
 
-    def refine(self, grid: Grid, allowed: float, more: Sequence[tuple[Axis, Array]] = ()) -> bool:
+    def refine(self, grid: Grid, allowed: float, more: Errors = (), carried: float = math.inf) -> bool:
         """Halve panels whose error is above its part of what is allowed; whether anything changed.
 
-        `more` are errors of panels found otherwise.
+        Parameters
+        ----------
+        grid : Grid
+        allowed : float
+        more : sequence
+            Errors found otherwise.
+        carried : float
+            What is allowed, if less, along the axes that carry most of the error.
         """
         changed = False
-
-        def worst(axis: Axis, error: Array) -> Array:
-            return np.asarray(np.max([error, *(found for own, found in more if own is axis)], axis=0))
-
-        outer = [grid.outer_errors(number) for number in range(len(self.shared))]
-        for one, (mass, error) in zip(self.shared, outer, strict=True):
-            changed |= one.axis.refine(mass, worst(one.axis, error), allowed)
-        for series, tensor in zip(self.series, grid.tensors, strict=True):
-            for axis, mass, error in tensor.panel_errors(grid.share):
-                if axis is not None:
-                    changed |= axis.refine(mass, worst(axis, error), allowed)
-                elif error[0] > allowed and series.c_order < _FINEST:
-                    series.c_order *= 2
-                    changed = True
+        every = self._found(grid, more)
+        most = max((float(found.error.sum()) for found in every), default=0.0)
+        for found in every:
+            bound = min(allowed, carried) if found.error.sum() >= _CARRIES * most else allowed
+            if found.axis is not None:
+                changed |= found.axis.refine(found.mass, found.error, bound)
+            elif found.error[0] > bound and found.series is not None and found.series.c_order < _FINEST:
+                found.series.c_order += 2 * (found.series.c_order // 4)
+                changed = True
         return changed
+
+    def _found(self, grid: Grid, more: Errors = ()) -> list[Found]:
+        """Masses and errors of the panels of all axes, and of the closure constants."""
+        every = []
+        for number, one in enumerate(self.shared):
+            every.append(Found(None, one.axis, *grid.outer_errors(number)))
+        for series, tensor in zip(self.series, grid.tensors, strict=True):
+            every += [Found(series, *found) for found in tensor.panel_errors(grid.share)]
+        for number, found in enumerate(every):
+            place = found.series if found.axis is None else found.axis
+            own = [error for at, error in more if at is place]
+            if own:
+                every[number] = replace(found, error=np.max([found.error, *own], axis=0))
+        return every
+
+
+@dataclass(frozen=True)
+class Found:
+    """Masses and errors of the panels of one axis; of a closure constant as a whole where it is None."""
+
+    series: Series | None
+    axis: Axis | None
+    mass: Array
+    error: Array
 
 
 @dataclass

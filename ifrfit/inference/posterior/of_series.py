@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.axis import Axis
 from ifrfit.inference.posterior.cut import Cut
-from ifrfit.inference.posterior.joint import Grid
+from ifrfit.inference.posterior.inner import Series
+from ifrfit.inference.posterior.joint import Errors, Grid
 from ifrfit.inference.posterior.marginal import Panels
 from ifrfit.inference.posterior.quantity import Cdf, Moments, Quantity, moments_of
 from ifrfit.inference.posterior.tensor import Tensor
@@ -20,7 +21,7 @@ from ifrfit.inference.posterior.unknown import Unknown
 
 Array = NDArray[np.float64]
 
-Errors = Callable[[Array], list[tuple[Axis, Array]]]
+ErrorsAt = Callable[[Array, Array], Errors]
 
 
 def of_series(grid: Grid, number: int, kind: str, name: str) -> Quantity:
@@ -84,7 +85,7 @@ def _mu(grid: Grid, tensor: Tensor, name: str) -> Quantity:
     return Quantity(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
 
 
-def _friction(grid: Grid, tensor: Tensor, factor: Array) -> tuple[Cdf, Errors]:
+def _friction(grid: Grid, tensor: Tensor, factor: Array) -> tuple[Cdf, ErrorsAt]:
     """Distribution function of x b(c)/factor, and the errors of panels over which it is averaged."""
     if tensor.series.misfit.coefficients.b1 and tensor.series.has_c:
         cut = _cut_by_friction(tensor, factor, grid.share)
@@ -109,36 +110,39 @@ def _friction_cdf(tensor: Tensor, factor: Array, share: Array) -> Cdf:
     return lambda t, levels: below(t[:, None, None] * ratio, levels)
 
 
-def _errors_by_c(grid: Grid, tensor: Tensor, cut: Cut) -> Errors:
+def _errors_by_c(grid: Grid, tensor: Tensor, cut: Cut) -> ErrorsAt:
     """Errors of panels over which conditional distribution functions of the closure constant are averaged."""
 
-    def errors(at: Array) -> list[tuple[Axis, Array]]:
+    def errors(at: Array, per: Array) -> Errors:
         share, series = grid.share, tensor.series
         left = [cut.density(float(t)) for t in at]
-        found = []
+        found: list[tuple[Axis | Series, Array]] = [
+            (series, np.array([float((cut.of_the_constant(at) * per).max())]))
+        ]
         for axis, used, along in (
             (series.x_axis, series.has_x_axis, tensor.along_x_below),
             (series.e_axis, series.has_e_axis, tensor.along_e_below),
         ):
             if axis is not None and used:
-                each = [axis.errors(along(part, share)) for part in left]
+                each = [axis.errors(along(part, share)) * one for part, one in zip(left, per, strict=True)]
                 found.append((axis, np.asarray(np.max(each, axis=0))))
         return found
 
     return errors
 
 
-def _errors_by_x(grid: Grid, tensor: Tensor, factor: Array) -> Errors:
+def _errors_by_x(grid: Grid, tensor: Tensor, factor: Array) -> ErrorsAt:
     """Errors of panels over which the distribution function of x b/factor is averaged."""
     series = tensor.series
 
-    def errors(at: Array) -> list[tuple[Axis, Array]]:
+    def errors(at: Array, per: Array) -> Errors:
         if not (series.has_e_axis and series.has_x_axis):
             return []
         axis = series.e_axis
         assert axis is not None
         ratio = _per_x(tensor, factor)
-        each = [axis.errors(tensor.along_e_below_x(t * ratio, grid.share)) for t in at]
+        below = [tensor.along_e_below_x(t * ratio, grid.share) for t in at]
+        each = [axis.errors(part) * one for part, one in zip(below, per, strict=True)]
         return [(axis, np.max(each, axis=0))]
 
     return errors

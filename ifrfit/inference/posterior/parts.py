@@ -67,6 +67,10 @@ def make_part(
     law = None if plain else RowLaw.of(problem, at, setting.start.optimum.theta)
     series = Series(misfit, noise, known["e_n"], known["c"], known["mu"], sigma, n_normal, law=law)
     series.c_order, series.tail = setting.c_order, setting.tail
+    if series.stretched and not misfit.is_quadratic:
+        series.c_order += 2 * (
+            setting.c_order // 4
+        )  # what curved rows say of it under a tilted bound is uneven
     if series.has_e_axis:
         assert isinstance(series.e_n, Unknown)
         center, sd = optimum["e_n"]

@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.axis import Axis
-from ifrfit.inference.posterior.joint import Grid
+from ifrfit.inference.posterior.joint import Errors, Grid
 
 Array = NDArray[np.float64]
 Moments = Callable[[int], tuple[float, float]]
@@ -38,8 +37,9 @@ class Quantity:
     split : callable or None
         Splits panels where these quantiles put a kink into the integrand; whether it split any.
     errors : callable or None
-        From thresholds to the error in each panel of an axis over which conditional distribution functions
-        are averaged: these can be steps where the densities themselves are smooth.
+        From thresholds, and factors of what is found there, to the largest errors that only distribution
+        functions show: in each panel of an axis over which conditional ones are averaged, which can be steps
+        where the densities themselves are smooth, and of the closure constant.
     factors : tuple of (int, ndarray)
         The quantity as a product over independent parts of the integral: part and values at its nodes; -1 for
         values at the outer nodes.
@@ -52,7 +52,12 @@ class Quantity:
     cdf: Cdf
     split: Callable[[Array], bool] | None = None
     factors: tuple[tuple[int, Array], ...] = ()
-    errors: Callable[[Array], list[tuple[Axis, Array]]] | None = None
+    errors: Callable[[Array, Array], Errors] | None = None
+
+    @cached_property
+    def known(self) -> dict[float, tuple[Array, Array]]:
+        """Quantiles at `LEVELS` and the densities there, by the accuracy that they were asked with."""
+        return {}
 
 
 def moments_of(expect: Callable[[Callable[[Array], Array]], Array]) -> Moments:

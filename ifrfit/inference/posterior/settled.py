@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.law import LEVELS
 from ifrfit.inference.posterior.axis import Axis
+from ifrfit.inference.posterior.inner import Series
+from ifrfit.inference.posterior.joint import Errors
 from ifrfit.inference.posterior.marginal import quantiles
 from ifrfit.inference.posterior.quantity import Quantity
 
@@ -48,7 +50,7 @@ def largest_change(quantities: Mapping[str, Quantity], tolerance: float) -> floa
         if (
             change > tolerance or not normal
         ):  # the integrand may have kinks or steps at the quantiles themselves
-            change = _moved(own, mean, sd, tolerance)
+            change = _moved(own, sd, tolerance)
         worst = max(worst, change if math.isfinite(change) else math.inf)
     return worst
 
@@ -61,25 +63,35 @@ def _moved_as_if_normal(own: Quantity, mean: float, sd: float) -> tuple[float, b
     return change, bool((np.abs(fine[[1, -2]] - (LEVELS[0], LEVELS[-1])) < _NEARLY).all())
 
 
-def _moved(own: Quantity, mean: float, sd: float, tolerance: float) -> float:
+def _moved(own: Quantity, sd: float, tolerance: float) -> float:
     """Largest change of the quantiles, in sd, with the density there."""
     # where panels are refined for the quantiles themselves, a place beside them says nothing
     accuracy = tolerance if own.split is not None or own.errors is not None else _BESIDE
-    at = quantiles_of(own, np.array(LEVELS), (mean, sd), accuracy)
-    step = 0.02 * sd
-    around = np.clip(np.stack((at - step, at, at + step)), own.low, own.high)
-    fine, coarse = own.cdf(around.reshape(-1), 2).reshape(2, *around.shape)
-    density = (fine[2] - fine[0]) / (around[2] - around[0])
-    moved = np.abs(coarse[1] - fine[1])
-    return float((moved / np.maximum(density, 1e-4 / sd)).max()) / sd
+    at, density = levels_of(own, accuracy)
+    fine, coarse = own.cdf(at, 2)
+    return float((np.abs(coarse - fine) / np.maximum(density, 1e-4 / sd)).max()) / sd
 
 
-def panel_errors(quantities: Mapping[str, Quantity], tolerance: float) -> list[tuple[Axis, Array]]:
-    """Errors of panels that only distribution functions show, at the quantiles that people will ask for."""
-    found = []
+def levels_of(own: Quantity, accuracy: float) -> tuple[Array, Array]:
+    """Quantiles at `LEVELS`, and the densities there."""
+    if accuracy not in own.known:
+        mean, sd = own.moments(0)
+        at = quantiles_of(own, np.array(LEVELS), (mean, sd), accuracy)
+        step = 0.02 * sd
+        around = np.clip(np.stack((at - step, at + step)), own.low, own.high)
+        below = own.cdf(around.reshape(-1), 1)[0].reshape(around.shape)
+        own.known[accuracy] = at, (below[1] - below[0]) / (around[1] - around[0])
+    return own.known[accuracy]
+
+
+def panel_errors(quantities: Mapping[str, Quantity], tolerance: float) -> Errors:
+    """Errors of panels that only distribution functions show, in sd of the quantiles that people ask for."""
+    found: list[tuple[Axis | Series, Array]] = []
     for own in quantities.values():
-        if own.errors is not None:
-            found += own.errors(quantiles_of(own, np.array(LEVELS), own.moments(0), tolerance))
+        sd = own.moments(0)[1]
+        if own.errors is not None and sd > 0.0:
+            at, density = levels_of(own, tolerance)
+            found += own.errors(at, 1.0 / np.maximum(density * sd, 1e-4))
     return found
 
 
