@@ -122,13 +122,13 @@ def about_mode(
     weight = [1.0 / s**2 for s in sigma]
     few = _few(misfit, place)
     if few is None:
-        d, curvature, count = _settled(misfit, noise, weight, c, place, limits)
+        at, d, curvature, count = _settled(misfit, noise, weight, c, place, limits)
     else:
         # where rows are dear, the mode moves smoothly enough to be found at some of the nodes of e_n
         n_e = place.e_n.shape[1]
         some = _thin(lower, few, n_e), _thin(upper, few, n_e)
-        d, curvature, count = _settled(misfit, noise, weight, c, place.thinned(few), some)
-        d, curvature = (_between(y, place.e_n, few) for y in (d, curvature))
+        at, d, curvature, count = _settled(misfit, noise, weight, c, place.thinned(few), some)
+        at, d, curvature = (_between(y, place.e_n, few) for y in (at, d, curvature))
     reference = misfit.reference.c
     with np.errstate(divide="ignore"):
         size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
@@ -158,8 +158,8 @@ def _settled(
     c: Unknown,
     place: Place,
     limits: tuple[Array, Array],
-) -> tuple[Array, Array, int]:
-    """Distance of the mode from the reference, curvature there, and rows behind unknown noises."""
+) -> tuple[Array, Array, Array, int]:
+    """Where the last step began, distance of the mode from the reference, curvature, rows of free noise."""
     lower, upper = limits
     reference = misfit.reference.c
     added = 1.0 / c.prior[1] ** 2 if c.prior else 0.0
@@ -191,7 +191,7 @@ def _settled(
                 else w
                 for group, q, w in zip(noise, place.squares, weight, strict=True)
             ]
-    return d, np.asarray(curvature), count
+    return at, d, np.asarray(curvature), count
 
 
 def _few(misfit: Misfit, place: Place) -> NDArray[np.intp] | None:
