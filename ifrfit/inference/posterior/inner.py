@@ -52,6 +52,8 @@ class Series:
         Fall of the log density beyond which the closure constant is not followed.
     law : RowLaw or None
         Of the rows, where their scatter is not plain: `misfit` then only says where to look.
+    unseen : tuple of int
+        Axes of (outer nodes, e_n, transition) that the law of the closure constant takes no notice of.
     """
 
     misfit: Misfit
@@ -67,6 +69,7 @@ class Series:
     c_order: int = 16
     tail: float = 40.0
     law: RowLaw | None = None
+    unseen: tuple[int, ...] = ()
     role: str = field(init=False)
     log_norm: float = field(init=False)
 
