@@ -33,7 +33,7 @@ _DEAR = 1_500_000  # values of the density beyond which a round is dear
 _PATIENCE, _PATIENT = 2, 8  # rounds in which the error must halve, dear ones and others
 _NOTHING = 1e-7  # share of the mass, times the tolerance, that a first look may leave out: tails can be long
 _LARGEST = 6_000_000  # values of the density after which no finer grid is begun
-_MOST = 400_000_000  # values that would fill the memory (some 10 GB): not begun at all
+_MOST = 25_000_000  # values that would fill the memory (some 4 GB): not begun at all
 _NO_END = 1e-12  # the transition's scale is not followed beyond 1 less this
 _THRESHOLDS = 256  # of a distribution function, taken at once
 _GRAIN = 0.02  # sd: from a bound to where the density is taken
@@ -215,17 +215,17 @@ def _refined(plan: Plan, problem: Problem, tolerance: float, over: Callable[[], 
     """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more."""
     allowed = tolerance
     plan.joint.scout(_NOTHING * tolerance)
-    if plan.joint.size() > _CHEAP:
+    if plan.joint.size() > _CHEAP and any(series.stretched for series in plan.joint.series):
         plan.joint.rehearse(tolerance)
     if over is not None and over():
         raise TimeoutError
+    if plan.joint.size() > _MOST:
+        raise UsageError(
+            f"The exact posterior needs a grid of {plan.joint.size():.0e} values here, which does not "
+            "fit into memory. Use --method mcmc, or fix a constant."
+        )
     errors: list[float] = []
     for round_ in range(_ROUNDS):
-        if plan.joint.size() > _MOST:
-            raise UsageError(
-                f"The exact posterior needs a grid of {plan.joint.size():.0e} values here, which does not "
-                "fit into memory. Use --method mcmc, or fix a constant."
-            )
         grid = plan.joint.evaluate()
         error_evidence = grid.evidence_error()
         last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST or (over is not None and over())
@@ -241,7 +241,13 @@ def _refined(plan: Plan, problem: Problem, tolerance: float, over: Callable[[], 
         helps = len(errors) < 2 or errors[-1] <= 0.5 * errors[-2]
         allowed *= 1.0 if helps else 0.1
         found = quantities if error_evidence <= tolerance else {}
+        layout = plan.joint.layout()
         allowed = _finer(plan, grid, found, tolerance, allowed, everywhere=not helps or _size(grid) <= _CHEAP)
+        if plan.joint.size() > _MOST:  # content with the last grid, and its error
+            plan.joint.lay_out(layout)
+            quantities = quantities_of(plan, grid)
+            error = largest_change(quantities, tolerance)
+            break
     log_evidence = float(grid.log_z[0])
     return Posterior(problem, log_evidence, error, error_evidence, tolerance, plan, grid, quantities)
 

@@ -27,6 +27,7 @@ from ifrfit.inference.scatter.rows import RowLaw
 Array = NDArray[np.float64]
 
 _FRICTIONLESS = 1e-12  # mu below which e_n does not follow from the transition
+_SLIPPERY = 1e-9  # kappa below which the closure constant does not follow from the transition
 _HAIR = 1e-12  # of the largest transition: no more than rounding
 _FARTHEST = 1.0 - 1e-12  # end of the scale of an unbounded transition
 
@@ -52,6 +53,8 @@ class Series:
         Fall of the log density beyond which the closure constant is not followed.
     law : RowLaw or None
         Of the rows, where their scatter is not plain: `misfit` then only says where to look.
+    unseen : tuple of int
+        Axes of (outer nodes, e_n, transition) that the law of the closure constant takes no notice of.
     """
 
     misfit: Misfit
@@ -67,6 +70,7 @@ class Series:
     c_order: int = 16
     tail: float = 40.0
     law: RowLaw | None = None
+    unseen: tuple[int, ...] = ()
     role: str = field(init=False)
     log_norm: float = field(init=False)
 
@@ -185,11 +189,13 @@ class Series:
             if self.role == "c":
                 assert mu is not None
                 assert e is not None
-                k = self.misfit.coefficients
-                c = (mu * (1.0 + e) / np.maximum(x, 1e-300) - k.b0) / k.b1
-                log_measure = (
-                    log_measure + np.log(mu * (1.0 + e) / abs(k.b1) / np.maximum(x, 1e-300) ** 2)[..., None]
-                )
+                assert isinstance(self.c, Unknown)
+                k, room = self.misfit.coefficients, self.c.upper - self.c.lower
+                kappa = np.maximum(mu * (1.0 + e), _SLIPPERY)
+                # panels that the domain cuts are followed a little beyond it, where numbers are still tame
+                x = np.maximum(x, kappa / self.misfit.b(self.c.upper + room))
+                c = (kappa / x - k.b0) / k.b1
+                log_measure = log_measure + np.log(kappa / abs(k.b1) / x**2)[..., None]
             if self.role == "e_n":
                 assert mu is not None
                 b = self.misfit.b(c if c is not None else 0.0) / np.maximum(mu, _FRICTIONLESS)

@@ -25,6 +25,8 @@ _CARRIES = 0.25  # share of the largest error from which on an axis is among tho
 
 Errors = Sequence[tuple[Axis | Series, Array]]  # of the panels of an axis, or of a closure constant
 
+Layout = tuple[list[tuple[Axis, Array, int]], list[tuple[Series, int]]]
+
 
 @dataclass
 class Shared:
@@ -84,13 +86,28 @@ class Joint:
     def size(self) -> int:
         """Values of the density that the present nodes ask for."""
         outer = math.prod(one.axis.nodes().size for one in self.shared)
-        inner = 0
+        total = 0
         for series in self.series:
             axes = (series.e_axis, series.x_axis)
-            # two panels about the mode of c
+            shape = [outer, *(1 if axis is None else axis.nodes().size for axis in axes)]
+            # two panels about the mode of c, of which not every axis takes notice
             of_c = 2 * (series.c_order + 1) if series.has_c else 1
-            inner += of_c * math.prod(axis.nodes().size for axis in axes if axis is not None)
-        return outer * inner
+            seen = math.prod(n for axis, n in enumerate(shape) if axis not in series.unseen)
+            total += max(of_c * seen, math.prod(shape))
+        return total
+
+    def layout(self) -> Layout:
+        """The present panels and orders."""
+        axes = [one.axis for one in self.shared]
+        axes += [axis for s in self.series for axis in (s.e_axis, s.x_axis) if axis is not None]
+        return [(axis, axis.panels, axis.order) for axis in axes], [(s, s.c_order) for s in self.series]
+
+    def lay_out(self, layout: Layout) -> None:
+        """Go back to earlier panels and orders."""
+        for axis, panels, order in layout[0]:
+            axis.panels, axis.order = panels, order
+        for series, c_order in layout[1]:
+            series.c_order = c_order
 
     def scout(self, nothing: float) -> None:
         """Drop the panels in which a coarse look finds next to nothing."""
@@ -103,6 +120,8 @@ class Joint:
                 masses += tensor.panel_masses(grid.share)
             for axis, mass in masses:
                 axis.drop(mass, nothing)
+        for series, tensor in zip(self.series, grid.tensors, strict=True):
+            series.unseen = tuple(axis for axis in range(3) if tensor.f.shape[axis] == 1)
 
     def rehearse(self, allowed: float) -> None:
         """Refine the transitions as far as a coarse look along everything else can tell.

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from posterior_questions import Question, Row, measured
 
+import ifrfit
 from ifrfit.errors import UsageError
 from ifrfit.inference.posterior import Posterior, explore
 
@@ -27,6 +28,18 @@ def test_the_size_of_a_grid_is_foreseen(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(module, "_MOST", grid.joint.size() // 4)
     with pytest.raises(UsageError, match="does not fit into memory"):
         explore(problem)
+
+
+def test_the_last_grid_that_fits_is_what_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = ifrfit.fit("wang-2020", closure="fr", method="lsq").problem
+    whole = explore(problem, tolerance=1e-3)
+    module = importlib.import_module("ifrfit.inference.posterior.explore")
+    monkeypatch.setattr(module, "_MOST", whole.grid.joint.size() - 1)
+    post = explore(problem, tolerance=1e-3)
+    assert post.grid.joint.size() < whole.grid.joint.size()
+    assert not post.converged
+    assert post.quantile("mu", 0.5) == pytest.approx(whole.quantile("mu", 0.5), abs=1e-3)
+    assert all(np.isfinite(x).all() for x in post.draws(50, np.random.default_rng(1)).values())
 
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
