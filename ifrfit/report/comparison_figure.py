@@ -85,7 +85,7 @@ def _draw_observable(
     x, value = (rows[column].to_numpy(dtype=float) for column in ("gamma_deg", "value"))
     drawn = []
     for name, entry in comparison.entries.items():
-        for curve in panels.curves(entry.fit, observable, names):
+        for curve in panels.curves(entry.fit, observable, names, bands=False):
             own = look[name]
             axes[0].plot(curve.x, curve.table["value"].to_numpy(), color=own.colour, ls=own.line, zorder=3)
             drawn.append(curve)

@@ -40,13 +40,13 @@ class Curve:
     table: pd.DataFrame
 
 
-def curves(result: FitResult, observable: str, names: list[str]) -> list[Curve]:
+def curves(result: FitResult, observable: str, names: list[str], *, bands: bool = True) -> list[Curve]:
     """Predict an observable for each series at its typical spin, transition angles included."""
     found = []
     for series in names:
         rows = result.points[result.points["series"] == series]
         if not has_angle(observable):
-            table = result.predict([45.0], observable=observable, series=series)
+            table = result.predict([45.0], observable=observable, series=series, bands=bands)
             found.append(Curve(series, np.zeros(1), table))
             continue
         rows = rows[rows["gamma_deg"].notna()]
@@ -58,6 +58,7 @@ def curves(result: FitResult, observable: str, names: list[str]) -> list[Curve]:
             float(rows["spin_y"].median()),
             observable=observable,
             series=series,
+            bands=bands,
         )
         found.append(Curve(series, grid, table))
     return found
@@ -154,7 +155,7 @@ def value_limits(rows: pd.DataFrame, found: list[Curve], x: Array | None) -> tup
         near = np.ones(len(curve.x), bool)
         if x is not None:
             near = (curve.x >= x.min() - 5.0) & (curve.x <= x.max() + 5.0)
-        for column in ("lo95", "hi95"):
+        for column in {"lo95", "hi95"} & set(curve.table):
             seen += _within(curve.table[column].to_numpy(dtype=float)[near], value, 0.5 * span)
     low, high = min(seen), max(seen)
     room = high - low

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
 
 MOST_ROWS = 2000
 MOST_CONSTANTS = 6
-LATER = "Not compared here: ifrfit report RESULT.json puts the closures side by side"
 
 
 def compared(result: FitResult) -> tuple[Comparison | None, str]:
