@@ -26,8 +26,14 @@ _LINEAR = 5.0  # log Bayes factor up to which the axis is linear
 _LETTERS = 13.0  # of a title to an inch
 
 
-def plot(comparison: Comparison) -> Figure:
+def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
     """Draw data with each closure's line and residuals, and log Bayes factors beside cross-validation.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    titled : bool
+        Whether the verdict stands above.
 
     Returns
     -------
@@ -37,20 +43,18 @@ def plot(comparison: Comparison) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    points = comparison.best.points
-    observables = [str(name) for name in points["observable"].unique() if has_angle(str(name))]
-    observables = observables[:MOST_COLUMNS]
+    observables = along_the_angle(comparison)
     columns = max(1, len(observables))
     count = len(comparison.entries)
     width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
     look = style.looks(list(comparison.entries))
-    heading = textwrap.fill(comparison.verdict.says, int(_LETTERS * width))
+    heading = textwrap.fill(comparison.verdict.says, int(_LETTERS * width)) if titled else ""
     body = (_DATA + count * _STRIP) if observables else 0.0
     bars = 0.2 + count * _BAR
     with style.drawing():
         legend = _legend(comparison, look, observables)
         lines = math.ceil(len(legend) / (2 * columns))
-        height = body + bars + 0.16 * (heading.count("\n") + 1) + 0.15 * lines + 0.7
+        height = body + bars + 0.16 * len(heading.splitlines()) + 0.15 * lines + 0.7
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         figure.get_layout_engine().set(w_pad=0.05, h_pad=0.03)  # type: ignore[union-attr, call-arg]
@@ -63,7 +67,9 @@ def plot(comparison: Comparison) -> Figure:
             axes += [figure.add_subplot(inner[i], sharex=axes[0]) for i in range(1, 1 + count)]
             _draw_observable(axes, comparison, observable, look)
         _draw_evidence(figure.add_subplot(grid[1, :]), comparison, look)
-        figure.suptitle(heading, fontsize=7.5, weight="bold" if is_stand_in(comparison.best) else "normal")
+        if titled:
+            weight = "bold" if is_stand_in(comparison.best) else "normal"
+            figure.suptitle(heading, fontsize=7.5, weight=weight)
         figure.legend(
             handles=[handle for handle, _ in legend],
             labels=[label for _, label in legend],
@@ -74,6 +80,12 @@ def plot(comparison: Comparison) -> Figure:
         )
         style.settle(figure)
     return figure
+
+
+def along_the_angle(comparison: Comparison) -> list[str]:
+    """Observables that are drawn: those that depend on the angle, as many as there is room for."""
+    names = comparison.best.points["observable"].unique()
+    return [str(name) for name in names if has_angle(str(name))][:MOST_COLUMNS]
 
 
 def _draw_observable(

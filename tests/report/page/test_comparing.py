@@ -78,3 +78,10 @@ def test_the_table_is_that_of_the_terminal(results, asked):
 
 def test_without_a_comparison_and_without_a_reason_there_is_no_section(results):
     assert "closures" not in [part.name for part in assemble(results("fixed")).sections]
+
+
+def test_the_picture_leaves_the_verdict_to_the_words_above_it(results, asked):
+    (own,) = [part for part in assemble(results("fixed"), asked[0]).sections if part.name == "closures"]
+    assert own.blocks[2].items[0].figure.get_suptitle() == ""
+    assert own.blocks[2].caption.endswith("Bayes factors against the best.")
+    assert asked[0].plot().get_suptitle().replace("\n", " ") == asked[0].verdict.says
