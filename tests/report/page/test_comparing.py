@@ -44,12 +44,16 @@ def test_constants_of_each_series_are_compared_with_constants_of_each_series(res
     assert {entry.fit.problem.constants[-1].separate for entry in found.entries.values()} == {True}
 
 
-@pytest.mark.parametrize("case", ["rows", "angles", "early"])
+@pytest.mark.parametrize("case", ["rows", "curved", "angles", "early"])
 def test_what_would_take_long_or_cannot_be_done_is_said(results, case):
     result = results("fixed")
     if case == "rows":
         result = replace(result, points=result.points.loc[result.points.index.repeat(100)])
         says = "2400 rows and 2 free constants take long: ifrfit compare puts the closures side by side"
+    elif case == "curved":
+        points = result.points.loc[result.points.index.repeat(4)].assign(observable="delta_deg")
+        result = replace(result, points=points)
+        says = f"{len(points)} rebound angles or total restitutions take long: ifrfit compare"
     elif case == "angles":
         scatter = Scatter(angles="set", gamma=1.0)
         result = replace(result, noise=replace(result.noise, policy="scaled", scatter=scatter))
