@@ -9,7 +9,7 @@ from typing import Any
 from ifrfit.cost.machine import Machine
 from ifrfit.cost.measured import Kind
 from ifrfit.cost.result import Costs
-from ifrfit.inference.serialise import render
+from ifrfit.inference.json_text import render
 
 SCHEMA = "ifrfit/cost/1"
 
