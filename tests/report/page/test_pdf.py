@@ -12,6 +12,7 @@ from pypdf import PdfReader
 from reportlab.lib.units import mm
 
 from ifrfit.report.page.a4.flow import sheets
+from ifrfit.report.page.a4.kept import SHRUNK
 from ifrfit.report.page.a4.look import FOOT, HEIGHT, MARGIN, WIDTH
 from ifrfit.report.page.a4.pictures import GAP, SMALLEST, rows_of, size_of
 from ifrfit.report.page.a4.tables import drawn, shared
@@ -223,6 +224,32 @@ def test_rows_are_as_full_as_the_width_allows():
     assert [len(row.pictures) for row in rows_of([picture(110, 40), picture(110, 40)], [])] == [1, 1]
     (large,) = rows_of([picture(300, 100)], [])
     assert large.scale == pytest.approx(WIDTH / (300 * MM))
+
+
+def standing(tall, blank_mm, *, several=False):
+    """Where a figure goes under another one of so many millimetres."""
+    figures = (picture(160, tall, "a"), picture(160, tall, "b")) if several else (picture(160, tall),)
+    above = Pictures((picture(100, blank_mm, "above"),), "A caption.")
+    return sheets(report(Section("s", "S", (above, Pictures(figures, "figcaption")))))[1][1]
+
+
+def test_a_figure_alone_shrinks_a_little_where_that_spares_a_page():
+    room = standing(50, 100).y / MM  # to the foot of the page, from the lower edge
+    free = 50 + room - FOOT / MM - 6  # its caption takes a few millimetres
+    assert standing(free - 10, 100).scale == 1.0
+    place = standing(free + 15, 100)
+    assert place.page == 0
+    assert SHRUNK <= place.scale < 1.0
+    for other in (standing(free / SHRUNK + 10, 100), standing(free + 15, 100, several=True)):
+        assert (other.page, other.scale) == (1, 1.0)
+
+
+def test_an_endless_caption_goes_on():
+    figure = Pictures((picture(100, 200),), "caption " * 1500)
+    content, places = sheets(report(Section("s", "The-heading", (figure,))))
+    pages = pages_of(content)
+    assert places[0].page == page_with(pages, "The-heading")
+    assert "".join(pages).count("caption") == 1500
 
 
 @given(st.lists(st.tuples(st.floats(1, 300), st.floats(0, 1)), min_size=1, max_size=8), st.floats(100, 600))

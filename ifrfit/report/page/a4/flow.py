@@ -10,8 +10,9 @@ from typing import Any
 from reportlab.platypus import BaseDocTemplate, CondPageBreak, Frame, KeepTogether, PageTemplate, Spacer
 
 from ifrfit.report.page.a4 import look
+from ifrfit.report.page.a4.kept import Kept
 from ifrfit.report.page.a4.look import said
-from ifrfit.report.page.a4.pictures import Place, rows_of
+from ifrfit.report.page.a4.pictures import Place, Row, rows_of
 from ifrfit.report.page.a4.tables import drawn
 from ifrfit.report.page.blocks import (
     Block,
@@ -52,6 +53,8 @@ class Group:
 
     def flowables(self) -> list[Any]:
         """For the sheets."""
+        if any(isinstance(part, Row) for part in self.parts):
+            return [Kept(self.parts)]
         if self.room is None:
             return [KeepTogether(list(self.parts))] if len(self.parts) > 1 else list(self.parts)
         return [CondPageBreak(self.room), *self.parts]
@@ -99,10 +102,7 @@ class _Sheets(BaseDocTemplate):  # type: ignore[misc]
 
     def afterFlowable(self, flowable: Any) -> None:  # noqa: N802
         """Put a heading into the outline."""
-        if getattr(flowable, "style", None) is look.HEADING:
-            key = f"section-{self.seq.nextf('section')}"
-            self.canv.bookmarkPage(key)
-            self.canv.addOutlineEntry(flowable.getPlainText(), key)
+        look.outlined(self.canv, flowable)
 
 
 def _top(report: Report) -> Iterator[Any]:

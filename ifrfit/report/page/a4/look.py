@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import escape
 
 import matplotlib
@@ -64,3 +65,12 @@ def said(text: str, style: ParagraphStyle, mark: str = "") -> Paragraph:
     if mark:
         style = ParagraphStyle(style.name, style, bulletFontName=style.fontName, bulletFontSize=SIZE)
     return Paragraph(escape(text), style, bulletText=mark or None)
+
+
+def outlined(canvas: Any, flowable: Any) -> None:
+    """Put what was just drawn into the outline, if it is a heading."""
+    if getattr(flowable, "style", None) is HEADING:
+        title = flowable.getPlainText()
+        key = f"{canvas.getPageNumber()} {title}"
+        canvas.bookmarkPage(key)
+        canvas.addOutlineEntry(title, key)
