@@ -6,16 +6,17 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from ifrfit.cost.api import measure_costs
 from ifrfit.cost.beginning import beginning
 from ifrfit.cost.inference import QUICK, Extent, inference_costs
-from ifrfit.cost.numbers import Numbers, largest_errors, of_law
+from ifrfit.cost.numbers import largest_errors, of_law
 from ifrfit.cost.setting import setting_of
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference import fit
 from ifrfit.inference.posterior import explore
+
+from .made import closed_form
 
 SMALL = Extent(tolerances=(1e-1, 1e-2), replicates=(100,), steps=(10,), seeds=2, repeats=1, longest=60.0)
 FIX = {"e_n": 0.94}
@@ -50,20 +51,11 @@ def test_a_method_that_does_not_know_the_scatter_is_left_out(path, scatter, meth
     assert all(cost.error < 0.5 for cost in measured.costs if cost.method == "exact")
 
 
-def of_sticking(problem):
-    """Mean, sd and ends of e_t in closed form: beta in sticking is e_t + 7/5."""
-    value, sigma = problem.rows.value - 1.4, problem.sigma
-    sd = 1.0 / math.sqrt((sigma**-2).sum())
-    mean = float((value / sigma**2).sum()) * sd**2
-    law = stats.truncnorm((-1.0 - mean) / sd, (-0.4 - mean) / sd, loc=mean, scale=sd)
-    return Numbers(np.array([law.mean()]), np.array([law.std()]), law.ppf([[0.025, 0.975]]))
-
-
 def test_the_reference_under_a_scatter_that_hardly_differs_is_the_plain_one(impacts):
     """Sticking does not depend on the angle: true angles integrated out leave the closed form."""
     path = impacts(gamma=np.linspace(5.0, 40.0, 12), c=-0.7, mu=5.0, sigma=0.1, noise=0.1, seed=3)
     fix = {"e_n": 0.94, "mu": 5.0}
-    right = of_sticking(fit(path, method="lsq", fix=fix).problem)
+    right, _, _ = closed_form(fit(path, method="lsq", fix=fix).problem)
     for scatter in ({"angle_errors": "set", "sigma_gamma": 0.1}, {"tails": "student-t", "dof": 1e6}):
         problem = beginning(path, fix=fix, **scatter).problem
         found = of_law(problem, explore(problem, 1e-3))
