@@ -21,7 +21,11 @@ def pdf(report: Report) -> bytes:
     from ifrfit.report.page.a4.flow import sheets
 
     content, places = sheets(report)
-    writer = PdfWriter(clone_from=io.BytesIO(content))
+    # begun anew: so who made it stands at its beginning
+    writer = PdfWriter()
+    writer.pdf_header = "%PDF-1.4"  # the first that knows transparency, which figures have
+    writer.metadata = {"/Title": report.title, "/Creator": GENERATOR, "/Producer": "pypdf"}
+    writer.append(io.BytesIO(content))
     if places:
         figures = PdfReader(io.BytesIO(_figures([place.picture.figure for place in places])))
         for place, figure in zip(places, figures.pages, strict=True):
@@ -29,7 +33,6 @@ def pdf(report: Report) -> bytes:
             writer.pages[place.page].merge_transformed_page(figure, where)
     for page in writer.pages:
         page.compress_content_streams()
-    writer.metadata = {"/Title": report.title, "/Creator": GENERATOR, "/Producer": "pypdf"}
     buffer = io.BytesIO()
     writer.write(buffer)
     return buffer.getvalue()

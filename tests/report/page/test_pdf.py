@@ -92,7 +92,9 @@ def test_several_figures_share_a_page(reports):
     figures = sum(len(b.items) for s in one.sections for b in s.blocks if b.kind == "pictures")
     content = pdf(one)
     assert len(PdfReader(io.BytesIO(content)).pages) <= 2 + figures // 2
+    assert content.startswith(b"%PDF-1.4")
     assert b"/CreationDate" not in content
+    assert b"ifrfit report" in content[:4096]  # by which a report of ours is known
     outline = [entry.title for entry in PdfReader(io.BytesIO(content)).outline]
     assert outline[:2] == ["Constants", "Data, model and findings"]
 
