@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import uuid
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -16,6 +13,7 @@ import numpy as np
 from ifrfit._version import __version__
 from ifrfit.data import Source
 from ifrfit.inference.constants import Constant
+from ifrfit.inference.json_text import render, write_whole
 from ifrfit.inference.result import FitResult
 from ifrfit.inference.stated import Estimate, FitStatistics, Noise, State
 
@@ -37,8 +35,10 @@ __all__ = [
     "dumps",
     "from_dict",
     "load_result",
+    "render",
     "save",
     "to_dict",
+    "write_whole",
 ]
 
 
@@ -153,31 +153,6 @@ def save(result: FitResult, path: Path) -> None:
         File to write or replace; its folder must be there.
     """
     write_whole(dumps(result), Path(path))
-
-
-def write_whole(text: str, path: Path) -> None:
-    """Write a text file that appears whole or not at all."""
-    fresh = path.with_name(f".{path.name}-{uuid.uuid4().hex[:12]}.new")
-    try:
-        fresh.write_text(text, encoding="utf-8", newline="\n")
-        os.replace(fresh, path)  # noqa: PTH105
-    finally:
-        fresh.unlink(missing_ok=True)
-
-
-def render(value: Any, depth: int = 0) -> str:
-    """Plain values as text: objects over many lines, lists of numbers on one: points stay readable."""
-    pad = "  " * (depth + 1)
-    if isinstance(value, dict) and value:
-        lines = [f"{pad}{_dump(key)}: {render(item, depth + 1)}" for key, item in value.items()]
-        return "{\n" + ",\n".join(lines) + "\n" + "  " * depth + "}"
-    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        return "[\n" + ",\n".join(pad + render(item, depth + 1) for item in value) + "\n" + "  " * depth + "]"
-    return _dump(value)
-
-
-def _dump(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
 def _plain(value: Any, path: str, nulls: _Nulls) -> Any:
