@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,38 +17,12 @@ from ifrfit.inference.json_text import render, write_whole
 from ifrfit.inference.result import FitResult
 from ifrfit.inference.stated import Estimate, FitStatistics, Noise, State
 
-if TYPE_CHECKING:
-    from ifrfit.inference.loading import from_dict, load_result
-
 SCHEMA = "ifrfit/result/1"
 MOST_ROWS = 100_000
 # sentences that begin like this speak about the file, not about the fit: reading takes them away again
 NULL_MARK = "Written as null: "
 # what the noise common to all rows is called in the file; every other noise has a slash in its name
 FACTOR = "factor"
-
-__all__ = [
-    "FACTOR",
-    "MOST_ROWS",
-    "NULL_MARK",
-    "SCHEMA",
-    "dumps",
-    "from_dict",
-    "load_result",
-    "render",
-    "save",
-    "to_dict",
-    "write_whole",
-]
-
-
-def __getattr__(name: str) -> Any:
-    # reading has a file of its own, which needs this one
-    if name in ("from_dict", "load_result"):
-        from ifrfit.inference import loading
-
-        return getattr(loading, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 class _Nulls:

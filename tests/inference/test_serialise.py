@@ -475,10 +475,3 @@ def test_deep_nesting_does_not_crash(tmp_path):
     path.write_text("[" * 200_000)
     with pytest.raises(DataError, match="JSON"):
         load_result(path)
-
-
-def test_serialise_offers_reading_too():
-    assert serialise.load_result is load_result
-    assert serialise.from_dict is from_dict
-    with pytest.raises(AttributeError, match="no attribute 'other'"):
-        _ = serialise.other
