@@ -95,11 +95,15 @@ def _draw_observable(
     rows = _rows(comparison.best.points, observable)
     names = [str(name) for name in rows["series"].unique()]
     x, value = (rows[column].to_numpy(dtype=float) for column in ("gamma_deg", "value"))
+    crowded = len(rows) > panels.CROWD
+    front, ink = (panels.IN_FRONT, "0.6") if crowded else (panels.BEHIND, "black")
     drawn = []
     for name, entry in comparison.entries.items():
         for curve in panels.curves(entry.fit, observable, names, bands=False):
             own = look[name]
-            axes[0].plot(curve.x, curve.table["value"].to_numpy(), color=own.colour, ls=own.line, zorder=3)
+            axes[0].plot(
+                curve.x, curve.table["value"].to_numpy(), color=own.colour, ls=own.line, zorder=front
+            )
             drawn.append(curve)
     markers = style.looks([str(name) for name in comparison.best.points["series"].unique()])
     size = panels.marker_size(len(rows))
@@ -107,8 +111,9 @@ def _draw_observable(
     for series in names:
         at = (rows["series"] == series).to_numpy()
         axes[0].errorbar(
-            x[at], value[at], yerr=error[at], fmt=markers[series].marker, ms=size, mfc="white", mec="black",
-            mew=0.7, ecolor=GREY, elinewidth=0.6, zorder=4, rasterized=len(rows) > panels.MANY,
+            x[at], value[at], yerr=error[at], fmt=markers[series].marker, ms=size, mfc="white", mec=ink,
+            mew=0.7, ecolor=ink if crowded else GREY, elinewidth=0.6, zorder=4,
+            rasterized=len(rows) > panels.PIXELS,
         )  # fmt: skip
     panels.mark_stand_in(axes[0], rows)
     axes[0].set_ylim(*panels.value_limits(rows, drawn, x))
@@ -128,7 +133,7 @@ def _draw_strip(axes: Axes, rows: pd.DataFrame, words: str, look: style.Look, si
     axes.axhspan(-2.0, 2.0, color="0.93", lw=0.0, zorder=0)
     axes.plot(
         rows["gamma_deg"], z, ls="none", marker=look.marker, ms=0.75 * size, mfc=look.colour,
-        mec=look.colour, mew=0.4, rasterized=len(rows) > panels.MANY,
+        mec=look.colour, mew=0.4, rasterized=len(rows) > panels.PIXELS,
     )  # fmt: skip
     axes.set_ylim(-top, top)
     tick = 2.0 if top < 8.0 else float(f"{0.6 * top:.0e}")

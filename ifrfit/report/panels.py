@@ -28,7 +28,8 @@ LONGEST_LABEL = 34
 FEW = 8
 CROWD = 200
 BEHIND, IN_FRONT = 2.0, 5.5  # drawing order: points are at 5
-MANY = 2000  # from here on points are pixels in the svg too, or it would be huge
+MANY = 2000
+PIXELS = 500  # from here on points are pixels in the svg too, or it would be huge
 
 
 @dataclass(frozen=True)
@@ -230,7 +231,7 @@ def _draw_points(axes: Axes, x: Array, rows: pd.DataFrame, look: Look, size: flo
         "elinewidth": 0.8 if few else 0.5,
         "alpha": (0.9 if few else 0.45) * (1.0 if angled else 0.5),
         "zorder": 4,
-        "rasterized": len(rows) > MANY,
+        "rasterized": len(rows) > PIXELS,
     }
     axes.errorbar(x, y, yerr=np.where(np.isfinite(error), error, 0.0), **bars)
     if np.isfinite(across).any():
@@ -260,7 +261,7 @@ def _markers(
             mec=look.colour,
             mew=0.9 if size > 2.5 else 0.6,
             alpha=alpha,
-            rasterized=len(rows) > MANY,
+            rasterized=len(rows) > PIXELS,
             zorder=5,
         )
 
