@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ifrfit.cli_compare import SCATTER
 from ifrfit.cli_compare import SHARED as COMPARED
 from ifrfit.cli_options import Repeated, choices_of, command_line, with_options_of
 from ifrfit.cli_progress import working
 from ifrfit.errors import UsageError
 
-# those of `compare`, but for scatter that profiles and replicates do not know; and a single closure
-SHARED = ("data", "closure", *(name for name in COMPARED if name not in ("data", *SCATTER)))
+if TYPE_CHECKING:
+    from ifrfit.cost.result import Costs
+
+# those of `compare`, and a single closure
+SHARED = ("data", "closure", *(name for name in COMPARED if name != "data"))
 
 
 def costing(fit: Callable[..., None]) -> Callable[..., None]:
@@ -37,11 +39,17 @@ def costing(fit: Callable[..., None]) -> Callable[..., None]:
             Path | None, typer.Option(metavar="DIR", help="Write cost.csv and the diagrams there.")
         ] = None,
         force: Annotated[bool, typer.Option("--force", help="Replace earlier costs in DIR.")] = False,
+        as_json: Annotated[
+            bool,
+            typer.Option(
+                "--json", help="cost.csv and what follows from it as JSON on standard output, nothing else."
+            ),
+        ] = False,
         quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors; needs --out.")] = False,
         **chosen: Any,
     ) -> None:
         """What accuracy costs in time, measured now, on your data."""
-        if quiet and out is None:
+        if quiet and out is None and not as_json:
             raise UsageError("--quiet without --out leaves nothing of the measurement: add --out DIR.")
         from ifrfit.cost.api import measure_costs
         from ifrfit.report.cost_folder import COSTS
@@ -50,7 +58,7 @@ def costing(fit: Callable[..., None]) -> Callable[..., None]:
         if out is not None:
             check_free(out, force=force, of=COSTS)
         choices = choices_of(chosen)
-        with working(quiet, "measuring", "choices") as progress:
+        with working(quiet or as_json, "measuring", "choices") as progress:
             found = measure_costs(
                 choices.pop("data"),
                 kinds=kind,
@@ -60,9 +68,17 @@ def costing(fit: Callable[..., None]) -> Callable[..., None]:
                 **choices,
             )
             written = found.save(out, force=force) if out is not None else []
-        if not quiet:
+        if as_json:
+            typer.echo(_json(found), nl=False)
+        elif not quiet:
             typer.echo(found.summary())
             if written:
                 typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
 
     return with_options_of(fit, SHARED, cost)
+
+
+def _json(costs: Costs) -> str:
+    from ifrfit.cost.serialise import dumps
+
+    return dumps(costs)

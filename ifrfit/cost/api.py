@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
+from ifrfit.cost.beginning import beginning
 from ifrfit.cost.inference import FULL, QUICK, Reference, inference_costs
 from ifrfit.cost.measured import Cost, Kind
 from ifrfit.cost.result import Costs
 from ifrfit.cost.setting import Setting, setting_of
 from ifrfit.data import Observations
 from ifrfit.errors import UsageError
-from ifrfit.inference import fit
 from ifrfit.inference.effort.words import power
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -46,7 +46,8 @@ def measure_costs(
     progress : callable, optional
         Called with the number of choices of inference measured and the most there may be.
     **choices
-        Keywords of `ifrfit.fit` that choose data, closure, constants and noise.
+        Keywords of `ifrfit.fit` that choose data, closure, constants, noise and scatter. Methods that do not
+        know the scatter are left out, which the notes say.
 
     Returns
     -------
@@ -55,13 +56,13 @@ def measure_costs(
     Raises
     ------
     UsageError
-        For a kind that does not exist, data without an angle where physics or arithmetic was asked for, and
-        as `ifrfit.fit`.
+        For a kind that does not exist, data without an angle where physics or arithmetic was asked for, a
+        problem without an exact posterior where inference was, and as `ifrfit.fit`.
     DataError
         As `ifrfit.fit`.
     """
     wanted = _kinds(kinds)
-    found = fit(data, method="lsq", seed=seed, command=command, **choices)
+    found = beginning(data, posterior="inference" in wanted, seed=seed, command=command, **choices)
     costs: list[Cost] = []
     about: dict[str, str] = {}
     notes: list[str] = []

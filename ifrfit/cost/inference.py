@@ -147,7 +147,8 @@ def inference_costs(
     Raises
     ------
     UsageError
-        If nothing is free, or for a problem that the exact posterior refuses: then there is no reference.
+        If nothing is free, for a problem that the exact posterior refuses, as there is no reference then,
+        and where every method takes too long.
     DataError
         Where the noise is unknown and the data cannot tell it from the constants.
     """
@@ -165,6 +166,12 @@ def inference_costs(
         answers.append(answer)
         if progress is not None:
             progress(len(answers), most)
+    if not answers:
+        raise UsageError(
+            f"Every method of inference takes longer on these data than {extent.longest:g} s: "
+            + ("leave --quick out, or choose" if extent is QUICK else "choose")
+            + " --kind physics or arithmetic."
+        )
     reference = Reference(finest.tolerance, finest.error)
     right = of_law(problem, finest)
     return Measured(
@@ -184,15 +191,19 @@ def _deterministic(
     problem: Problem, extent: Extent, ladder: Sequence[float], notes: list[str]
 ) -> Iterator[_Answer]:
     """Least squares, profiles and the exact posterior, which take turns."""
-    calls: dict[tuple[str, str], Callable[[], Numbers]] = {
-        (LSQ, ""): lambda: of_least_squares(problem, least_squares(problem))
-    }
+    calls: dict[tuple[str, str], Callable[[], Numbers]] = {}
+    if problem.scatter.integrates:
+        notes.append("Least squares are left out: they cannot integrate true angles out.")
+    else:
+        calls[LSQ, ""] = lambda: of_least_squares(problem, least_squares(problem))
     if problem.scatter.is_plain:
         calls[PROFILE, ""] = lambda: of_profiles(
             problem, profile_all(problem, least_squares(problem), curves=False)
         )
     else:
-        notes.append("Profiles and replicates know independent Gaussian errors of the values only.")
+        notes.append(
+            "Profiles and replicates are left out: they know independent Gaussian errors of the values only."
+        )
     calls |= {(EXACT, f"tolerance {power(t)}"): _exact(problem, t) for t in ladder}
     found = in_turns(calls, repeats=extent.repeats, enough=0.01, most=0.5 * extent.longest)
     for (method, setting), (numbers, taken) in found.items():

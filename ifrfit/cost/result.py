@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ifrfit.cost.front import Choice, choices_of
 from ifrfit.cost.inference import Reference
@@ -41,7 +41,8 @@ class Costs:
     costs : tuple of Cost
         One a quantity of each choice.
     fit : FitResult
-        The least squares of the data behind them.
+        The least squares of the data behind them; by effective variance where true angles are integrated
+        out.
     reference : Reference or None
         Of the errors of inference; None where that was not measured.
     about : mapping of str to str
@@ -99,7 +100,8 @@ class Costs:
         ]
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
-    # The report layer stands after this one; these methods hand the result on and import it only then.
+    # The report layer and the writer stand after this one; these methods hand the result on and import them
+    # only then.
 
     def summary(self) -> str:
         """Tables, and which choice is best for which accuracy, as text for a terminal."""
@@ -112,6 +114,12 @@ class Costs:
         from ifrfit.report.cost_words import sentences
 
         return sentences(self, kind)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Exactly what `ifrfit cost --json` prints: the rows of cost.csv and what is said about them."""
+        from ifrfit.cost.serialise import to_dict
+
+        return to_dict(self)
 
     def plot(self, kind: Kind = "inference") -> Figure:
         """Work-precision diagram of one kind: error against time, both logarithmic."""

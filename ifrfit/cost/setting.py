@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.cost.beginning import beginning, scatter_of, without_laws
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference import fit
 from ifrfit.inference.comparison.asking import choices_for, constant_choices
 from ifrfit.inference.result import FitResult
 from ifrfit.physics.closures import get_closure
@@ -93,7 +93,15 @@ def setting_of(found: FitResult, data: Any, choices: Mapping[str, Any]) -> Setti
     # e_n and mu are those of IFR, so that its e_t goes with them
     constants = _optimum(found if found.closure == "ifr" else _fitted("ifr", data, choices))
     notes: list[str] = []
+    scatter = scatter_of(choices)
+    if scatter.integrates:
+        notes.append(
+            "The constants at which contact laws and precisions are measured are those of effective "
+            "variance: least squares cannot integrate true angles out."
+        )
     chi = _chi(found, data, choices)
+    if chi is not None and not scatter.is_plain:
+        notes.append("chi is that of independent Gaussian errors: closure MAW knows no others.")
     if chi is None:
         chi = 0.5 * sum(get_closure("maw").domain(SOLID))
         notes.append(
@@ -109,7 +117,7 @@ def setting_of(found: FitResult, data: Any, choices: Mapping[str, Any]) -> Setti
 def _chi(found: FitResult, data: Any, choices: Mapping[str, Any]) -> float | None:
     """Least squares of closure MAW, in the first series; None where the data do not tell it."""
     try:
-        own = found if found.closure == "maw" else _fitted("maw", data, choices)
+        own = found if found.closure == "maw" else _fitted("maw", data, without_laws(choices))
     except (DataError, UsageError):
         return None
     estimate = next(each for name, each in own.flat_constants().items() if name.startswith("chi"))
@@ -120,7 +128,7 @@ def _fitted(name: str, data: Any, choices: Mapping[str, Any]) -> FitResult:
     """Least squares of another closure, with what of the user's choices holds for it."""
     rest = {key: value for key, value in choices.items() if key not in _NAMED}
     kept = choices_for(get_closure(name), constant_choices(choices))
-    return fit(data, closure=name, method="lsq", **rest, **kept)
+    return beginning(data, posterior=False, closure=name, **rest, **kept)
 
 
 def _optimum(found: FitResult) -> dict[str, float]:

@@ -2,8 +2,8 @@ from .api import fit as fit
 from .comparison import Comparison as Comparison
 from .comparison import compare as compare
 from .lmfit_bridge import lmfit_model as lmfit_model
+from .loading import load_result as load_result
 from .result import FitResult as FitResult
-from .serialise import load_result as load_result
 from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
 from .stated import Estimate as Estimate

@@ -30,8 +30,10 @@ def solve_block(block: Block) -> BlockOptimum | None:
 
 
 def _extremes(block: Block, form: LinearForm, optimum: PiecewiseOptimum) -> tuple[Constants, ...]:
-    """Outlying constants that describe the data as well; infinite where no impact sets a limit."""
+    """Outlying constants that describe the data as well; infinite where no oblique row sets a limit."""
     found = [form.to_constants(t) for t in optimum.extremes]
+    if not block.of_kind("tangential").any():
+        return tuple(found)
     e_n, c, mu = form.to_constants(optimum.t)
     if optimum.all_stick and block.mu.fixed is None:
         found.append((e_n, c, math.inf))

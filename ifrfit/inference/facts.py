@@ -23,21 +23,26 @@ def facts_of(
     constants: Mapping[str, Any],
     statistics: FitStatistics,
     effects: Mapping[str, Fact],
+    *,
+    brief: bool = False,
 ) -> dict[str, Fact]:
-    """All facts of a least-squares fit; `effects` holds what the residuals call for, where it was tested."""
+    """All facts of a least-squares fit; `effects` holds what the residuals call for, where it was tested.
+
+    Brief, they leave out outliers, and the search for a remedy of a misfit.
+    """
     called = effects["effects"].figures["called"] if effects else []
     momentum = _angular_momentum(problem) if problem.observations.momentum else None
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
         effects = {}  # velocities and spins say it themselves
     # microslip is no remedy where the residuals call for something else
-    remedy = not called or "compliance" in called
+    remedy = not brief and (not called or "compliance" in called)
     facts = {
         "converged": _converged(found),
         "global_optimum": _global_optimum(found, bilinear=problem.closure.bilinear),
         "identifiable": identifiable(problem, found, constants, statistics.n_sticking, statistics.n_sliding),
         "at_bound": at_bound(constants),
         "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
-        "outliers": outliers(problem, found, residuals),
+        **({} if brief else {"outliers": outliers(problem, found, residuals)}),
         **effects,
     }
     if momentum is not None:

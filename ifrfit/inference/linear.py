@@ -9,6 +9,7 @@ kappa      e_n, c, kappa               tangential, e_n, v_n; with e_n fixed also
 friction   mu, c, kappa                tangential and mu, with nothing that measures e_n
 impulse    w, c w, mu; w = 1/(1+e_n)   mu_app and mu only
 rebound    w, c w, kappa w; w = 1/e_n  tan_psi_out only
+direct     e_n, c, mu                  e_n, v_n and mu, where no row is oblique
 =========  ==========================  ==================================================================
 
 c is the closure's own constant.
@@ -35,6 +36,8 @@ def linear_form(block: Block) -> LinearForm | None:
     normal = bool(block.of_kind("normal").any()) or block.e_n.prior is not None
     if block.of_kind("curved").any():
         return None
+    if not block.of_kind("tangential").any():
+        return _direct_family(block)
     if block.e_n.fixed is not None or not (scaled[0].any() or scaled[1].any() or friction):
         return kappa_form(block)
     if normal or (block.c.prior is not None and (scaled[0].any() or scaled[1].any())):
@@ -170,6 +173,23 @@ def _rebound_family(block: Block) -> LinearForm:
     if block.mu.fixed is not None:
         frame.tie(2, block.mu.fixed, 0, block.mu.fixed)
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
+
+
+def _direct_family(block: Block) -> LinearForm:
+    """Unknowns e_n, c, mu: without oblique rows nothing ties one to another."""
+    forms = Forms(block, np.zeros(block.rows.tau.size, dtype=bool))
+    domain = Domain()
+    forms.add_normal(0)
+    forms.add_friction(2, 1.0)
+    for unknown, constant in enumerate((block.e_n, block.c, block.mu)):
+        forms.add_prior(constant, unknown)
+        domain.between(unknown, constant)
+    frame = Frame.of(block.e_n, block.c, block.mu)
+
+    def back(full: Array) -> Constants:
+        return full[0], full[1], full[2]
+
+    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], 0.0, back)
 
 
 def _product_walls(domain: Domain, c: Constant) -> None:

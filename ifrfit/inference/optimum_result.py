@@ -23,7 +23,12 @@ from ifrfit.inference.statistics import state_of, statistics_of
 
 
 def optimum_of(
-    problem: Problem, seed: int = 0, command: str = "", setting: Setting | None = None
+    problem: Problem,
+    seed: int = 0,
+    command: str = "",
+    setting: Setting | None = None,
+    *,
+    brief: bool = False,
 ) -> FitResult:
     """Least squares with everything that is said of an optimum; other methods begin with it.
 
@@ -36,6 +41,8 @@ def optimum_of(
         The command line, for the record.
     setting : Setting, optional
         The scene of the data, for the effects' criteria.
+    brief : bool
+        Leave out what takes further fits and serves readers of this one alone: outliers, remedies, effects.
     """
     import pandas as pd
 
@@ -61,7 +68,7 @@ def optimum_of(
     }
     points = pd.concat([table, pd.DataFrame(columns, index=table.index)], axis=1)
     derived = derived_of(problem, found, constants)
-    effects, fact = effects_of(problem, found, setting, constants, derived)
+    effects, fact = ((), {}) if brief else effects_of(problem, found, setting, constants, derived)
     return FitResult(
         closure=problem.closure.name,
         inertia_factor=problem.inertia_factor,
@@ -72,7 +79,7 @@ def optimum_of(
         derived=derived,
         correlation=(names, capped[np.ix_(free, free)] / np.outer(size, size)),
         fit=statistics,
-        facts=facts_of(problem, found, residuals, constants, statistics, fact),
+        facts=facts_of(problem, found, residuals, constants, statistics, fact, brief=brief),
         warnings=_warnings(problem),
         state=state_of(problem, found),
         points=points,

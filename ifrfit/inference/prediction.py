@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ifrfit.errors import UsageError
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import get_closure
-from ifrfit.physics.observables import get_observable
+from ifrfit.physics.observables import Observable, get_observable
 from ifrfit.physics.rebound import rebound_of
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 _SWEEPS = 40  # of Gibbs sampling per draw; each draw is a chain of its own, so draws are independent
 _DRAWS = 2000
+_AT_ONCE = 500  # incidences
 _QUANTILES = (0.16, 0.84, 0.025, 0.975)
 
 
@@ -98,25 +99,52 @@ def predict(
     series: str | None,
     degrees: bool,
     sigma: ArrayLike | None = None,
+    bands: bool = True,
 ) -> pd.DataFrame:
-    """Predict with bands; see `FitResult.predict`."""
+    """Predict; see `FitResult.predict`."""
     import pandas as pd
 
     wanted = get_observable(observable)
-    closure = get_closure(result.closure)
     gamma, s_x, s_y = np.broadcast_arrays(
         np.atleast_1d(np.asarray(gamma, dtype=float)), np.asarray(spin_x, float), np.asarray(spin_y, float)
     )
     incidence = Incidence.of(gamma, s_x, s_y, degrees=degrees)
     bracket = _bracket(result, series)
+    table = {
+        "gamma_deg": gamma if degrees else np.degrees(gamma),
+        "spin_x": s_x,
+        "spin_y": s_y,
+        "value": _curves(result, wanted, incidence, result.state.point[None], bracket)[0],
+    }
+    if not bands:
+        return pd.DataFrame(table)
     rng = np.random.default_rng(result.seed)
     sample = result.state.sample
     if sample is None:
         sample = truncated_normal(result.state, _DRAWS, rng)
-    drawn = np.vstack((result.state.point, sample))
-    e_n, c, mu = _constants(result.state, drawn, closure.constant, bracket)
-    curves = np.empty((drawn.shape[0], gamma.size))
-    for block in np.array_split(np.arange(gamma.size), max(1, gamma.size // 500)):
+    curves = _curves(result, wanted, incidence, sample, bracket)
+    band = np.quantile(curves, _QUANTILES, axis=0)
+    # where a bound holds the optimum back the curve runs along the edge of its band, never outside
+    band[[0, 2]] = np.minimum(band[[0, 2]], table["value"])
+    band[[1, 3]] = np.maximum(band[[1, 3]], table["value"])
+    own = np.asarray(_sigma(result, observable, series) if sigma is None else sigma, dtype=float)
+    table |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
+    dof = result.noise.scatter.dof
+    shape = (sample.shape[0], 1)
+    noise = own * (rng.standard_normal(shape) if dof is None else rng.standard_t(dof, shape))
+    new = np.quantile(curves + noise, _QUANTILES, axis=0)
+    table |= dict(zip(("new_lo68", "new_hi68", "new_lo95", "new_hi95"), new, strict=True))
+    return pd.DataFrame(table)
+
+
+def _curves(
+    result: FitResult, observable: Observable, incidence: Incidence, phi: Array, bracket: str
+) -> Array:
+    """The observable at each incidence, by each row of constants, (rows, incidences)."""
+    closure = get_closure(result.closure)
+    e_n, c, mu = _constants(result.state, phi, closure.constant, bracket)
+    curves = np.empty((phi.shape[0], incidence.sine.size))
+    for block in np.array_split(np.arange(incidence.sine.size), max(1, incidence.sine.size // _AT_ONCE)):
         part = Incidence(
             *(
                 getattr(incidence, f)[block]
@@ -124,25 +152,8 @@ def predict(
             )
         )
         state = rebound_of(part, closure, e_n[:, None], c[:, None], mu[:, None], result.inertia_factor)
-        curves[:, block] = wanted.value(state, mu[:, None])
-    band = np.quantile(curves[1:], _QUANTILES, axis=0)
-    # where a bound holds the optimum back the curve runs along the edge of its band, never outside
-    band[[0, 2]] = np.minimum(band[[0, 2]], curves[0])
-    band[[1, 3]] = np.maximum(band[[1, 3]], curves[0])
-    own = np.asarray(_sigma(result, observable, series) if sigma is None else sigma, dtype=float)
-    table = {
-        "gamma_deg": gamma if degrees else np.degrees(gamma),
-        "spin_x": s_x,
-        "spin_y": s_y,
-        "value": curves[0],
-    }
-    table |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
-    dof = result.noise.scatter.dof
-    shape = (sample.shape[0], 1)
-    noise = own * (rng.standard_normal(shape) if dof is None else rng.standard_t(dof, shape))
-    new = np.quantile(curves[1:] + noise, _QUANTILES, axis=0)
-    table |= dict(zip(("new_lo68", "new_hi68", "new_lo95", "new_hi95"), new, strict=True))
-    return pd.DataFrame(table)
+        curves[:, block] = observable.value(state, mu[:, None])
+    return curves
 
 
 def _split(name: str) -> tuple[str, str]:

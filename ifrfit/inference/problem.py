@@ -104,6 +104,11 @@ class Problem:
         """Which entries of theta are not fixed."""
         return np.array([c.fixed is None for c in self.entries()])
 
+    @property
+    def has_oblique(self) -> bool:
+        """Whether any row knows the closure: one that measures neither e_n nor mu alone."""
+        return any(OBSERVABLES[name].kind in ("tangential", "curved") for name in self.rows.names)
+
     def positions(self) -> Mapping[str, Index]:
         """Constant's name to its place in theta, one a series."""
         places, start = {}, 0

@@ -136,6 +136,7 @@ class FitResult:
         series: str | None = None,
         degrees: bool = True,
         sigma: ArrayLike | None = None,
+        bands: bool = True,
     ) -> pd.DataFrame:
         """Predict an observable with credible and predictive bands.
 
@@ -154,6 +155,8 @@ class FitResult:
         sigma : array_like, optional
             Standard deviation of one more measurement, broadcast against gamma; the noise of the fit if not
             given.
+        bands : bool
+            Whether bands are wanted; without them the table ends at the value.
 
         Returns
         -------
@@ -177,6 +180,7 @@ class FitResult:
             series=series,
             degrees=degrees,
             sigma=sigma,
+            bands=bands,
         )
 
     def intervals(self) -> pd.DataFrame:

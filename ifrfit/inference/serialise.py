@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import uuid
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ifrfit._version import __version__
 from ifrfit.data import Source
 from ifrfit.inference.constants import Constant
+from ifrfit.inference.json_text import render, write_whole
 from ifrfit.inference.result import FitResult
 from ifrfit.inference.stated import Estimate, FitStatistics, Noise, State
-
-if TYPE_CHECKING:
-    from ifrfit.inference.loading import from_dict, load_result
 
 SCHEMA = "ifrfit/result/1"
 MOST_ROWS = 100_000
@@ -28,27 +23,6 @@ MOST_ROWS = 100_000
 NULL_MARK = "Written as null: "
 # what the noise common to all rows is called in the file; every other noise has a slash in its name
 FACTOR = "factor"
-
-__all__ = [
-    "FACTOR",
-    "MOST_ROWS",
-    "NULL_MARK",
-    "SCHEMA",
-    "dumps",
-    "from_dict",
-    "load_result",
-    "save",
-    "to_dict",
-]
-
-
-def __getattr__(name: str) -> Any:
-    # reading has a file of its own, which needs this one
-    if name in ("from_dict", "load_result"):
-        from ifrfit.inference import loading
-
-        return getattr(loading, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 class _Nulls:
@@ -153,31 +127,6 @@ def save(result: FitResult, path: Path) -> None:
         File to write or replace; its folder must be there.
     """
     write_whole(dumps(result), Path(path))
-
-
-def write_whole(text: str, path: Path) -> None:
-    """Write a text file that appears whole or not at all."""
-    fresh = path.with_name(f".{path.name}-{uuid.uuid4().hex[:12]}.new")
-    try:
-        fresh.write_text(text, encoding="utf-8", newline="\n")
-        os.replace(fresh, path)  # noqa: PTH105
-    finally:
-        fresh.unlink(missing_ok=True)
-
-
-def render(value: Any, depth: int = 0) -> str:
-    """Plain values as text: objects over many lines, lists of numbers on one: points stay readable."""
-    pad = "  " * (depth + 1)
-    if isinstance(value, dict) and value:
-        lines = [f"{pad}{_dump(key)}: {render(item, depth + 1)}" for key, item in value.items()]
-        return "{\n" + ",\n".join(lines) + "\n" + "  " * depth + "}"
-    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        return "[\n" + ",\n".join(pad + render(item, depth + 1) for item in value) + "\n" + "  " * depth + "]"
-    return _dump(value)
-
-
-def _dump(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
 def _plain(value: Any, path: str, nulls: _Nulls) -> Any:

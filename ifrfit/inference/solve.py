@@ -31,7 +31,7 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
     -------
     Optimum
     """
-    if not problem.closure.bilinear:
+    if not problem.closure.bilinear and problem.has_oblique:
         return multistart(problem, sigma, near)
     if len(problem.series) == 1 or not any(c.separate for c in problem.constants):
         block = whole_block(problem, sigma)

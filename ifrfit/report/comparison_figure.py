@@ -26,8 +26,14 @@ _LINEAR = 5.0  # log Bayes factor up to which the axis is linear
 _LETTERS = 13.0  # of a title to an inch
 
 
-def plot(comparison: Comparison) -> Figure:
+def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
     """Draw data with each closure's line and residuals, and log Bayes factors beside cross-validation.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    titled : bool
+        Whether the verdict stands above.
 
     Returns
     -------
@@ -37,20 +43,18 @@ def plot(comparison: Comparison) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    points = comparison.best.points
-    observables = [str(name) for name in points["observable"].unique() if has_angle(str(name))]
-    observables = observables[:MOST_COLUMNS]
+    observables = along_the_angle(comparison)
     columns = max(1, len(observables))
     count = len(comparison.entries)
     width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
     look = style.looks(list(comparison.entries))
-    heading = textwrap.fill(comparison.verdict.says, int(_LETTERS * width))
+    heading = textwrap.fill(comparison.verdict.says, int(_LETTERS * width)) if titled else ""
     body = (_DATA + count * _STRIP) if observables else 0.0
     bars = 0.2 + count * _BAR
     with style.drawing():
         legend = _legend(comparison, look, observables)
         lines = math.ceil(len(legend) / (2 * columns))
-        height = body + bars + 0.16 * (heading.count("\n") + 1) + 0.15 * lines + 0.7
+        height = body + bars + 0.16 * len(heading.splitlines()) + 0.15 * lines + 0.7
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         figure.get_layout_engine().set(w_pad=0.05, h_pad=0.03)  # type: ignore[union-attr, call-arg]
@@ -63,7 +67,9 @@ def plot(comparison: Comparison) -> Figure:
             axes += [figure.add_subplot(inner[i], sharex=axes[0]) for i in range(1, 1 + count)]
             _draw_observable(axes, comparison, observable, look)
         _draw_evidence(figure.add_subplot(grid[1, :]), comparison, look)
-        figure.suptitle(heading, fontsize=7.5, weight="bold" if is_stand_in(comparison.best) else "normal")
+        if titled:
+            weight = "bold" if is_stand_in(comparison.best) else "normal"
+            figure.suptitle(heading, fontsize=7.5, weight=weight)
         figure.legend(
             handles=[handle for handle, _ in legend],
             labels=[label for _, label in legend],
@@ -76,6 +82,12 @@ def plot(comparison: Comparison) -> Figure:
     return figure
 
 
+def along_the_angle(comparison: Comparison) -> list[str]:
+    """Observables that are drawn: those that depend on the angle, as many as there is room for."""
+    names = comparison.best.points["observable"].unique()
+    return [str(name) for name in names if has_angle(str(name))][:MOST_COLUMNS]
+
+
 def _draw_observable(
     axes: list[Axes], comparison: Comparison, observable: str, look: dict[str, style.Look]
 ) -> None:
@@ -83,11 +95,15 @@ def _draw_observable(
     rows = _rows(comparison.best.points, observable)
     names = [str(name) for name in rows["series"].unique()]
     x, value = (rows[column].to_numpy(dtype=float) for column in ("gamma_deg", "value"))
+    crowded = len(rows) > panels.CROWD
+    front, ink = (panels.IN_FRONT, "0.6") if crowded else (panels.BEHIND, "black")
     drawn = []
     for name, entry in comparison.entries.items():
-        for curve in panels.curves(entry.fit, observable, names):
+        for curve in panels.curves(entry.fit, observable, names, bands=False):
             own = look[name]
-            axes[0].plot(curve.x, curve.table["value"].to_numpy(), color=own.colour, ls=own.line, zorder=3)
+            axes[0].plot(
+                curve.x, curve.table["value"].to_numpy(), color=own.colour, ls=own.line, zorder=front
+            )
             drawn.append(curve)
     markers = style.looks([str(name) for name in comparison.best.points["series"].unique()])
     size = panels.marker_size(len(rows))
@@ -95,8 +111,9 @@ def _draw_observable(
     for series in names:
         at = (rows["series"] == series).to_numpy()
         axes[0].errorbar(
-            x[at], value[at], yerr=error[at], fmt=markers[series].marker, ms=size, mfc="white", mec="black",
-            mew=0.7, ecolor=GREY, elinewidth=0.6, zorder=4, rasterized=len(rows) > panels.MANY,
+            x[at], value[at], yerr=error[at], fmt=markers[series].marker, ms=size, mfc="white", mec=ink,
+            mew=0.7, ecolor=ink if crowded else GREY, elinewidth=0.6, zorder=4,
+            rasterized=len(rows) > panels.PIXELS,
         )  # fmt: skip
     panels.mark_stand_in(axes[0], rows)
     axes[0].set_ylim(*panels.value_limits(rows, drawn, x))
@@ -116,7 +133,7 @@ def _draw_strip(axes: Axes, rows: pd.DataFrame, words: str, look: style.Look, si
     axes.axhspan(-2.0, 2.0, color="0.93", lw=0.0, zorder=0)
     axes.plot(
         rows["gamma_deg"], z, ls="none", marker=look.marker, ms=0.75 * size, mfc=look.colour,
-        mec=look.colour, mew=0.4, rasterized=len(rows) > panels.MANY,
+        mec=look.colour, mew=0.4, rasterized=len(rows) > panels.PIXELS,
     )  # fmt: skip
     axes.set_ylim(-top, top)
     tick = 2.0 if top < 8.0 else float(f"{0.6 * top:.0e}")

@@ -33,7 +33,7 @@ def prior_line(comparison: Comparison) -> str:
 def _prior_words(prior: Mapping[str, float]) -> str:
     if "mean" in prior:
         return f"{alone(prior['mean'])} +- {alone(prior['sd'])}"
-    return f"{alone(prior['lower'])} to {alone(prior['upper'])}"
+    return f"{prior['lower']:.5g} to {prior['upper']:.5g}"
 
 
 def findings(comparison: Comparison) -> list[tuple[str, str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import textwrap
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ import numpy as np
 
 from ifrfit.cost.front import Choice
 from ifrfit.cost.inference import Reference
+from ifrfit.cost.machine import Machine
 from ifrfit.cost.measured import Kind
 from ifrfit.cost.numbers import free_names
 from ifrfit.cost.result import Costs
@@ -51,12 +51,8 @@ def summary(costs: Costs) -> str:
 
 
 def machine() -> str:
-    """Processors and versions: enough to judge times, nothing that tells whose machine it is."""
-    cores = os.cpu_count() or 1
-    return (
-        f"{cores} core{'s' if cores > 1 else ''} ({platform.machine()}, {platform.system()}), "
-        f"Python {platform.python_version()}, numpy {np.__version__}"
-    )
+    """Processors and versions."""
+    return f"{Machine.this().words}, Python {platform.python_version()}, numpy {np.__version__}"
 
 
 def heading(costs: Costs, kind: Kind) -> str:
@@ -86,7 +82,8 @@ def reference_words(reference: Reference) -> str:
 
 def _model(costs: Costs) -> str:
     fit = costs.fit
-    return f"closure {CLOSURES[fit.closure].title}, {noise_words(fit)}"
+    said = [f"closure {CLOSURES[fit.closure].title}", noise_words(fit), fit.noise.scatter.words]
+    return ", ".join(filter(None, said))
 
 
 def _precisions(costs: Costs) -> list[str]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from ifrfit.cost.front import Choice, best_for, cheapest
-from ifrfit.cost.inference import OTHER_QUESTION
+from ifrfit.cost.inference import BOOTSTRAP, LSQ, OTHER_QUESTION, PROFILE
 from ifrfit.cost.measured import Kind
 from ifrfit.cost.result import Costs
 from ifrfit.inference.effort.words import power
@@ -14,6 +14,7 @@ from ifrfit.report.regimes import joined
 from ifrfit.report.words import METHODS
 
 TARGETS = tuple(10.0**-k for k in range(1, 17))
+_ASIDE = {LSQ: "least squares with its covariance", PROFILE: "profiles", BOOTSTRAP: "replicates"}
 _ACCURACY = {"inference": "of an sd", "physics": "in beta"}
 _UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
 _MUCH = 3.0  # times the time of another from which on a method is worth a word
@@ -106,16 +107,17 @@ def ratio_text(ratio: float) -> str:
 
 def _other_question(choices: Sequence[Choice]) -> list[str]:
     """What least squares, profiles and replicates are from the posterior: a floor, not a failure."""
-    parts = []
+    found = {}
     for method in OTHER_QUESTION:
         own = [c for c in choices if c.method == method and not math.isnan(c.error)]
         if own:
             last = own[-1]  # the longest: what is left there is not chance
-            parts.append(f"{last.error:.2g} sd ({METHODS[method]}, {seconds_text(last.time.median)})")
-    if not parts:
+            found[method] = f"{last.error:.2g} sd ({METHODS[method]}, {seconds_text(last.time.median)})"
+    if not found:
         return []
+    names = joined([_ASIDE[method] for method in found]).capitalize()
     return [
-        "Least squares with its covariance, profiles and replicates answer another question than the "
-        "posterior: however exactly computed, a mean, an sd or an end of an interval differs from it by up "
-        f"to {joined(parts)}"
+        f"{names} answer{'s' if len(found) == 1 else ''} another question than the posterior: however "
+        "exactly computed, a mean, an sd or an end of an interval differs from it by up to "
+        f"{joined(list(found.values()))}"
     ]

@@ -28,7 +28,8 @@ LONGEST_LABEL = 34
 FEW = 8
 CROWD = 200
 BEHIND, IN_FRONT = 2.0, 5.5  # drawing order: points are at 5
-MANY = 2000  # from here on points are pixels in the svg too, or it would be huge
+MANY = 2000
+PIXELS = 500  # from here on points are pixels in the svg too, or it would be huge
 
 
 @dataclass(frozen=True)
@@ -40,13 +41,13 @@ class Curve:
     table: pd.DataFrame
 
 
-def curves(result: FitResult, observable: str, names: list[str]) -> list[Curve]:
+def curves(result: FitResult, observable: str, names: list[str], *, bands: bool = True) -> list[Curve]:
     """Predict an observable for each series at its typical spin, transition angles included."""
     found = []
     for series in names:
         rows = result.points[result.points["series"] == series]
         if not has_angle(observable):
-            table = result.predict([45.0], observable=observable, series=series)
+            table = result.predict([45.0], observable=observable, series=series, bands=bands)
             found.append(Curve(series, np.zeros(1), table))
             continue
         rows = rows[rows["gamma_deg"].notna()]
@@ -58,6 +59,7 @@ def curves(result: FitResult, observable: str, names: list[str]) -> list[Curve]:
             float(rows["spin_y"].median()),
             observable=observable,
             series=series,
+            bands=bands,
         )
         found.append(Curve(series, grid, table))
     return found
@@ -154,7 +156,7 @@ def value_limits(rows: pd.DataFrame, found: list[Curve], x: Array | None) -> tup
         near = np.ones(len(curve.x), bool)
         if x is not None:
             near = (curve.x >= x.min() - 5.0) & (curve.x <= x.max() + 5.0)
-        for column in ("lo95", "hi95"):
+        for column in {"lo95", "hi95"} & set(curve.table):
             seen += _within(curve.table[column].to_numpy(dtype=float)[near], value, 0.5 * span)
     low, high = min(seen), max(seen)
     room = high - low
@@ -229,7 +231,7 @@ def _draw_points(axes: Axes, x: Array, rows: pd.DataFrame, look: Look, size: flo
         "elinewidth": 0.8 if few else 0.5,
         "alpha": (0.9 if few else 0.45) * (1.0 if angled else 0.5),
         "zorder": 4,
-        "rasterized": len(rows) > MANY,
+        "rasterized": len(rows) > PIXELS,
     }
     axes.errorbar(x, y, yerr=np.where(np.isfinite(error), error, 0.0), **bars)
     if np.isfinite(across).any():
@@ -259,7 +261,7 @@ def _markers(
             mec=look.colour,
             mew=0.9 if size > 2.5 else 0.6,
             alpha=alpha,
-            rasterized=len(rows) > MANY,
+            rasterized=len(rows) > PIXELS,
             zorder=5,
         )
 

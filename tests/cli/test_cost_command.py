@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pandas as pd
@@ -48,6 +49,21 @@ def test_contact_laws_and_precisions_stand_beside_one_another(cli):
     }
 
 
+def test_json_is_all_that_is_printed(cli):
+    found = cli(*CROSS, "--tails", "student-t", "--json", "--out", "out")
+    assert (found.returncode, found.stderr) == (0, "")
+    content = json.loads(found.stdout)
+    assert content["schema"] == "ifrfit/cost/1"
+    assert content["input"][0]["provenance"] == "stand-in"
+    assert content["noise"]["scatter"]["tails"] == "student-t"
+    assert {row["method"] for row in content["costs"]} == {"lsq", "exact", "mcmc"}
+    (note,) = (note for note in content["notes"] if note.startswith("Profiles"))
+    assert note.endswith("are left out: they know independent Gaussian errors of the values only.")
+    table = pd.read_csv("out/cost.csv", keep_default_na=False)
+    assert table["time_s"].tolist() == pytest.approx([row["time_s"] for row in content["costs"]], rel=1e-5)
+    assert table["error"].tolist() == pytest.approx([row["error"] for row in content["costs"]], rel=1e-5)
+
+
 def test_quiet_needs_a_folder(cli):
     found = cli(*CROSS, "--quiet")
     assert found.returncode == 2
@@ -62,6 +78,15 @@ def test_quiet_needs_a_folder(cli):
         (("nix.csv",), 3, "there is neither a file nor a dataset of that name"),
         (("cross-2019", "--kind", "time"), 2, "--kind time: choose inference, physics or arithmetic."),
         (("cross-2019", "--closure", "brach"), 2, "brach"),
+        (("cross-2019", "--tails", "cauchy"), 2, "--tails cauchy: choose gaussian or student-t."),
+        (("cross-2019", "--angle-population", "0-90"), 2, "--angle-population 0-90: write it as LO,HI"),
+        (("cross-2019", "--sigma-spin", "0.1"), 2, "--sigma-spin needs --sigma-velocity"),
+        (("cross-2019", "--angle-errors", "set"), 3, "no row states an uncertainty of its angle or spin"),
+        (
+            ("cross-2019", "--closure", "maw", "--tails", "student-t"),
+            2,
+            "Closure MAW knows independent Gaussian errors of the values only: leave --tails student-t out",
+        ),
         (
             (
                 "cross-2019",

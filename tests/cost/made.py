@@ -1,10 +1,16 @@
-"""Costs that nobody had to measure."""
+"""Costs that nobody had to measure, and a posterior that nobody has to compute."""
 
 from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import stats
 
 import ifrfit
 from ifrfit.cost.inference import UNIT, Reference
 from ifrfit.cost.measured import Cost, Timing
+from ifrfit.cost.numbers import Numbers
 from ifrfit.cost.result import Costs
 
 INFERENCE = [  # method, setting, seconds, errors of mean, sd and interval
@@ -43,3 +49,12 @@ def made(data="kharaz-2001", **choices):
     about = {"physics": "at e_n = 0.98, mu = 0.0934; 2.2 to 85 degrees"}
     fit = ifrfit.fit(data, method="lsq", **choices)
     return Costs(tuple(costs), fit, Reference(1e-9, 1e-10), about, ("A note.",))
+
+
+def closed_form(problem):
+    """Mean, sd and ends of the posterior of e_t: beta in sticking is e_t + 7/5."""
+    value, sigma = problem.rows.value - 1.4, problem.sigma
+    sd = 1.0 / math.sqrt((sigma**-2).sum())
+    mean = float((value / sigma**2).sum()) * sd**2
+    law = stats.truncnorm((-1.0 - mean) / sd, (-0.4 - mean) / sd, loc=mean, scale=sd)
+    return Numbers(np.array([law.mean()]), np.array([law.std()]), law.ppf([[0.025, 0.975]])), mean, sd

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import ifrfit
 from ifrfit.cost.chains import affordable, chains_measured
@@ -17,6 +16,8 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.least_squares import least_squares
 from ifrfit.inference.posterior import explore
 from ifrfit.inference.profiling import profile_all
+
+from .made import closed_form
 
 SMALL = Extent(tolerances=(1e-1, 1e-4), replicates=(100,), steps=(10, 40), seeds=2, repeats=1, longest=30.0)
 
@@ -35,15 +36,6 @@ def far_from_bounds(impacts):
 def linear_problem(impacts, c):
     path = impacts(gamma=np.linspace(5.0, 40.0, 12), c=c, mu=5.0, sigma=0.1, noise=0.1, seed=3)
     return ifrfit.fit(path, method="lsq", fix={"e_n": 0.94, "mu": 5.0}).problem
-
-
-def closed_form(problem):
-    """Mean, sd and ends of the posterior of e_t: beta in sticking is e_t + 7/5."""
-    value, sigma = problem.rows.value - 1.4, problem.sigma
-    sd = 1.0 / math.sqrt((sigma**-2).sum())
-    mean = float((value / sigma**2).sum()) * sd**2
-    law = stats.truncnorm((-1.0 - mean) / sd, (-0.4 - mean) / sd, loc=mean, scale=sd)
-    return Numbers(np.array([law.mean()]), np.array([law.std()]), law.ppf([[0.025, 0.975]])), mean, sd
 
 
 def test_the_reference_is_the_posterior_in_closed_form(near_the_bound, far_from_bounds):

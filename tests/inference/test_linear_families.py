@@ -13,7 +13,7 @@ from ifrfit.inference.constants import make_constants
 from ifrfit.inference.optimum import objective_at
 from ifrfit.inference.problem import make_problem
 from ifrfit.inference.solve import solve
-from ifrfit.physics import get_closure
+from ifrfit.physics import CLOSURES, get_closure
 
 GAMMA = np.linspace(4.0, 86.0, 25)
 
@@ -138,3 +138,32 @@ def test_all_constants_separate_equals_fits_one_by_one(impacts):
         assert both.constants["e_t"][series].value == pytest.approx(alone.constants["e_t"].value, abs=1e-12)
         assert both.constants["mu"][series].stderr == pytest.approx(alone.constants["mu"].stderr, rel=1e-9)
     assert both.facts["global_optimum"].ok
+
+
+@pytest.mark.parametrize("closure", CLOSURES)
+@pytest.mark.parametrize(
+    "choices", [{}, {"prior": {"mu": (0.2, 0.05), "e_n": (0.9, 0.02)}}, {"fix": {"mu": 0.1}}]
+)
+def test_without_oblique_rows_every_closure_has_the_means_as_its_proven_optimum(closure, choices, tmp_path):
+    rng = np.random.default_rng(5)
+    e_n, mu = rng.normal(0.94, 0.02, 30), rng.normal(0.15, 0.05, 20)
+    lines = [f"e_n,0,{x!r},0.02" for x in e_n.tolist()] + [f"mu,60,{x!r},0.05" for x in mu.tolist()]
+    path = tmp_path / "apart.csv"
+    path.write_text("observable,gamma_deg,value,sigma\n" + "\n".join(lines))
+    problem = problem_of(path, closure, **choices)
+    found = solve(problem, problem.sigma)
+    assert found.certified
+    assert (found.gap, found.n_near) == (0.0, 1)
+
+    def best(name, values, sigma):
+        if name in choices.get("fix", {}):
+            return choices["fix"][name]
+        values, weight = list(values), [sigma**-2] * len(values)
+        if "prior" in choices:
+            mean, sd = choices["prior"][name]
+            values, weight = [*values, mean], [*weight, sd**-2]
+        return np.average(values, weights=weight)
+
+    expected = [best("e_n", e_n, 0.02), best("mu", mu, 0.05)]
+    np.testing.assert_allclose(found.theta[[0, -1]], expected, rtol=1e-12)
+    assert np.isfinite(found.extremes).all()

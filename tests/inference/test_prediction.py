@@ -104,3 +104,10 @@ def test_separate_constants_need_a_series(impacts):
     with pytest.raises(UsageError, match="no series 'c'"):
         found.predict([45.0], series="c")
     assert found.predict([80.0], series="a")["value"][0] < found.predict([80.0], series="b")["value"][0]
+
+
+def test_without_bands_the_same_values_are_all_there_is(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), fix={"e_n": 0.94})
+    whole, bare = found.predict(GAMMA), found.predict(GAMMA, bands=False)
+    assert list(bare) == ["gamma_deg", "spin_x", "spin_y", "value"]
+    np.testing.assert_array_equal(bare, whole[list(bare)])

@@ -16,7 +16,7 @@ import pytest
 
 import ifrfit
 from ifrfit.errors import DataError
-from ifrfit.inference import serialise
+from ifrfit.inference import json_text, serialise
 from ifrfit.inference.loading import from_dict, load_result
 from ifrfit.inference.result import FitResult
 from ifrfit.inference.serialise import NULL_MARK, dumps, save, to_dict
@@ -301,7 +301,7 @@ def test_saving_replaces_whole_or_not_at_all(tmp_path, monkeypatch):
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(serialise.os, "replace", fail)
+    monkeypatch.setattr(json_text.os, "replace", fail)
     with pytest.raises(OSError, match="No space left"):
         save(made.stand_in(), path)
     assert path.read_bytes() == before
@@ -475,10 +475,3 @@ def test_deep_nesting_does_not_crash(tmp_path):
     path.write_text("[" * 200_000)
     with pytest.raises(DataError, match="JSON"):
         load_result(path)
-
-
-def test_serialise_offers_reading_too():
-    assert serialise.load_result is load_result
-    assert serialise.from_dict is from_dict
-    with pytest.raises(AttributeError, match="no attribute 'other'"):
-        _ = serialise.other

@@ -30,7 +30,10 @@ def estimate(value: float | None, sd: float | None, status: Any = "determined", 
 class StubResult(FitResult):
     """A result whose bands come from a few seeded draws, not from the estimator's own code."""
 
-    def predict(self, gamma, spin_x=0.0, spin_y=0.0, *, observable="beta", series=None, degrees=True):  # type: ignore[no-untyped-def]
+    def predict(  # type: ignore[no-untyped-def]
+        self, gamma, spin_x=0.0, spin_y=0.0, *, observable="beta", series=None, degrees=True, bands=True
+    ):
+        assert bands
         rng = np.random.default_rng(1)
         center, sd = self.state.center, np.sqrt(np.diag(self.state.covariance))
         names = [name.partition("[")[0] for name in self.state.names]

@@ -9,7 +9,7 @@ from ifrfit.inference.comparison.api import weighed
 from ifrfit.inference.comparison.asking import known_to
 from ifrfit.inference.comparison.result import Comparison
 from ifrfit.inference.constants import Constant, make_constants
-from ifrfit.inference.finish import COARSE, with_posterior
+from ifrfit.inference.finish import with_posterior
 from ifrfit.inference.optimum_result import optimum_of
 from ifrfit.inference.problem import Problem, make_problem
 from ifrfit.inference.rebuilt import question
@@ -17,9 +17,13 @@ from ifrfit.inference.result import FitResult
 from ifrfit.inference.scatter.setup import with_scatter
 from ifrfit.physics.closures import Closure
 
+_TOLERANCE = 1e-2  # of the log evidence and, in sd, of the constants: no more digits are shown
+
 
 def compare_again(result: FitResult, *, loo: bool = False) -> Comparison:
-    """Weigh all closures by the impacts, constants and noise of a fit, each to a tolerance of 1e-3.
+    """Weigh all closures by the impacts, constants and noise of a fit, each to a tolerance of 1e-2.
+
+    The fits are brief: outliers, remedies and effects are not looked for.
 
     Parameters
     ----------
@@ -50,7 +54,7 @@ def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
     try:
         other = make_problem(problem.observations, closure, j, constants, result.noise.policy)
         other = with_scatter(other, problem.scatter, "exact")
-        return with_posterior(optimum_of(other, result.seed), COARSE)
+        return with_posterior(optimum_of(other, result.seed, brief=True), _TOLERANCE)
     except (UsageError, DataError) as error:
         raise type(error)(f"Closure {closure.title}: {error}") from None
 

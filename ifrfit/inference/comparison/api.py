@@ -82,8 +82,11 @@ def weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed:
     found = _cross_validated(fits, seed) if loo else {}
     if loo and not found:
         notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
+    problems = [fit.problem for fit in fits.values()]
+    if not problems[0].has_oblique:
+        notes += ("No row is of an oblique impact: e_n and mu alone say nothing of a closure.",)
     entries = _entries(fits, found)
-    plane = psi_plane([fit.problem for fit in fits.values()])
+    plane = psi_plane(problems)
     return Comparison(entries, priors, plane, verdict_of(entries, priors), notes)
 
 

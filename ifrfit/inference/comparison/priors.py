@@ -111,7 +111,11 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
     constants = tuple(
         replace(c, lower=ends[0], upper=ends[1]) if c.name == name else c for c in problem.constants
     )
+    at = np.array([fit.least_squares.optimum.theta[problem.names.index(label)] for label in labels])
+    inside = bool(((at > max(ends[0], old.lower)) & (at < min(ends[1], old.upper))).all())
+    # an optimum that neither domain cuts is where to begin in both
+    start = fit.least_squares if inside else None
     try:
-        return log_evidence(replace(problem, constants=constants), fit.law.tolerance)
+        return log_evidence(replace(problem, constants=constants), fit.law.tolerance, start)
     except (UsageError, DataError):  # a domain that this closure cannot have
         return None

@@ -9,7 +9,7 @@ from typing import Any
 
 from ifrfit.inference.comparison.parts import Loo, PsiPlane, Slope
 from ifrfit.inference.comparison.result import Comparison, Entry
-from ifrfit.inference.serialise import render, write_whole
+from ifrfit.inference.json_text import render, write_whole
 from ifrfit.inference.stated import Interval
 
 SCHEMA = "ifrfit/compare/1"

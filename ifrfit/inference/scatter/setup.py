@@ -105,14 +105,18 @@ def _check_method(problem: Problem, scatter: Scatter, method: str) -> None:
             "--method lsq cannot integrate true angles out: use --method exact or mcmc with "
             f"{_said(scatter)}, or --angle-errors effective."
         )
-    free = {c.name for c in problem.constants if c.fixed is None}
-    if method == "exact" and "e_n" in free:
-        coupled = [name for name in problem.rows.names if _couples(name)]
-        if coupled:
-            raise UsageError(
-                f"--angle-errors {scatter.angles} with {', '.join(coupled)}: the true angle ties e_n to the "
-                "tangential constants, which the quadrature does not take on. Use --method mcmc, or fix e_n."
-            )
+    tied = tied_to_e_n(problem, scatter) if method == "exact" else []
+    if tied:
+        raise UsageError(
+            f"--angle-errors {scatter.angles} with {', '.join(tied)}: the true angle ties e_n to the "
+            "tangential constants, which the quadrature does not take on. Use --method mcmc, or fix e_n."
+        )
+
+
+def tied_to_e_n(problem: Problem, scatter: Scatter) -> list[str]:
+    """Observables whose true angle, integrated out, ties a free e_n to the tangential constants."""
+    free = any(c.name == "e_n" and c.fixed is None for c in problem.constants)
+    return [name for name in problem.rows.names if _couples(name)] if scatter.integrates and free else []
 
 
 def _couples(name: str) -> bool:

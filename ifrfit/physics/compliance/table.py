@@ -162,34 +162,9 @@ def _weight_slopes(v: Array) -> Array:
 
 @cache
 def compliance_table() -> Table:
-    """The table that comes with the package, computed by the memory-function solver."""
-    path = files("ifrfit.physics.compliance") / "table.csv"
-    with path.open("r", encoding="utf-8") as lines:
-        rows = np.loadtxt(lines, delimiter=",", comments="#")
-    place, chi, beta = rows[0, 1:], rows[1:, 0], rows[1:, 1:]
-    first = int(np.flatnonzero(place == 1.0)[0])
-    # two more chi by the parabola through the last three
-    beta = np.concatenate(
-        ([3.0 * (beta[0] - beta[1]) + beta[2]], beta, [3.0 * (beta[-1] - beta[-2]) + beta[-3]])
-    )
-    nodes = np.concatenate([_spline(beta[:, : first + 1]), _spline(beta[:, first:])], axis=1)
-    nodes.flags.writeable = False
+    """The table that comes with the package: the cubics through the values of table.csv beside it."""
+    path = files("ifrfit.physics.compliance") / "splines.npz"
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
+        chi, nodes, first = kept["chi"], kept["nodes"], int(kept["first"])
+    chi.flags.writeable = nodes.flags.writeable = False
     return Table(chi, nodes, first)
-
-
-def _spline(values: Array) -> Array:
-    """Cubics of the not-a-knot spline through evenly spaced nodes, (m, n) to (m, n - 1, 4).
-
-    Lowest power first. scipy has it too, but importing that takes longer than a fit.
-    """
-    n = values.shape[1]
-    system = np.diag(np.full(n, 4.0)) + np.eye(n, k=1) + np.eye(n, k=-1)
-    right = np.empty_like(values)
-    right[:, 1:-1] = 3.0 * (values[:, 2:] - values[:, :-2])
-    # equal third derivatives on both sides of the second node, and of the last but one
-    system[0, :2] = system[-1, :-3:-1] = 1.0, 2.0
-    right[:, 0] = 0.5 * (-5.0 * values[:, 0] + 4.0 * values[:, 1] + values[:, 2])
-    right[:, -1] = 0.5 * (5.0 * values[:, -1] - 4.0 * values[:, -2] - values[:, -3])
-    slope = np.linalg.solve(system, right.T).T
-    rise, low, high = np.diff(values, axis=1), slope[:, :-1], slope[:, 1:]
-    return np.stack((values[:, :-1], low, 3.0 * rise - 2.0 * low - high, low + high - 2.0 * rise), axis=-1)

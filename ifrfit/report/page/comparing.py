@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.result import FitResult
+from ifrfit.physics.observables import OBSERVABLES
 
 if TYPE_CHECKING:
     from ifrfit.inference.comparison import Comparison
 
 MOST_ROWS = 2000
+MOST_CURVED = 60  # rows that no closure is linear in: each of them is computed at every node
 MOST_CONSTANTS = 6
-LATER = "Not compared here: ifrfit report RESULT.json puts the closures side by side"
 
 
 def compared(result: FitResult) -> tuple[Comparison | None, str]:
@@ -32,6 +33,9 @@ def _too_much(result: FitResult) -> str:
     free = sum(found.status != "fixed" for found in result.flat_constants().values())
     if len(result.points) > MOST_ROWS or free > MOST_CONSTANTS:
         return f"{len(result.points)} rows and {free} free constants take long"
+    curved = int(result.points["observable"].map(lambda name: OBSERVABLES[name].kind == "curved").sum())
+    if curved > MOST_CURVED:
+        return f"{curved} rebound angles or total restitutions take long"
     scatter = result.noise.scatter
     if scatter is not None and not scatter.is_plain and result.noise.policy != "known":
         return "Such a scatter with a noise that is not known takes long"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ifrfit.errors import UsageError
 from ifrfit.inference.result import FitResult
 from ifrfit.report.page.assembly import assemble
-from ifrfit.report.page.comparing import LATER, compared
+from ifrfit.report.page.comparing import compared
 from ifrfit.report.page.html import GENERATOR, render
 from ifrfit.report.page.markdown import markdown_files
 from ifrfit.report.page.pdf import pdf
@@ -27,8 +27,9 @@ Files = Mapping[str, bytes]
 
 
 def page(result: FitResult, figure: Figure | None = None) -> str:
-    """The report of a fit just made as one HTML page; who wants the closures compared is told how."""
-    return render(assemble(result, figure=figure, without_comparison=LATER))
+    """The report of a fit just made as one HTML page, the closures compared."""
+    comparison, missing = compared(result)
+    return render(assemble(result, comparison, figure, missing))
 
 
 def report_files(result: FitResult, name: str, comparison: Comparison | None = None) -> dict[str, bytes]:

@@ -193,3 +193,13 @@ def test_student_errors_are_compared_by_their_own_evidence(data):
     assert found.entries["ifr"].log_evidence == own.fit.log_evidence
     assert found.psi_plane.reason == "it knows Gaussian errors of the values only"
     assert found.entries["ifr"].loo is not None
+
+
+def test_without_oblique_impacts_no_closure_is_told_from_another_and_the_reason_is_said():
+    data = observations("ifr", observables=("e_n", "mu"), e_t=-0.85)
+    found = compare(data, loo=False)
+    assert max(abs(entry.log_bayes_factor) for entry in found.entries.values()) < 1e-6
+    assert found.verdict.kind == "undecided"
+    assert found.notes == ("No row is of an oblique impact: e_n and mu alone say nothing of a closure.",)
+    oblique = observations("ifr", e_t=-0.85)
+    assert compare(oblique, ("f", "ifr"), loo=False, fix={"e_n": 0.9}).notes == ()

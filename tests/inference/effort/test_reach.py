@@ -17,8 +17,8 @@ from ifrfit.inference.effort.reach import UNASKED, with_effort
 from ifrfit.inference.effort.told import Effort
 from ifrfit.inference.effort.wanted import make_wanted
 from ifrfit.inference.effort.words import says
+from ifrfit.inference.loading import from_dict
 from ifrfit.inference.mcmc import Evidence
-from ifrfit.inference.serialise import from_dict
 
 SCHEMA = json.loads((Path(ifrfit.__file__).parent / "result.schema.json").read_text(encoding="utf-8"))
 CROSS = {"fix": {"e_n": 0.94}}

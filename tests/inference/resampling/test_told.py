@@ -12,7 +12,8 @@ import pytest
 
 import ifrfit
 from ifrfit import UsageError
-from ifrfit.inference.serialise import dumps, from_dict
+from ifrfit.inference.loading import from_dict
+from ifrfit.inference.serialise import dumps
 
 GAMMA = np.linspace(5.0, 85.0, 30)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from itertools import pairwise
 
 import numpy as np
@@ -177,10 +178,28 @@ def test_refused(call: dict[str, object], says: str) -> None:
         rebound_ratio(**arguments)  # type: ignore[arg-type]
 
 
-def test_the_splines_of_the_table_are_those_of_scipy() -> None:
-    """Through the values at the nodes, with the not-a-knot condition at the ends of both ranges."""
+def test_the_splines_go_through_the_values_of_the_table() -> None:
+    """The two files belong together: cubics of either range, not-a-knot at its ends, through table.csv."""
+    with (files("ifrfit.physics.compliance") / "table.csv").open(encoding="utf-8") as lines:
+        rows = np.loadtxt(lines, delimiter=",", comments="#")
     table = compliance_table()
-    for part in (table.nodes[:, : table.first], table.nodes[:, table.first :]):
-        values = np.concatenate((part[:, :, 0], part[:, -1:].sum(axis=2)), axis=1)
-        spline = CubicSpline(np.arange(values.shape[1]), values, axis=1)
-        assert np.allclose(part, spline.c[::-1].transpose(2, 1, 0), rtol=0.0, atol=1e-12)
+    assert table.chi.tolist() == rows[1:, 0].tolist()
+    assert rows[0, 1 + table.first] == 1.0
+    values = rows[1:, 1:]
+    for part, own in (
+        (table.nodes[:, : table.first], values[:, : table.first + 1]),
+        (table.nodes[:, table.first :], values[:, table.first :]),
+    ):
+        spline = CubicSpline(np.arange(own.shape[1]), own, axis=1)
+        assert np.allclose(part[1:-1], spline.c[::-1].transpose(2, 1, 0), rtol=0.0, atol=1e-14)
+    # one row more at either end, on the parabola through the next three
+    third = np.diff(table.nodes, n=3, axis=0)
+    assert np.allclose(third[[0, -1]], 0.0, atol=1e-14)
+    assert not np.allclose(third[1:-1], 0.0, atol=1e-6)
+
+
+def test_nothing_can_write_into_the_table() -> None:
+    table = compliance_table()
+    for array in (table.chi, table.nodes):
+        with pytest.raises(ValueError, match="read-only"):
+            array.flat[0] = 1.0

@@ -10,6 +10,7 @@ from collections import Counter
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 import ifrfit
@@ -251,3 +252,10 @@ def test_every_way_of_result_has_a_page(made):
         text = page(getattr(made, name)())
         counts = Counter(Elements(text).every("id"))
         assert max(counts.values()) == 1, name
+
+
+def test_many_rows_stay_in_a_page_that_can_be_sent(impacts):
+    path = impacts(gamma=np.linspace(3.0, 86.0, 2000), noise=0.05)
+    text = page(ifrfit.fit(path, fix={"e_n": 0.94}, method="lsq"))
+    assert text.count("<image") >= 5  # points of fit, residuals and closures are pixels
+    assert len(text.encode()) < 3_000_000

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import io
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
 from ifrfit.errors import UsageError
 from ifrfit.report.page import write_batch, write_report
@@ -17,7 +14,6 @@ from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Report, Sect
 from ifrfit.report.page.drawings.checks import draw_checks
 from ifrfit.report.page.html import fill
 from ifrfit.report.page.markdown import escaped, markdown_files
-from ifrfit.report.page.pdf import _figure_page, pdf
 
 KINDS = {"html": b"<!DOCTYPE html>", "md": b"<!-- ifrfit report -->", "pdf": b"%PDF-"}
 
@@ -77,16 +73,6 @@ def test_markdown_has_its_pictures_beside_it(reports):
     unescaped = [len(re.findall(r"(?<!\\)\|", row)) for row in rows]
     assert unescaped[0] == unescaped[1] == 7
     assert escaped("a|b\n<c>") == r"a\|b \<c\>"
-
-
-def test_a_pdf_has_pages_of_text_and_one_a_figure(reports):
-    report = reports("fixed")
-    content = pdf(report)
-    figures = sum(len(b.items) for s in report.sections for b in s.blocks if b.kind == "pictures")
-    pages = len(re.findall(rb"/Type /Page\b", content))
-    assert figures < pages <= figures + 8
-    assert b"/CreationDate" not in content
-    assert pdf(report) == content
 
 
 def test_names_in_a_batch_are_unique_and_safe(results):
@@ -149,23 +135,3 @@ def test_a_template_refuses_what_it_is_not_given():
 
     with pytest.raises(UndefinedError):
         fill("report.html.j2", script="")
-
-
-def test_a_legend_stays_with_its_figure_on_a_page_of_pdf():
-    from matplotlib.figure import Figure
-
-    figure = Figure((4.0, 2.0), layout="constrained")
-    figure.subplots().plot([0, 1], label="curve")
-    figure.legend(loc="outside lower center")
-    drawn = io.BytesIO()
-
-    class Pages:
-        def savefig(self, shown, bbox_inches):
-            shown.savefig(drawn, format="png", bbox_inches=bbox_inches, dpi=50)
-
-    _figure_page(Pages(), "Section", Picture("one", "One", "one", figure), "A caption.")
-    drawn.seek(0)
-    dark = np.asarray(Image.open(drawn).convert("L")) < 128
-    # heading, figure and caption lie in the upper half of the page; nothing below
-    assert dark[: dark.shape[0] // 2].any()
-    assert not dark[dark.shape[0] // 2 :].any()

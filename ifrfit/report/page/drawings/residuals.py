@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.result import FitResult
 from ifrfit.report.page.drawings.canvas import panel
-from ifrfit.report.panels import MANY, marker_size
+from ifrfit.report.panels import PIXELS, marker_size
 from ifrfit.report.ringed import ringed
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look, drawing
 
@@ -91,12 +91,12 @@ def _points(axes: Axes, result: FitResult, look: dict[str, Look], x: Array, z: A
     points = result.points
     series = points["series"].to_numpy()
     sticking = points["sticking"].map(bool).to_numpy(dtype=bool) & points["gamma_deg"].notna().to_numpy()
-    size = marker_size(len(points))
+    size, pixels = marker_size(len(points)), len(points) > PIXELS
     for name, own in look.items():
         for kind, face in ((True, "white"), (False, own.colour)):
             rows = (series == name) & (sticking == kind) & np.isfinite(x)
             style: dict[str, Any] = {"mec": own.colour, "mfc": face, "ms": size, "mew": 0.8}
-            axes.plot(x[rows], z[rows], ls="none", marker=own.marker, rasterized=len(points) > MANY, **style)
+            axes.plot(x[rows], z[rows], ls="none", marker=own.marker, rasterized=pixels, **style)
     out = ringed(result, points) & np.isfinite(x)
     axes.plot(x[out], z[out], ls="none", marker="o", ms=10, mfc="none", mec="black", mew=1.1, clip_on=False)
 

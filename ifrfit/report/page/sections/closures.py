@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import title
 from ifrfit.report.comparison_columns import CROSS_VALIDATION, criteria, cross_validated
+from ifrfit.report.comparison_figure import along_the_angle, plot
 from ifrfit.report.comparison_words import findings, prior_line
 from ifrfit.report.page.blocks import Findings, Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.material import Material
@@ -23,18 +25,28 @@ def section(material: Material) -> Section | None:
         (title(name), *(cell(comparison.entries[name]) for _, cell in columns)) for name in comparison.ranked
     )
     head = ("closure", *(name for name, _ in columns))
+    says = sentence(comparison.verdict.says)
+    picture = Picture("closures", "Closures", says, plot(comparison, titled=False))
     told = set(material.result.warnings)
     return Section(
         ANCHOR,
         TITLE,
         (
-            Paragraph(sentence(comparison.verdict.says)),
+            Paragraph(says),
             Table(prior_line(comparison), head, rows, frozenset(range(1, len(head)))),
             Pictures(
-                (Picture("closures", "Closures", sentence(comparison.verdict.says), comparison.plot()),),
-                f"{stand_in_words(material.result)}Data with the best curve of each closure, the residuals "
-                "of each in units of its own sigma, and log Bayes factors against the best.",
+                (picture,),
+                f"{stand_in_words(material.result)}{_caption(comparison)}",
             ),
             Findings(tuple(item for item in findings(comparison) if item[1] not in told)),
         ),
+    )
+
+
+def _caption(comparison: Comparison) -> str:
+    if not along_the_angle(comparison):
+        return "Log Bayes factors against the best."
+    return (
+        "Data with the best curve of each closure, the residuals of each in units of its own sigma, and log "
+        "Bayes factors against the best."
     )

@@ -1,0 +1,34 @@
+"""Plain values as strict JSON that can be read, and text files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import uuid
+from pathlib import Path
+from typing import Any
+
+
+def render(value: Any, depth: int = 0) -> str:
+    """Plain values as text: objects over many lines, lists of numbers on one: points stay readable."""
+    pad = "  " * (depth + 1)
+    if isinstance(value, dict) and value:
+        lines = [f"{pad}{_dump(key)}: {render(item, depth + 1)}" for key, item in value.items()]
+        return "{\n" + ",\n".join(lines) + "\n" + "  " * depth + "}"
+    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        return "[\n" + ",\n".join(pad + render(item, depth + 1) for item in value) + "\n" + "  " * depth + "]"
+    return _dump(value)
+
+
+def _dump(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def write_whole(text: str, path: Path) -> None:
+    """Write a text file that appears whole or not at all."""
+    fresh = path.with_name(f".{path.name}-{uuid.uuid4().hex[:12]}.new")
+    try:
+        fresh.write_text(text, encoding="utf-8", newline="\n")
+        os.replace(fresh, path)  # noqa: PTH105
+    finally:
+        fresh.unlink(missing_ok=True)

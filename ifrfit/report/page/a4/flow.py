@@ -1,0 +1,142 @@
+"""A report as what stands on sheets one after another: paragraphs, tables, rows of figures."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from reportlab.platypus import BaseDocTemplate, CondPageBreak, Frame, KeepTogether, PageTemplate, Spacer
+
+from ifrfit.report.page.a4 import look
+from ifrfit.report.page.a4.kept import Kept
+from ifrfit.report.page.a4.look import said
+from ifrfit.report.page.a4.pictures import Place, Row, rows_of
+from ifrfit.report.page.a4.tables import drawn
+from ifrfit.report.page.blocks import (
+    Block,
+    Code,
+    Findings,
+    Pairs,
+    Paragraph,
+    Pictures,
+    Report,
+    Section,
+    Table,
+)
+
+BETWEEN = " · "
+FEW = 12  # rows of a table that is not cut
+_BEGINNING = 70.0  # points of a longer table that stand under its caption at least
+_HEADING = 30.0  # points of a heading
+
+
+@dataclass(frozen=True)
+class Group:
+    """What stands together.
+
+    Attributes
+    ----------
+    parts : tuple
+        Flowables.
+    room : float or None
+        Points of its beginning that are not cut; None: it is not cut at all.
+    """
+
+    parts: tuple[Any, ...]
+    room: float | None = None
+
+    def under(self, heading: Any) -> Group:
+        """The same with its heading, which is never the last thing on a sheet."""
+        return Group((heading, *self.parts), None if self.room is None else self.room + _HEADING)
+
+    def flowables(self) -> list[Any]:
+        """For the sheets."""
+        if any(isinstance(part, Row) for part in self.parts):
+            return [Kept(self.parts)]
+        if self.room is None:
+            return [KeepTogether(list(self.parts))] if len(self.parts) > 1 else list(self.parts)
+        return [CondPageBreak(self.room), *self.parts]
+
+
+def sheets(report: Report) -> tuple[bytes, list[Place]]:
+    """The sheets without their figures, and where these belong.
+
+    Returns
+    -------
+    bytes
+        A PDF, the same on every run.
+    list of Place
+    """
+    look.fonts()
+    places: list[Place] = []
+    parts = list(_top(report))
+    for section in report.sections:
+        for group in _section(section, places):
+            parts += group.flowables()
+    parts += [
+        Spacer(0.0, 6.0),
+        said(", ".join(f"{name} {text}" for name, text in report.made.items()), look.CAPTION),
+    ]
+    buffer = io.BytesIO()
+    _Sheets(buffer, report).build(parts)
+    return buffer.getvalue(), places
+
+
+class _Sheets(BaseDocTemplate):  # type: ignore[misc]
+    """Sheets of A4 with a foot, and an outline of the headings."""
+
+    def __init__(self, buffer: io.BytesIO, report: Report) -> None:
+        # invariant: neither times nor chance
+        super().__init__(buffer, pagesize=look.PAGE, invariant=1, pageCompression=1)
+        frame = Frame(look.MARGIN, look.FOOT, look.WIDTH, look.HEIGHT, 0, 0, 0, 0)
+        self.addPageTemplates(PageTemplate("sheet", [frame], onPage=self._foot))
+        loud = [badge.text for badge in report.badges if badge.tone in ("look", "stand-in")]
+        self.name = BETWEEN.join([report.title, *loud])
+
+    def _foot(self, canvas: Any, _document: Any) -> None:
+        canvas.setFont(look.PLAIN, look.SMALL)
+        canvas.drawString(look.MARGIN, 0.6 * look.FOOT, self.name)
+        canvas.drawRightString(look.MARGIN + look.WIDTH, 0.6 * look.FOOT, str(canvas.getPageNumber()))
+
+    def afterFlowable(self, flowable: Any) -> None:  # noqa: N802
+        """Put a heading into the outline."""
+        look.outlined(self.canv, flowable)
+
+
+def _top(report: Report) -> Iterator[Any]:
+    yield said(report.title, look.TITLE)
+    yield said(BETWEEN.join(badge.text for badge in report.badges), look.LOUD)
+    for sentence in report.verdict:
+        yield said(sentence, look.VERDICT)
+
+
+def _section(section: Section, places: list[Place]) -> Iterator[Group]:
+    """Nothing where a section has only what sheets cannot show."""
+    heading = said(section.title, look.HEADING)
+    for number, group in enumerate(group for block in section.blocks for group in _groups(block, places)):
+        yield group if number else group.under(heading)
+
+
+def _groups(block: Block, places: list[Place]) -> Iterator[Group]:
+    if isinstance(block, Paragraph):
+        loud = block.tone in ("look", "stand-in")
+        lead = "LOOK  " if block.tone == "look" else ""
+        yield Group((said(lead + block.text, look.LOUD if loud else look.BODY),))
+    elif isinstance(block, Findings):
+        for kind, sentence in block.items:
+            yield Group((said(sentence, look.LOUD_ITEM if kind == "LOOK" else look.ITEM, mark=kind),))
+    elif isinstance(block, Pairs):
+        for name, text in block.items:
+            yield Group((said(f"{name}: {text}", look.PAIR),))
+    elif isinstance(block, Code):
+        yield Group((said(block.words, look.BODY), said(block.text, look.CODE)))
+    elif isinstance(block, Table):
+        caption = said(block.caption, look.CAPTION)
+        yield Group((caption, drawn(block)), None if len(block.rows) <= FEW else _BEGINNING)
+    elif isinstance(block, Pictures):
+        *before, last = rows_of(block.items, places)
+        for row in before:
+            yield Group((row,))
+        yield Group((last, said(block.caption, look.CAPTION)))

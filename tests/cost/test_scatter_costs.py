@@ -1,0 +1,128 @@
+"""Which method is measured under which scatter, and against what."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ifrfit.cost.api import measure_costs
+from ifrfit.cost.beginning import beginning
+from ifrfit.cost.inference import QUICK, Extent, inference_costs
+from ifrfit.cost.numbers import largest_errors, of_law
+from ifrfit.cost.setting import setting_of
+from ifrfit.errors import DataError, UsageError
+from ifrfit.inference import fit
+from ifrfit.inference.posterior import explore
+
+from .made import closed_form
+
+SMALL = Extent(tolerances=(1e-1, 1e-2), replicates=(100,), steps=(10,), seeds=2, repeats=1, longest=60.0)
+FIX = {"e_n": 0.94}
+ALL = {"lsq", "profile", "bootstrap", "exact", "mcmc"}
+PLAIN_ONLY = "Profiles and replicates are left out: they know independent Gaussian errors of the values only."
+
+
+@pytest.fixture
+def path(impacts):
+    return impacts(gamma=np.linspace(5.0, 80.0, 12), c=-0.8, sigma=0.05, noise=0.05, seed=3)
+
+
+@pytest.mark.parametrize(
+    ("scatter", "methods", "notes"),
+    [  # as in the table of docs/noise.md
+        ({"tails": "student-t"}, {"lsq", "exact", "mcmc"}, {PLAIN_ONLY}),
+        ({"angle_errors": "effective", "sigma_gamma": 1.0}, {"lsq", "exact", "mcmc"}, {PLAIN_ONLY}),
+        (
+            {"angle_errors": "set", "sigma_gamma": 1.0},
+            {"exact", "mcmc"},
+            {PLAIN_ONLY, "Least squares are left out: they cannot integrate true angles out."},
+        ),
+        ({"sigma_velocity": 0.05, "sigma_spin": 0.05}, ALL, set()),
+    ],
+    ids=["student-t", "effective", "set", "propagated"],
+)
+def test_a_method_that_does_not_know_the_scatter_is_left_out(path, scatter, methods, notes):
+    found = beginning(path, fix=FIX, **scatter)
+    measured = inference_costs(found.problem, extent=SMALL)
+    assert {cost.method for cost in measured.costs} == methods
+    assert set(measured.notes) == notes
+    assert all(cost.error < 0.5 for cost in measured.costs if cost.method == "exact")
+
+
+def test_the_reference_under_a_scatter_that_hardly_differs_is_the_plain_one(impacts):
+    """Sticking does not depend on the angle: true angles integrated out leave the closed form."""
+    path = impacts(gamma=np.linspace(5.0, 40.0, 12), c=-0.7, mu=5.0, sigma=0.1, noise=0.1, seed=3)
+    fix = {"e_n": 0.94, "mu": 5.0}
+    right, _, _ = closed_form(fit(path, method="lsq", fix=fix).problem)
+    for scatter in ({"angle_errors": "set", "sigma_gamma": 0.1}, {"tails": "student-t", "dof": 1e6}):
+        problem = beginning(path, fix=fix, **scatter).problem
+        found = of_law(problem, explore(problem, 1e-3))
+        assert max(largest_errors([found], right).values()) < 2e-3
+    # the control: heavy tails make another posterior
+    problem = beginning(path, fix=fix, tails="student-t").problem
+    assert max(largest_errors([of_law(problem, explore(problem, 1e-3))], right).values()) > 0.1
+
+
+def test_the_noise_of_an_integrated_scatter_is_as_in_a_fit(impacts):
+    """One unknown noise becomes a factor with the prior of the noise, by either road."""
+    path = impacts(gamma=np.linspace(5.0, 80.0, 12), noise=0.05, sigma=None, seed=3)
+    own = beginning(path, fix=FIX, angle_errors="set", sigma_gamma=1.0).problem
+    through_fit = fit(path, method="lsq", fix=FIX, angle_errors="effective", sigma_gamma=1.0).problem
+    assert own.noise == through_fit.noise == "scaled"
+    assert own.noise_bounds == through_fit.noise_bounds
+    assert own.sigma.tolist() == through_fit.sigma.tolist()
+
+
+def test_angles_that_tie_e_n_leave_no_reference(impacts):
+    path = impacts(gamma=np.linspace(5.0, 80.0, 12), observables=("mu_app",), sigma=0.05, noise=0.05)
+    scatter = {"angle_errors": "set", "sigma_gamma": 1.0}
+    with pytest.raises(
+        UsageError, match=r"so there is no exact posterior to measure errors against\. Fix e_n"
+    ):
+        beginning(path, **scatter)
+    assert beginning(path, posterior=False, **scatter).method == "lsq"
+    assert beginning(path, fix=FIX, **scatter).problem.scatter.integrates
+
+
+def test_errors_of_a_scatter_name_the_scatter_that_was_asked_for(path):
+    scatter = {"angle_errors": "set", "sigma_gamma": 1.0}
+    with pytest.raises(UsageError, match=r"Closure MAW knows independent Gaussian.*--angle-errors set out"):
+        beginning(path, closure="maw", **scatter)
+    with pytest.raises(DataError, match="--angle-errors set, but no row states an uncertainty of its angle"):
+        beginning(path, fix=FIX, angle_errors="set")
+    with pytest.raises(UsageError, match="--angle-errors measured needs --angle-population"):
+        measure_costs(path, fix=FIX, angle_errors="measured", sigma_gamma=1.0)
+
+
+def test_where_every_method_takes_too_long_nothing_is_claimed(path, monkeypatch):
+    problem = beginning(path, fix=FIX, angle_errors="set", sigma_gamma=1.0).problem
+    hasty = Extent((1e-1,), (50,), (10**9,), seeds=1, repeats=1, longest=0.5, reference=0.0)
+    with pytest.raises(UsageError, match=r"takes longer on these data than 0\.5 s: choose --kind physics"):
+        inference_costs(problem, extent=hasty)
+    monkeypatch.setattr("ifrfit.cost.inference.affordable", lambda *_: ())
+    monkeypatch.setattr("ifrfit.cost.inference.foreseen", lambda *_: math.inf)
+    with pytest.raises(UsageError, match=r"than 0\.7 s: leave --quick out, or choose --kind physics"):
+        inference_costs(problem, extent=QUICK)
+
+
+def test_contact_laws_stand_at_constants_that_the_notes_own_up_to(path):
+    choices = {"fix": FIX, "angle_errors": "set", "sigma_gamma": 1.0}
+    setting = setting_of(beginning(path, **choices), path, choices)
+    plain = setting_of(fit(path, method="lsq", fix=FIX), path, {"fix": FIX})
+    by_slope = fit(path, method="lsq", fix=FIX, angle_errors="effective", sigma_gamma=1.0)
+    assert setting.constants["mu"] == pytest.approx(by_slope.constants["mu"].value, rel=1e-6)
+    assert setting.constants["mu"] != plain.constants["mu"]
+    assert setting.constants["chi"] == plain.constants["chi"]
+    assert setting.notes[:2] == (
+        "The constants at which contact laws and precisions are measured are those of effective variance: "
+        "least squares cannot integrate true angles out.",
+        "chi is that of independent Gaussian errors: closure MAW knows no others.",
+    )
+
+
+def test_the_text_says_which_scatter(path):
+    found = measure_costs(path, kinds="arithmetic", quick=True, fix=FIX, tails="student-t")
+    assert "closure IFR, known noise, Student-t errors (4 degrees of freedom)" in found.summary()
+    assert found.to_dict()["noise"]["scatter"]["tails"] == "student-t"

@@ -1,0 +1,95 @@
+"""Measured costs as JSON: by the schema, and with the numbers and sentences of the table and the text."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from importlib.resources import files
+
+import jsonschema
+import pytest
+import referencing
+
+from ifrfit.cost.inference import UNIT
+from ifrfit.cost.machine import Machine
+from ifrfit.cost.measured import Cost, Timing
+from ifrfit.cost.serialise import dumps
+
+from .made import made
+
+
+@pytest.fixture(scope="module")
+def costs():
+    return made("cross-2019", fix={"e_n": 0.94})
+
+
+@pytest.fixture(scope="module")
+def schema():
+    def content(name):
+        return json.loads(files("ifrfit").joinpath(name).read_text(encoding="utf-8"))
+
+    result = referencing.Resource.from_contents(content("result.schema.json"))
+    registry = referencing.Registry().with_resources([("urn:ifrfit:result:1", result)])
+    own = content("cost.schema.json")
+    jsonschema.Draft202012Validator.check_schema(own)
+    return jsonschema.Draft202012Validator(own, registry=registry)
+
+
+def strict(text):
+    def refuse(word):
+        raise AssertionError(word)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_the_numbers_are_those_of_the_table(costs, schema):
+    content = strict(dumps(costs))
+    schema.validate(content)
+    assert content == costs.to_dict()
+    assert content["costs"] == costs.table().to_dict("records")
+
+
+def test_the_sentences_are_those_of_the_text(costs):
+    content = costs.to_dict()
+    assert list(content["kinds"]) == ["inference", "physics"]
+    for kind, told in content["kinds"].items():
+        assert tuple(told["says"]) == costs.sentences(kind)
+    assert content["kinds"]["inference"]["reference"] == {"tolerance": 1e-9, "error": 1e-10}
+    assert content["kinds"]["physics"]["at"] == costs.about["physics"]
+    assert content["notes"] == ["A note."]
+
+
+def test_whose_data_and_which_machine(costs):
+    content = costs.to_dict()
+    assert content["input"][0]["provenance"] == "stand-in"
+    assert content["warnings"][0].startswith("cross-2019 is a STAND-IN")
+    assert content["machine"]["cores"] == Machine.this().cores >= 1
+    assert content["asked"]["e_n"]["fixed"] == 0.94
+
+
+def test_an_error_that_there_is_none_of_is_null(costs, schema):
+    unknown = Cost("inference", "exact", "", "mean", Timing.of([1.0]), math.nan, UNIT)
+    content = strict(dumps(replace(costs, costs=(unknown,))))
+    schema.validate(content)
+    assert [row["error"] for row in content["costs"]] == [None]
+
+
+def test_the_schema_refuses_what_it_should(costs, schema):
+    content = costs.to_dict()
+    row = content["costs"][0]
+    for key, value in (
+        ("schema", "ifrfit/cost/2"),
+        ("kinds", {}),
+        ("costs", []),
+        ("costs", [row | {"time_s": -1.0}]),
+        ("costs", [row | {"extra": 1}]),
+        ("machine", {}),
+        ("extra", 1),
+    ):
+        assert not schema.is_valid({**content, key: value}), key
+
+
+def test_a_machine_in_words():
+    assert Machine(1, "x86_64", "Linux").words == "1 core (x86_64, Linux)"
+    assert Machine(8, "arm64", "Darwin").words == "8 cores (arm64, Darwin)"
