@@ -38,6 +38,7 @@ _NO_END = 1e-12  # the transition's scale is not followed beyond 1 less this
 _THRESHOLDS = 256  # of a distribution function, taken at once
 _GRAIN = 0.02  # sd: from a bound to where the density is taken
 _WALL = 1e-12  # mass at the end of kappa's domain above which e_n does not separate
+_CLEARLY = 1e-6  # the same on a first grid, which is not refined any further then
 
 
 @dataclass(frozen=True)
@@ -192,27 +193,33 @@ def explore(
         start = least_squares(problem)
     plan = make_plan(problem, start, tolerance, apart=True)
     found = _refined(plan, problem, tolerance, over)
-    if plan.apart and touches_wall(plan, found.quantities):
+    if found is None or (plan.apart and touches_wall(plan, found.quantities)):
         plan = make_plan(problem, start, tolerance, apart=False)
         found = _refined(plan, problem, tolerance, over)
+    assert found is not None
     return found
 
 
-def touches_wall(plan: Plan, quantities: Mapping[str, Quantity]) -> bool:
-    """Whether kappa reaches the end of its domain, where the bound of mu ties it to e_n."""
+def touches_wall(plan: Plan, quantities: Mapping[str, Quantity], mass: float = _WALL) -> bool:
+    """Whether kappa reaches the end of its domain with that mass, where the bound of mu ties it to e_n."""
     for number in set(plan.tangential):
         unknown = plan.joint.series[number].mu
         if unknown is None:
             unknown = next(s.unknown for s in plan.joint.shared if s.kind == "mu")
         assert isinstance(unknown, Unknown)
         for name in (n for n in quantities if n.startswith("kappa")):
-            if 1.0 - quantities[name].cdf(np.array([0.999 * unknown.upper]), 1)[0, 0] > _WALL:
+            if 1.0 - quantities[name].cdf(np.array([0.999 * unknown.upper]), 1)[0, 0] > mass:
                 return True
     return False
 
 
-def _refined(plan: Plan, problem: Problem, tolerance: float, over: Callable[[], bool] | None) -> Posterior:
-    """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more."""
+def _refined(
+    plan: Plan, problem: Problem, tolerance: float, over: Callable[[], bool] | None
+) -> Posterior | None:
+    """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more.
+
+    None where the plan takes e_n apart, and kappa clearly reaches the end of its domain.
+    """
     allowed = tolerance
     plan.joint.scout(_NOTHING * tolerance)
     if plan.joint.size() > _CHEAP and any(series.stretched for series in plan.joint.series):
@@ -231,6 +238,8 @@ def _refined(plan: Plan, problem: Problem, tolerance: float, over: Callable[[], 
         last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST or (over is not None and over())
         if error_evidence <= tolerance or last:
             quantities = quantities_of(plan, grid)
+            if plan.apart and touches_wall(plan, quantities, _CLEARLY):
+                return None
             error = largest_change(quantities, tolerance)
             errors.append(error)
             patience = _PATIENCE if _size(grid) > _DEAR else _PATIENT
