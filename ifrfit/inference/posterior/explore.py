@@ -38,7 +38,7 @@ _NO_END = 1e-12  # the transition's scale is not followed beyond 1 less this
 _THRESHOLDS = 256  # of a distribution function, taken at once
 _GRAIN = 0.02  # sd: from a bound to where the density is taken
 _WALL = 1e-12  # mass at the end of kappa's domain above which e_n does not separate
-_PLAINLY = 1e-6  # mass there that is no error of a coarse grid
+_CLEARLY = 1e-6  # the same on a first grid, which is not refined any further then
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def explore(
 
 
 def touches_wall(plan: Plan, quantities: Mapping[str, Quantity], mass: float = _WALL) -> bool:
-    """Whether kappa reaches the end of its domain, where the bound of mu ties it to e_n."""
+    """Whether kappa reaches the end of its domain with that mass, where the bound of mu ties it to e_n."""
     for number in set(plan.tangential):
         unknown = plan.joint.series[number].mu
         if unknown is None:
@@ -218,7 +218,7 @@ def _refined(
 ) -> Posterior | None:
     """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more.
 
-    None as soon as it is plain that e_n cannot be taken apart.
+    None where the plan takes e_n apart, and kappa clearly reaches the end of its domain.
     """
     allowed = tolerance
     plan.joint.scout(_NOTHING * tolerance)
@@ -238,7 +238,7 @@ def _refined(
         last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST or (over is not None and over())
         if error_evidence <= tolerance or last:
             quantities = quantities_of(plan, grid)
-            if plan.apart and touches_wall(plan, quantities, _PLAINLY):
+            if plan.apart and touches_wall(plan, quantities, _CLEARLY):
                 return None
             error = largest_change(quantities, tolerance)
             errors.append(error)
