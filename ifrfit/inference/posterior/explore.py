@@ -32,6 +32,7 @@ _CHEAP = 200_000  # values of the density up to which a grid is refined as a who
 _DEAR = 1_500_000  # values of the density beyond which a round is dear
 _PATIENCE, _PATIENT = 2, 8  # rounds in which the error must halve, dear ones and others
 _NOTHING = 1e-7  # share of the mass, times the tolerance, that a first look may leave out: tails can be long
+_HELPED = 0.7  # share of the error before that a round may leave
 _LARGEST = 6_000_000  # values of the density after which no finer grid is begun
 _MOST = 25_000_000  # values that would fill the memory (some 4 GB): not begun at all
 _NO_END = 1e-12  # the transition's scale is not followed beyond 1 less this
@@ -247,7 +248,7 @@ def _refined(
             if last or stuck or error <= tolerance:
                 break
         # where values are many, only what carries the error is refined beyond the tolerance, while that helps
-        helps = len(errors) < 2 or errors[-1] <= 0.5 * errors[-2]
+        helps = len(errors) < 2 or errors[-1] <= _HELPED * errors[-2]
         allowed *= 1.0 if helps else 0.1
         found = quantities if error_evidence <= tolerance else {}
         layout = plan.joint.layout()

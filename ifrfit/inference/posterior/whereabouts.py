@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ifrfit.inference.posterior import quantity as of
+from ifrfit.inference.posterior.apart import friction_apart
 from ifrfit.inference.posterior.joint import Grid
 from ifrfit.inference.posterior.of_noise import noise
-from ifrfit.inference.posterior.of_series import friction_apart, of_series
+from ifrfit.inference.posterior.of_series import of_series
 from ifrfit.inference.posterior.plan import Plan, noise_label
 from ifrfit.inference.posterior.quantity import Quantity
 from ifrfit.inference.posterior.unknown import Unknown
