@@ -223,7 +223,8 @@ def _refined(
     """
     allowed = tolerance
     plan.joint.scout(_NOTHING * tolerance)
-    if plan.joint.size() > _CHEAP and any(series.stretched for series in plan.joint.series):
+    open_ended = any(series.stretched for series in plan.joint.series)
+    if plan.joint.size() > _CHEAP and open_ended:
         plan.joint.rehearse(tolerance)
     if over is not None and over():
         raise TimeoutError
@@ -239,7 +240,7 @@ def _refined(
         last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST or (over is not None and over())
         if error_evidence <= tolerance or last:
             quantities = quantities_of(plan, grid)
-            if plan.apart and touches_wall(plan, quantities, _CLEARLY):
+            if plan.apart and open_ended and touches_wall(plan, quantities, _CLEARLY):
                 return None
             error = largest_change(quantities, tolerance)
             errors.append(error)
