@@ -251,3 +251,15 @@ def test_coverage_of_the_exact_intervals(impacts: Impacts, n: int) -> None:
         steps = np.arange(n + 1) / n
         distance = max(np.abs(ranks - steps[1:]).max(), np.abs(ranks - steps[:-1]).max())
         assert distance < np.sqrt(-0.5 * np.log(0.5e-4) / n)
+
+
+def test_separate_compliance_numbers_have_transitions_each(impacts):
+    gamma = np.linspace(4.0, 84.0, 12)
+    one = {"gamma": gamma, "closure": "maw", "mu": 0.15, "e_n": 0.9, "noise": 0.05, "sigma": 0.05}
+    path = impacts({**one, "c": 1.3, "series": "a"}, {**one, "c": 1.5, "series": "b", "seed": 1})
+    found = ifrfit.fit(path, closure="maw", fix={"e_n": 0.9}, separate="chi")
+    for series, chi in (("a", 1.3), ("b", 1.5)):
+        own = found.constants["chi"][series]
+        assert abs(own.value - chi) < 4.0 * own.stderr
+        low, high = found.derived["transition_angle_deg"][series].interval95
+        assert 20.0 < low < high < 60.0

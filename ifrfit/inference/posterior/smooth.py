@@ -2,7 +2,8 @@
 
 At a given transition the impulse factor of every row is linear in the closure constant, so the sum of squares
 of any number of rows is smooth in (e_n, c). Its polynomial by Chebyshev points is taken where it agrees with
-the rows themselves at places of every kind; its cost hardly knows the number of rows.
+the rows themselves at places of every kind. How often a row is computed then no longer depends on how fine
+the grid is in e_n and c.
 """
 
 from __future__ import annotations
@@ -90,7 +91,7 @@ def _tried(direct: Direct, e_n: Array, x: Array, c: Array, n: int, size: tuple[i
     """The polynomials of a size, where they agree with the sums all over and where these are least."""
     found = _interpolated(direct, e_n, x, c, size)
     flat = found.reshape(-1)
-    lowest = np.argpartition(flat, _LOWEST)[:_LOWEST]
+    lowest = np.argpartition(flat, min(_LOWEST, flat.size - 1))[:_LOWEST]
     places = np.concatenate((lowest, np.linspace(0, c.size - 1, _SPREAD).astype(np.intp)))
     truth = _at(direct, e_n, x, c, places)
     return found if _agrees(flat[places], truth, n) else None

@@ -105,3 +105,9 @@ def test_the_posterior_of_rebound_angles_is_the_same(monkeypatch, impacts, closu
     for name in direct.names:
         assert between_them.mean(name) == pytest.approx(direct.mean(name), abs=1e-3 * direct.sd(name))
         assert between_them.sd(name) == pytest.approx(direct.sd(name), rel=1e-3)
+
+
+def test_one_place_of_e_n_and_of_the_transition_is_a_grid_too():
+    c = np.linspace(-0.9, -0.7, 40)[None, None]
+    found = smooth.between(squares, E_N[:1], X[:1], c, ROWS.size)
+    np.testing.assert_allclose(found, squares(*np.broadcast_arrays(E_N[0], X[0], c)), rtol=1e-9)
