@@ -33,10 +33,10 @@ from scipy.optimize import least_squares as scipy_least_squares
 
 import ifrfit
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.constants import make_constants
-from ifrfit.inference.least_squares import least_squares
-from ifrfit.inference.problem import Problem, make_problem
-from ifrfit.inference.solve import solve
+from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.problem import Problem, make_problem
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.optimize.solve import solve
 from ifrfit.physics.closures import get_closure
 
 J = 0.4

@@ -10,8 +10,8 @@ from scipy.special import ndtr, ndtri
 
 import ifrfit
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.constants import make_constants
-from ifrfit.inference.problem import Problem, make_problem
+from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics.closures import get_closure
 
 Array = np.ndarray
@@ -67,7 +67,7 @@ class Scene:
 
     def start(self) -> Array:
         """theta of the least squares, where any sampler would be started."""
-        found = ifrfit.inference.least_squares.least_squares(self.problem)
+        found = ifrfit.inference.optimize.least_squares.least_squares(self.problem)
         noise = [self.sigma, SIGMA_E_N] if self.unknown_noise else []
         return np.concatenate((found.optimum.theta, np.log(noise)))
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.constants import make_constants
-from ifrfit.inference.least_squares import least_squares
+from ifrfit.inference.model.apply_error_model import with_scatter
+from ifrfit.inference.model.error_model import Scatter
+from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.problem import make_problem
+from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import explore
-from ifrfit.inference.problem import make_problem
-from ifrfit.inference.scatter import Scatter
-from ifrfit.inference.scatter.setup import with_scatter
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import get_closure
 

@@ -22,10 +22,10 @@ import numpy as np
 from local_search import Array, Local
 from random_problems import random_problem
 
-from ifrfit.inference.constants import Constant
-from ifrfit.inference.optimum import Optimum, objective_at
-from ifrfit.inference.problem import Problem
-from ifrfit.inference.solve import solve
+from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.optimum import Optimum, objective_at
+from ifrfit.inference.optimize.solve import solve
 
 Solver = Callable[[Problem, Array], Optimum]
 

@@ -11,12 +11,12 @@ from calibration_scenes import Experiment, understated_sigma, walton, without_ki
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.estimates import constants_of
-from ifrfit.inference.kappa import kappa_of
-from ifrfit.inference.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.posterior import TOLERANCE, explore
-from ifrfit.inference.profiling import profile_all
-from ifrfit.inference.stated import Estimate, Interval
+from ifrfit.inference.profile.profile_all import profile_all
+from ifrfit.inference.result.types import Estimate, Interval
+from ifrfit.inference.summary.estimates import constants_of
+from ifrfit.inference.summary.kappa import kappa_of
 
 Array = NDArray[np.float64]
 Score = tuple[float, float, float, float]  # rank of the truth, whether it is in the 50, 68, 95 % interval

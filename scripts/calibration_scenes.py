@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.constants import make_constants
-from ifrfit.inference.problem import Problem, make_problem
-from ifrfit.inference.scatter import PLAIN, Scatter
-from ifrfit.inference.scatter.setup import with_propagated_sigma, with_scatter
+from ifrfit.inference.model.apply_error_model import with_propagated_sigma, with_scatter
+from ifrfit.inference.model.error_model import PLAIN, Scatter
+from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import Closure, Coefficients, get_closure, rotational_share
 

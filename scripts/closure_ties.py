@@ -13,9 +13,9 @@ from scipy import integrate, special
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.constants import make_constants
+from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.posterior import log_evidence
-from ifrfit.inference.problem import make_problem
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import get_closure
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import leastsq
 
-from ifrfit.inference.problem import Problem
+from ifrfit.inference.model.problem import Problem
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]

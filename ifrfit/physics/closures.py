@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.compliance.law import Compliance, chi_range
-from ifrfit.physics.laws import Coefficients as Coefficients
-from ifrfit.physics.laws import Law
+from ifrfit.physics.impulse_laws import Coefficients as Coefficients
+from ifrfit.physics.impulse_laws import Law
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.result import FitResult
-from ifrfit.inference.stated import Estimate
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import OBSERVABLES
 from ifrfit.report.rounding import interval_text, places_of, spread, value_text
 

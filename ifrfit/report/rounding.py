@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ifrfit.inference.stated import Estimate, Interval
+from ifrfit.inference.result.types import Estimate, Interval
 
 MOST_PLACES = 10  # beyond this a column of zeros says less than an exponent
 FEWEST_PLACES = -5

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from html import escape
 
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.report.constants_rows import Row, table_rows
 from ifrfit.report.provenance import (
     contents,
     is_stand_in,
@@ -16,8 +17,7 @@ from ifrfit.report.provenance import (
 )
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.rounding import interval_text, places_of, spread, value_text
-from ifrfit.report.rows import Row, table_rows
-from ifrfit.report.words import findings, headline, misfit_line, model_line
+from ifrfit.report.sentences import findings, headline, misfit_line, model_line
 
 _LATEX_NAMES = {
     "e_n": "$e_n$",

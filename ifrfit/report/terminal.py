@@ -6,7 +6,8 @@ import textwrap
 from collections.abc import Callable, Sequence
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.report.constants_rows import Row, table_rows
 from ifrfit.report.provenance import (
     STAND_IN,
     contents,
@@ -17,8 +18,7 @@ from ifrfit.report.provenance import (
 )
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.rounding import ends_text, interval_text, places_of, spread, value_text
-from ifrfit.report.rows import Row, table_rows
-from ifrfit.report.words import effort_line, findings, headline, misfit_line, model_line
+from ifrfit.report.sentences import effort_line, findings, headline, misfit_line, model_line
 
 WIDTH = 100
 

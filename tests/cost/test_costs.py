@@ -10,13 +10,13 @@ import pandas as pd
 import pytest
 
 import ifrfit
-from ifrfit.cost.api import measure_costs
-from ifrfit.cost.inference import UNIT
-from ifrfit.cost.measured import Cost, Timing
-from ifrfit.cost.setting import setting_of
+from ifrfit.cost.conditions import setting_of
+from ifrfit.cost.inference_costs import UNIT
+from ifrfit.cost.measure import measure_costs
+from ifrfit.cost.report.figure import ASIDE, FRONT_LABEL
+from ifrfit.cost.report.sentences import error_text, ratio_text, seconds_text
+from ifrfit.cost.timing import Cost, Timing
 from ifrfit.errors import UsageError
-from ifrfit.report.cost_figure import ASIDE, FRONT_LABEL
-from ifrfit.report.cost_words import error_text, ratio_text, seconds_text
 
 from .made import INFERENCE, made
 

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from ifrfit.cost.api import measure_costs
-from ifrfit.cost.beginning import beginning
-from ifrfit.cost.inference import QUICK, Extent, inference_costs
-from ifrfit.cost.numbers import largest_errors, of_law
-from ifrfit.cost.setting import setting_of
+from ifrfit.cost.compared_estimates import largest_errors, of_law
+from ifrfit.cost.conditions import setting_of
+from ifrfit.cost.inference_costs import QUICK, Extent, inference_costs
+from ifrfit.cost.measure import measure_costs
+from ifrfit.cost.starting_optimum import beginning
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference import fit
+from ifrfit.inference.fit import fit
 from ifrfit.inference.posterior import explore
 
 from .made import closed_form
@@ -101,8 +101,8 @@ def test_where_every_method_takes_too_long_nothing_is_claimed(path, monkeypatch)
     hasty = Extent((1e-1,), (50,), (10**9,), seeds=1, repeats=1, longest=0.5, reference=0.0)
     with pytest.raises(UsageError, match=r"takes longer on these data than 0\.5 s: choose --kind physics"):
         inference_costs(problem, extent=hasty)
-    monkeypatch.setattr("ifrfit.cost.inference.affordable", lambda *_: ())
-    monkeypatch.setattr("ifrfit.cost.inference.foreseen", lambda *_: math.inf)
+    monkeypatch.setattr("ifrfit.cost.inference_costs.affordable", lambda *_: ())
+    monkeypatch.setattr("ifrfit.cost.inference_costs.foreseen", lambda *_: math.inf)
     with pytest.raises(UsageError, match=r"than 0\.7 s: leave --quick out, or choose --kind physics"):
         inference_costs(problem, extent=QUICK)
 

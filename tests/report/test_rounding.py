@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ifrfit.inference.stated import Estimate
+from ifrfit.inference.result.types import Estimate
 from ifrfit.report.rounding import (
     alone,
     decimals,

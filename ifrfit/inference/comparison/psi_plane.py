@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
-from ifrfit.inference.comparison.parts import PsiPlane, Slope
 from ifrfit.inference.comparison.psi_rows import (
     DIFFERENCE,
     INTERCEPT,
@@ -27,9 +26,10 @@ from ifrfit.inference.comparison.psi_rows import (
     hold,
     psi_rows,
 )
-from ifrfit.inference.piecewise import PiecewiseOptimum, PiecewiseProblem, minimise
-from ifrfit.inference.problem import Problem
-from ifrfit.inference.stated import Interval
+from ifrfit.inference.comparison.types import PsiPlane, Slope
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, PiecewiseProblem, minimise
+from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import Closure
 from ifrfit.physics.rebound import rebound
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.piecewise import PiecewiseProblem, Rows
-from ifrfit.inference.problem import Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.piecewise import PiecewiseProblem, Rows
 from ifrfit.physics.closures import rotational_share
 from ifrfit.physics.observables import OBSERVABLES
 

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ifrfit.inference.comparison.parts import PriorRow, Verdict
 from ifrfit.inference.comparison.result import Entry
-from ifrfit.inference.criticism import p_text
-from ifrfit.inference.result import FitResult
-from ifrfit.inference.stated import Interval
+from ifrfit.inference.comparison.types import PriorRow, Verdict
+from ifrfit.inference.diagnostics.lack_of_fit import p_text
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import get_closure
 
 # Kass & Raftery (1995), Journal of the American Statistical Association 90, 773: natural logarithms

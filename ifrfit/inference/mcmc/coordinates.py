@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.density import Density
-from ifrfit.inference.local import kappa_coordinates
-from ifrfit.inference.problem import Problem
-from ifrfit.inference.sampled import kappas_of
+from ifrfit.inference.distributions.draws import kappas_of
+from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.laplace import kappa_coordinates
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.least_squares import LeastSquares
-from ifrfit.inference.local import local_picture
 from ifrfit.inference.mcmc.coordinates import Coordinates
-from ifrfit.inference.optimum import Optimum
+from ifrfit.inference.optimize.laplace import local_picture
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.optimum import Optimum
 
 Array = NDArray[np.float64]
 

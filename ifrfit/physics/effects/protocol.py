@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from ifrfit.physics.effects.bounce import Bounce, Outcome
 from ifrfit.physics.effects.contact import Contact, Impacts
+from ifrfit.physics.effects.impact_state import Bounce, Outcome
 
 Stage = Literal["plane", "normal", "adhesion", "tangential", "rolling", "fluid"]
 # the one order in which effects compose

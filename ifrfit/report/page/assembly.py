@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page.blocks import Report, Section
 from ifrfit.report.page.material import Material
@@ -25,7 +25,7 @@ from ifrfit.report.page.sections import (
 )
 from ifrfit.report.page.verdict import badges, verdict
 from ifrfit.report.regimes import joined
-from ifrfit.report.words import headline
+from ifrfit.report.sentences import headline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

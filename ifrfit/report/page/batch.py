@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import FitResult
-from ifrfit.inference.stated import Estimate
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page.assembly import title
 from ifrfit.report.page.blocks import Picture
@@ -18,7 +18,7 @@ from ifrfit.report.page.verdict import verdict
 from ifrfit.report.page.writing import check_free, put, report_files
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
 from ifrfit.report.rounding import fixed, interval_text, places_of, spread, value_text
-from ifrfit.report.words import METHODS, headline
+from ifrfit.report.sentences import METHODS, headline
 
 INDEX = "index.html"
 _SAFE = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-"

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from ifrfit.inference.result import FitResult
-from ifrfit.inference.stated import Estimate
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page.blocks import Badge
 from ifrfit.report.provenance import STAND_IN, is_stand_in, kinds_of, provenance_words
 from ifrfit.report.regimes import count_impacts, has_angle, joined
 from ifrfit.report.rounding import interval_text, places_of, spread, value_text
-from ifrfit.report.words import HEADLINES, METHODS, QUIET_FACTS, headline, undetermined
+from ifrfit.report.sentences import HEADLINES, METHODS, QUIET_FACTS, headline, undetermined
 
 MOST_NAMED = 6
 VERBS = {

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ifrfit.data.observations import Observations, Source, make_table
-from ifrfit.inference.constants import make_constants
-from ifrfit.inference.problem import Problem, make_problem
+from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import get_observable, rebound
 from ifrfit.physics.closures import get_closure
 

@@ -9,7 +9,7 @@ import pytest
 from comparison_data import FOUR, observations, problem_of
 
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.comparison.priors import MU_WIDTHS, prior_of
+from ifrfit.inference.comparison.prior_sensitivity import MU_WIDTHS, prior_of
 from ifrfit.inference.posterior import log_evidence
 
 

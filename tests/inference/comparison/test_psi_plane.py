@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from ifrfit.inference.comparison.psi_plane import psi_plane
 from ifrfit.inference.comparison.psi_rows import psi_rows
-from ifrfit.inference.scatter.law import make_scatter
+from ifrfit.inference.model.error_model import make_scatter
 from ifrfit.physics.closures import CLOSURES
 
 # closure, its constant, slope of sliding, slope of sliding less that of sticking; for inertia factor J

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from posterior_questions import Question, Row, measured
 
-from ifrfit.inference.density import Density
-from ifrfit.inference.least_squares import least_squares
+from ifrfit.inference.distributions.draws import Sampled
 from ifrfit.inference.mcmc import Coordinates, starts
+from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import explore
-from ifrfit.inference.sampled import Sampled
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
 DROPS = (Row("e_n", 5.0, 0.97, 0.03),)

@@ -17,9 +17,9 @@ import pytest
 from hard_cases.cases import CASES
 from hard_cases.synthetic import TRUTH
 
+from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import Posterior, explore
-from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
 
 pytestmark = pytest.mark.long
 

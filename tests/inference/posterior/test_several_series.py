@@ -12,9 +12,9 @@ from posterior_dense import reference
 from posterior_questions import LEVELS, Question, Row, measured
 
 from ifrfit.data import combine, read
-from ifrfit.inference.constants import make_constants
+from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.posterior import explore
-from ifrfit.inference.problem import make_problem
 from ifrfit.physics import get_closure
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)

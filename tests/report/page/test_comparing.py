@@ -9,10 +9,10 @@ import pytest
 
 import ifrfit
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.scatter.law import Scatter
+from ifrfit.inference.model.error_model import Scatter
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page import assemble
-from ifrfit.report.page.comparing import compared
+from ifrfit.report.page.closure_comparison import compared
 
 
 @pytest.fixture(scope="module")

@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.intervals import disagreements
-from ifrfit.inference.result import FitResult
-from ifrfit.inference.stated import Estimate, Interval
+from ifrfit.inference.diagnostics.interval_comparison import disagreements
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate, Interval
+from ifrfit.report.constants_rows import table_rows
 from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.drawings.intervals import Span, draw_intervals
 from ifrfit.report.page.material import Material
 from ifrfit.report.regimes import transitions
 from ifrfit.report.rounding import interval_text, places_of, spread, value_text
-from ifrfit.report.rows import table_rows
-from ifrfit.report.words import METHODS, status_words
+from ifrfit.report.sentences import METHODS, status_words
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,7 +6,7 @@ from ifrfit.report.figures import plot
 from ifrfit.report.page.blocks import Block, Panel, Paragraph, Picture, Pictures, Section
 from ifrfit.report.page.explorer import payload, why_not
 from ifrfit.report.page.material import Material
-from ifrfit.report.page.wording import stand_in_words
+from ifrfit.report.page.phrases import stand_in_words
 from ifrfit.report.regimes import joined, regime_lines
 
 REGIMES = " Shaded: sticking; grey bar: where sticking turns into sliding."
