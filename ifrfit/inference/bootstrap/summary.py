@@ -89,11 +89,11 @@ def _converged(found: Bootstrap, settled: Fact) -> Fact:
 
 def _opened(local: Mapping[str, Any], found: Bootstrap) -> dict[str, Any]:
     """The local estimates, without values for what too many replicates leave open."""
-    by_name = {c.name: c for c in found.problem.constants}
+    parameters = found.problem.parameters
 
     def opened(name: str, series: str, estimate: Estimate) -> Estimate:
         label = f"{name}[{series}]" if series else name
-        whole = by_name[name].lower, by_name[name].upper
+        whole = parameters[name].lower, parameters[name].upper
         return _open(found, label, found.open.get(label, {}), estimate, whole)
 
     return {
@@ -107,7 +107,7 @@ def _opened(local: Mapping[str, Any], found: Bootstrap) -> dict[str, Any]:
 def _derived(result: FitResult, found: Bootstrap) -> dict[str, Any]:
     """The same for kappa, which is open where mu is, unless it is only that e_n was lost."""
     problem, kappa = found.problem, result.derived["kappa"]
-    separate = next(c for c in problem.constants if c.name == "mu").separate
+    separate = problem.parameters["mu"].separate
 
     def opened(number: int, estimate: Estimate) -> Estimate:
         series = problem.series[number]
@@ -139,8 +139,8 @@ def _open(
 
 def _leaves_open(problem: Problem, local: Local) -> bool:
     """Whether the data leave anything loose, but e_n and mu that only share kappa."""
-    prior_sd = np.array([c.prior_sd for c in problem.entries()])
+    prior_sd = np.array([c.prior_sd for c in problem.parameters.entries])
     loose = np.abs(local.vectors[:, ~local.seen]) > _LOADED * prior_sd[:, None]
     if only_kappa_is_seen(problem):
-        loose[sorted(set(problem.positions()["e_n"].tolist()))] = False
+        loose[sorted(set(problem.parameters.positions["e_n"].tolist()))] = False
     return bool(loose.any())

@@ -40,7 +40,7 @@ def with_posterior(result: FitResult, tolerance: float | None = None) -> FitResu
     """Put the exact posterior in the place of the local picture; the facts about the optimum stay."""
     problem = result.problem
     if tolerance is None:
-        tolerance = TOLERANCE if problem.scatter.is_plain else COARSE
+        tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
     posterior = explore(problem, start=result.least_squares, tolerance=tolerance)
     return with_explored(result, posterior, explore)
 

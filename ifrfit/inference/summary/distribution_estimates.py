@@ -10,7 +10,7 @@ import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS, Law
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import kappa_coordinates
 from ifrfit.inference.optimize.optimum import Array
@@ -37,7 +37,7 @@ def constants_from_law(problem: Problem, law: Law, local: Estimates) -> dict[str
         prior.
     """
     found: dict[str, Any] = {}
-    for constant in problem.constants:
+    for constant in problem.parameters:
         own = local[constant.name]
         if isinstance(own, Estimate):
             found[constant.name] = estimate_from_law(law, constant.name, constant, own)
@@ -49,7 +49,7 @@ def constants_from_law(problem: Problem, law: Law, local: Estimates) -> dict[str
     return found
 
 
-def estimate_from_law(law: Law, name: str, constant: Constant, local: Estimate) -> Estimate:
+def estimate_from_law(law: Law, name: str, constant: Parameter, local: Estimate) -> Estimate:
     """One constant: posterior median, mean, sd and intervals; its status by the table of statuses."""
     if local.status == "fixed":
         return local
@@ -126,11 +126,13 @@ def derived_from_law(
 def _kappa(problem: Problem, law: Law, names: list[str], series: int, local: Estimate) -> Estimate:
     if local.status == "fixed" or not names:
         return local
-    if problem.entries()[int(problem.positions()["mu"][series])].fixed == 0.0:  # whatever e_n is
+    if (
+        problem.parameters.entries[int(problem.parameters.positions["mu"][series])].fixed == 0.0
+    ):  # whatever e_n is
         return Estimate(0.0, None, (0.0, 0.0), (0.0, 0.0), "fixed", "mu (1 + e_n)")
     lower, upper = kappa_bounds(problem, series)
     found = estimate_from_law(
-        law, _own(names, problem.series[series]), Constant("kappa", lower, upper), local
+        law, _own(names, problem.series[series]), Parameter("kappa", lower, upper), local
     )
     return replace(found, reason=found.reason or local.reason)
 
@@ -191,7 +193,7 @@ def noise_from_law(problem: Problem, law: Law, local: Noise, bounds: Mapping[str
     if problem.noise == "scaled" and local.policy == "unknown":  # the factor is on a sigma of 1
         (group,) = problem.groups()
         estimates, bounds = {group: estimates[""]}, {group: bounds[""]}
-    return Noise(local.policy, sigma, estimates, dict(bounds), local.scatter)
+    return Noise(local.policy, sigma, estimates, dict(bounds), local.error_model)
 
 
 def state_from_law(problem: Problem, law: Law, state: State, drawn: Mapping[str, Array], n: int) -> State:
@@ -212,13 +214,13 @@ def in_state_coordinates(
     """Names and draws, (n, p), with kappa in the place of mu where that is one to one."""
     columns = [
         drawn[name] if name in drawn else np.full(n, entry.fixed)
-        for name, entry in zip(problem.names, problem.entries(), strict=True)
+        for name, entry in zip(problem.parameters.names, problem.parameters.entries, strict=True)
     ]
     sample = np.column_stack(columns)
     names, _, _ = kappa_coordinates(problem, sample[0])
-    places = problem.positions()
+    places = problem.parameters.positions
     for e_n, mu in {(int(e), int(m)) for e, m in zip(places["e_n"], places["mu"], strict=True)}:
-        if names[mu] != problem.names[mu]:
+        if names[mu] != problem.parameters.names[mu]:
             sample[:, mu] *= 1.0 + sample[:, e_n]
     return names, sample
 
