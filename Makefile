@@ -1,10 +1,17 @@
-# Everything works from a fresh clone: the environment is made on first use.
-PYTHON ?= python3
+# Everything works from a fresh clone: the environment is made on first use. Another Python beside it:
+# make test PYTHON=python3.14 VENV=.venv-3.14. On Windows in the shell of Git, whose sh, touch and rm are used.
+ifeq ($(OS),Windows_NT)
+    PYTHON ?= python
+    SCRIPTS = Scripts
+else
+    PYTHON ?= python3
+    SCRIPTS = bin
+endif
 VENV ?= .venv
-BIN = $(VENV)/bin
+BIN = $(VENV)/$(SCRIPTS)
 READY = $(VENV)/ready
 
-.PHONY: reproduce test lint types calibrate benchmark clean
+.PHONY: reproduce test check-fast lint types calibrate benchmark clean
 
 reproduce: $(READY)
 	$(BIN)/python scripts/reproduce_paper.py --out figures
@@ -29,9 +36,11 @@ benchmark: $(READY)
 	$(BIN)/python benchmarks/least_squares.py
 	$(BIN)/python benchmarks/cli_start.py
 
+# pip reads dependency groups from 25.1 on; the pip that comes with an older Python does not
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[dev]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --upgrade pip
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable . --group dev
 	touch $(READY)
 
 clean:
