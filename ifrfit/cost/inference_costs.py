@@ -22,7 +22,7 @@ from ifrfit.inference.accuracy.messages import power
 from ifrfit.inference.accuracy.tolerance_ladder import foreseen
 from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.batched_solver import Together
-from ifrfit.inference.distributions.draws import Sampled
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import Posterior, explore
@@ -269,7 +269,7 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
             if drawn.answered < _FEWEST:
                 notes.append("The bootstrap is left out: hardly a replicate has an answer.")
                 return
-            numbers.append(of_law(problem, Sampled.of(problem, drawn.draws)))
+            numbers.append(of_law(problem, Draws.of(problem, drawn.draws)))
             seconds.append(time.perf_counter() - begin)
         each = max(seconds) / replicates
         yield _Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds))
