@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.distributions.protocol import LEVELS, Law
+from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
@@ -67,7 +67,7 @@ def free_names(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def of_law(problem: Problem, law: Law) -> Numbers:
+def of_law(problem: Problem, law: Distribution) -> Numbers:
     """From marginals: of the exact posterior, of chains, of replicates."""
     names = free_names(problem)
     return Numbers(

@@ -18,15 +18,15 @@ from ifrfit.cost.compared_estimates import (
 )
 from ifrfit.cost.timing import Cost, Timing, in_turns
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.messages import power
 from ifrfit.inference.accuracy.tolerance_ladder import foreseen
 from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.batched_solver import Together
-from ifrfit.inference.distributions.draws import Sampled
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import Posterior, explore
 from ifrfit.inference.profile.profile_all import profile_all
+from ifrfit.text import power_of_ten
 
 UNIT = "posterior sd"
 LSQ, PROFILE, BOOTSTRAP, EXACT, MCMC = "lsq", "profile", "bootstrap", "exact", "mcmc"
@@ -211,7 +211,7 @@ def _deterministic(
         notes.append(
             "Profiles and replicates are left out: they know independent Gaussian errors of the values only."
         )
-    calls |= {(EXACT, f"tolerance {power(t)}"): _exact(problem, t) for t in ladder}
+    calls |= {(EXACT, f"tolerance {power_of_ten(t)}"): _exact(problem, t) for t in ladder}
     found = in_turns(calls, repeats=extent.repeats, enough=0.01, most=0.5 * extent.longest)
     for (method, setting), (numbers, taken) in found.items():
         yield _Answer(method, setting, (numbers,), taken)
@@ -239,12 +239,12 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
     finest, reference = tried[-1]
     if not reference.error <= WORST:
         raise UsageError(
-            f"The exact posterior of these data comes to {power(reference.error)} of an sd only: there is "
-            "nothing to measure errors against."
+            f"The exact posterior of these data comes to {power_of_ten(reference.error)} of an sd only: "
+            "there is nothing to measure errors against."
         )
     if finest != REFERENCE:
         notes.append(
-            f"Tolerances of exact below {power(finest)} are out of reach, or take longer than "
+            f"Tolerances of exact below {power_of_ten(finest)} are out of reach, or take longer than "
             f"{extent.reference:g} s: that one is the reference."
         )
     return [tolerance for tolerance, _ in tried[:-1]], reference
@@ -269,7 +269,7 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
             if drawn.answered < _FEWEST:
                 notes.append("The bootstrap is left out: hardly a replicate has an answer.")
                 return
-            numbers.append(of_law(problem, Sampled.of(problem, drawn.draws)))
+            numbers.append(of_law(problem, Draws.of(problem, drawn.draws)))
             seconds.append(time.perf_counter() - begin)
         each = max(seconds) / replicates
         yield _Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds))

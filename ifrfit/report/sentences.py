@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ifrfit.inference.accuracy.messages import says as effort_says
-from ifrfit.inference.diagnostics.lack_of_fit import p_text
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.physics.effects import EFFECTS
-from ifrfit.report.regimes import joined
-from ifrfit.report.rounding import fixed
+from ifrfit.text import fixed, joined, p_text
 
 METHODS = {
     "lsq": "least squares",

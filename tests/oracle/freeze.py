@@ -1,13 +1,14 @@
 """Write `expected.json.gz`: the results of all problems, or of those named, as they are now.
 
-    python tests/oracle/freeze.py [NAME ...]
+    python tests/oracle/freeze.py [--check] [NAME ...]
 
-prints what differs from what was frozen before, entry by entry. Whoever freezes anew says in the commit what
-differs and why it should.
+prints what differs by more than 1e-9 from what was frozen before, entry by entry, also where the test allows
+more. With --check nothing is written. Whoever freezes anew says in the commit what differs and why it should.
 """
 
 from __future__ import annotations
 
+import argparse
 import gzip
 import json
 import os
@@ -32,32 +33,37 @@ def load() -> dict[str, Any]:
     return json.loads(gzip.decompress(EXPECTED.read_bytes()))
 
 
-def freeze(names: list[str]) -> None:
-    """Solve these problems, print what differs, and write the file."""
+def freeze(names: list[str], check: bool) -> None:
+    """Solve these problems, print what differs, and write the file unless that is only to be checked."""
     former = load()
     frozen = {name: former[name] for name in BY_NAME if name in former}
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
             frozen[name] = run(BY_NAME[name], Path(folder))
         if name not in former:
-            print(f"{name}: new")
+            sys.stdout.write(f"{name}: new\n")
         for difference in differences(frozen[name], former.get(name, frozen[name])):
-            print(f"{name}: {difference}")
+            sys.stdout.write(f"{name}: {difference}\n")
     for name in former.keys() - BY_NAME.keys():
-        print(f"{name}: gone")
+        sys.stdout.write(f"{name}: gone\n")
+    if check:
+        return
     text = json.dumps(frozen, sort_keys=True, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     EXPECTED.write_bytes(gzip.compress(text.encode(), mtime=0))
 
 
 def main() -> None:
     """Freeze what the command line names."""
-    names = sys.argv[1:] or list(BY_NAME)
-    unknown = [name for name in names if name not in BY_NAME]
+    parser = argparse.ArgumentParser(description="Freeze the results of problems as they are now.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="problems; all by default")
+    parser.add_argument("--check", action="store_true", help="print what differs, write nothing")
+    asked = parser.parse_args()
+    unknown = [name for name in asked.names if name not in BY_NAME]
     if unknown:
         sys.exit(f"There is no problem {', '.join(unknown)}.")
     with tempfile.TemporaryDirectory() as none:
         os.environ["IFRFIT_DATA_DIR"] = none  # the bundled datasets, not what the user put in their place
-        freeze(names)
+        freeze(asked.names or list(BY_NAME), asked.check)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,48 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from oracle.differences import TOLERANCE
+
 Options = Mapping[str, Any]
+
+# Where the optimum is found by iteration (observables curved in the constants, closure maw, a constant that
+# ties the series), rounding decides at which step it stops. The last bit of the measured values moves such
+# results by up to 1e-8, and by up to 5e-8 where the optimum is flat as well.
+ITERATED = 1e-7
+FLAT = 1e-6
+TOLERANCES = {
+    **dict.fromkeys(("wang", "reagle-free-profile"), FLAT),
+    **dict.fromkeys(
+        (
+            "wang-free-lsq",
+            "reagle",
+            "hashemnia-maw",
+            "maw",
+            "maw-fixed-chi",
+            "maw-profile",
+            "maw-separate",
+            "separate-e_n",
+            "separate-mu-prior",
+            "beta_tot",
+            "beta_tot-free",
+            "beta_tot-unknown",
+            "lambda",
+            "delta",
+            "delta-unknown",
+            "delta-profile",
+            "psi-after",
+            "mcmc-delta",
+            "mcmc-maw",
+            "bootstrap-delta",
+            "compare-maw",
+        ),
+        ITERATED,
+    ),
+}
+
+# Entries that hang on a rounding and are not compared. In netl-lsq nothing is known of e_t, and its local
+# Gaussian is centred on its bound: the tail that a draw is taken from is the sign of a zero.
+UNSTABLE: Mapping[str, tuple[str, ...]] = {"netl-lsq": ("draws.e_t",)}
 
 # curves with bands that are asked of a fit
 BETA = {"gamma": [10.0, 30.0, 50.0, 70.0], "observable": "beta"}
@@ -40,6 +81,16 @@ class Problem:
     intervals: bool = False
     quick: bool = False
 
+    @property
+    def tolerance(self) -> float:
+        """Of its numbers, relative or in units of their natural scale."""
+        return TOLERANCES.get(self.name, TOLERANCE)
+
+    @property
+    def unstable(self) -> tuple[str, ...]:
+        """Entries that are not compared."""
+        return UNSTABLE.get(self.name, ())
+
 
 def fit(
     name: str,
@@ -70,14 +121,28 @@ DATASETS = (
     fit("kharaz-known", "kharaz-2001", fix={"e_n": 0.98}, noise="known", gamma_min=15.0),
     fit("kharaz-psi", "kharaz-2001", fix={"e_n": 0.98}, observable="psi_out_deg"),
     fit(
-        "kharaz-independent", "kharaz-2001", fix={"e_n": 0.98}, series=("kratos", "mfix"), separate="mu",
-        observable="beta_cm", independent=True, method="lsq", predict={**BETA, "series": "mfix"},
-    ),  # fmt: skip
+        "kharaz-independent",
+        "kharaz-2001",
+        fix={"e_n": 0.98},
+        series=("kratos", "mfix"),
+        separate="mu",
+        observable="beta_cm",
+        independent=True,
+        method="lsq",
+        predict={**BETA, "series": "mfix"},
+    ),
     fit("netl", "netl-glass-acrylic", quick=True),
     fit("netl-lsq", "netl-glass-acrylic", method="lsq"),
     fit("cross", "cross-2019", fix={"e_n": 0.85}, predict=BETA),
-    fit("cross-separate", "cross-2019", fix={"e_n": 0.85}, observable="beta", separate="e_t",
-        series=("no spin", "spin 0.225"), predict={**BETA, "series": "spin 0.225", "spin_y": 0.225}),
+    fit(
+        "cross-separate",
+        "cross-2019",
+        fix={"e_n": 0.85},
+        observable="beta",
+        separate="e_t",
+        series=("no spin", "spin 0.225"),
+        predict={**BETA, "series": "spin 0.225", "spin_y": 0.225},
+    ),
     fit("cross-mu_app", "cross-2019", fix={"e_n": 0.85}, observable="mu_app"),
     fit("wang", "wang-2020", prior={"e_n": (0.8, 0.05)}, predict={**BETA, "observable": "delta_deg"}),
     fit("wang-free-lsq", "wang-2020", method="lsq"),
@@ -87,7 +152,7 @@ DATASETS = (
     fit("hashemnia-fr", "hashemnia-2019", closure="fr", fix={"e_n": 0.9}),
     fit("hashemnia-maw", "hashemnia-2019", closure="maw", fix={"e_n": 0.9}, method="lsq"),
     fit("two-datasets", ("buck-2017", "hashemnia-2019"), fix={"e_n": 0.95}, separate=("mu", "e_t")),
-)  # fmt: skip
+)
 
 CLOSURES = (
     fit("ifr", "table:beta-e_n", predict=BETA, intervals=True, quick=True),
@@ -101,9 +166,10 @@ CLOSURES = (
     fit("maw", "table:maw", closure="maw", predict=BETA),
     fit("maw-fixed-chi", "table:maw", closure="maw", fix={"chi": 1.44}, predict=BETA),
     fit("maw-profile", "table:maw", closure="maw", method="profile", fix={"e_n": 0.95, "chi": 1.44}),
-    fit("maw-separate", "table:maw-two-series", closure="maw", fix={"e_n": 0.95}, separate="chi",
-        method="lsq"),
-)  # fmt: skip
+    fit(
+        "maw-separate", "table:maw-two-series", closure="maw", fix={"e_n": 0.95}, separate="chi", method="lsq"
+    ),
+)
 
 NOISE = (
     fit("unknown", "table:beta-bare"),
@@ -135,7 +201,7 @@ SEPARATE = (
         method="profile",
     ),
     fit("separate-three", "table:three-series", separate="mu", fix={"e_n": 0.94}),
-    fit("shared-three", "table:three-series"),
+    fit("shared-three", "table:three-series", noise="scaled"),
 )
 
 DOMAIN = (
@@ -207,7 +273,7 @@ METHODS = (
     fit("mcmc-student-t", "table:outliers", method="mcmc", tails="student-t", max_steps=100, seed=5),
     fit("mcmc-fr", "table:fr", closure="fr", method="mcmc", max_steps=100, seed=6),
     fit("mcmc-delta", "table:delta-small", method="mcmc", max_steps=60, seed=8),
-    fit("mcmc-maw", "table:maw-few", closure="maw", method="mcmc", fix={"e_n": 0.95}, max_steps=40),
+    fit("mcmc-maw", "table:maw-few", closure="maw", method="mcmc", prior={"e_n": (0.95, 0.01)}, max_steps=40),
     fit("mcmc-angles", "table:angles-centre", method="mcmc", angle_errors="set", max_steps=40),
     fit("bootstrap-cases", "table:beta-e_n", method="bootstrap", replicates=100, predict=BETA, quick=True),
     fit("bootstrap-residual", "table:beta-e_n", method="bootstrap", resample="residual", replicates=100),
@@ -229,12 +295,15 @@ COMPARISONS = (
     Problem("compare-kharaz", "compare", "kharaz-2001", {**KHARAZ, "closures": ("ifr", "fr", "f")}),
     Problem("compare-fr", "compare", "table:fr", {"closures": ("ifr", "fr"), "seed": 1}, quick=True),
     Problem(
-        "compare-separate", "compare", "table:two-series",
+        "compare-separate",
+        "compare",
+        "table:two-series",
         {"closures": ("ifr", "ifr-contact"), "separate": "mu", "fix": {"e_n": 0.94}},
     ),
-    Problem("compare-maw", "compare", "table:maw",
-            {"closures": ("fr", "maw"), "fix": {"e_n": 0.95}, "loo": False}),
-)  # fmt: skip
+    Problem(
+        "compare-maw", "compare", "table:maw", {"closures": ("fr", "maw"), "fix": {"e_n": 0.95}, "loo": False}
+    ),
+)
 
 SIMULATIONS = (
     Problem("simulate-dust", "simulate", "dust", {"samples": 20, "seed": 1}, quick=True),
@@ -258,7 +327,16 @@ REBOUNDS = tuple(
 )
 
 PROBLEMS: tuple[Problem, ...] = (
-    *DATASETS, *CLOSURES, *NOISE, *SEPARATE, *DOMAIN, *SCATTER, *OBSERVABLES, *METHODS,
-    *COMPARISONS, *SIMULATIONS, *REBOUNDS,
-)  # fmt: skip
+    *DATASETS,
+    *CLOSURES,
+    *NOISE,
+    *SEPARATE,
+    *DOMAIN,
+    *SCATTER,
+    *OBSERVABLES,
+    *METHODS,
+    *COMPARISONS,
+    *SIMULATIONS,
+    *REBOUNDS,
+)
 BY_NAME: Mapping[str, Problem] = {problem.name: problem for problem in PROBLEMS}

@@ -87,12 +87,14 @@ def _fit(result: ifrfit.FitResult, problem: Problem) -> dict[str, Any]:
     content["predictions"] = [_table(result.predict(**asked)) for asked in problem.predict]
     if problem.intervals:
         content["intervals"] = _table(result.intervals())
-    content["summary"] = result.summary().splitlines()
+    # the time that a fit took is of the machine
+    content["summary"] = [line for line in result.summary().splitlines() if " effort: " not in line]
     return content
 
 
 def _comparison(comparison: ifrfit.Comparison) -> dict[str, Any]:
     content = _without(comparison.to_dict(), *_PASSING)
+    content["summary"] = comparison.summary().splitlines()
     for source in content["input"]:
         source.pop("descriptor", None)
         source.pop("sha256")
@@ -112,9 +114,24 @@ def _rebound(problem: Problem) -> dict[str, Any]:
     gamma = np.array([0.0, 5.0, 15.0, 30.0, 45.0, 60.0, 75.0, 85.0, 90.0])
     spins = {"none": (0.0, 0.0), "back": (0.0, 0.4), "lateral": (0.3, -0.2)}
     names = (
-        "v_x", "v_y", "v_n", "spin_x", "spin_y", "contact_x", "contact_y", "sticking", "beta", "beta_cm",
-        "beta_tot", "mu_app", "delta", "lambda_", "tan_psi_after", "mu_app_magnitude", "energy_change",
-    )  # fmt: skip
+        "v_x",
+        "v_y",
+        "v_n",
+        "spin_x",
+        "spin_y",
+        "contact_x",
+        "contact_y",
+        "sticking",
+        "beta",
+        "beta_cm",
+        "beta_tot",
+        "mu_app",
+        "delta",
+        "lambda_",
+        "tan_psi_after",
+        "mu_app_magnitude",
+        "energy_change",
+    )
     found = {}
     for name, (spin_x, spin_y) in spins.items():
         r = ifrfit.rebound(gamma, spin_x, spin_y, degrees=True, **problem.options)

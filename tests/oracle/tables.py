@@ -111,9 +111,14 @@ class Run:
     def rebound(self) -> ifrfit.Rebound:
         """What the closure says of every impact."""
         return ifrfit.rebound(
-            np.array(self.gamma), self.spin_x, self.spin_y, closure=self.closure, degrees=True,
-            inertia_factor=self.inertia_factor, **self.constants,
-        )  # fmt: skip
+            np.array(self.gamma),
+            self.spin_x,
+            self.spin_y,
+            closure=self.closure,
+            degrees=True,
+            inertia_factor=self.inertia_factor,
+            **self.constants,
+        )
 
 
 def angles(low: float, high: float, count: int) -> tuple[float, ...]:
@@ -195,7 +200,7 @@ RUNS: Mapping[str, tuple[Run, ...]] = {
     "small": (Run(SOME, {"beta": 0.03}), Run(FEW, {"e_n": 0.01})),
     "delta-small": (Run(SOME, {"delta_deg": 1.0}), Run(FEW, {"e_n": 0.01})),
     "delta-few": (Run(FEW, {"delta_deg": 1.0}),),
-    "delta": (Run(WIDE, {"delta_deg": 1.0}), Run(FEW, {"e_n": 0.01})),
+    "delta": (Run(angles(8.0, 78.0, 16), {"delta_deg": 1.0}), Run(FEW, {"e_n": 0.01})),
     "delta-bare": (Run(SOME, {"delta_deg": 1.0}, sigma=None), Run(FEW, {"e_n": 0.01}, sigma=None)),
     "mu_app": (Run(WIDE, {"mu_app": 0.006}), Run(FEW, {"e_n": 0.01})),
     "beta_tot": (Run(WIDE, {"beta_tot": 0.01}),),
@@ -224,7 +229,7 @@ RUNS: Mapping[str, tuple[Run, ...]] = {
             same_impacts=True,
             columns={"sigma_gamma_deg": "1.5"},
         ),
-    ),  # fmt: skip
+    ),
     "spins": (
         Run(SOME, {"beta": 0.02}, spin_y=0.3, columns={"sigma_spin_y": "0.05", "sigma_gamma_deg": "1"}),
     ),
@@ -235,9 +240,18 @@ RUNS: Mapping[str, tuple[Run, ...]] = {
 }
 
 COLUMNS = (
-    "series", "observable", "gamma_deg", "spin_x", "spin_y", "value", "sigma",
-    "sigma_gamma_deg", "sigma_spin_y", "impact_id", "speed_m_s",
-)  # fmt: skip
+    "series",
+    "observable",
+    "gamma_deg",
+    "spin_x",
+    "spin_y",
+    "value",
+    "sigma",
+    "sigma_gamma_deg",
+    "sigma_spin_y",
+    "impact_id",
+    "speed_m_s",
+)
 
 
 def write_table(name: str, folder: Path) -> Path:

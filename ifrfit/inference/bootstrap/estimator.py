@@ -44,7 +44,7 @@ class Bootstrap:
     scarce : str
         What there is too little of to draw from, in words; empty if there is enough.
     draws : mapping of str to ndarray
-        Constants and noises of the replicates that have an answer, by the names of `Law`.
+        Constants and noises of the replicates that have an answer, by the names of `Distribution`.
     replicates : int
     reasons : mapping of str to int
         Why replicates have no answer, and how many.
@@ -78,7 +78,7 @@ class Bootstrap:
 
     @cached_property
     def kappas(self) -> Mapping[str, Array]:
-        """Draws of kappa, by the names of `Law`."""
+        """Draws of kappa, by the names of `Distribution`."""
         return kappas_of(self.problem, self.draws)
 
 

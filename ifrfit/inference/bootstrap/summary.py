@@ -13,7 +13,7 @@ from ifrfit.inference.bootstrap.estimator import Bootstrap
 from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import FACTS, FAILED
-from ifrfit.inference.distributions.draws import Sampled
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import Local
 from ifrfit.inference.result.fit_result import FitResult
@@ -47,7 +47,7 @@ def with_draws(result: FitResult, found: Bootstrap) -> FitResult:
     warnings = result.warnings
     if found.apart:
         warnings = (*warnings, APART)
-    law = Sampled.of(problem, found.draws) if found.answered >= _FEWEST else None
+    law = Draws.of(problem, found.draws) if found.answered >= _FEWEST else None
     if law is not None:
         told = with_law(told, "bootstrap", law, converged, posterior=False)
     if law is None or _leaves_open(problem, result.least_squares.local):

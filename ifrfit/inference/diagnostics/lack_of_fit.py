@@ -16,6 +16,7 @@ from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.inference.result.types import Fact
 from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.text import p_text
 
 Array = NDArray[np.float64]
 
@@ -110,13 +111,6 @@ def _oblique_remedy(problem: Problem) -> str:
                 f"(p = {p_text(found.figures['p'])})"
             )
     return says
-
-
-def p_text(p: float) -> str:
-    """A probability as people write it."""
-    if p < 1e-300:
-        return "0, below 1e-300"
-    return f"{p:.2g}" if p >= 1e-3 else f"{p:.0e}"
 
 
 def _pure_error(problem: Problem, r: Array, dof: int) -> float | None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.diagnostics.lack_of_fit import misfit, oblique_groups, p_text
+from ifrfit.inference.diagnostics.lack_of_fit import misfit, oblique_groups
 from ifrfit.inference.diagnostics.outliers import row_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.forward import fitted_at
@@ -18,6 +18,7 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.result.types import Fact
+from ifrfit.text import p_text
 
 Array = NDArray[np.float64]
 

@@ -20,8 +20,8 @@ _COUNTED = 3400.0  # over the number of draws: some 200 of them at the density t
 
 
 @dataclass(frozen=True)
-class Sampled:
-    """Draws of the constants (and noises), read as `Law` says. Made by `Sampled.of`.
+class Draws:
+    """Draws of the constants (and noises), read as `Distribution` says. Made by `Draws.of`.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Sampled:
     values: Mapping[str, Array] = field(repr=False)
 
     @classmethod
-    def of(cls, problem: Problem, draws: Mapping[str, Array]) -> Sampled:
+    def of(cls, problem: Problem, draws: Mapping[str, Array]) -> Draws:
         """Draws of every free constant, and of noises where there are any; kappa is worked out.
 
         Parameters
@@ -124,7 +124,7 @@ class Sampled:
 
 
 def kappas_of(problem: Problem, draws: Mapping[str, Array]) -> dict[str, Array]:
-    """kappa = mu (1 + e_n) of each draw, by the names of `Law`; none where both are fixed."""
+    """kappa = mu (1 + e_n) of each draw, by the names of `Distribution`; none where both are fixed."""
     places, entries = problem.parameters.positions, problem.parameters.entries
     found: dict[str, Array] = {}
     for number in range(len(problem.series)):

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.lack_of_fit import p_text
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import RIVALS
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
 from ifrfit.inference.model.problem import Problem
 from ifrfit.physics.closures import get_closure
+from ifrfit.text import p_text
 
 _CALLED = {
     "compliance": "tangential compliance (microslip)",
