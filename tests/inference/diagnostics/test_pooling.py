@@ -78,7 +78,7 @@ def test_a_separate_constant_is_tried_shared():
     assert other["log_bayes_factor"] == pytest.approx(math.log(14.0))
     # everything else of the question stays as it was
     [(_, asked)] = fake.asked
-    assert asked.names == ("e_n", "e_t", "mu")
+    assert asked.parameters.names == ("e_n", "e_t", "mu")
     assert (asked.rows, asked.noise, asked.series) == (problem.rows, problem.noise, problem.series)
 
 
@@ -140,7 +140,7 @@ def test_shared_constants_by_name_are_tried_separate():
     fake = Fake({("mu",): 23.0})
     fact = sharing(build(), 0.0, fake, names=("mu",))
     [(_, asked)] = fake.asked
-    assert asked.names == ("e_n", "e_t", "mu[run 1]", "mu[run 2]")
+    assert asked.parameters.names == ("e_n", "e_t", "mu[run 1]", "mu[run 2]")
     assert fact.figures["direction"] == "separate"
     assert not fact.ok
     assert fact.says == (
@@ -177,7 +177,7 @@ def test_a_prior_stays_with_its_constant():
     fake = Fake({("mu",): 0.0})
     sharing(build(prior={"mu": (0.1, 0.02)}), 0.0, fake, names=("mu",))
     [(_, asked)] = fake.asked
-    assert [c.prior for c in asked.constants if c.name == "mu"] == [(0.1, 0.02)]
+    assert [c.prior for c in asked.parameters if c.name == "mu"] == [(0.1, 0.02)]
 
 
 def test_where_there_is_nothing_to_ask_nothing_is_explored():
