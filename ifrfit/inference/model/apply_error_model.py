@@ -11,9 +11,9 @@ from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.error_propagation import propagated_sigma
+from ifrfit.inference.model.noise_prior import noise_bounds
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import OBSERVABLES
 

@@ -201,7 +201,7 @@ class FitResult:
             profiles do not know.
         """
         from ifrfit.inference.diagnostics.interval_comparison import intervals
-        from ifrfit.inference.posterior import Posterior, explore
+        from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
         if self.problem is None:
             raise UsageError(
@@ -213,7 +213,9 @@ class FitResult:
                 "--intervals, or the choice of scatter."
             )
         law = self.law
-        posterior = law if isinstance(law, Posterior) else explore(self.problem, start=self.least_squares)
+        posterior = (
+            law if isinstance(law, QuadraturePosterior) else integrate(self.problem, start=self.least_squares)
+        )
         return intervals(self.problem, self.least_squares, posterior, self.profiles or None)
 
     def to_arviz(self) -> Any:
