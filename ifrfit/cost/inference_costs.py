@@ -21,7 +21,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.tolerance_ladder import foreseen
 from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.batched_solver import Together
-from ifrfit.inference.distributions.draws import Sampled
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import Posterior, explore
@@ -159,7 +159,7 @@ def inference_costs(
     DataError
         Where the noise is unknown and the data cannot tell it from the constants.
     """
-    if not problem.free.any():
+    if not problem.parameters.free.any():
         raise UsageError("Every constant is fixed: no method has anything to find. Leave out a --fix.")
     most = 3 + len(extent.tolerances) + len(extent.replicates) + len(extent.steps)
     answers: list[_Answer] = []
@@ -199,11 +199,11 @@ def _deterministic(
 ) -> Iterator[_Answer]:
     """Least squares, profiles and the exact posterior, which take turns."""
     calls: dict[tuple[str, str], Callable[[], Numbers]] = {}
-    if problem.scatter.integrates:
+    if problem.error_model.integrates:
         notes.append("Least squares are left out: they cannot integrate true angles out.")
     else:
         calls[LSQ, ""] = lambda: of_least_squares(problem, least_squares(problem))
-    if problem.scatter.is_plain:
+    if problem.error_model.is_plain:
         calls[PROFILE, ""] = lambda: of_profiles(
             problem, profile_all(problem, least_squares(problem), curves=False)
         )
@@ -252,7 +252,7 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
 
 def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
     """Cases drawn anew, with several seeds; as far as one call does not take too long."""
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         return
     each = _seconds_a_replicate(problem)
     for replicates in extent.replicates:
@@ -269,7 +269,7 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
             if drawn.answered < _FEWEST:
                 notes.append("The bootstrap is left out: hardly a replicate has an answer.")
                 return
-            numbers.append(of_law(problem, Sampled.of(problem, drawn.draws)))
+            numbers.append(of_law(problem, Draws.of(problem, drawn.draws)))
             seconds.append(time.perf_counter() - begin)
         each = max(seconds) / replicates
         yield _Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds))

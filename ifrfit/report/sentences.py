@@ -57,8 +57,8 @@ def model_line(result: FitResult) -> str:
     """Closure, method and noise in one line."""
     closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
     parts = [f"closure {closure}", _method_words(result), noise_words(result)]
-    if result.noise.scatter.words:
-        parts.append(result.noise.scatter.words)
+    if result.noise.error_model.words:
+        parts.append(result.noise.error_model.words)
     if result.inertia_factor != 0.4:
         parts.append(f"inertia factor {result.inertia_factor:.6g}")
     return ", ".join(parts)

@@ -89,7 +89,7 @@ def reference_words(reference: Reference) -> str:
 
 def _model(costs: Costs) -> str:
     fit = costs.fit
-    said = [f"closure {CLOSURES[fit.closure].title}", noise_words(fit), fit.noise.scatter.words]
+    said = [f"closure {CLOSURES[fit.closure].title}", noise_words(fit), fit.noise.error_model.words]
     return ", ".join(filter(None, said))
 
 

@@ -11,7 +11,8 @@ from scipy import special
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.inference.result.types import Fact
 from ifrfit.physics.observables import OBSERVABLES
@@ -151,7 +152,7 @@ def _smooth(problem: Problem, fit: LeastSquares, r: Array) -> float | None:
             columns.append(wide)
     if not columns:
         return None
-    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.free] / fit.sigma[:, None]
+    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free] / fit.sigma[:, None]
     own = orthonormal(jacobian)
     extra = np.concatenate(columns, axis=1)
     extra = orthonormal(extra - own @ (own.T @ extra))

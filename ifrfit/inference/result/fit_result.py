@@ -14,7 +14,7 @@ from ifrfit.data import Source
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.types import Effort
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.result.display import Display, Renderer
 from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, Noise, State
 
@@ -58,7 +58,7 @@ class FitResult(Display):
         Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
     command, seed, created, versions
         How to repeat it.
-    asked : tuple of Constant
+    asked : tuple of Parameter
         The constants as they were asked for: domain, fixed value, prior, separate or shared. Empty where the
         file that the result was read from does not say.
     effort : Effort or None
@@ -89,7 +89,7 @@ class FitResult(Display):
     command: str = ""
     created: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
-    asked: tuple[Constant, ...] = ()
+    asked: tuple[Parameter, ...] = ()
     effort: Effort | None = None
     scene: SceneOfData | None = None
     effects: tuple[EffectLine, ...] = ()
@@ -218,7 +218,7 @@ class FitResult(Display):
             raise UsageError(
                 "A result that was read from a file has no intervals to compare: fit the data again."
             )
-        if not self.noise.scatter.is_plain:
+        if not self.noise.error_model.is_plain:
             raise UsageError(
                 "Intervals are compared for independent Gaussian errors of the values only: leave out "
                 "--intervals, or the choice of scatter."

@@ -13,7 +13,7 @@ from ifrfit.inference.diagnostics.collect import at_bound
 from ifrfit.inference.diagnostics.identifiability import identifiable
 from ifrfit.inference.diagnostics.pooling import sharing
 from ifrfit.inference.diagnostics.predictive_checks import predictive
-from ifrfit.inference.distributions.protocol import Law
+from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import TOLERANCE, Posterior, explore
 from ifrfit.inference.posterior.convergence_fact import exact_converged
@@ -40,7 +40,7 @@ def with_posterior(result: FitResult, tolerance: float | None = None) -> FitResu
     """Put the exact posterior in the place of the local picture; the facts about the optimum stay."""
     problem = result.problem
     if tolerance is None:
-        tolerance = TOLERANCE if problem.scatter.is_plain else COARSE
+        tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
     posterior = explore(problem, start=result.least_squares, tolerance=tolerance)
     return with_explored(result, posterior, explore)
 
@@ -59,7 +59,7 @@ def with_explored(
 
 
 def with_law(
-    result: FitResult, method: str, law: Law, converged: Fact, *, posterior: bool = True
+    result: FitResult, method: str, law: Distribution, converged: Fact, *, posterior: bool = True
 ) -> FitResult:
     """Put a law of the constants in the place of the local picture; the facts about the optimum stay.
 
@@ -68,7 +68,7 @@ def with_law(
     result : FitResult
         Of least squares.
     method : str
-    law : Law
+    law : Distribution
     converged : Fact
     posterior : bool
         Whether the law is one: then predictive checks are made, and the prior of the noise is told.
