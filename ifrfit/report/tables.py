@@ -83,7 +83,7 @@ def latex(result: FitResult) -> str:
     return "\n".join(lines)
 
 
-def html_table(result: FitResult) -> str:
+def html(result: FitResult) -> str:
     """The findings as an HTML fragment for notebooks.
 
     Everything that comes from data is escaped; nothing is loaded from elsewhere.
