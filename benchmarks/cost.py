@@ -15,7 +15,7 @@ from typing import Any
 from _common import RESULTS, machine, put_into_readme
 
 # isort: split
-from ifrfit.cost.api import KINDS, measure_costs
+from ifrfit.cost.measure import KINDS, measure_costs
 from ifrfit.cost.result import Costs
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 
-from ifrfit.cost.balance import balance
+from ifrfit.cost.impulse_balance import balance
 from ifrfit.physics.angles import sincos
 from ifrfit.physics.kernels import rebound_many
 

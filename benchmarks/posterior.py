@@ -35,7 +35,7 @@ from posterior_scenes import TITLES, Scene, make_scene
 
 import ifrfit
 from ifrfit.errors import UsageError
-from ifrfit.inference.least_squares import least_squares
+from ifrfit.inference.optimize.least_squares import least_squares
 
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6)
 N_DRAWS = 100_000

@@ -1,8 +1,9 @@
 """Effective draws a second: our chains, lmfit's emcee wrapper, and plain vectorised emcee.
 
 All are judged alike: the least effective number of draws in the bulk over the constants, by
-`ifrfit.inference.mcmc.evidence`, over the wall time of the whole run. Ours stop by themselves, and their time
-holds the looks at the chains; the others get a fixed number of steps, of which the first fifth is discarded.
+`ifrfit.inference.mcmc.chain_diagnostics`, over the wall time of the whole run. Ours stop by themselves, and
+their time holds the looks at the chains; the others get a fixed number of steps, of which the
+first fifth is discarded.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from _common import print_table, seconds_of, verdict
 from posterior_peers import DISCARDED, EMCEE, LMFIT, emcee_chain, lmfit_chain, quietly
 from posterior_scenes import Scene, make_scene
 
-from ifrfit.inference.least_squares import least_squares
+from ifrfit.inference.optimize.least_squares import least_squares
 
 Array = np.ndarray
 
@@ -65,7 +66,7 @@ SAMPLERS: dict[str, Callable[[Scene, int], Array]] = {
 
 def speeds(key: str) -> list[Speed]:
     """All samplers on one scene, in turns, so that whatever else the machine does meets all alike."""
-    from ifrfit.inference.mcmc.evidence import effective_bulk
+    from ifrfit.inference.mcmc.chain_diagnostics import effective_bulk
 
     scene = make_scene(key)
     seconds: dict[str, list[float]] = {name: [] for name in SAMPLERS}

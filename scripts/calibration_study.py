@@ -24,7 +24,7 @@ from calibration_verdict import Array, Line, lines_of
 from in_order import in_order
 
 from ifrfit.errors import DataError
-from ifrfit.inference.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 
 ALL = SCENES | SCATTERED
 CONTROLLED = "both regimes"  # the scene in which wrong likelihoods are tried

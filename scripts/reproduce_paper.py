@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from ifrfit.cli import app
+from ifrfit.cli.main import app
 
 if __name__ == "__main__":
     app(["reproduce", *sys.argv[1:]], prog_name="reproduce_paper.py")

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ifrfit.data.descriptor import read_package
-from ifrfit.data.finding import entry
-from ifrfit.report.cases import case_named
-from ifrfit.report.paper.figure import PaperFigure
-from ifrfit.report.paper.table import PAPER
+from ifrfit.data.locations import entry
+from ifrfit.paper.cases import case_named
+from ifrfit.paper.figure import PaperFigure
+from ifrfit.paper.figures import PAPER
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "paper.md"
 

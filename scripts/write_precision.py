@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ifrfit.cost.arithmetic import DOUBLE, SINGLE, arithmetic_costs
-from ifrfit.report.precision import precision_sentences, precision_table
+from ifrfit.cost.arithmetic_costs import DOUBLE, SINGLE, arithmetic_costs
+from ifrfit.cost.report.precision import precision_sentences, precision_table
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "precision.md"
 CONSTANTS = {"e_n": 0.94, "e_t": -0.98, "mu": 0.12}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ifrfit.inference.rules import FACTS, STATUSES
+from ifrfit.inference.diagnostics.thresholds import FACTS, STATUSES
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "statuses.md"
 

@@ -6,7 +6,7 @@ import re
 import runpy
 from pathlib import Path
 
-from ifrfit.report.paper.table import OWN_E_T, PAPER
+from ifrfit.paper.figures import OWN_E_T, PAPER
 
 ROOT = Path(__file__).resolve().parent.parent
 ERRATA = (ROOT / "docs" / "errata.md").read_text(encoding="utf-8")

@@ -8,10 +8,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ifrfit.cost.front import Choice, choices_of
-from ifrfit.cost.inference import Reference
-from ifrfit.cost.measured import Cost, Kind
-from ifrfit.inference.result import FitResult
+from ifrfit.cost.inference_costs import Reference
+from ifrfit.cost.pareto_front import Choice, choices_of
+from ifrfit.cost.timing import Cost, Kind
+from ifrfit.inference.result.fit_result import FitResult
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -105,13 +105,13 @@ class Costs:
 
     def summary(self) -> str:
         """Tables, and which choice is best for which accuracy, as text for a terminal."""
-        from ifrfit.report.cost_text import summary
+        from ifrfit.cost.report.text import summary
 
         return summary(self)
 
     def sentences(self, kind: Kind) -> tuple[str, ...]:
         """Which choice is best for which accuracy."""
-        from ifrfit.report.cost_words import sentences
+        from ifrfit.cost.report.sentences import sentences
 
         return sentences(self, kind)
 
@@ -123,12 +123,12 @@ class Costs:
 
     def plot(self, kind: Kind = "inference") -> Figure:
         """Work-precision diagram of one kind: error against time, both logarithmic."""
-        from ifrfit.report.cost_figure import plot
+        from ifrfit.cost.report.figure import plot
 
         return plot(self, kind)
 
     def save(self, folder: str | Path, *, force: bool = False) -> list[str]:
         """Write cost.csv and the diagrams; the folder appears whole or not at all."""
-        from ifrfit.report.cost_folder import write_costs
+        from ifrfit.cost.report.folder import write_costs
 
         return write_costs(self, Path(folder), force=force)

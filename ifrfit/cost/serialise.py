@@ -7,9 +7,9 @@ from dataclasses import asdict
 from typing import Any
 
 from ifrfit.cost.machine import Machine
-from ifrfit.cost.measured import Kind
 from ifrfit.cost.result import Costs
-from ifrfit.inference.json_text import render
+from ifrfit.cost.timing import Kind
+from ifrfit.inference.io.json_text import render
 
 SCHEMA = "ifrfit/cost/1"
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from ifrfit.data.angular_momentum import MomentumCheck
 from ifrfit.data.catalogue import load_dataset, resolve
-from ifrfit.data.combining import combine
-from ifrfit.data.momentum import MomentumCheck
+from ifrfit.data.combination import combine
 from ifrfit.data.observations import Descriptor, Observations, Source
 from ifrfit.data.readers import read
 from ifrfit.data.replicates import average_replicates

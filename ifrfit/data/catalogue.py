@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ifrfit.data.describing import Description, numbers
+from ifrfit.data.description import Description, numbers
 from ifrfit.data.descriptor import read_package, to_descriptor, verified_data
-from ifrfit.data.finding import Entry, dataset_names, entry, meant
-from ifrfit.data.installing import install, remove
+from ifrfit.data.installation import install, remove
+from ifrfit.data.locations import Entry, dataset_names, entry, meant
 from ifrfit.data.observations import Observations
 from ifrfit.data.readers import read
 from ifrfit.errors import DataError, UsageError

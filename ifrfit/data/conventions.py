@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ifrfit.data.columns import RAW, close_names, named_role
+from ifrfit.data.column_names import RAW, close_names, named_role
 from ifrfit.data.schema import OBSERVABLES, PROVENANCES, provenance_name
 from ifrfit.data.units import UNITS, unit_name
 from ifrfit.errors import UsageError

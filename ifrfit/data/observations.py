@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ifrfit.data.momentum import MomentumCheck
+from ifrfit.data.angular_momentum import MomentumCheck
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.cells import show
-from ifrfit.data.columns import is_known
+from ifrfit.data.cell_table import show
+from ifrfit.data.column_layout import Layout
+from ifrfit.data.column_names import is_known
+from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions, parse_conventions
-from ifrfit.data.identify import identify
-from ifrfit.data.layout import Layout
-from ifrfit.data.long import read_long
+from ifrfit.data.long_table import read_long
 from ifrfit.data.observations import Observations, Source, make_table
-from ifrfit.data.pieces import Piece, uncertainty_headers
-from ifrfit.data.raw import is_raw, read_raw
+from ifrfit.data.partial_table import Piece, uncertainty_headers
+from ifrfit.data.raw_velocities import is_raw, read_raw
 from ifrfit.data.schema import OBSERVABLES, PROVENANCES, provenance_name
 from ifrfit.data.tabular import read_cells
 from ifrfit.data.validate import drop_missing, validate
-from ifrfit.data.wide import read_wide
+from ifrfit.data.wide_table import read_wide
 from ifrfit.errors import DataError, UsageError
 
 

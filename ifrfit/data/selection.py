@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.excluding import excluded
+from ifrfit.data.double_counting import count, counted_twice, shares_e_n
+from ifrfit.data.exclusion import excluded
 from ifrfit.data.observations import Observations, Source
 from ifrfit.data.schema import OBSERVABLES
-from ifrfit.data.twice import count, counted_twice, shares_e_n
 from ifrfit.errors import DataError, UsageError
 
 if TYPE_CHECKING:

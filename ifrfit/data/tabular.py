@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.data.cells import NUMBER, Cells, show
+from ifrfit.data.cell_table import NUMBER, Cells, show
 from ifrfit.errors import DataError
 
 DELIMITERS = (",", ";", "\t")

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.cells import Cells
-from ifrfit.data.pieces import Piece
+from ifrfit.data.cell_table import Cells
+from ifrfit.data.partial_table import Piece
 from ifrfit.data.schema import FREE, OBSERVABLES, SIGMA_RANGE, SPEED_RANGE, TINY, Observable
 from ifrfit.errors import DataError
 from ifrfit.physics.angles import sincos

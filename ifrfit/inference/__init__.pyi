@@ -1,10 +1,6 @@
-from .api import fit as fit
-from .comparison import Comparison as Comparison
-from .comparison import compare as compare
-from .lmfit_bridge import lmfit_model as lmfit_model
-from .loading import load_result as load_result
-from .result import FitResult as FitResult
-from .simulation import Simulation as Simulation
-from .simulation import simulate as simulate
-from .stated import Estimate as Estimate
-from .stated import Fact as Fact
+from .comparison.result import Comparison as Comparison
+from .io.lmfit import lmfit_model as lmfit_model
+from .io.read_result import load_result as load_result
+from .result.fit_result import FitResult as FitResult
+from .result.types import Estimate as Estimate
+from .result.types import Fact as Fact

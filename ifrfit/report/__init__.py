@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ifrfit.report.figures import plot
 from ifrfit.report.folder import write_folder
-from ifrfit.report.side_by_side import side_by_side
+from ifrfit.report.interval_comparison import side_by_side
 from ifrfit.report.tables import html_table
 from ifrfit.report.terminal import summary
 

@@ -7,8 +7,8 @@ import textwrap
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import FitResult
-from ifrfit.inference.stated import Estimate
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate
 from ifrfit.report import style
 from ifrfit.report.legend import Legend
 from ifrfit.report.provenance import is_stand_in

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.figures import plot
 from ifrfit.report.page.writing import page
 from ifrfit.report.style import save_figure

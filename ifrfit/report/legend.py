@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.report.outlier_marks import ringed
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import does, regime_name
-from ifrfit.report.ringed import ringed
+from ifrfit.report.sentences import METHODS
 from ifrfit.report.shading import regime_key
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look
-from ifrfit.report.words import METHODS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

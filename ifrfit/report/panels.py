@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import OBSERVABLES
+from ifrfit.report.outlier_marks import ringed
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.regimes import has_angle, transitions
-from ifrfit.report.ringed import ringed
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look, write_across
 
 if TYPE_CHECKING:

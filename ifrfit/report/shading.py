@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.result import FitResult
-from ifrfit.inference.stated import Estimate
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate
 from ifrfit.report.regimes import regime_name, transition_is_open, transition_words, transitions
 from ifrfit.report.style import GREY, STICKING_SHADE, Look
 

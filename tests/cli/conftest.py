@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from ifrfit.cli import app
+from ifrfit.cli.main import app
 
 Outcome = subprocess.CompletedProcess[str]
 

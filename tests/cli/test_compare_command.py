@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from ifrfit.cli_compare import SHARED
-from ifrfit.inference.stated import Fact
+from ifrfit.cli.compare import SHARED
+from ifrfit.inference.result.types import Fact
 
 QUICK = ("--no-loo", "--fix", "e_n=0.94", "--closure", "fr", "--closure", "ifr")
 
@@ -91,9 +92,8 @@ def test_wrong_calls_leave_nothing(cli, path, options, status, says):
 
 
 def test_strict_is_4_where_an_evidence_did_not_converge(cli, path, monkeypatch):
-    import ifrfit.inference
-
-    right = ifrfit.inference.compare
+    module = importlib.import_module("ifrfit.inference.comparison.compare")
+    right = module.compare
 
     def loose(*arguments, **options):
         found = right(*arguments, **options)
@@ -103,7 +103,7 @@ def test_strict_is_4_where_an_evidence_did_not_converge(cli, path, monkeypatch):
         return replace(found, entries={**found.entries, "fr": entry})
 
     assert cli("compare", path, *QUICK, "--strict").returncode == 0
-    monkeypatch.setattr(ifrfit.inference, "compare", loose)
+    monkeypatch.setattr(module, "compare", loose)
     found = cli("compare", path, *QUICK, "--strict")
     assert found.returncode == 4
     assert found.stderr == (

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ifrfit.data.finding import dataset_names
+from ifrfit.data.locations import dataset_names
 
 
 @pytest.fixture

@@ -50,7 +50,7 @@ def test_the_file_tells_what_was_reached(cli):
 
 def test_strict_insists_on_the_accuracy(cli, monkeypatch):
     now = iter(range(10_000))
-    monkeypatch.setattr("ifrfit.inference.effort.wanted.CLOCK", lambda: float(next(now)))
+    monkeypatch.setattr("ifrfit.inference.accuracy.request.CLOCK", lambda: float(next(now)))
     found = cli(*FIT, "--accuracy", "1e-6", "--budget", "0.5", "--strict")
     assert found.returncode == 4
     assert "the asked accuracy of 1e-6 of an sd was not reached within 0.5 s" in found.stderr

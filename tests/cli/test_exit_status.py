@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-import ifrfit.inference
-
 
 def sentence(outcome) -> str:
     """The message: on standard error alone, one or two sentences, without a traceback."""
@@ -151,7 +149,7 @@ def broken(monkeypatch):
     def fail(*_arguments: object, **_options: object) -> None:
         raise ZeroDivisionError("no such luck")
 
-    monkeypatch.setattr(ifrfit.inference, "fit", fail)
+    monkeypatch.setattr("ifrfit.inference.fit.fit", fail)
 
 
 @pytest.mark.usefixtures("broken")

@@ -55,7 +55,7 @@ TEXTS = {
 @pytest.fixture(autouse=True)
 def still(monkeypatch):
     """No time goes by for --accuracy and --budget."""
-    monkeypatch.setattr("ifrfit.inference.effort.wanted.CLOCK", lambda: 0.0)
+    monkeypatch.setattr("ifrfit.inference.accuracy.request.CLOCK", lambda: 0.0)
 
 
 @pytest.mark.parametrize("name", TEXTS)

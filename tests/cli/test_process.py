@@ -15,7 +15,7 @@ from ifrfit import __version__
 # prints, as the last line of standard error, which of the modules were imported
 _WATCH = """
 import json, sys
-from ifrfit.cli import app
+from ifrfit.cli.main import app
 try:
     app(sys.argv[2:], prog_name="ifrfit")
 finally:

@@ -88,5 +88,5 @@ def test_what_is_wrong_is_said_in_a_sentence(cli, result, arguments, status, say
 
 
 def test_help_costs_nothing(python):
-    code = "import sys, ifrfit.cli; print([m for m in ('jinja2', 'numpy') if m in sys.modules])"
+    code = "import sys, ifrfit.cli.main; print([m for m in ('jinja2', 'numpy') if m in sys.modules])"
     assert python("-c", code).stdout == "[]\n"

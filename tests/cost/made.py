@@ -8,10 +8,10 @@ import numpy as np
 from scipy import stats
 
 import ifrfit
-from ifrfit.cost.inference import UNIT, Reference
-from ifrfit.cost.measured import Cost, Timing
-from ifrfit.cost.numbers import Numbers
+from ifrfit.cost.compared_estimates import Numbers
+from ifrfit.cost.inference_costs import UNIT, Reference
 from ifrfit.cost.result import Costs
+from ifrfit.cost.timing import Cost, Timing
 
 INFERENCE = [  # method, setting, seconds, errors of mean, sd and interval
     ("lsq", "", 0.004, (1.2, 0.8, 1.0)),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from mpmath import mpf, workdps
 
-from ifrfit.cost.balance import exact_impact, impact, tangential_impulse
+from ifrfit.cost.impulse_balance import exact_impact, impact, tangential_impulse
 
 REFERENCE = Path(__file__).parents[1] / "reference" / "impacts.csv"
 COLUMNS = {"v_x": "v_x", "v_y": "v_y", "spin_x": "ROmega_x", "spin_y": "ROmega_y"}

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from ifrfit.cost import effects
-from ifrfit.cost.effects import effect_costs
-from ifrfit.inference.simulation import simulate
+from ifrfit.cost import effect_costs as effects
+from ifrfit.cost.effect_costs import effect_costs
 from ifrfit.physics.effects import compose
+from ifrfit.simulation.simulate import simulate
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 

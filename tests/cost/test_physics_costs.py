@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ifrfit.cost import physics
-from ifrfit.cost.closest import closest
-from ifrfit.cost.physics import Scene, physics_costs, scaling_doubt
+from ifrfit.cost import physics_costs as physics
+from ifrfit.cost.closest_closure import closest
+from ifrfit.cost.physics_costs import Scene, physics_costs, scaling_doubt
 from ifrfit.errors import UsageError
 from ifrfit.physics import get_closure, rebound
 from ifrfit.physics.angles import Incidence

@@ -11,10 +11,10 @@ import jsonschema
 import pytest
 import referencing
 
-from ifrfit.cost.inference import UNIT
+from ifrfit.cost.inference_costs import UNIT
 from ifrfit.cost.machine import Machine
-from ifrfit.cost.measured import Cost, Timing
 from ifrfit.cost.serialise import dumps
+from ifrfit.cost.timing import Cost, Timing
 
 from .made import made
 

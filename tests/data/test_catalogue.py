@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrfit.data import catalogue, finding, installing
-from ifrfit.data.describing import listing_lines
+from ifrfit.data import catalogue
+from ifrfit.data import installation as installing
+from ifrfit.data import locations as finding
+from ifrfit.data.description import listing_lines
 from ifrfit.data.descriptor import FIELD_NAMES, package_provenance
 from ifrfit.data.observations import SCHEMA
 from ifrfit.errors import DataError, UsageError

@@ -9,12 +9,12 @@ import re
 import pytest
 from typer.testing import CliRunner
 
-from ifrfit.cli import app
+from ifrfit.cli.main import app
 from ifrfit.data import read, template_text
-from ifrfit.data.columns import COMMON, RAW
+from ifrfit.data.column_names import COMMON, RAW
 from ifrfit.data.schema import OBSERVABLES
 from ifrfit.errors import DataError
-from ifrfit.inference.api import fit
+from ifrfit.inference.fit import fit
 
 BOTH = pytest.mark.parametrize("raw", [False, True], ids=["derived", "raw"])
 TRUTH = {"e_n": 0.94, "e_t": -0.98, "mu": 0.12}

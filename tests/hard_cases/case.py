@@ -71,7 +71,7 @@ class Told:
 
 def command(folder: Path, arguments: Sequence[str]) -> Told:
     """Run the command line in a folder, in this process."""
-    from ifrfit.cli import app
+    from ifrfit.cli.main import app
 
     before = set(folder.iterdir())
     with contextlib.chdir(folder):

@@ -12,7 +12,7 @@ from scipy.special import bdtrc, chdtrc
 import ifrfit
 from ifrfit.data import Observations, Source
 from ifrfit.data.observations import make_table
-from ifrfit.inference import fit
+from ifrfit.inference.fit import fit
 from ifrfit.physics import rebound
 
 N = 60

@@ -12,7 +12,7 @@ import pytest
 import ifrfit
 from ifrfit.errors import UsageError
 from ifrfit.inference import load_result
-from ifrfit.inference.density import Density
+from ifrfit.inference.model.log_posterior import Density
 from ifrfit.physics import get_closure, transition_angles, transition_tau
 from ifrfit.physics.compliance import chi_of, poisson_ratio
 

@@ -14,11 +14,11 @@ from scipy.special import bdtr, chdtrc
 
 from ifrfit.data.catalogue import load_dataset, printed_constants
 from ifrfit.data.descriptor import read_package
-from ifrfit.data.finding import entry
-from ifrfit.inference import fit
+from ifrfit.data.locations import entry
+from ifrfit.inference.fit import fit
+from ifrfit.paper.cases import CASES, fit_case
+from ifrfit.paper.recovered_constants import chance, held
 from ifrfit.physics import OBSERVABLES, rebound
-from ifrfit.report.cases import CASES, fit_case
-from ifrfit.report.recovered import chance, held
 
 STAND_INS = tuple(
     case for case in CASES if read_package(entry(case.dataset).bundled)["ifrfit"]["provenance"] == "stand-in"

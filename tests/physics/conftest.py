@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ifrfit.cost import balance
+from ifrfit.cost import impulse_balance as balance
 
 TEXT = ("regime", "tag", "note")
 

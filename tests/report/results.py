@@ -10,8 +10,8 @@ import pandas as pd
 
 from ifrfit.data import Descriptor, Source
 from ifrfit.data.observations import make_table
-from ifrfit.inference.result import FitResult
-from ifrfit.inference.stated import Estimate, Fact, FitStatistics, Noise, State
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate, Fact, FitStatistics, Noise, State
 from ifrfit.physics import get_closure, get_observable, rebound, transition_angles, transition_tau
 
 IFR = get_closure("ifr")

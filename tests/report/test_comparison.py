@@ -16,10 +16,10 @@ from comparison_data import FOUR, observations
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.stated import Fact
+from ifrfit.inference.result.types import Fact
 from ifrfit.report import write_folder
-from ifrfit.report.comparison_folder import write_comparison
-from ifrfit.report.comparison_words import findings, prior_line
+from ifrfit.report.comparison.findings import findings, prior_line
+from ifrfit.report.comparison.folder import write_comparison
 
 NASTY = "<b>&$ball$_1"
 

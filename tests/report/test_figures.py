@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.stated import Fact
+from ifrfit.inference.result.types import Fact
 from ifrfit.report import legend, plot
+from ifrfit.report.outlier_marks import outlier_limit, ringed
 from ifrfit.report.panels import axis_label
-from ifrfit.report.ringed import outlier_limit, ringed
 from ifrfit.report.shading import regime_key, spans
 from ifrfit.report.style import looks, save_figure
 

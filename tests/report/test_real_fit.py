@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from ifrfit.data import Observations, Source
-from ifrfit.inference import fit, load_result
+from ifrfit.inference import load_result
+from ifrfit.inference.fit import fit
 from ifrfit.report import plot, summary, write_folder
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.simulation import simulate
 from ifrfit.physics.effects import Criterion, PlanLine
 from ifrfit.physics.scenes import Quantity
-from ifrfit.report.simulation import plan_text, quantity_text
-from ifrfit.report.simulation_figure import plot
-from ifrfit.report.simulation_folder import SIMULATION, check_simulation_folder, write_simulation
+from ifrfit.report.simulation.figure import plot
+from ifrfit.report.simulation.folder import SIMULATION, check_simulation_folder, write_simulation
+from ifrfit.report.simulation.text import plan_text, quantity_text
+from ifrfit.simulation.simulate import simulate
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 
@@ -181,9 +181,9 @@ def test_the_folder_appears_whole_and_the_same_bytes_each_time(found, tmp_path):
 @pytest.fixture
 def blank(monkeypatch):
     """Figures without ink: drawing is tested elsewhere."""
-    monkeypatch.setattr("ifrfit.report.simulation_folder.plot", lambda simulation: None)
+    monkeypatch.setattr("ifrfit.report.simulation.folder.plot", lambda simulation: None)
     monkeypatch.setattr(
-        "ifrfit.report.simulation_folder.save_figure", lambda figure, path: path.write_text("blank")
+        "ifrfit.report.simulation.folder.save_figure", lambda figure, path: path.write_text("blank")
     )
 
 
@@ -203,7 +203,7 @@ def test_nothing_is_left_where_writing_fails(found, tmp_path, monkeypatch):
     def fail(*_arguments: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("ifrfit.report.simulation_folder.save_figure", fail)
+    monkeypatch.setattr("ifrfit.report.simulation.folder.save_figure", fail)
     with pytest.raises(UsageError, match="No space left"):
         write_simulation(found("lateral-spin"), tmp_path / "a" / "b", force=False)
     assert list(tmp_path.iterdir()) == []

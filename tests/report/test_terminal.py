@@ -7,10 +7,10 @@ import pytest
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
-from ifrfit.inference.stated import Estimate, Fact, Noise
+from ifrfit.inference.result.types import Estimate, Fact, Noise
 from ifrfit.report import summary
 from ifrfit.report.provenance import provenance_sentences, reference, stand_in_sentence
-from ifrfit.report.words import findings, headline
+from ifrfit.report.sentences import findings, headline
 
 FINE = """\
 impacts.csv   34 impacts, beta, measured, no sigma given

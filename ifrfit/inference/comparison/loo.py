@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.parts import Loo
-from ifrfit.inference.density import Density
+from ifrfit.inference.comparison.types import Loo
+from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import TOLERANCE, log_evidence
-from ifrfit.inference.posterior.noise import noise_bounds
-from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.posterior.noise_scale import noise_bounds
+from ifrfit.inference.result.fit_result import FitResult
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
-from ifrfit.inference.comparison.parts import PsiPlane, Slope
 from ifrfit.inference.comparison.psi_rows import (
     DIFFERENCE,
     INTERCEPT,
@@ -27,9 +26,10 @@ from ifrfit.inference.comparison.psi_rows import (
     hold,
     psi_rows,
 )
-from ifrfit.inference.piecewise import PiecewiseOptimum, PiecewiseProblem, minimise
-from ifrfit.inference.problem import Problem
-from ifrfit.inference.stated import Interval
+from ifrfit.inference.comparison.types import PsiPlane, Slope
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, PiecewiseProblem, minimise
+from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import Closure
 from ifrfit.physics.rebound import rebound
 
@@ -80,9 +80,9 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     """
     problem = problems[0]
     rows, left_out = psi_rows(problem)
-    if any(c.separate for c in problem.constants):
+    if any(c.separate for c in problem.parameters):
         return PsiPlane("constants are separate, and the lines of several series differ", left_out=left_out)
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         return PsiPlane("it knows Gaussian errors of the values only", left_out=left_out)
     if rows is None:
         return PsiPlane(
@@ -188,7 +188,7 @@ def _expected(
     difference: dict[str, Interval | None] = {}
     for problem in problems:
         closure = problem.closure
-        constant = next((c for c in problem.constants if c.name == closure.constant), None)
+        constant = next((c for c in problem.parameters if c.name == closure.constant), None)
         if constant is None:
             ends: Sequence[float | None] = (None,)
         elif constant.fixed is not None:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.piecewise import PiecewiseProblem, Rows
-from ifrfit.inference.problem import Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.piecewise import PiecewiseProblem, Rows
 from ifrfit.physics.closures import rotational_share
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -112,7 +112,7 @@ def psi_rows(problem: Problem) -> tuple[PsiRows | None, dict[str, str]]:
     mapping
         Observable to the reason.
     """
-    e_n = next(c for c in problem.constants if c.name == "e_n").fixed
+    e_n = problem.parameters["e_n"].fixed
     share = rotational_share(problem.inertia_factor)
     left_out: dict[str, str] = {}
     parts: list[tuple[Index, Array, Array]] = []

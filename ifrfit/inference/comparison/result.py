@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ifrfit.data import Source
-from ifrfit.inference.comparison.parts import Loo, PriorRow, PsiPlane, Verdict
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.comparison.types import Loo, PriorRow, PsiPlane, Verdict
+from ifrfit.inference.result.fit_result import FitResult
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -131,13 +131,13 @@ class Comparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Exactly the content of compare.json."""
-        from ifrfit.inference.comparison.serialise import to_dict
+        from ifrfit.inference.comparison.write_json import to_dict
 
         return to_dict(self)
 
     def save(self, path: str | Path) -> None:
         """Write compare.json; it appears whole or not at all."""
-        from ifrfit.inference.comparison.serialise import save
+        from ifrfit.inference.comparison.write_json import save
 
         save(self, Path(path))
 
@@ -145,17 +145,17 @@ class Comparison:
 
     def summary(self) -> str:
         """The comparison as text for a terminal, at most 100 columns."""
-        from ifrfit.report.comparison_text import text
+        from ifrfit.report.comparison.text import text
 
         return text(self)
 
     def plot(self) -> Figure:
         """Figure of data, each closure's line and residuals, and the evidence beside cross-validation."""
-        from ifrfit.report.comparison_figure import plot
+        from ifrfit.report.comparison.figure import plot
 
         return plot(self)
 
     def _repr_html_(self) -> str:
-        from ifrfit.report.comparison_text import html
+        from ifrfit.report.comparison.text import html
 
         return html(self)

@@ -14,7 +14,7 @@ import numpy as np
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.mcmc.chains import Chains
 from ifrfit.inference.mcmc.ensemble import Rest
-from ifrfit.inference.problem import Problem
+from ifrfit.inference.model.problem import Problem
 
 FILE = "chains.npz"
 SCHEMA = "ifrfit/chains/1"
@@ -125,7 +125,7 @@ def question_of(problem: Problem, seed: int) -> str:
     for part in (
         problem.closure.name,
         problem.inertia_factor,
-        problem.constants,
+        problem.parameters,
         problem.series,
         problem.noise,
         sorted(problem.noise_bounds.items()),

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.density import Density
-from ifrfit.inference.local import kappa_coordinates
-from ifrfit.inference.problem import Problem
-from ifrfit.inference.sampled import kappas_of
+from ifrfit.inference.distributions.draws import kappas_of
+from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.laplace import kappa_coordinates
 
 Array = NDArray[np.float64]
 
@@ -46,13 +46,13 @@ class Coordinates:
     def replaced(self) -> tuple[tuple[int, int | None, float], ...]:
         """Of each kappa: its place, the place of its e_n (None if fixed), and the value of a fixed e_n."""
         problem = self.problem
-        entries, free = problem.entries(), problem.free
+        entries, free = problem.parameters.entries, problem.parameters.free
         names, _, _ = kappa_coordinates(problem, np.zeros(free.size))
         place = np.cumsum(free) - 1  # among the free entries
-        positions = problem.positions()
+        positions = problem.parameters.positions
         found = {}
         for mu, e_n in zip(positions["mu"].tolist(), positions["e_n"].tolist(), strict=True):
-            if free[mu] and names[mu] != problem.names[mu]:
+            if free[mu] and names[mu] != problem.parameters.names[mu]:
                 value = entries[e_n].fixed
                 own = (int(place[e_n]), 0.0) if value is None else (None, value)
                 found[int(place[mu])] = own

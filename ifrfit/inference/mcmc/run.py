@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 from ifrfit.inference.mcmc.chains import Chains
 from ifrfit.inference.mcmc.ensemble import Rest, Stretch, walk
-from ifrfit.inference.mcmc.evidence import Evidence
 from ifrfit.inference.mcmc.stopping import is_met
 from ifrfit.inference.mcmc.target import Target
 

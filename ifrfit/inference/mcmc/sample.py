@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.density import Density
-from ifrfit.inference.least_squares import LeastSquares
+from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.distributions.draws import Draws
+from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 from ifrfit.inference.mcmc.chains import Chains
 from ifrfit.inference.mcmc.checkpoint import load_chains, question_of, save_chains
 from ifrfit.inference.mcmc.coordinates import Coordinates
-from ifrfit.inference.mcmc.evidence import Evidence
 from ifrfit.inference.mcmc.run import MAX_STEPS, Halt, Progress, begin, run
 from ifrfit.inference.mcmc.starts import starts
 from ifrfit.inference.mcmc.stopping import Verdict, is_met, judge
-from ifrfit.inference.problem import Problem
-from ifrfit.inference.rules import FACTS
-from ifrfit.inference.sampled import Sampled
-from ifrfit.inference.stated import Fact
+from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.result.types import Fact
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Sample:
         return judge(self.evidence)
 
     @cached_property
-    def law(self) -> Sampled:
+    def law(self) -> Draws:
         """All draws that are kept, as a law."""
         values = {name: x.reshape(-1) for name, x in self.evidence.kept.items()}
-        return Sampled.of(self.coordinates.problem, values)
+        return Draws.of(self.coordinates.problem, values)
 
     def save(self, path: Path) -> None:
         """Write the chains to a file, to walk on from."""

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ifrfit.inference.mcmc.evidence import Evidence
-from ifrfit.inference.rules import ESS, LENGTH, RHAT, STABLE
+from ifrfit.inference.diagnostics.thresholds import ESS, LENGTH, RHAT, STABLE
+from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 
 _MET_BEFORE = 1.1  # R-hat from which on the ensembles have not met, and nothing can be foretold
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ifrfit.inference.least_squares import LeastSquares, least_squares
-from ifrfit.inference.posterior.explore import TOLERANCE, touches_wall
-from ifrfit.inference.posterior.joint import Grid
-from ifrfit.inference.posterior.plan import Plan, make_plan
-from ifrfit.inference.posterior.whereabouts import quantities_of
-from ifrfit.inference.problem import Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.posterior.integral_layout import Plan, make_plan
+from ifrfit.inference.posterior.integrate import TOLERANCE, touches_wall
+from ifrfit.inference.posterior.joint_grid import Grid
+from ifrfit.inference.posterior.marginal_sources import quantities_of
 
 _ROUNDS = 30
 _NOTHING = 1e-7  # share of the mass, times the tolerance, that a first look may leave out

@@ -11,7 +11,7 @@ from ifrfit.physics.angles import Array, Incidence
 from ifrfit.physics.compiling import available
 from ifrfit.physics.compliance.materials import LARGEST_RATIO, LEAST_RATIO
 from ifrfit.physics.compliance.table import compliance_table
-from ifrfit.physics.laws import friction_factor
+from ifrfit.physics.impulse_laws import friction_factor
 
 _MANY = 10_000_000  # evaluations: a second of numpy's time
 LOWEST_CHI, HIGHEST_CHI = 0.65, 3.0  # ends of the table

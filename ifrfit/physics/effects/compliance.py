@@ -10,8 +10,8 @@ import numpy as np
 from ifrfit.physics.angles import Array
 from ifrfit.physics.closures import rotational_share
 from ifrfit.physics.compliance import rebound_ratio
-from ifrfit.physics.effects.bounce import Bounce, Outcome
 from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
 # of chi = stiffness ratio (1 + 1/J)/2, from nu = 0.5 to nu = 0; a little more for rounding

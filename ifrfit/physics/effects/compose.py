@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ifrfit.physics.effects.bounce import Bounce, Outcome
 from ifrfit.physics.effects.contact import Contact, Impacts
+from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.lateral import kernel
 from ifrfit.physics.effects.protocol import ORDER
 from ifrfit.physics.effects.registry import EFFECTS

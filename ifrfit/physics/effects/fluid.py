@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.effects.bounce import Bounce, Outcome
 from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
 DECAY = 35.0  # of e/e_dry = exp(-35/St), Legendre, Daniel & Guiraud (2005)

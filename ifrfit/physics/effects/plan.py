@@ -9,13 +9,13 @@ from typing import Literal
 
 import numpy as np
 
-from ifrfit.physics.effects.asked import Wanted, check_closure, check_restitution, check_wanted
 from ifrfit.physics.effects.compose import compose, with_effect
 from ifrfit.physics.effects.contact import Contact, Impacts
-from ifrfit.physics.effects.difference import differences
-from ifrfit.physics.effects.pilot import pilot_rows
+from ifrfit.physics.effects.outcome_difference import differences
+from ifrfit.physics.effects.pilot_impacts import pilot_rows
 from ifrfit.physics.effects.protocol import Criterion
 from ifrfit.physics.effects.registry import EFFECTS
+from ifrfit.physics.effects.scene_checks import Wanted, check_closure, check_restitution, check_wanted
 
 State = Literal["on", "off", "constant", "refused", "unknown"]
 

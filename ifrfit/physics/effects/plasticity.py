@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.effects.bounce import Bounce, Outcome
 from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
 _QUASI_STATIC = 1e-3  # rho V^2/p_y beyond which plastic flow is not quasi-static, Johnson (1985)

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.effects.bounce import Bounce, Outcome
 from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
 _FIRST = (

@@ -11,7 +11,7 @@ from ifrfit.physics.effects import Contact, Fluid
 from ifrfit.physics.effects.contact import SOLID
 from ifrfit.physics.scenes.materials import FLUIDS, MATERIALS, Material
 from ifrfit.physics.scenes.quantities import Quantity
-from ifrfit.physics.scenes.table import Table
+from ifrfit.physics.scenes.toml_table import Table
 
 DIAMETERS = (1e-10, 100.0)
 Bodies = tuple[Contact, Quantity, str, str, tuple[str, ...]]

@@ -11,12 +11,12 @@ from typing import Any
 from ifrfit.errors import DataError
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.effects import EFFECTS
-from ifrfit.physics.effects.asked import Wanted
+from ifrfit.physics.effects.scene_checks import Wanted
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.scenes.bodies import read_contact
 from ifrfit.physics.scenes.quantities import Quantity
 from ifrfit.physics.scenes.scene import Scene
-from ifrfit.physics.scenes.table import Table
+from ifrfit.physics.scenes.toml_table import Table
 
 # the ranges of the common schema, so that a fit can read what was simulated
 SPEEDS = (1e-9, 1e5)

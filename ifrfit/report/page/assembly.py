@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page.blocks import Report, Section
 from ifrfit.report.page.material import Material
@@ -24,8 +24,8 @@ from ifrfit.report.page.sections import (
     residuals,
 )
 from ifrfit.report.page.verdict import badges, verdict
-from ifrfit.report.regimes import joined
-from ifrfit.report.words import headline
+from ifrfit.report.sentences import headline
+from ifrfit.text import joined
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

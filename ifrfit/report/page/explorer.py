@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import CLOSURES, OBSERVABLES
 from ifrfit.report import style
 from ifrfit.report.page.drawings.canvas import shortened
-from ifrfit.report.page.state import coordinates, values_of
+from ifrfit.report.page.gaussian_summary import coordinates, values_of
 from ifrfit.report.provenance import is_stand_in
-from ifrfit.report.words import undetermined
+from ifrfit.report.sentences import undetermined
 
 Array = NDArray[np.float64]
 

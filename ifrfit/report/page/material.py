@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ifrfit.errors import IfrfitError
-from ifrfit.inference.rebuilt import question
-from ifrfit.inference.result import FitResult
-from ifrfit.inference.stated import Estimate
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.restore import question
+from ifrfit.inference.result.types import Estimate
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
     from ifrfit.inference.comparison import Comparison
-    from ifrfit.inference.least_squares import LeastSquares
-    from ifrfit.inference.problem import Problem
-    from ifrfit.inference.profiling import Profile
+    from ifrfit.inference.model.problem import Problem
+    from ifrfit.inference.optimize.least_squares import LeastSquares
+    from ifrfit.inference.profile.types import Profile
 
 DRAWS = 2000
 # beyond these a profile takes long enough to be asked for with --method profile
@@ -73,10 +73,10 @@ class Material:
         if self.question is None:
             return self.missing
         problem, _ = self.question
-        free = int(problem.free.sum())
+        free = int(problem.parameters.free.sum())
         if free == 0:
             return "Every constant is fixed: there is nothing to profile."
-        if not problem.scatter.is_plain:
+        if not problem.error_model.is_plain:
             return "Profiles know independent Gaussian errors of the values only."
         if free > MOST_CONSTANTS or problem.rows.value.size > MOST_ROWS:
             return (
@@ -92,7 +92,7 @@ class Material:
             return self.result.profiles
         if self.without_profiles or self.question is None:
             return {}
-        from ifrfit.inference.profiling import profile_all
+        from ifrfit.inference.profile.profile_all import profile_all
 
         return profile_all(*self.question)
 
@@ -101,7 +101,7 @@ class Material:
         """Central 95 % intervals by covariance, profile and exact posterior; None without profiles."""
         if not self.profiles or self.question is None:
             return None
-        from ifrfit.inference.intervals import intervals
+        from ifrfit.inference.diagnostics.interval_comparison import intervals
 
         return intervals(*self.question, self._posterior, self.profiles)
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.page.assembly import assemble
-from ifrfit.report.page.comparing import compared
+from ifrfit.report.page.closure_comparison import compared
 from ifrfit.report.page.html import GENERATOR, render
 from ifrfit.report.page.markdown import markdown_files
 from ifrfit.report.page.pdf import pdf

@@ -16,8 +16,8 @@ from comparison_data import FOUR, observations
 import ifrfit
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.comparison.asking import chosen_closures
-from ifrfit.inference.comparison.serialise import dumps
+from ifrfit.inference.comparison.closure_questions import chosen_closures
+from ifrfit.inference.comparison.write_json import dumps
 from ifrfit.physics.closures import CLOSURES
 
 

@@ -11,7 +11,7 @@ from comparison_data import observations, problem_of
 from scipy import special
 
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.comparison.criteria import probabilities
+from ifrfit.inference.comparison.information_criteria import probabilities
 from ifrfit.inference.posterior import explore, log_evidence
 from ifrfit.physics.closures import CLOSURES
 

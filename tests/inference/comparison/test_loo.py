@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from comparison_data import observations, problem_of
 
-from ifrfit.inference.api import fit
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.loo import left_out, loo_of, with_differences
-from ifrfit.inference.density import Density
+from ifrfit.inference.fit import fit
+from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.posterior import explore, log_evidence
 
 SEED = np.random.SeedSequence(5)

@@ -10,7 +10,7 @@ from comparison_data import FOUR, observations
 
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.verdict import STAND_IN, apart, strength_of, verdict_of
-from ifrfit.inference.stated import Fact
+from ifrfit.inference.result.types import Fact
 
 FIX = {"e_n": 0.9}
 

@@ -11,11 +11,11 @@ from posterior_questions import Question, Row
 
 import ifrfit
 from ifrfit.data.catalogue import listing
-from ifrfit.inference.law import LEVELS
-from ifrfit.inference.least_squares import least_squares
+from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.mcmc import Sample, sample
+from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import Posterior, explore
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
 
 FAR = 5.5  # standard errors: some 40 comparisons a dataset, each wrong once in ten million
 QUICK = ("kharaz-2001",)

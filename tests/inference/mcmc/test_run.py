@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from mcmc_targets import Modes, Normal
 
 from ifrfit.inference.mcmc import begin, judge, run
+from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 from ifrfit.inference.mcmc.chains import Chains
 from ifrfit.inference.mcmc.ensemble import walk
-from ifrfit.inference.mcmc.evidence import Evidence
 from ifrfit.inference.mcmc.run import MAX_STEPS
 
 SEED = np.random.SeedSequence(20)

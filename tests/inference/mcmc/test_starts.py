@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from posterior_questions import Question, Row, measured
 
-from ifrfit.inference.density import Density
-from ifrfit.inference.least_squares import least_squares
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.mcmc import Coordinates, starts
+from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import explore
-from ifrfit.inference.sampled import Sampled
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
 DROPS = (Row("e_n", 5.0, 0.97, 0.03),)
@@ -82,7 +82,7 @@ def test_quantities_are_named_like_the_exact_ones(name: str) -> None:
     for quantity, values in found.items():
         assert values.shape == (4, 5)
         assert values.reshape(-1) == pytest.approx(drawn[quantity], rel=1e-9)
-    assert Sampled.of(coordinates.problem, drawn).names == posterior.names
+    assert Draws.of(coordinates.problem, drawn).names == posterior.names
 
 
 def test_starts_are_wider_than_the_posterior() -> None:

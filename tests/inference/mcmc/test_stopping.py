@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from mcmc_targets import autoregressive
 
-from ifrfit.inference.mcmc.evidence import Evidence
+from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 from ifrfit.inference.mcmc.stopping import RULES, Finding, Verdict, is_met, judge
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.constants import make_constants
-from ifrfit.inference.problem import Problem, make_problem
+from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import get_closure, get_observable, rebound
 
 Array = NDArray[np.float64]
@@ -90,7 +90,7 @@ class Question:
     def problem(self) -> Problem:
         """The same as the package wants it."""
         closure = get_closure(self.closure)
-        constants = make_constants(
+        constants = make_parameters(
             closure,
             self.inertia_factor,
             fix=self.fix,

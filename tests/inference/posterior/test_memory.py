@@ -24,7 +24,7 @@ def test_the_size_of_a_grid_is_foreseen(monkeypatch: pytest.MonkeyPatch) -> None
     grid = explore(problem).grid
     assert grid.joint.size() == sum(tensor.f.size for tensor in grid.tensors)
     # the module, which is hidden by its function of the same name
-    module = importlib.import_module("ifrfit.inference.posterior.explore")
+    module = importlib.import_module("ifrfit.inference.posterior.integrate")
     monkeypatch.setattr(module, "_MOST", grid.joint.size() // 4)
     with pytest.raises(UsageError, match="does not fit into memory"):
         explore(problem)
@@ -33,7 +33,7 @@ def test_the_size_of_a_grid_is_foreseen(monkeypatch: pytest.MonkeyPatch) -> None
 def test_the_last_grid_that_fits_is_what_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = ifrfit.fit("wang-2020", closure="fr", method="lsq").problem
     whole = explore(problem, tolerance=1e-3)
-    module = importlib.import_module("ifrfit.inference.posterior.explore")
+    module = importlib.import_module("ifrfit.inference.posterior.integrate")
     monkeypatch.setattr(module, "_MOST", whole.grid.joint.size() - 1)
     post = explore(problem, tolerance=1e-3)
     assert post.grid.joint.size() < whole.grid.joint.size()

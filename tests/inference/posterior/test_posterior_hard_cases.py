@@ -17,9 +17,9 @@ import pytest
 from hard_cases.cases import CASES
 from hard_cases.synthetic import TRUTH
 
+from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import Posterior, explore
-from ifrfit.inference.problem import Problem
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
 
 pytestmark = pytest.mark.long
 
@@ -64,7 +64,9 @@ def test_finite_silent_and_converged(name: str) -> None:
         assert math.isfinite(post.log_evidence)
         # FR's transition has no end: a few of its smallest problems stop short of 1e-4, and say so
         assert post.converged or problem.closure.name == "fr", (post.error, post.error_evidence)
-        bounds = dict(zip(problem.names, zip(*problem.bounds(), strict=True), strict=True))
+        bounds = dict(
+            zip(problem.parameters.names, zip(*problem.parameters.bounds(), strict=True), strict=True)
+        )
         for quantity in post.names:
             low, high = bounds.get(quantity, (0.0, math.inf))
             mean, sd = post.mean(quantity), post.sd(quantity)

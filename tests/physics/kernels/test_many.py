@@ -12,7 +12,8 @@ from ifrfit.physics import compiling, get_closure
 from ifrfit.physics.angles import Incidence, sincos
 from ifrfit.physics.compliance.memory import _collision, _steps, memory_ratio
 from ifrfit.physics.compliance.table import compliance_table
-from ifrfit.physics.kernels import available, many, rebound_many
+from ifrfit.physics.kernels import available, rebound_many
+from ifrfit.physics.kernels import rebound_many as many
 from ifrfit.physics.rebound import rebound_of
 
 needs_numba = pytest.mark.skipif(not available(), reason="numba is not installed")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ifrfit.inference.stated import Estimate
+from ifrfit.inference.result.types import Estimate
 from ifrfit.report.page.blocks import Picture
 from ifrfit.report.page.drawings.checks import draw_checks
 from ifrfit.report.page.drawings.corner import draw_corner, regions

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import ifrfit
-from ifrfit.inference.loading import load_result
-from ifrfit.inference.stated import Fact
+from ifrfit.inference.io.read_result import load_result
+from ifrfit.inference.result.types import Fact
 from ifrfit.report.page import assemble, page
 from ifrfit.report.page.explorer import payload, why_not
 from ifrfit.report.page.html import policy
@@ -209,7 +209,7 @@ def test_the_result_inside_the_page_is_result_json(results, reports):
 def test_a_file_of_an_earlier_version_says_what_it_lacks(results):
     content = results("fixed").to_dict()
     del content["asked"]
-    report = assemble(ifrfit.inference.loading.from_dict(content))
+    report = assemble(ifrfit.inference.io.read_result.from_dict(content))
     said = "The result does not say with which bounds and priors it was fitted. Fit the data again."
     assert section(report, "profiles").blocks[0].text == said
     assert section(report, "constants").blocks[-1].text == f"Other methods are not shown here. {said}"

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from pypdf import PdfReader
 from reportlab.lib.units import mm
 
+from ifrfit.report.page.a4.figure_block import SHRUNK
 from ifrfit.report.page.a4.flow import sheets
-from ifrfit.report.page.a4.kept import SHRUNK
-from ifrfit.report.page.a4.look import FOOT, HEIGHT, MARGIN, WIDTH
 from ifrfit.report.page.a4.pictures import GAP, SMALLEST, rows_of, size_of
+from ifrfit.report.page.a4.sheet_style import FOOT, HEIGHT, MARGIN, WIDTH
 from ifrfit.report.page.a4.tables import drawn, shared
 from ifrfit.report.page.blocks import (
     Badge,

@@ -9,10 +9,10 @@ from typing import Any
 
 from reportlab.platypus import BaseDocTemplate, CondPageBreak, Frame, KeepTogether, PageTemplate, Spacer
 
-from ifrfit.report.page.a4 import look
-from ifrfit.report.page.a4.kept import Kept
-from ifrfit.report.page.a4.look import said
+from ifrfit.report.page.a4 import sheet_style as look
+from ifrfit.report.page.a4.figure_block import Kept
 from ifrfit.report.page.a4.pictures import Place, Row, rows_of
+from ifrfit.report.page.a4.sheet_style import said
 from ifrfit.report.page.a4.tables import drawn
 from ifrfit.report.page.blocks import (
     Block,

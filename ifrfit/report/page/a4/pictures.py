@@ -9,7 +9,7 @@ from reportlab.lib.units import inch, mm
 from reportlab.pdfbase.pdfmetrics import stringWidth
 from reportlab.platypus import Flowable
 
-from ifrfit.report.page.a4.look import BOLD, HEIGHT, SMALL, WIDTH
+from ifrfit.report.page.a4.sheet_style import BOLD, HEIGHT, SMALL, WIDTH
 from ifrfit.report.page.blocks import Picture
 from ifrfit.report.page.drawings.canvas import shortened
 

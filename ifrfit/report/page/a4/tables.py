@@ -11,7 +11,7 @@ from reportlab.lib.styles import ParagraphStyle
 from reportlab.pdfbase.pdfmetrics import stringWidth
 from reportlab.platypus import Table as Drawn
 
-from ifrfit.report.page.a4.look import BOLD, PLAIN, WIDTH, said
+from ifrfit.report.page.a4.sheet_style import BOLD, PLAIN, WIDTH, said
 from ifrfit.report.page.blocks import Table
 
 PADDING = 4.0  # points, left and right of a cell together

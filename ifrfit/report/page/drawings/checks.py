@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.rules import REFUTED
+from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.report.page.drawings.canvas import blank
 from ifrfit.report.style import COLOURS, GREY, drawing
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.stated import Interval
+from ifrfit.inference.result.types import Interval
 from ifrfit.report.page.drawings.canvas import blank, symbol
 from ifrfit.report.style import COLOURS, GREY, drawing
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.rules import HALF
+from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.report.page.drawings.canvas import blank, symbol
 from ifrfit.report.style import COLOURS, drawing
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.stated import Estimate
+from ifrfit.inference.result.types import Estimate
 from ifrfit.report.page.drawings.canvas import blank, plain, shortened, symbol
 from ifrfit.report.style import COLOURS, GREY, drawing
 

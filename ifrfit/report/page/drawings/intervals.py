@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.stated import Interval
+from ifrfit.inference.result.types import Interval
 from ifrfit.report.page.drawings.canvas import blank, symbol
 from ifrfit.report.style import COLOURS, GREY, drawing
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ifrfit.inference.profiling import Profile
-from ifrfit.inference.profiling.objective import limit
+from ifrfit.inference.profile.objective import limit
+from ifrfit.inference.profile.types import Profile
 from ifrfit.report.page.drawings.canvas import panel, symbol
 from ifrfit.report.style import COLOURS, GREY, drawing
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.result import FitResult
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.report.outlier_marks import ringed
 from ifrfit.report.page.drawings.canvas import panel
 from ifrfit.report.panels import PIXELS, marker_size
-from ifrfit.report.ringed import ringed
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look, drawing
 
 if TYPE_CHECKING:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import title
-from ifrfit.report.comparison_columns import CROSS_VALIDATION, criteria, cross_validated
-from ifrfit.report.comparison_figure import along_the_angle, plot
-from ifrfit.report.comparison_words import findings, prior_line
+from ifrfit.report.comparison.criteria_columns import CROSS_VALIDATION, criteria, cross_validated
+from ifrfit.report.comparison.figure import along_the_angle, plot
+from ifrfit.report.comparison.findings import findings, prior_line
 from ifrfit.report.page.blocks import Findings, Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.material import Material
-from ifrfit.report.page.wording import sentence, stand_in_words
+from ifrfit.report.page.phrases import sentence, stand_in_words
 
 ANCHOR, TITLE = "closures", "Closures compared"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ifrfit.report.page.blocks import Findings, Paragraph, Section
 from ifrfit.report.page.material import Material
-from ifrfit.report.page.wording import sentence
+from ifrfit.report.page.phrases import sentence
 from ifrfit.report.provenance import (
     STAND_IN,
     contents,
@@ -14,7 +14,7 @@ from ifrfit.report.provenance import (
     reference,
 )
 from ifrfit.report.regimes import regime_lines
-from ifrfit.report.words import findings, misfit_line, model_line
+from ifrfit.report.sentences import findings, misfit_line, model_line
 
 
 def section(material: Material) -> Section:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ifrfit.inference.rules import HALF
+from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Section
 from ifrfit.report.page.drawings.directions import Directions, draw_directions
 from ifrfit.report.page.material import Material
-from ifrfit.report.page.wording import sentence
+from ifrfit.report.page.phrases import sentence
 
 MOST = 6
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.drawings.corner import draw_corner
 from ifrfit.report.page.material import Material
-from ifrfit.report.words import METHODS
+from ifrfit.report.sentences import METHODS
 
 MOST = 6
 

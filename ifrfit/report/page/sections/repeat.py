@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ifrfit.data.observations import SCHEMA
-from ifrfit.inference.effort.words import says
-from ifrfit.inference.result import FitResult
-from ifrfit.inference.serialise import dumps
+from ifrfit.inference.accuracy.messages import says
+from ifrfit.inference.io.write_result import dumps
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Section, Table
-from ifrfit.report.page.command import from_points
 from ifrfit.report.page.material import Material
-from ifrfit.report.page.wording import stand_in_words
+from ifrfit.report.page.phrases import stand_in_words
+from ifrfit.report.page.repeat_command import from_points
 from ifrfit.report.provenance import kinds_of, left_out, provenance_words
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from ifrfit.report import style
 from ifrfit.report.page.blocks import Picture, Pictures, Section
 from ifrfit.report.page.drawings.residuals import draw_against, draw_quantiles
 from ifrfit.report.page.material import Material
-from ifrfit.report.page.wording import stand_in_words
+from ifrfit.report.page.phrases import stand_in_words
 
 
 def section(material: Material) -> Section | None:

@@ -1,0 +1,88 @@
+"""`ifrfit datasets`: list, show, validate, install, remove."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ifrfit.cli.errors import command
+
+Repeated = list[str]
+
+datasets = typer.Typer(
+    help="Bundled datasets, and your digitisations in their place.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+@datasets.command("list")
+@command
+def datasets_list() -> None:
+    """Every dataset with its provenance."""
+    from ifrfit.data.catalogue import listing
+    from ifrfit.data.description import listing_lines
+
+    for line in listing_lines(listing()):
+        typer.echo(line)
+
+
+@datasets.command("show")
+@command
+def datasets_show(name: str) -> None:
+    """What is known about a dataset: conditions, source, licence, rows, defaults, assumptions."""
+    from ifrfit.data.catalogue import describe
+
+    for line in describe(name).lines():
+        typer.echo(line)
+
+
+@datasets.command("validate")
+@command
+def datasets_validate(
+    path: Annotated[str, typer.Argument(help="A CSV file or a dataset folder.")],
+    convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
+) -> None:
+    """Read a file or a dataset folder, and say what is in it."""
+    from ifrfit.data import read
+    from ifrfit.data.catalogue import validate_path
+
+    found = read(path, convention=convention) if convention else validate_path(path)
+    table = found.table
+    typer.echo(f"{path}: fine, {len(table)} rows")
+    counts = table.value_counts(["series", "observable"], sort=False).reset_index(name="rows")
+    for row in counts.itertuples():
+        typer.echo(f"  {row.series}  {row.observable}  {row.rows}")
+    for note in found.notes:
+        typer.echo(f"  note  {note}")
+
+
+@datasets.command("install")
+@command
+def datasets_install(
+    name: str,
+    file: Path,
+    provenance: Annotated[
+        str, typer.Option(help="Where rows do not say it: digitised or measured.")
+    ] = "digitised",
+    convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
+) -> None:
+    """Put your own digitisation in the place of a bundled dataset."""
+    from ifrfit.data.installation import install
+
+    place = install(name, file, provenance=provenance, convention=convention)
+    typer.echo(
+        f"{name}: {file} is used from now on, kept in {place}. 'ifrfit datasets remove {name}' undoes it."
+    )
+
+
+@datasets.command("remove")
+@command
+def datasets_remove(name: str) -> None:
+    """Take your digitisation away; the bundled dataset is back."""
+    from ifrfit.data.installation import remove
+
+    remove(name)
+    typer.echo(f"{name}: the bundled dataset is used again.")

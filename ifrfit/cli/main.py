@@ -1,0 +1,127 @@
+"""The command line: one thin function a command, each a call of the library.
+
+Imports of the library stand inside the commands, so that ``--help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ifrfit._version import __version__
+from ifrfit.cli.compare import comparing
+from ifrfit.cli.cost import costing
+from ifrfit.cli.datasets import datasets
+from ifrfit.cli.errors import command
+from ifrfit.cli.fit import fit
+from ifrfit.cli.options import Repeated, numbers
+from ifrfit.cli.report import report
+from ifrfit.cli.simulate import simulate
+from ifrfit.errors import UsageError
+
+_YOUNG = 200_000  # objects made before garbage is looked for
+
+app = typer.Typer(
+    name="ifrfit",
+    help="Fit restitution and friction constants to measured impacts of spheres on walls.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+app.add_typer(datasets, name="datasets")
+
+app.command()(command(fit))
+app.command()(command(comparing(fit)))
+
+
+@app.command()
+@command
+def predict(
+    result: Annotated[Path, typer.Argument(metavar="RESULT.json")],
+    gamma: Annotated[str, typer.Option(metavar="DEG,...|FROM:TO:STEP", help="Incidence angles, degrees.")],
+    spin_x: Annotated[float, typer.Option(help="R omega_x/u before.")] = 0.0,
+    spin_y: Annotated[float, typer.Option(help="R omega_y/u before; back-spin is positive.")] = 0.0,
+    observable: Annotated[
+        Repeated, typer.Option(metavar="NAME", help="What to predict; by default what was fitted.")
+    ] = [],  # noqa: B006
+    series: Annotated[str | None, typer.Option(metavar="NAME", help="Whose constants and noise.")] = None,
+) -> None:
+    """Values with credible and predictive intervals, as CSV."""
+    import pandas as pd
+
+    from ifrfit.inference import load_result
+
+    angles = numbers("--gamma", gamma)
+    if any(not 0.0 <= angle <= 90.0 for angle in angles):
+        raise UsageError(f"--gamma {gamma}: incidence angles lie between 0 and 90 degrees from the normal.")
+    found = load_result(result)
+    wanted = observable or list(dict.fromkeys(found.points["observable"])) or ["beta"]
+    tables = []
+    for name in wanted:
+        table = found.predict(angles, spin_x, spin_y, observable=name, series=series)
+        table.insert(0, "observable", name)
+        tables.append(table)
+    typer.echo(pd.concat(tables).to_csv(index=False, float_format="%.10g", lineterminator="\n"), nl=False)
+
+
+app.command()(command(report))
+
+
+@app.command()
+@command
+def template(
+    raw: Annotated[bool, typer.Option("--raw", help="For velocities before and after.")] = False,
+) -> None:
+    """A commented CSV to fill in."""
+    from ifrfit.data import template_text
+
+    typer.echo(template_text(raw), nl=False)
+
+
+@app.command()
+@command
+def reproduce(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where figures and table go.")] = Path("figures"),
+    figure: Annotated[
+        Repeated, typer.Option(metavar="NAME", help="Only this figure, as 5, 4a, A2.1 or kharaz.")
+    ] = [],  # noqa: B006
+    digitised_only: Annotated[
+        bool, typer.Option("--digitised-only", help="Leave out what rests on stand-ins or on no data.")
+    ] = False,
+) -> None:
+    """Redraw the paper's figures, and recover its constants."""
+    from ifrfit.paper.reproduce import reproduce as run
+
+    text = run(out, figures=figure, digitised_only=digitised_only, progress=sys.stderr.isatty())
+    typer.echo(text, nl=False)
+
+
+app.command()(simulate)
+app.command()(command(costing(fit)))
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"ifrfit {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Entry point."""
+    # a command lives for seconds and drops little: looking for garbage took a fifth of its time
+    gc.set_threshold(_YOUNG)
+    app()

@@ -1,0 +1,70 @@
+"""`ifrfit simulate`: rebounds of a scene, with only the effects that it calls for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ifrfit.cli.errors import command
+from ifrfit.cli.progress import working
+
+if TYPE_CHECKING:
+    from ifrfit.cost.effect_costs import EffectCosts
+
+
+@command
+def simulate(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="See docs/scenes/README.md.")],
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", help="Impacts at each grid point; by default 200 where anything is drawn, else 1."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Write simulation.json, rebounds.csv, impacts.csv and the figure there."
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an earlier simulation in DIR.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="simulation.json on standard output, nothing else.")
+    ] = False,
+    cost: Annotated[
+        bool, typer.Option("--cost", help="Measure what each effect adds to the time of an impact.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Seed of everything that is drawn.", min=0)] = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
+) -> None:
+    """Rebounds of a scene, with only the effects that it calls for."""
+    from ifrfit.simulation.simulate import simulate as run
+
+    if out is not None and not force:
+        from ifrfit.report.simulation.folder import check_simulation_folder
+
+        check_simulation_folder(out)
+    measured: EffectCosts | None = None
+    written: list[str] = []
+    with working(quiet or as_json, "simulating"):
+        found = run(scene, samples=samples, seed=seed)
+        if cost:
+            from ifrfit.cost.effect_costs import effect_costs
+
+            measured = effect_costs(found.contact, found.impacts, found.plan)
+        if out is not None:
+            from ifrfit.report.simulation.folder import write_simulation
+
+            written = write_simulation(found, out, force=force, measured=measured)
+    if as_json:
+        from ifrfit.report.simulation.folder import dumps
+
+        typer.echo(dumps(found, measured), nl=False)
+    elif not quiet:
+        from ifrfit.report.simulation.text import summary
+
+        typer.echo(summary(found, measured))
+        if written:
+            typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")

@@ -1,0 +1,139 @@
+"""Constants, angles and spins of the data, at which contact laws and precisions are measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.cost.starting_optimum import beginning, error_model_of, without_laws
+from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.comparison.closure_questions import choices_for, constant_choices
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.physics.closures import get_closure
+
+Array = NDArray[np.float64]
+
+SOLID = 0.4  # inertia factor
+_ANGLES = 181
+_NAMED = ("closure", "fix", "prior", "bounds", "separate", "params")
+_LEAST = 1e-3  # friction below which hardly anything sticks or slides by it
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Where contact laws and precisions are measured.
+
+    Attributes
+    ----------
+    gamma, spin_y : ndarray, (n,)
+        Incidence angles in degrees, and spins, of the rows that have an angle.
+    constants : mapping of str to float
+        e_n, e_t, mu of closure IFR and chi of MAW.
+    notes : tuple of str
+        Where a constant is not the data's.
+    """
+
+    gamma: Array
+    spin_y: Array
+    constants: Mapping[str, float]
+    notes: tuple[str, ...]
+
+    def grid(self) -> Array:
+        """Angles from the least to the largest of the data, degrees."""
+        return np.linspace(self.gamma.min(), self.gamma.max(), _ANGLES)
+
+    @property
+    def spin(self) -> float:
+        """Median spin."""
+        return float(np.median(self.spin_y))
+
+    def words(self, kind: str) -> str:
+        """What was asked, in a line."""
+        own = self.constants
+        at = f"e_n = {own['e_n']:.4g}, mu = {own['mu']:.4g}"
+        if kind == "physics":
+            at += f", chi = {own['chi']:.4g}, e_t = {own['e_t']:.4g}"
+            spin = f", R omega_y/u = {self.spin:.4g}" if self.spin else ""
+            return f"at {at}; {self.gamma.min():.3g} to {self.gamma.max():.3g} degrees{spin}"
+        return f"at {at}, e_t = {own['e_t']:.4g}; the data's own impacts and hard ones"
+
+
+def setting_of(found: FitResult, data: Any, choices: Mapping[str, Any]) -> Setting:
+    """Angles and spins of the data, and the constants that least squares finds in them.
+
+    Parameters
+    ----------
+    found : FitResult
+        A fit of the data by any closure.
+    data
+        The data, as given.
+    choices : mapping
+        The keywords it was made with.
+
+    Raises
+    ------
+    UsageError
+        If no row has an angle, or for another body than a solid sphere.
+    """
+    points = found.points
+    points = points[points["gamma_deg"].notna()]
+    if not len(points):
+        raise UsageError(
+            "No row has an incidence angle, at which contact laws could be measured: add --kind inference."
+        )
+    if found.inertia_factor != SOLID:
+        raise UsageError(
+            f"Contact laws and precisions are measured for a solid sphere, not for inertia factor "
+            f"{found.inertia_factor:g}: add --kind inference."
+        )
+    # e_n and mu are those of IFR, so that its e_t goes with them
+    constants = _optimum(found if found.closure == "ifr" else _fitted("ifr", data, choices))
+    notes: list[str] = []
+    error_model = error_model_of(choices)
+    if error_model.integrates:
+        notes.append(
+            "The constants at which contact laws and precisions are measured are those of effective "
+            "variance: least squares cannot integrate true angles out."
+        )
+    chi = _chi(found, data, choices)
+    if chi is not None and not error_model.is_plain:
+        notes.append("chi is that of independent Gaussian errors: closure MAW knows no others.")
+    if chi is None:
+        chi = 0.5 * sum(get_closure("maw").domain(SOLID))
+        notes.append(
+            f"Closure MAW does not find chi in these data: the middle of its domain, {chi:.3g}, is taken."
+        )
+    if constants["mu"] < _LEAST:
+        constants["mu"] = _LEAST
+        notes.append(f"Contact laws need friction: mu = {_LEAST:g} is taken in the place of a smaller one.")
+    gamma, spin_y = (points[name].to_numpy(dtype=float) for name in ("gamma_deg", "spin_y"))
+    return Setting(gamma, spin_y, constants | {"chi": chi}, tuple(notes))
+
+
+def _chi(found: FitResult, data: Any, choices: Mapping[str, Any]) -> float | None:
+    """Least squares of closure MAW, in the first series; None where the data do not tell it."""
+    try:
+        own = found if found.closure == "maw" else _fitted("maw", data, without_laws(choices))
+    except (DataError, UsageError):
+        return None
+    estimate = next(each for name, each in own.flat_constants().items() if name.startswith("chi"))
+    return estimate.value
+
+
+def _fitted(name: str, data: Any, choices: Mapping[str, Any]) -> FitResult:
+    """Least squares of another closure, with what of the user's choices holds for it."""
+    rest = {key: value for key, value in choices.items() if key not in _NAMED}
+    kept = choices_for(get_closure(name), constant_choices(choices))
+    return beginning(data, posterior=False, closure=name, **rest, **kept)
+
+
+def _optimum(found: FitResult) -> dict[str, float]:
+    """Constants in the first series; where the data leave one open, at the end of its default prior."""
+    entries = found.problem.parameters.entries
+    theta = found.least_squares.optimum.theta
+    places = found.problem.parameters.positions
+    return {name: float(min(theta[at[0]], entries[at[0]].prior_upper)) for name, at in places.items()}

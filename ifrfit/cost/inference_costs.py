@@ -1,0 +1,294 @@
+"""What each method of inference costs on a problem, and how far its numbers are from the posterior's."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+from ifrfit.cost.chain_costs import affordable, chains_measured
+from ifrfit.cost.compared_estimates import (
+    QUANTITIES,
+    Numbers,
+    largest_errors,
+    of_law,
+    of_least_squares,
+    of_profiles,
+)
+from ifrfit.cost.timing import Cost, Timing, in_turns
+from ifrfit.errors import UsageError
+from ifrfit.inference.accuracy.tolerance_ladder import foreseen
+from ifrfit.inference.bootstrap import bootstrap
+from ifrfit.inference.bootstrap.batched_solver import Together
+from ifrfit.inference.distributions.draws import Draws
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.profile.profile_all import profile_all
+from ifrfit.text import power_of_ten
+
+UNIT = "posterior sd"
+LSQ, PROFILE, BOOTSTRAP, EXACT, MCMC = "lsq", "profile", "bootstrap", "exact", "mcmc"
+# they answer another question: how far they are from the posterior is no error of arithmetic
+OTHER_QUESTION = (LSQ, PROFILE, BOOTSTRAP)
+
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
+REFERENCE = 1e-9  # a step beyond the finest that is measured
+WORST = 0.1  # error of a reference, in sd, beyond which it is none
+_FEWEST = 20  # replicates with an answer below which they are no law of anything
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Extent:
+    """How much is measured.
+
+    Attributes
+    ----------
+    tolerances : tuple of float
+        Of exact, from coarse to fine; the reference comes after them.
+    replicates : tuple of int
+        Of the bootstrap.
+    steps : tuple of int
+        Of mcmc, each ensemble's, from few to many.
+    seeds : int
+        Of the bootstrap and of mcmc.
+    repeats : int
+        Of everything else.
+    longest : float
+        Seconds that one call may take; what is foreseen to take longer is left out, and that is said.
+    reference : float
+        Seconds that the reference may take, as far as that can be foreseen.
+    """
+
+    tolerances: tuple[float, ...] = TOLERANCES
+    replicates: tuple[int, ...] = (100, 1_000, 10_000)
+    steps: tuple[int, ...] = (100, 300, 1_000)
+    seeds: int = 4
+    repeats: int = 5
+    longest: float = 8.0
+    reference: float = 20.0
+
+
+FULL = Extent()
+QUICK = Extent(
+    tolerances=(1e-1, 1e-3, 1e-6),
+    replicates=(100, 1_000),
+    steps=(50, 150),
+    seeds=2,
+    repeats=3,
+    longest=0.7,
+    reference=3.0,
+)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What errors are measured against.
+
+    Attributes
+    ----------
+    tolerance : float
+        Asked of the quadrature.
+    error : float
+        That it says to have reached, in posterior standard deviations.
+    """
+
+    tolerance: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Costs of all methods on a problem.
+
+    Attributes
+    ----------
+    costs : tuple of Cost
+        One a quantity: mean, sd, interval95; errors in posterior standard deviations, not below what the
+        reference itself reached.
+    reference : Reference
+    notes : tuple of str
+        What was left out, and why.
+    """
+
+    costs: tuple[Cost, ...]
+    reference: Reference
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """One method at one setting: its numbers, of each seed, and its time."""
+
+    method: str
+    setting: str
+    numbers: tuple[Numbers, ...]
+    time: Timing
+
+
+def inference_costs(
+    problem: Problem, *, extent: Extent = FULL, seed: int = 0, progress: Progress | None = None
+) -> Measured:
+    """Measure every method on a problem, now and on this machine.
+
+    The clock runs from data in memory to the mean, the standard deviation and the 95 % interval of every free
+    constant, the certified least squares that each method starts from included.
+
+    Parameters
+    ----------
+    problem : Problem
+    extent : Extent
+        `FULL` or `QUICK`.
+    seed : int
+        Of chains and replicates; each repeat has a seed of its own.
+    progress : callable, optional
+        Called with the number of choices measured and the most there may be.
+
+    Returns
+    -------
+    Measured
+
+    Raises
+    ------
+    UsageError
+        If nothing is free, for a problem that the exact posterior refuses, as there is no reference then,
+        and where every method takes too long.
+    DataError
+        Where the noise is unknown and the data cannot tell it from the constants.
+    """
+    if not problem.parameters.free.any():
+        raise UsageError("Every constant is fixed: no method has anything to find. Leave out a --fix.")
+    most = 3 + len(extent.tolerances) + len(extent.replicates) + len(extent.steps)
+    answers: list[_Answer] = []
+    notes: list[str] = []
+    ladder, finest = _ladder(problem, extent, notes)
+    for answer in chain(
+        _deterministic(problem, extent, ladder, notes),
+        _bootstraps(problem, extent, seed, notes),
+        _chains(problem, extent, seed, notes),
+    ):
+        answers.append(answer)
+        if progress is not None:
+            progress(len(answers), most)
+    if not answers:
+        raise UsageError(
+            f"Every method of inference takes longer on these data than {extent.longest:g} s: "
+            + ("leave --quick out, or choose" if extent is QUICK else "choose")
+            + " --kind physics or arithmetic."
+        )
+    reference = Reference(finest.tolerance, finest.error)
+    right = of_law(problem, finest)
+    return Measured(
+        tuple(cost for a in answers for cost in _costs(a, right, reference)), reference, tuple(notes)
+    )
+
+
+def _costs(answer: _Answer, right: Numbers, reference: Reference) -> Iterator[Cost]:
+    found = largest_errors(answer.numbers, right)
+    for quantity in QUANTITIES:
+        # what the reference does not resolve is not claimed
+        error = max(found[quantity], reference.error)
+        yield Cost("inference", answer.method, answer.setting, quantity, answer.time, error, UNIT)
+
+
+def _deterministic(
+    problem: Problem, extent: Extent, ladder: Sequence[float], notes: list[str]
+) -> Iterator[_Answer]:
+    """Least squares, profiles and the exact posterior, which take turns."""
+    calls: dict[tuple[str, str], Callable[[], Numbers]] = {}
+    if problem.error_model.integrates:
+        notes.append("Least squares are left out: they cannot integrate true angles out.")
+    else:
+        calls[LSQ, ""] = lambda: of_least_squares(problem, least_squares(problem))
+    if problem.error_model.is_plain:
+        calls[PROFILE, ""] = lambda: of_profiles(
+            problem, profile_all(problem, least_squares(problem), curves=False)
+        )
+    else:
+        notes.append(
+            "Profiles and replicates are left out: they know independent Gaussian errors of the values only."
+        )
+    calls |= {(EXACT, f"tolerance {power_of_ten(t)}"): _exact(problem, t) for t in ladder}
+    found = in_turns(calls, repeats=extent.repeats, enough=0.01, most=0.5 * extent.longest)
+    for (method, setting), (numbers, taken) in found.items():
+        yield _Answer(method, setting, (numbers,), taken)
+
+
+def _exact(problem: Problem, tolerance: float) -> Callable[[], Numbers]:
+    return lambda: of_law(problem, explore(problem, tolerance))
+
+
+def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[float], Posterior]:
+    """Tolerances that are measured, and the posterior that is their reference: the next finer one."""
+    tried: list[tuple[float, Posterior]] = []
+    last = before = 0.0
+    for tolerance in (*extent.tolerances, REFERENCE):
+        if tried:
+            known = tried[-1][1].error <= WORST
+            if known and foreseen(tried[-1][1], last, before) > extent.reference:
+                break
+        begin = time.perf_counter()
+        posterior = explore(problem, tolerance)
+        last, before = time.perf_counter() - begin, last
+        if tried and not posterior.error < tried[-1][1].error and not posterior.converged:
+            break
+        tried.append((tolerance, posterior))
+    finest, reference = tried[-1]
+    if not reference.error <= WORST:
+        raise UsageError(
+            f"The exact posterior of these data comes to {power_of_ten(reference.error)} of an sd only: "
+            "there is nothing to measure errors against."
+        )
+    if finest != REFERENCE:
+        notes.append(
+            f"Tolerances of exact below {power_of_ten(finest)} are out of reach, or take longer than "
+            f"{extent.reference:g} s: that one is the reference."
+        )
+    return [tolerance for tolerance, _ in tried[:-1]], reference
+
+
+def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
+    """Cases drawn anew, with several seeds; as far as one call does not take too long."""
+    if not problem.error_model.is_plain:
+        return
+    each = _seconds_a_replicate(problem)
+    for replicates in extent.replicates:
+        if replicates * each > extent.longest:
+            notes.append(f"{replicates:,} replicates would take longer than {extent.longest:g} s.")
+            break
+        numbers: list[Numbers] = []
+        seconds: list[float] = []
+        for own in range(seed, seed + extent.seeds):
+            if sum(seconds) > extent.longest:
+                break
+            begin = time.perf_counter()
+            drawn = bootstrap(problem, least_squares(problem), replicates=replicates, seed=own)
+            if drawn.answered < _FEWEST:
+                notes.append("The bootstrap is left out: hardly a replicate has an answer.")
+                return
+            numbers.append(of_law(problem, Draws.of(problem, drawn.draws)))
+            seconds.append(time.perf_counter() - begin)
+        each = max(seconds) / replicates
+        yield _Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds))
+
+
+def _seconds_a_replicate(problem: Problem) -> float:
+    """Time of a replicate where each is fitted on its own; 0 where all are fitted at once, which is fast."""
+    begin = time.perf_counter()
+    start = least_squares(problem)
+    taken = time.perf_counter() - begin
+    return 0.0 if Together.of(problem, start) is not None else taken
+
+
+def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
+    lengths = affordable(problem, extent.steps, extent.longest)
+    if len(lengths) < len(extent.steps):
+        notes.append(
+            f"{extent.steps[len(lengths)]:,} steps of mcmc would take longer than {extent.longest:g} s."
+        )
+    seeds = range(seed, seed + extent.seeds)
+    for steps, numbers, taken in chains_measured(problem, lengths, seeds, 2.0 * extent.longest):
+        yield _Answer(MCMC, f"{steps:,} steps", numbers, taken)

@@ -1,0 +1,1 @@
+"""How measured costs are shown: text, sentences, figures and the folder that holds them."""

@@ -1,0 +1,158 @@
+"""What each effect of a scene buys and costs, as text, as a table and as a figure."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+from ifrfit.cost.effect_costs import EffectCosts
+from ifrfit.cost.timing import Cost, Timing
+from ifrfit.physics.effects import EFFECTS
+from ifrfit.report import style
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_NS = 1e9
+_SHOWN = {"on": "on", "off": "off", "constant": "off", "refused": "off"}
+_LEAST_NS = 0.5  # a cost below this is drawn there: it was not seen beside the noise
+_LEAST = 1e-12  # a smaller change is rounding
+
+
+def cost_lines(measured: EffectCosts) -> list[str]:
+    """Table for a terminal: what each effect changes, and the nanoseconds it adds to an impact."""
+    rows = [("", "closure alone, planar", "", measured.plain)]
+    rows += [(_SHOWN[c.setting], EFFECTS[c.method].title, change_text(c), c.time) for c in measured.costs]
+    rows.append(("", "as planned", "", measured.planned))
+    titles, changes = max(len(row[1]) for row in rows), max(len(row[2]) for row in rows)
+    lines = [
+        "  what an effect changes, and what it adds to an impact: measured now, numpy on one thread,",
+        f"  {measured.impacts:,} impacts of this scene a call",
+        f"  {'':<5} {'':<{titles}}  {'changes':<{changes}}  ns an impact",
+    ]
+    for state, title, change, time in rows:
+        numbers = f"{_ns(time.median):>12}   ({_ns(time.low)} to {_ns(time.high)})"
+        lines.append(f"  {state:<5} {title:<{titles}}  {change:<{changes}}  {numbers}")
+    return lines
+
+
+def change_text(cost: Cost) -> str:
+    """What an effect changes most, in a few words."""
+    if math.isnan(cost.error):
+        return "takes the closure's place" if cost.setting == "on" else "does not act here"
+    if math.isinf(cost.error):
+        return f"whether {cost.quantity} exists"
+    return f"{cost.quantity} by {cost.error:.2g}" if cost.error > 0.0 else "nothing"
+
+
+def cost_table(measured: EffectCosts) -> pd.DataFrame:
+    """Exactly cost.csv: a row an effect.
+
+    Returns
+    -------
+    DataFrame
+        kind, method, setting, time_s (median), error, error_unit, repeats, quantity, time_low_s, time_high_s
+        (least and most).
+    """
+    import pandas as pd
+
+    rows = [
+        {
+            "kind": cost.kind,
+            "method": cost.method,
+            "setting": cost.setting,
+            "time_s": cost.time.median,
+            "error": cost.error,
+            "error_unit": cost.error_unit,
+            "repeats": cost.time.repeats,
+            "quantity": cost.quantity,
+            "time_low_s": cost.time.low,
+            "time_high_s": cost.time.high,
+        }
+        for cost in measured.costs
+    ]
+    return pd.DataFrame(rows)
+
+
+def cost_dict(measured: EffectCosts) -> dict[str, Any]:
+    """For simulation.json: nanoseconds an impact, measured; the changes stand in the plan."""
+    return {
+        "impacts": measured.impacts,
+        "closure_ns": _numbers(measured.plain),
+        "planned_ns": _numbers(measured.planned),
+        "effects_ns": {cost.method: _numbers(cost.time) for cost in measured.costs},
+    }
+
+
+def _numbers(time: Timing) -> dict[str, float]:
+    return {"median": _NS * time.median, "low": _NS * time.low, "high": _NS * time.high}
+
+
+def plot_costs(measured: EffectCosts, accuracy: float, title: str) -> Figure:
+    """Change of the observables over the nanoseconds that each effect adds, both logarithmic.
+
+    Parameters
+    ----------
+    measured : EffectCosts
+    accuracy : float
+        Of the plan: a dashed line.
+    title : str
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        110 mm wide, not known to pyplot. Filled markers are on, hollow ones off; an effect that decides
+        whether an observable exists lies on the upper edge, one that changes nothing on the lower one.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
+
+    shown = [cost for cost in measured.costs if not math.isnan(cost.error)]
+    finite = [cost.error for cost in shown if 0.0 < cost.error < math.inf] + [accuracy]
+    low, high = 0.1 * max(min(finite), _LEAST), 10.0 * max(finite)
+    width = 110.0 / style.MM_PER_INCH
+    with style.drawing():
+        text = textwrap.fill(title, int(15.0 * width)).replace("$", r"\$")
+        figure = Figure(figsize=(width, 2.9 + 0.15 * text.count("\n")), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.axhline(accuracy, color=style.GREY, ls=style.RESIDUAL_DASHES, lw=0.8, zorder=1)
+        axes.annotate(
+            "accuracy asked for", (0.01, accuracy), xycoords=("axes fraction", "data"), xytext=(0, 2),
+            textcoords="offset points", fontsize=6.0, color=style.GREY,
+        )  # fmt: skip
+        for cost, look in zip(shown, style.looks([c.method for c in shown]).values(), strict=True):
+            _draw(axes, cost, look, min(max(cost.error, low), high))
+        axes.set_ylim(0.4 * low, 2.5 * high)
+        axes.margins(x=0.1)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.set_xlabel("added to an impact (ns)")
+        axes.set_ylabel("largest change of an observable\n(angles in radians)")
+        figure.suptitle(text, fontsize=7.5)
+        figure.legend(loc="outside lower center", ncols=2, fontsize=6.6)
+        style.settle(figure)
+    return figure
+
+
+def _draw(axes: Axes, cost: Cost, look: style.Look, y: float) -> None:
+    x, left, right = (max(_NS * t, _LEAST_NS) for t in (cost.time.median, cost.time.low, cost.time.high))
+    face = look.colour if cost.setting == "on" else "white"
+    axes.errorbar([x], [y], xerr=[[x - left], [right - x]], fmt="none", ecolor=look.colour, elinewidth=0.8)
+    axes.plot(
+        [x], [y], ls="none", marker=look.marker, ms=5.0, mfc=face, mec=look.colour, mew=0.9,
+        label=f"{EFFECTS[cost.method].title}, {_SHOWN[cost.setting]}: {change_text(cost)}",
+    )  # fmt: skip
+
+
+def _ns(seconds: float) -> str:
+    """Nanoseconds, whole ones from ten on."""
+    number = _NS * seconds
+    return "< 1" if number < 1.0 else f"{number:.0f}" if number >= 9.95 else f"{number:.1f}"

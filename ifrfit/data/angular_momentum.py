@@ -1,0 +1,172 @@
+"""Angular momentum about the contact point: a check of measured velocities that no closure enters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.cell_table import Cells
+
+LIMIT = 0.05
+# A suggested inertia factor that closes no better than this share of the miss explains nothing.
+_EXPLAINS = 0.5
+# What is measured is rarely sharper: within this share of a known body, that body is meant.
+_SAME_BODY = 0.025
+_BODIES = {2 / 5: "homogeneous ball", 2 / 3: "thin hollow ball", 1 / 2: "disc on its edge"}
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MomentumCheck:
+    """How well v_t - J R Omega is conserved over the impacts of one source.
+
+    The impulse acts at the contact point, so it changes v_t by p and R Omega by p/J: the difference stays,
+    whatever the closure. A wrong inertia factor, size, sign or time of reading shows here.
+
+    Attributes
+    ----------
+    n : int
+        Impacts with velocity and spin after.
+    rms : float
+        Root mean square of the miss over that of the incoming contact speed.
+    n_violating : int
+        Impacts that miss by more than `limit` of their own contact speed.
+    limit : float
+        Largest `rms` that is taken as closing.
+    inertia_factor : float
+        J = I/(m R^2) that the check assumed.
+    suggested : float or None
+        The inertia factor that the velocities themselves ask for (least squares of the changes), where it is
+        possible and would explain the miss; None otherwise.
+    source : str
+        Name of the source.
+    where : str
+        The first of the violating lines, in words.
+    """
+
+    n: int
+    rms: float
+    n_violating: int
+    limit: float
+    inertia_factor: float
+    suggested: float | None
+    source: str
+    where: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether angular momentum closes within the limit, over all impacts."""
+        return self.rms <= self.limit
+
+    @property
+    def says(self) -> str:
+        """The check in a sentence or two, with the remedy where it fails."""
+        closes = f"closes to {100 * self.rms:.2g} % of the contact speed"
+        over = f"rms over {self.n} impact{'s' if self.n > 1 else ''}"
+        beyond = f"{self.n_violating} of {self.n} miss by more than {100 * self.limit:g} % ({self.where})"
+        if self.ok:
+            text = (
+                f"{self.source}: angular momentum about the contact {closes} "
+                f"({over}, inertia factor {self.inertia_factor:.4g})"
+            )
+            return text + (f"; {beyond}." if self.n_violating else ".")
+        # scatter of the contact speeds: the rms may be beyond the limit where no single impact is
+        rest = f"angular momentum about the contact only {closes} ({over})"
+        rest += f"; {beyond}" if self.n_violating else ""
+        if self.suggested is None:
+            return (
+                f"{self.source}: {rest}. Check the signs of the spins, the size, and the inertia factor "
+                f"{self.inertia_factor:.4g} (--inertia-factor)."
+            )
+        factor, body = _body(self.suggested)
+        return (
+            f"{self.source}: the velocities contradict the inertia factor {self.inertia_factor:.4g}; try "
+            f"--inertia-factor {factor:.3g}{body}, or check size and signs. With {self.inertia_factor:.4g}, "
+            f"{rest}."
+        )
+
+
+def _body(suggested: float) -> tuple[float, str]:
+    """Return the factor to try and what it stands for: that of a known body where one is near."""
+    for factor, body in _BODIES.items():
+        if abs(suggested / factor - 1.0) <= _SAME_BODY:
+            return factor, f" ({body}; the velocities ask for {suggested:.3f})"
+    return suggested, ""
+
+
+def check_momentum(
+    cells: Cells,
+    before: Mapping[str, Any],
+    after: Mapping[str, Array],
+    tangential: Array,
+    inertia_factor: float,
+) -> MomentumCheck | None:
+    """Check that v_t - J R Omega is conserved, in the paper's signs.
+
+    Parameters
+    ----------
+    cells : Cells
+        For the names of file and lines.
+    before : mapping
+        ``spin_x``, ``spin_y``: R omega/u.
+    after : mapping
+        ``v_x``, ``spin_y_after`` and, where measured, ``v_y`` and ``spin_x_after``, per incoming speed.
+    tangential : (n,) array
+        Tangential speed before, over u.
+    inertia_factor : float
+        J = I/(m R^2).
+
+    Returns
+    -------
+    MomentumCheck or None
+        None if no impact has both velocity and spin after.
+    """
+    if "v_x" not in after or "spin_y_after" not in after:
+        return None
+    dv, ds = _changes(before, after, tangential)
+    miss = np.sqrt(np.sum((dv - inertia_factor * ds) ** 2, axis=0))
+    contact = np.hypot(tangential + before["spin_y"], before["spin_x"])
+    known = ~np.isnan(miss) & ~np.isnan(contact)
+    if not np.any(contact[known] > 0):
+        return None
+    scale = float(np.mean(contact[known] ** 2))
+    rms = float(np.sqrt(np.mean(miss[known] ** 2) / scale))
+    beyond = np.flatnonzero(known & (miss > LIMIT * contact))
+    lines = ", ".join(str(cells.lines[row]) for row in beyond[:3]) + (", ..." if beyond.size > 3 else "")
+    return MomentumCheck(
+        n=int(known.sum()),
+        rms=rms,
+        n_violating=int(beyond.size),
+        limit=LIMIT,
+        inertia_factor=inertia_factor,
+        suggested=_suggested(dv[:, known], ds[:, known], scale, rms) if rms > LIMIT else None,
+        source=cells.name,
+        where=f"{cells.word}{'' if beyond.size == 1 else 's'} {lines}" if beyond.size else "",
+    )
+
+
+def _changes(before: Mapping[str, Any], after: Mapping[str, Array], tangential: Array) -> tuple[Array, Array]:
+    """Return the changes of v_t and R Omega, (1 or 2, n): along x, and across where that was measured."""
+    dv = [after["v_x"] - tangential]
+    ds = [after["spin_y_after"] - before["spin_y"]]
+    if "v_y" in after and "spin_x_after" in after:
+        # an impact without the lateral pair is judged by the other alone
+        both = ~np.isnan(after["v_y"] + after["spin_x_after"])
+        dv.append(np.where(both, after["v_y"], 0.0))
+        ds.append(np.where(both, after["spin_x_after"] - before["spin_x"], 0.0))
+    return np.array(dv), np.array(ds)
+
+
+def _suggested(dv: Array, ds: Array, scale: float, rms: float) -> float | None:
+    """Return the J of the least squares of dv = J ds, if a body can have it and it explains the miss."""
+    change = float(np.sum(ds**2))
+    own = float(np.sum(dv * ds)) / change if change > 0 else 0.0
+    if not 0.0 < own <= 1.0:
+        return None
+    left = float(np.sqrt(np.mean(np.sum((dv - own * ds) ** 2, axis=0)) / scale))
+    return own if left <= _EXPLAINS * rms else None

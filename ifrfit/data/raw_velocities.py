@@ -1,0 +1,244 @@
+"""Raw velocities before and after, turned into velocities and spins per incoming speed.
+
+Frame of the file: z points into the wall, x along the incoming tangential velocity, y completes a
+right-handed frame; spins are right-handed. If the tangential velocity is not along x, everything is rotated
+about z until it is. In the paper's signs omega_x is minus the right-handed one and omega_y is the same. A
+file whose z points out of the wall is first turned half round about x (see `ifrfit.data.column_roles`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.angular_momentum import check_momentum
+from ifrfit.data.column_layout import Layout
+from ifrfit.data.column_names import RAW
+from ifrfit.data.conventions import suggest
+from ifrfit.data.incoming_motion import Incoming, read_incoming, require, stated, z_remedy, z_rule
+from ifrfit.data.partial_table import Piece
+from ifrfit.data.schema import OBSERVABLES, TINY
+from ifrfit.data.wide_table import impact_ids
+from ifrfit.errors import DataError
+
+Array = NDArray[np.float64]
+
+_NOT_RAW = ("spin_", "sd:", *(f"sigma:{name}" for name in OBSERVABLES))
+_LARGEST = 1e9  # m/s, rad/s or m: beyond anything that hits a wall, far from overflow when squared
+
+
+def is_raw(layout: Layout) -> bool:
+    """Tell whether a table gives raw velocities or spin rates."""
+    return any(key.startswith("raw:") for key in layout.columns)
+
+
+def read_raw(layout: Layout, inertia_factor: float) -> list[Piece]:
+    """Return the measured velocities and spins after each impact, per incoming speed.
+
+    Quantities computed from both (beta and the like) are left out: they would count the impact twice. The
+    check of angular momentum (v_t - J R Omega is conserved whatever the closure) is added to the layout.
+
+    Parameters
+    ----------
+    layout : Layout
+    inertia_factor : float
+        J = I/(m R^2), for the check of angular momentum only.
+
+    Raises
+    ------
+    DataError
+        Columns are missing or do not go together, or an impact does not approach or does not leave the wall.
+    """
+    _check_columns(layout)
+    _check_magnitudes(layout)
+    rows = np.arange(len(layout.cells))
+    incoming = read_incoming(layout)
+    radius = _radius(layout)
+    before = _spins(layout, incoming, radius, "")
+    after = _spins(layout, incoming, radius, "_after")
+    common: dict[str, Any] = {
+        "gamma_deg": incoming.gamma_deg,
+        "sigma_gamma_deg": incoming.sigma_gamma_deg,
+        "speed_m_s": incoming.u,
+        "impact_id": impact_ids(layout),
+        "n_repeats": np.ones(len(rows), dtype=np.int64),
+    }
+    for axis in "xy":
+        value, sigma, _ = before.get(axis, (np.zeros(len(rows)), np.full(len(rows), np.nan), ""))
+        common |= {f"spin_{axis}": value, f"sigma_spin_{axis}": sigma}
+    results = _velocities(layout, incoming)
+    results |= {f"spin_{axis}_after": after[axis] for axis in "yx" if axis in after}
+    pieces = []
+    for name in (o for o in OBSERVABLES if o in results):
+        value, sigma, header = results[name]
+        columns = {
+            **common,
+            "observable": np.full(len(rows), name, dtype=object),
+            "value": value,
+            "sigma": sigma,
+        }
+        headers = {**_headers(layout), "value": header, "sigma": f"sigma_{header}"}
+        pieces.append(Piece(columns, rows, headers))
+    if not pieces:
+        raise DataError(
+            f"{layout.cells.file}: no velocity after the impact. Add v_x_m_s and v_z_m_s, or "
+            "omega_y_after_rad_s."
+        )
+    _check_momentum(layout, common, results, incoming, inertia_factor, spinning=bool(before))
+    return pieces
+
+
+def _check_momentum(
+    layout: Layout,
+    before: dict[str, Any],
+    results: dict[str, tuple[Array, Array, str]],
+    incoming: Incoming,
+    inertia_factor: float,
+    *,
+    spinning: bool,
+) -> None:
+    """Check angular momentum and note an assumed spin before, where spin after was measured."""
+    if "spin_y_after" not in results:
+        return
+    values = {name: value for name, (value, _, _) in results.items()}
+    check = check_momentum(layout.cells, before, values, incoming.tangential / incoming.u, inertia_factor)
+    layout.momentum.extend([check] if check else [])
+    if not spinning:
+        layout.notes.append(f"{layout.cells.name}: no spin before the impact is given; it was taken as 0.")
+
+
+def _angle_header(layout: Layout) -> str:
+    return layout.header("gamma", layout.header("tan_gamma", layout.header("raw:u_x")))
+
+
+def _headers(layout: Layout) -> dict[str, str]:
+    """Return the column that each column of the schema comes from, for messages."""
+    angle = _angle_header(layout)
+    headers = {"gamma_deg": angle, "speed_m_s": layout.header("speed", angle)}
+    for axis in "xy":
+        for kind in ("", "sigma_"):
+            key = f"{kind and 'sigma:'}raw:omega_{axis}"
+            headers[f"{kind}spin_{axis}"] = layout.header(key, f"{kind}omega_{axis}")
+    return headers
+
+
+def _check_columns(layout: Layout) -> None:
+    cells = layout.cells
+    for key, column in layout.columns.items():
+        if key in RAW:
+            raise DataError(
+                f"{cells.at(header=column.header)}: no unit. Among raw velocities it needs one, for example "
+                f"{key}_m_s, or say {suggest(f'unit:{column.header}=m/s')}."
+            )
+        if key in OBSERVABLES or key.startswith(_NOT_RAW) or key in ("value", "observable", "sigma", "sd"):
+            raise DataError(
+                f"{cells.at(header=column.header)}: does not go with raw velocities such as "
+                f"{next(c.header for k, c in layout.columns.items() if k.startswith('raw:'))}. Keep the "
+                "velocities and spins in one file, what was computed from them in another."
+            )
+    angled = layout.has("gamma") or layout.has("tan_gamma")
+    if not layout.has("raw:u_z") and not (angled and layout.has("speed")):
+        raise DataError(
+            f"{cells.file}: the incoming velocity is missing. Add u_x_m_s and u_z_m_s (z points into the "
+            "wall), or speed_m_s and gamma_deg."
+        )
+    if layout.has("raw:u_z") and not layout.has("raw:u_x"):
+        raise DataError(f"{cells.file}: there is u_z but no u_x. Add u_x_m_s; it is 0 for a normal impact.")
+    if layout.has("raw:u_z") and angled:
+        raise DataError(
+            f"{cells.file}: the incidence is given twice, by {_angle_header(layout)} and by "
+            f"{layout.header('raw:u_x')}, {layout.header('raw:u_z')}. Remove one."
+        )
+    if layout.has("raw:v_z") and layout.has("raw:v_n"):
+        raise DataError(
+            f"{cells.file}: the normal velocity after is given twice, as v_z and v_n. Remove one."
+        )
+
+
+def _check_magnitudes(layout: Layout) -> None:
+    """Refuse what no instrument gives before it is squared and divided."""
+    for key in layout.columns:
+        if "raw:" in key:
+            values = layout.numbers(key)
+            size = np.abs(values)
+            possible = (size == 0) | ((size >= TINY) & (size <= _LARGEST))
+            require(layout, key, values, possible, f"a measurement is 0 or between {TINY:g} and {_LARGEST:g}")
+            if key.startswith("sigma:"):
+                require(layout, key, values, values >= 0, "a standard uncertainty is positive")
+
+
+def _radius(layout: Layout) -> tuple[Array, Array] | None:
+    """Return radius and its uncertainty, None if no spin rate needs it."""
+    rates = [column for key, column in layout.columns.items() if key.startswith("raw:omega_")]
+    if layout.has("raw:radius") and layout.has("raw:diameter"):
+        raise DataError(f"{layout.cells.file}: radius and diameter are both given. Remove one.")
+    key, factor = ("raw:diameter", 0.5) if layout.has("raw:diameter") else ("raw:radius", 1.0)
+    if not layout.has(key):
+        if rates:
+            raise DataError(
+                f"{layout.cells.at(header=rates[0].header)}: a spin rate needs the size of the sphere. Add a "
+                "column radius_m, radius_mm or diameter_mm."
+            )
+        return None
+    radius = layout.numbers(key) * factor
+    require(layout, key, radius, (radius > 1e-9) & (radius < 1e3), "a sphere has between 1e-9 and 1e3 m")
+    if layout.has(f"sigma:{key}"):
+        layout.notes.append(
+            f"{layout.cells.name}: the uncertainty of the size ({layout.header(f'sigma:{key}')}) is common "
+            "to all impacts, but enters each spin as if it were independent."
+        )
+    return radius, layout.numbers(f"sigma:{key}") * factor
+
+
+def _spins(
+    layout: Layout, incoming: Incoming, radius: tuple[Array, Array] | None, when: str
+) -> dict[str, tuple[Array, Array, str]]:
+    """Return R omega/u in the paper's signs, its uncertainty and the header, by axis that is given."""
+    keys = {axis: f"raw:omega_{axis}{when}" for axis in "xy"}
+    given = [axis for axis in "xy" if layout.has(keys[axis])]
+    if radius is None or not given:
+        return {}
+    # Before the impact an axis without a column has no spin; after it, it was not measured.
+    missing = 0.0 if not when else np.nan
+    x, y = (
+        layout.numbers(k) if layout.has(k) else np.full(len(layout.cells), missing) for k in keys.values()
+    )
+    sx, sy = (layout.numbers(f"sigma:{k}") for k in keys.values())
+    along, across = incoming.turned(x, y)
+    s_along, s_across = incoming.turned_sigma(sx, sy, along, across)
+    result = {}
+    for axis, rate, sigma, sign in (("x", along, s_along, -1.0), ("y", across, s_across, 1.0)):
+        if axis not in given and not np.any(incoming.s != 0.0):
+            continue
+        size, sigma_size = radius
+        spread = np.sqrt((size * sigma) ** 2 + stated((rate * sigma_size) ** 2))
+        value, uncertainty = incoming.per_speed(sign * size * rate, spread)
+        result[axis] = (value, uncertainty, layout.header(keys[axis], layout.header(keys[given[0]])))
+    return result
+
+
+def _velocities(layout: Layout, incoming: Incoming) -> dict[str, tuple[Array, Array, str]]:
+    """Return v_x, v_y and v_n over u, with uncertainty and header, as far as they were measured."""
+    result: dict[str, tuple[Array, Array, str]] = {}
+    x, y = layout.numbers("raw:v_x"), layout.numbers("raw:v_y")
+    along, across = incoming.turned(x, y)
+    sigmas = incoming.turned_sigma(
+        layout.numbers("sigma:raw:v_x"), layout.numbers("sigma:raw:v_y"), along, across
+    )
+    for axis, value, sigma in (("x", along, sigmas[0]), ("y", across, sigmas[1])):
+        if layout.has(f"raw:v_{axis}"):
+            result[f"v_{axis}"] = (*incoming.per_speed(value, sigma), layout.header(f"raw:v_{axis}"))
+    if layout.has("raw:v_z"):
+        z = layout.numbers("raw:v_z")
+        require(layout, "raw:v_z", z, z <= 0, z_rule(layout, "leaves", "v_z"), z_remedy(layout))
+        result["v_n"] = (*incoming.per_speed(-z, layout.numbers("sigma:raw:v_z")), layout.header("raw:v_z"))
+    elif layout.has("raw:v_n"):
+        normal = layout.numbers("raw:v_n")
+        require(layout, "raw:v_n", normal, normal >= 0, "v_n is the magnitude of the normal velocity after")
+        result["v_n"] = (
+            *incoming.per_speed(normal, layout.numbers("sigma:raw:v_n")),
+            layout.header("raw:v_n"),
+        )
+    return result

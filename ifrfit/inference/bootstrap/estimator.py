@@ -1,0 +1,218 @@
+"""The bootstrap law of the constants: draw experiments anew, fit each, keep the fits."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.bootstrap.batched_solver import Together, noise_groups
+from ifrfit.inference.bootstrap.replicate_fits import Solved, joined
+from ifrfit.inference.bootstrap.schemes import Scheme, lot_of, make_scheme
+from ifrfit.inference.bootstrap.sequential_solver import OneByOne
+from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
+from ifrfit.inference.distributions.draws import kappas_of
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.posterior.integral_layout import noise_label
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+REPLICATES = 1000
+_FEWEST, _MOST = 100, 1_000_000
+_AT_ONCE = 100_000  # row evaluations of a lot that is solved together
+_LOT = 10  # replicates of a lot that are solved one by one
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Fits of all replicates.
+
+    Attributes
+    ----------
+    problem : Problem
+    scheme : str
+        Name of the scheme.
+    scarce : str
+        What there is too little of to draw from, in words; empty if there is enough.
+    draws : mapping of str to ndarray
+        Constants and noises of the replicates that have an answer, by the names of `Distribution`.
+    replicates : int
+    reasons : mapping of str to int
+        Why replicates have no answer, and how many.
+    open : mapping of str to mapping
+        Entry of theta to how many replicates leave it open although the data do not, by reason.
+    certified : int
+        Replicates with an answer whose optimum is proven to be global.
+    apart : bool
+        Whether rows of one impact were drawn apart.
+    """
+
+    problem: Problem
+    scheme: str
+    scarce: str
+    draws: Mapping[str, Array] = field(repr=False)
+    replicates: int
+    reasons: Mapping[str, int]
+    open: Mapping[str, Mapping[str, int]]
+    certified: int
+    apart: bool
+
+    @property
+    def failed(self) -> int:
+        """Replicates without an answer."""
+        return sum(self.reasons.values())
+
+    @property
+    def answered(self) -> int:
+        """Replicates with an answer."""
+        return self.replicates - self.failed
+
+    @cached_property
+    def kappas(self) -> Mapping[str, Array]:
+        """Draws of kappa, by the names of `Distribution`."""
+        return kappas_of(self.problem, self.draws)
+
+
+def bootstrap(
+    problem: Problem,
+    found: LeastSquares,
+    *,
+    scheme: str | Scheme = "cases",
+    replicates: int = REPLICATES,
+    seed: int = 0,
+    workers: int = 1,
+    progress: Progress | None = None,
+    at_once: int = _AT_ONCE,
+) -> Bootstrap:
+    """Draw experiments anew and fit each of them.
+
+    Parameters
+    ----------
+    problem : Problem
+    found : LeastSquares
+        Its fit.
+    scheme : str or Scheme
+        cases, residual, wild (Rademacher weights) or wild-mammen; see `ifrfit.inference.bootstrap.schemes`.
+    replicates : int
+        100 to 1,000,000.
+    seed : int
+        Each replicate has a child stream of its own: the first 1,000 of 2,000 are those of 1,000.
+    workers : int
+        Processes, where replicates are fitted one by one. The result does not depend on it.
+    progress : callable, optional
+        Called with the number of replicates done and wanted.
+    at_once : int
+        Row evaluations that are solved together. The result does not depend on it beyond rounding.
+
+    Returns
+    -------
+    Bootstrap
+
+    Raises
+    ------
+    UsageError
+        For a scheme or a number that does not exist.
+
+    Notes
+    -----
+    Each replicate is fitted as the data were: all partitions into sticking and sliding, the least of them
+    certified by a bound on all others (1e-9 relative); `certified` counts. Where observables are curved, or
+    constants are shared by some series and not by others, replicates are fitted one by one, certified or not
+    as the fit of the data is. Bounds and fixed constants hold in every replicate; the means of priors are
+    drawn anew. Known noise stays as given: it weighs the rows, and the scatter is that of the data. A scaled
+    or unknown noise is estimated again in each replicate, from its own misfit over its own degrees of
+    freedom. Wild weights keep the size of every residual: they tell nothing of the noise, which gets no
+    draws. Where the data know kappa = mu (1 + e_n) only, e_n is drawn from its default prior.
+    """
+    if not _FEWEST <= replicates <= _MOST:
+        raise UsageError(f"--replicates {replicates}: choose from {_FEWEST} to {_MOST:,}.")
+    if workers < 1:
+        raise UsageError(f"--workers {workers}: at least one.")
+    chosen = make_scheme(scheme, problem, found) if isinstance(scheme, str) else scheme
+    solver = Together.of(problem, found) or OneByOne.of(problem, found)
+    together = isinstance(solver, Together)
+    size = max(1, at_once // problem.rows.value.size) if together else _LOT
+    seeds = np.random.SeedSequence(seed).spawn(replicates)
+    lots = [seeds[start : start + size] for start in range(0, replicates, size)]
+    task = Task(problem, chosen, solver)
+    parts: list[Solved] = []
+    for part in each(task, lots, 1 if together else workers):
+        parts.append(part)
+        if progress is not None:
+            progress(sum(len(p.reason) for p in parts), replicates)
+    return _gathered(problem, chosen, joined(parts), seed)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker needs to draw and to fit a lot."""
+
+    problem: Problem
+    scheme: Scheme
+    solver: Together | OneByOne
+
+    def __call__(self, seeds: list[np.random.SeedSequence]) -> Solved:
+        """Draw one replicate a seed, and fit them."""
+        lot = lot_of(self.problem, self.scheme, seeds)
+        return self.solver.solve(lot)
+
+
+def each(task: Task, lots: list[list[np.random.SeedSequence]], workers: int) -> Iterator[Solved]:
+    """Fit the lots in order, here or in processes of their own."""
+    if workers == 1 or len(lots) == 1:
+        yield from map(task, lots)
+        return
+    # fresh processes: forked ones would inherit the threads of numerical libraries
+    with ProcessPoolExecutor(min(workers, len(lots)), mp_context=get_context("spawn")) as pool:
+        yield from pool.map(task, lots)
+
+
+def _gathered(problem: Problem, chosen: Scheme, solved: Solved, seed: int) -> Bootstrap:
+    """Keep the draws of the replicates that have an answer, and count the others."""
+    answered = np.array([not reason for reason in solved.reason])
+    theta = solved.theta[answered]
+    if only_kappa_is_seen(problem):
+        theta = _spread_e_n(problem, theta, seed)
+    free = zip(problem.parameters.names, theta.T, problem.parameters.free, strict=True)
+    draws = {name: column for name, column, is_free in free if is_free}
+    if chosen.tells_noise:
+        noises = zip(noise_groups(problem), solved.noise[answered].T, strict=True)
+        draws |= {noise_label(group): column for group, column in noises}
+    is_open: dict[str, Counter[str]] = {}
+    for number in np.flatnonzero(~answered):
+        for place in np.flatnonzero(solved.open[number]):
+            is_open.setdefault(problem.parameters.names[place], Counter())[solved.reason[number]] += 1
+    return Bootstrap(
+        problem,
+        chosen.name,
+        chosen.scarce,
+        draws,
+        answered.size,
+        Counter(reason for reason in solved.reason if reason),
+        is_open,
+        int(solved.certified[answered].sum()),
+        chosen.apart,
+    )
+
+
+def _spread_e_n(problem: Problem, theta: Array, seed: int) -> Array:
+    """Draw e_n from its default prior where the data know kappa only, and give mu what kappa leaves of it."""
+    theta = theta.copy()
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_MOST,)))  # no replicate has that key
+    places, entries = problem.parameters.positions, problem.parameters.entries
+    pairs = {(int(e), int(m)) for e, m in zip(places["e_n"], places["mu"], strict=True)}
+    kappas = {pair: theta[:, pair[1]] * (1.0 + theta[:, pair[0]]) for pair in pairs}
+    for place in sorted({e for e, _ in pairs}):
+        theta[:, place] = rng.uniform(entries[place].lower, entries[place].prior_upper, theta.shape[0])
+    for (e, m), kappa in kappas.items():
+        theta[:, m] = kappa / (1.0 + theta[:, e])
+    return theta

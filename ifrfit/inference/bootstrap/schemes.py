@@ -1,0 +1,295 @@
+"""Ways to draw an experiment anew from the one that was made: cases, residuals, wild weights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.bootstrap.resampling_units import Kind, kinds_of, number_impacts
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.least_squares import LeastSquares
+
+Array = NDArray[np.float64]
+
+SCHEMES = {
+    "cases": "impacts within each series",
+    "residual": "residuals",
+    "wild": "residuals times Rademacher weights",
+    "wild-mammen": "residuals times Mammen weights",
+}
+FEWEST = 5  # to draw from; of fewer the sd comes out more than 10 % too small
+_OWN = 1e-6  # 1 - leverage below which a row fits itself: it has no residual
+
+
+@dataclass(frozen=True)
+class Lot:
+    """Some replicates.
+
+    Attributes
+    ----------
+    counts : ndarray, (m, n), or None
+        How often each row occurs; None: once.
+    shift : ndarray, (m, n), or None
+        What is added to each value; None: nothing.
+    prior : ndarray, (m, constants)
+        Mean of the prior of each constant of the problem; nan where there is none.
+    """
+
+    counts: Array | None
+    shift: Array | None
+    prior: Array
+
+    @property
+    def size(self) -> int:
+        """Number of replicates."""
+        return int(self.prior.shape[0])
+
+    def take(self, which: Index) -> Lot:
+        """Some of the replicates."""
+        counts = None if self.counts is None else self.counts[which]
+        return Lot(counts, None if self.shift is None else self.shift[which], self.prior[which])
+
+
+class Scheme(Protocol):
+    """Draws replicates, each from a generator of its own."""
+
+    @property
+    def name(self) -> str:
+        """As on the command line."""
+        ...
+
+    @property
+    def tells_noise(self) -> bool:
+        """Whether replicates tell how uncertain the noise is."""
+        ...
+
+    @property
+    def apart(self) -> bool:
+        """Whether rows of one impact are drawn apart."""
+        ...
+
+    @property
+    def prior(self) -> Array:
+        """Where the means of priors are centred, one a constant; nan where there is none."""
+        ...
+
+    @property
+    def scarce(self) -> str:
+        """What there is too little of to draw from, in words with the remedy; empty if there is enough."""
+        ...
+
+    def draw(self, rng: np.random.Generator) -> tuple[Array | None, Array | None]:
+        """Counts and shift of one replicate, each (n,) or None."""
+        ...
+
+
+def lot_of(problem: Problem, scheme: Scheme, seeds: Sequence[np.random.SeedSequence]) -> Lot:
+    """One replicate a seed: so that it does not matter which are drawn together, or by whom.
+
+    A prior is an auxiliary measurement: its mean is drawn anew from the normal law of its sd in each
+    replicate, once for all series, or a constant that rests on it would seem to be known exactly.
+    """
+    counts, shifts, priors = [], [], []
+    sd = np.array([math.nan if c.prior is None else c.prior[1] for c in problem.parameters])
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        count, shift = scheme.draw(rng)
+        counts.append(count)
+        shifts.append(shift)
+        priors.append(scheme.prior + sd * rng.standard_normal(sd.size))
+    return Lot(_stacked(counts), _stacked(shifts), np.array(priors).reshape(len(seeds), -1))
+
+
+def _stacked(rows: list[Array | None]) -> Array | None:
+    given = [row for row in rows if row is not None]
+    return np.array(given) if given else None
+
+
+def make_scheme(name: str, problem: Problem, found: LeastSquares) -> Scheme:
+    """Scheme of a name.
+
+    Raises
+    ------
+    UsageError
+        For a name that does not exist, and for priors of separate constants where values are drawn anew.
+    """
+    if name not in SCHEMES:
+        raise UsageError(f"--resample {name}: choose one of {', '.join(SCHEMES)}.")
+    if name == "cases":
+        return Cases.of(problem)
+    several = [c.name for c in problem.parameters if c.separate and c.prior is not None]
+    if several and len(problem.series) > 1:
+        raise UsageError(
+            f"--resample {name} cannot draw one prior of {several[0]} anew for several series: use "
+            "--resample cases."
+        )
+    return Residuals.of(problem, found) if name == "residual" else Wild.of(problem, found, name)
+
+
+@dataclass(frozen=True)
+class Cases:
+    """Impacts drawn with replacement within each series, as many as there are: pairs, or cases, bootstrap.
+
+    Impacts of a series that measure nothing in common, drop tests and oblique impacts say, are experiments of
+    their own, and as many of each kind are drawn as were made. An impact brings all its rows along.
+
+    References
+    ----------
+    Efron & Tibshirani (1993), An Introduction to the Bootstrap, chapters 8 and 9.
+    """
+
+    impact: Index
+    kinds: tuple[Index, ...]
+    prior: Array
+    scarce: str = ""
+    apart: bool = False
+    name: str = "cases"
+    tells_noise: bool = True
+
+    @classmethod
+    def of(cls, problem: Problem, impact: Index | None = None) -> Cases:
+        """Cases of a problem; `impact` numbers them, by default the impacts."""
+        own = number_impacts(problem) if impact is None else impact
+        kinds = kinds_of(problem, own)
+        apart = bool(np.unique(own).size > np.unique(number_impacts(problem)).size)
+        return cls(own, tuple(kind.impacts for kind in kinds), prior_means(problem), _few(kinds), apart)
+
+    def draw(self, rng: np.random.Generator) -> tuple[Array, None]:
+        """Draw each kind."""
+        drawn = [members[rng.integers(members.size, size=members.size)] for members in self.kinds]
+        count = np.bincount(np.concatenate(drawn), minlength=int(self.impact.max()) + 1)
+        return count[self.impact].astype(float), None
+
+
+def _few(kinds: Sequence[Kind]) -> str:
+    few = [str(kind) for kind in kinds if kind.impacts.size < FEWEST]
+    if not few:
+        return ""
+    return (
+        f"{'; '.join(few)}. Drawn again and again they hide their scatter: use --resample residual, or "
+        "give a constant that was measured once as --prior NAME=MEAN,SD"
+    )
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Fitted values plus residuals drawn with replacement, row by row, within rows of one noise.
+
+    Residuals are taken over sigma and over sqrt(1 - leverage), then centred. One noise have all rows where
+    sigma is given (known or scaled), else those of one series and observable. Rows of one impact are drawn
+    apart, so errors that they share are lost.
+
+    References
+    ----------
+    Davison & Hinkley (1997), Bootstrap Methods and their Application, section 6.2.3.
+    """
+
+    pools: tuple[tuple[Index, Array], ...]  # rows, and the residuals that they draw from
+    base: Array = field(repr=False)  # fitted - value
+    sigma: Array = field(repr=False)
+    prior: Array
+    scarce: str = ""
+    apart: bool = False
+    name: str = "residual"
+    tells_noise: bool = True
+
+    @classmethod
+    def of(cls, problem: Problem, found: LeastSquares) -> Residuals:
+        """Residuals of a fit."""
+        residual = corrected(problem, found) / found.sigma
+        groups = problem.groups() if problem.noise == "unknown" else {"all": np.arange(residual.size)}
+        pools, few = [], []
+        for name, rows in groups.items():
+            own = residual[rows][1.0 - found.local.leverage[rows] > _OWN]
+            pools.append((rows, own - own.mean() if own.size else np.zeros(1)))
+            if own.size < FEWEST:
+                few.append(f"{own.size} in {name}")
+        scarce = f"residuals, {'; '.join(few)}: use --method exact" if few else ""
+        base = problem.fitted(found.optimum.theta) - problem.rows.value
+        apart = int(number_impacts(problem).max()) + 1 < residual.size
+        return cls(tuple(pools), base, found.sigma, fitted_means(problem, found), scarce, apart)
+
+    def draw(self, rng: np.random.Generator) -> tuple[None, Array]:
+        """Draw each pool."""
+        shift = self.base.copy()
+        for rows, pool in self.pools:
+            shift[rows] += self.sigma[rows] * pool[rng.integers(pool.size, size=rows.size)]
+        return None, shift
+
+
+@dataclass(frozen=True)
+class Wild:
+    """Fitted values plus residuals over sqrt(1 - leverage), each impact's times one random weight.
+
+    Rademacher: +1 or -1. Mammen: (1 -+ sqrt 5)/2 with probabilities (5 +- sqrt 5)/10, which keeps the third
+    moment. Noise may differ from row to row, and rows of one impact keep the errors that they share.
+
+    References
+    ----------
+    Liu (1988), Annals of Statistics 16, 1696; Mammen (1993), Annals of Statistics 21, 255.
+    """
+
+    impact: Index
+    base: Array = field(repr=False)  # fitted - value
+    residual: Array = field(repr=False)
+    weights: tuple[float, float]
+    chance: float  # of the first weight
+    prior: Array
+    scarce: str = ""
+    name: str = "wild"
+    apart: bool = False
+    tells_noise: bool = False
+
+    @classmethod
+    def of(cls, problem: Problem, found: LeastSquares, name: str = "wild") -> Wild:
+        """Residuals of a fit, with the weights of a scheme."""
+        root = math.sqrt(5.0)
+        mammen = (0.5 * (1.0 - root), 0.5 * (1.0 + root)), (5.0 + root) / 10.0
+        weights, chance = mammen if name == "wild-mammen" else ((-1.0, 1.0), 0.5)
+        own = int((1.0 - found.local.leverage <= _OWN).sum())
+        scarce = (
+            f"{own} row{'s' if own > 1 else ''} met exactly whatever the value, without a residual to weigh: "
+            "use --method exact"
+        )
+        return cls(
+            number_impacts(problem),
+            problem.fitted(found.optimum.theta) - problem.rows.value,
+            corrected(problem, found),
+            weights,
+            chance,
+            fitted_means(problem, found),
+            scarce if own else "",
+            name,
+        )
+
+    def draw(self, rng: np.random.Generator) -> tuple[None, Array]:
+        """Draw the weights."""
+        first = rng.random(int(self.impact.max()) + 1) < self.chance
+        return None, self.base + np.where(first, *self.weights)[self.impact] * self.residual
+
+
+def corrected(problem: Problem, found: LeastSquares) -> Array:
+    """Residuals over sqrt(1 - leverage), with the variance of their noise; 0 where a row fits itself."""
+    raw = problem.rows.value - problem.fitted(found.optimum.theta)
+    left = 1.0 - found.local.leverage
+    return np.asarray(np.where(left > _OWN, raw / np.sqrt(np.maximum(left, _OWN)), 0.0))
+
+
+def prior_means(problem: Problem) -> Array:
+    """Means of the priors as given, one a constant; nan where there is none."""
+    return np.array([math.nan if c.prior is None else c.prior[0] for c in problem.parameters])
+
+
+def fitted_means(problem: Problem, found: LeastSquares) -> Array:
+    """Constants of the fit where they have a prior: what is drawn anew lies about the fit, as values do."""
+    places = problem.parameters.positions
+    return np.array(
+        [math.nan if c.prior is None else found.optimum.theta[places[c.name][0]] for c in problem.parameters]
+    )

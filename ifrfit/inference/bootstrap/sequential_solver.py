@@ -1,0 +1,119 @@
+"""Replicates fitted one after the other by the certified solver, where they cannot be solved together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.errors import DataError
+from ifrfit.inference.bootstrap.batched_solver import base_of, noise_groups
+from ifrfit.inference.bootstrap.replicate_fits import (
+    NO_NOISE,
+    NO_SLIDING,
+    NO_STICKING,
+    RESTLESS,
+    TOO_FEW,
+    Solved,
+    joined,
+)
+from ifrfit.inference.bootstrap.schemes import Lot
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.laplace import Local
+from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.physics.observables import OBSERVABLES
+
+Array = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+_LOADED = 1e-6  # share of the prior sd from which on a constant takes part in a loose combination
+
+
+@dataclass(frozen=True)
+class OneByOne:
+    """A problem whose replicates are fitted one by one.
+
+    Attributes
+    ----------
+    problem : Problem
+    seen : ndarray of bool, (p,)
+        Entries of theta that the data themselves know, every one of them.
+    """
+
+    problem: Problem
+    seen: Bool
+
+    @classmethod
+    def of(cls, problem: Problem, found: LeastSquares) -> OneByOne:
+        """From the fit to the data as they are."""
+        return cls(problem, problem.parameters.free & ~_loose(problem, found.local))
+
+    def solve(self, lot: Lot) -> Solved:
+        """Fit every replicate of a lot."""
+        return joined([self._fit(lot, number) for number in range(lot.size)])
+
+    def _fit(self, lot: Lot, number: int) -> Solved:
+        groups, base = noise_groups(self.problem), base_of(self.problem)
+        rows = drawn_rows(self.problem, lot, number)
+        drawn = replicate(self.problem, lot, number)
+        noise = np.ones(len(groups))
+        try:
+            found = least_squares(drawn)
+            sigma = np.full(base.size, np.nan)
+            sigma[rows] = found.sigma
+            for i, own in enumerate(groups.values()):
+                own = own[np.isfinite(sigma[own])]
+                if not own.size:
+                    raise DataError(NO_NOISE)
+                noise[i] = sigma[own[0]] / base[own[0]]
+        except DataError:
+            theta, nothing = np.zeros((1, self.seen.size)), np.zeros(1, dtype=bool)
+            return Solved(theta, noise[None], (NO_NOISE,), self.problem.parameters.free[None], nothing)
+        is_open = self.seen & _loose(drawn, found.local)
+        why = RESTLESS if not found.converged else _why(drawn, found) if is_open.any() else ""
+        certified = np.array([found.optimum.certified])
+        return Solved(found.optimum.theta[None], noise[None], (why,), is_open[None], certified)
+
+
+def drawn_rows(problem: Problem, lot: Lot, number: int) -> Index:
+    """The problem's row behind each row of a replicate."""
+    every = np.arange(problem.rows.value.size)
+    return every if lot.counts is None else np.repeat(every, lot.counts[number].astype(np.intp))
+
+
+def replicate(problem: Problem, lot: Lot, number: int) -> Problem:
+    """One replicate as a problem of its own."""
+    parameters = (
+        c if c.prior is None else replace(c, prior=(float(mean), c.prior[1]))
+        for c, mean in zip(problem.parameters, lot.prior[number], strict=True)
+    )
+    problem = problem.with_parameters(parameters)
+    if lot.shift is not None:
+        problem = replace(problem, rows=replace(problem.rows, value=problem.rows.value + lot.shift[number]))
+    return problem if lot.counts is None else problem.with_rows(drawn_rows(problem, lot, number))
+
+
+def _loose(problem: Problem, local: Local) -> Bool:
+    """Entries of theta that take part in a direction that the rows do not see."""
+    share = np.abs(local.to_theta @ local.vectors[:, ~local.seen])
+    prior_sd = np.array([c.prior_sd for c in problem.parameters.entries])
+    return np.asarray((share > _LOADED * prior_sd[:, None]).any(axis=1))
+
+
+def _why(drawn: Problem, found: LeastSquares) -> str:
+    """Why a replicate leaves a constant open."""
+    kinds = np.array([OBSERVABLES[name].kind for name in drawn.rows.names])[drawn.rows.which]
+    oblique = np.isin(kinds, ("tangential", "curved"))
+    _, sticks = drawn.impulse(*drawn.per_row(found.optimum.theta))
+    if oblique.any() and sticks[oblique].all():
+        return NO_SLIDING
+    if (
+        oblique.any()
+        and not sticks[oblique].any()
+        and drawn.closure.bilinear
+        and drawn.closure.coefficients(drawn.inertia_factor).a1 == 0.0
+    ):
+        return NO_STICKING
+    return TOO_FEW

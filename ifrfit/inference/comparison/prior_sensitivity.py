@@ -1,0 +1,121 @@
+"""The priors behind the evidence, and how the evidence moves with their widths."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.comparison.types import PriorRow
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.posterior import log_evidence
+from ifrfit.inference.posterior.free_parameter import Unknown
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Interval
+from ifrfit.physics.closures import get_closure
+
+MU_WIDTHS = (0.25, 0.5, 2.0)  # times the stated width: 0.5, 1 and 4 of the default 2
+OWN_WIDTH = 0.5
+_ENOUGH = 1e-3  # share of the posterior below which its distribution function has too few digits
+
+
+def prior_of(problem: Problem) -> dict[str, dict[str, float]]:
+    """Prior of each free constant: ends of a uniform one, with mean and sd of the user's."""
+    found = {}
+    for constant in problem.parameters:
+        if constant.fixed is None:
+            unknown = Unknown.of(constant.name, constant)
+            found[constant.name] = {"lower": unknown.lower, "upper": unknown.upper}
+            if constant.prior is not None:
+                found[constant.name] |= {"mean": constant.prior[0], "sd": constant.prior[1]}
+    return found
+
+
+def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:
+    """Log evidences with wider and narrower priors, one change at a time.
+
+    The end of mu's uniform prior moves for all closures together. Each closure's own constant is held to
+    half its domain, placed about its posterior median: the narrowest that a favourable colleague may have
+    chosen, which raises that closure's evidence by log 2 at most. The domains are the widest that create no
+    energy already, so they are not widened. Constants that are fixed or have a prior of the user's stay.
+    """
+    stated = {name: _log_evidence(fit) for name, fit in fits.items()}
+    rows = [PriorRow("", dict(stated))]
+    problems = {name: _problem(fit) for name, fit in fits.items()}
+    mu = _varied(next(iter(problems.values())), "mu")
+    if mu is not None:
+        low, high = mu.lower, Unknown.of("mu", mu).upper
+        for width in MU_WIDTHS:
+            ends = (low, low + width * (high - low))
+            rows.append(
+                PriorRow(f"mu up to {ends[1]:g}", {n: _evidence(fit, "mu", ends) for n, fit in fits.items()})
+            )
+    for name, problem in problems.items():
+        closure = get_closure(name)
+        own = _varied(problem, closure.constant) if closure.constant else None
+        if own is None:
+            continue
+        ends = _half(fits[name], own)
+        words = f"{own.name} of {closure.title} in [{ends[0]:.4g}, {ends[1]:.4g}]"
+        rows.append(PriorRow(words, stated | {name: _evidence(fits[name], own.name, ends)}))
+    return tuple(rows)
+
+
+def _problem(fit: FitResult) -> Problem:
+    problem: Problem = fit.problem
+    return problem
+
+
+def _log_evidence(fit: FitResult) -> float:
+    return float(fit.law.log_evidence)
+
+
+def _varied(problem: Problem, name: str) -> Parameter | None:
+    """The constant, if it is free under a uniform prior."""
+    constant = problem.parameters[name]
+    return constant if constant.fixed is None and constant.prior is None else None
+
+
+def _labels(problem: Problem, name: str) -> list[str]:
+    """Entries of theta that a constant has."""
+    pairs = zip(problem.parameters.names, problem.parameters.entries, strict=True)
+    return [label for label, constant in pairs if constant.name == name]
+
+
+def _half(fit: FitResult, constant: Parameter) -> Interval:
+    """Part of the domain, half as wide, about the posterior median (the mean of several)."""
+    medians = [float(fit.law.quantile(x, 0.5)) for x in _labels(_problem(fit), constant.name)]
+    width = OWN_WIDTH * (constant.upper - constant.lower)
+    low = min(max(float(np.mean(medians)) - 0.5 * width, constant.lower), constant.upper - width)
+    return low, low + width
+
+
+def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
+    """Log evidence with a uniform prior of one constant between other ends.
+
+    A narrower uniform prior cuts the posterior: the evidence gains the ratio of the widths and keeps the
+    posterior's share between the ends. A wider one is integrated afresh.
+    """
+    problem = _problem(fit)
+    old = Unknown.of(name, problem.parameters[name])
+    labels = _labels(problem, name)
+    if len(labels) == 1 and old.lower <= ends[0] and ends[1] <= old.upper:
+        below, within = (float(x) for x in fit.law.cdf(labels[0], np.array(ends)))
+        if within - below > _ENOUGH:
+            gain = math.log((old.upper - old.lower) / (ends[1] - ends[0]))
+            return _log_evidence(fit) + gain + math.log(within - below)
+    moved = replace(problem.parameters[name], lower=ends[0], upper=ends[1])
+    at = np.array(
+        [fit.least_squares.optimum.theta[problem.parameters.names.index(label)] for label in labels]
+    )
+    inside = bool(((at > max(ends[0], old.lower)) & (at < min(ends[1], old.upper))).all())
+    # an optimum that neither domain cuts is where to begin in both
+    start = fit.least_squares if inside else None
+    try:
+        return log_evidence(problem.with_parameters([moved]), fit.law.tolerance, start)
+    except (UsageError, DataError):  # a domain that this closure cannot have
+        return None

@@ -1,0 +1,116 @@
+"""Named findings about a fit, each with its number and its rule."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ifrfit.inference.diagnostics.identifiability import identifiable
+from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit
+from ifrfit.inference.diagnostics.outliers import outliers
+from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.model.error_model import ITERATED
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.result.types import Estimate, Fact, FitStatistics
+
+
+def facts_of(
+    problem: Problem,
+    found: LeastSquares,
+    residuals: Residuals,
+    constants: Mapping[str, Any],
+    statistics: FitStatistics,
+    effects: Mapping[str, Fact],
+    *,
+    brief: bool = False,
+) -> dict[str, Fact]:
+    """All facts of a least-squares fit; `effects` holds what the residuals call for, where it was tested.
+
+    Brief, they leave out outliers, and the search for a remedy of a misfit.
+    """
+    called = effects["effects"].figures["called"] if effects else []
+    momentum = _angular_momentum(problem) if problem.observations.momentum else None
+    if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
+        effects = {}  # velocities and spins say it themselves
+    # microslip is no remedy where the residuals call for something else
+    remedy = not brief and (not called or "compliance" in called)
+    facts = {
+        "converged": _converged(found),
+        "global_optimum": _global_optimum(found, bilinear=problem.closure.bilinear),
+        "identifiable": identifiable(problem, found, constants, statistics.n_sticking, statistics.n_sliding),
+        "at_bound": at_bound(constants),
+        "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
+        **({} if brief else {"outliers": outliers(problem, found, residuals)}),
+        **effects,
+    }
+    if momentum is not None:
+        facts["angular_momentum"] = momentum
+    return facts
+
+
+def _converged(found: LeastSquares) -> Fact:
+    if math.isinf(found.noise_dof):
+        says = "least squares converged"
+    else:
+        says = f"the noise has {'' if found.converged else 'not '}settled"
+    return Fact(found.converged, says, {"change": found.change}, FACTS["converged"])
+
+
+def _angular_momentum(problem: Problem) -> Fact:
+    """Whether velocities and spins of raw impacts close, source by source."""
+    checks = problem.observations.momentum
+    figures = {
+        "sources": [
+            {
+                "source": c.source,
+                "n": c.n,
+                "rms": c.rms,
+                "n_violating": c.n_violating,
+                "suggested": c.suggested,
+            }
+            for c in checks
+        ]
+    }
+    bad = [check for check in checks if not check.ok]
+    says = " ".join(check.says for check in (bad or checks)).rstrip(".")
+    return Fact(not bad, says, figures, FACTS["angular_momentum"])
+
+
+def _global_optimum(found: LeastSquares, *, bilinear: bool) -> Fact:
+    optimum = found.optimum
+    figures = {
+        "gap": optimum.gap,
+        "n_optima_same": optimum.n_same,
+        "n_optima_near": optimum.n_near,
+        "road": optimum.road,
+    }
+    rule = FACTS["global_optimum"]
+    rivals = optimum.n_near - 1
+    if optimum.certified:
+        alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
+        return Fact(optimum.n_same == 1, f"global optimum certified, {alone}", figures, rule)
+    if optimum.gap is not None:
+        proof = f"gap {optimum.gap:.1e}"
+    elif optimum.road.endswith(ITERATED):
+        proof = "each set of weights has a certified optimum, but the weights may settle elsewhere, too"
+    else:
+        proof = f"no bound is known for {'these observables' if bilinear else 'this closure'}"
+    return Fact(False, f"the optimum is not proven to be global ({optimum.road}; {proof})", figures, rule)
+
+
+def at_bound(constants: Mapping[str, Any]) -> Fact:
+    """Constants that lie on a bound, and those that the data do not tell from it."""
+    on: list[str] = []
+    near: list[str] = []
+    for name, found in constants.items():
+        each = {"": found} if isinstance(found, Estimate) else found
+        for series, estimate in each.items():
+            label = f"{name}[{series}]" if series else name
+            if estimate.status == "one_sided" and estimate.value is not None:
+                (on if "lies on" in estimate.reason else near).append(label)
+    parts = [f"{', '.join(on)} on the bound of the domain"] if on else []
+    parts += [f"{', '.join(near)} not told from the bound of the domain"] if near else []
+    says = "; ".join(parts) or "no constant lies on a bound"
+    return Fact(not parts, says, {"on": on, "near": near}, FACTS["at_bound"])

@@ -1,0 +1,137 @@
+"""Which constants the data determine, which they leave loose, and what would settle the rest, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.result.types import Fact
+from ifrfit.physics.observables import OBSERVABLES
+
+_SHARE = 0.1  # of the largest loading below which a constant is not named in a combination
+
+
+def identifiable(
+    problem: Problem, fit: LeastSquares, constants: Mapping[str, Any], n_sticking: int, n_sliding: int
+) -> Fact:
+    """Whether the data determine every free constant; names the loose combinations and the remedy."""
+    local = fit.local
+    n_free = int(problem.parameters.free.sum())
+    loose = [
+        _combination(local.names, local.vectors[:, i] / _prior_scale(problem))
+        for i in np.flatnonzero(~local.tight)
+    ]
+    figures = {"rank": local.rank, "free": n_free, "loose": loose}
+    if local.rank == n_free:
+        limits = _limits(problem, constants)
+        says = limits or "the data determine every free constant"
+        return Fact(not limits, says, figures, FACTS["identifiable"])
+    return Fact(False, _advice(problem, fit, loose, n_sticking, n_sliding), figures, FACTS["identifiable"])
+
+
+def _limits(problem: Problem, constants: Mapping[str, Any]) -> str:
+    """What to say where the optimum looks determined, but the data go on beyond it nearly as well."""
+    says = []
+    for name, found in constants.items():
+        each = found if isinstance(found, Mapping) else {"": found}
+        for series, estimate in each.items():
+            if estimate.value is not None:
+                continue
+            label = f"{name}[{series}]" if series else name
+            if name == "mu" and math.isinf(estimate.interval95[1]):
+                says.append(
+                    f"no impact surely slides, so the data set only a lower limit to {label}: "
+                    f"measure beyond {_steepest(problem):.0f} degrees"
+                )
+            else:
+                says.append(
+                    f"{label}: {estimate.reason}; add impacts at other angles, or a sigma that is smaller"
+                )
+    return "; ".join(says)
+
+
+def _prior_scale(problem: Problem) -> np.ndarray:
+    return np.array([c.prior_sd for c in problem.parameters.entries])
+
+
+def _combination(names: tuple[str, ...], vector: np.ndarray) -> str:
+    """A direction as text; the largest part first."""
+    size = np.abs(vector)
+    named = [int(i) for i in np.argsort(-size, kind="stable") if size[i] > _SHARE * size.max()]
+    if len(named) == 1:
+        return names[named[0]]
+    lead = float(vector[named[0]])
+    parts = [names[named[0]]]
+    for i in named[1:]:
+        factor = float(vector[i]) / lead
+        text = f"{abs(factor):.2g}"
+        parts.append(f"{'+' if factor > 0 else '-'} {'' if text == '1' else text + ' '}{names[i]}")
+    return " ".join(parts)
+
+
+def _advice(problem: Problem, fit: LeastSquares, loose: list[str], n_sticking: int, n_sliding: int) -> str:
+    """What is open, why, and what to measure."""
+    observed = ", ".join(problem.rows.names)
+    says = []
+    alone = {name.split("[")[0] for name in loose if " " not in name}
+    own = problem.closure.constant
+    if "e_n" in alone and only_kappa_is_seen(problem):
+        mu = "" if n_sliding == 0 else " to get mu"
+        says.append(
+            f"{observed} alone determine{'s' if len(problem.rows.names) == 1 else ''} "
+            f"{'' if own is None else own + ' and '}kappa = mu (1 + e_n), never e_n and mu apart: "
+            f"give e_n a value (--fix e_n=...) or measure it (a drop test){mu}"
+        )
+    elif "e_n" in alone:
+        says.append("nothing here fixes e_n: give it a value (--fix e_n=...) or measure it (a drop test)")
+    if n_sliding == 0 and n_sticking > 0 and problem.closure.bilinear:
+        steepest = _steepest(problem)
+        says.append(
+            "no impact slides, and sticking impacts say only how large mu must at least be: "
+            f"measure beyond {steepest:.0f} degrees"
+        )
+    elif n_sticking == 0 and n_sliding > 0 and own in ("beta0", "chi"):
+        says.append(f"no impact sticks, and {own} shows only in sticking: measure nearer to the normal")
+    elif (alone & {"kappa", "mu", own}) or any(" " in name for name in loose):
+        if n_sticking + n_sliding == 0:
+            says.append("no oblique impact is among the rows: e_n and mu alone say nothing of the rest")
+        elif _one_angle(problem):
+            says.append(
+                "all impacts have one slip ratio, which cannot tell the constants apart: vary the angle"
+            )
+        elif not says:
+            kind = "the combination " if any(" " in name for name in loose) else ""
+            verb = "stays" if len(loose) == 1 else "stay"
+            says.append(f"{kind}{' and '.join(loose)} {verb} loose: add impacts at other angles")
+    if not says:
+        says.append(f"loose: {', '.join(loose)}")
+    return "; ".join(says)
+
+
+def only_kappa_is_seen(problem: Problem) -> bool:
+    """Whether friction enters through kappa alone: tangential rows, and nothing that knows e_n or mu."""
+    rows = all(
+        (OBSERVABLES[name].kind == "tangential" and OBSERVABLES[name].scale == "one")
+        or name in ("lambda_deg", "psi_after_deg")
+        for name in problem.rows.names
+    )
+    free = all(c.fixed is None and c.prior is None for c in problem.parameters if c.name in ("e_n", "mu"))
+    mu = problem.parameters["mu"]
+    return rows and free and mu.lower == 0.0 and math.isinf(mu.upper)
+
+
+def _steepest(problem: Problem) -> float:
+    gamma = problem.observations.table["gamma_deg"].to_numpy(dtype=float)
+    return float(np.nanmax(gamma)) if np.isfinite(gamma).any() else math.nan
+
+
+def _one_angle(problem: Problem) -> bool:
+    regime = np.array([OBSERVABLES[n].kind in ("tangential", "curved") for n in problem.rows.names])
+    tau = problem.rows.tau[regime[problem.rows.which]]
+    return tau.size > 0 and float(np.ptp(tau)) <= 1e-9 * (1.0 + float(tau.max()))

@@ -1,0 +1,245 @@
+"""Does the model describe the data? Residuals, lack of fit, and where it sits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ifrfit.errors import DataError
+from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.result.types import Fact
+from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.text import p_text
+
+Array = NDArray[np.float64]
+
+_TRIALS = 12  # angles at which the near-normal impacts are cut off, to see whether that mends the fit
+_COMFORTABLE = 0.05
+_NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
+_SPLINE_KNOTS = 4  # three degrees of freedom beside the constant
+_SMALLEST = 8  # rows of an observable below which no smooth departure is looked for
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals of a fit: standardised ones are over sigma, studentised ones also over their own leverage."""
+
+    raw: Array
+    standardised: Array
+    studentised: Array
+
+
+def residuals_of(problem: Problem, fit: LeastSquares) -> Residuals:
+    """Residuals at the optimum.
+
+    Where sigma comes from the misfit, a row is left out of its own yardstick (external studentisation), so
+    that an outlier does not hide behind the noise it feigns.
+    """
+    raw = problem.rows.value - problem.fitted(fit.optimum.theta)
+    standardised = raw / fit.sigma
+    internal = standardised / np.sqrt(np.maximum(1.0 - fit.local.leverage, 1e-6))
+    if math.isinf(fit.noise_dof) or fit.noise_dof <= 1.0:
+        return Residuals(raw, standardised, internal)
+    rest = np.maximum(fit.noise_dof - internal**2, 1e-12)
+    return Residuals(raw, standardised, internal * np.sqrt((fit.noise_dof - 1.0) / rest))
+
+
+def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals, *, remedy: bool = True) -> Fact:
+    """Test whether constants can describe the data.
+
+    With known sigma by chi2; without by pure error where inputs repeat; else by a smooth departure in tau,
+    with the runs test beside it.
+    """
+    r = residuals.standardised
+    dof = r.size - round(float(fit.local.leverage.sum()))
+    runs = _runs(problem, r)
+    rule = FACTS["lack_of_fit"]
+    figures: dict[str, object] = {"dof": dof, "p_runs": runs}
+    if problem.noise == "known":
+        test = "chi2"
+        p = float(special.chdtrc(dof, float(r @ r))) if dof > 0 else math.nan
+    else:
+        pure = _pure_error(problem, r, dof)
+        if pure is not None:
+            test, p = "pure error", pure
+        else:
+            test = "smooth departure"
+            smooth = _smooth(problem, fit, r)
+            known = [x for x in (smooth, runs) if x is not None]
+            p = min(known) if known else math.nan
+            figures["p_smooth"] = smooth
+    figures |= {"test": test, "p": None if math.isnan(p) else p}
+    if math.isnan(p):
+        oblique = any(rows.size for rows in oblique_groups(problem))
+        says = "too few rows to test the fit" if oblique else "nothing to test: repeats of single values"
+        return Fact(True, says, figures, rule)
+    if p >= REFUTED:
+        return Fact(True, f"no lack of fit (p = {p_text(p)}, {test})", figures, rule)
+    where, signs, near_normal = misfit(problem, r)
+    figures["where"] = where
+    says = (
+        f"the data contradict one set of constants (p = {p_text(p)}, {test}); "
+        f"the misfit sits {where}: {signs}"
+        f"{_oblique_remedy(problem) if near_normal and remedy and problem.closure.bilinear else ''}"
+    )
+    return Fact(False, says, figures, rule)
+
+
+def _oblique_remedy(problem: Problem) -> str:
+    """Whether the oblique impacts alone can be described, found by trying."""
+    says = ". Microslip does this near the normal: try --closure maw"
+    gamma = problem.observations.table["gamma_deg"].to_numpy(dtype=float)
+    angles = np.unique(gamma[gamma < _NEAR_NORMAL])
+    for angle in angles[:: 1 + angles.size // _TRIALS]:
+        cut = math.floor(float(angle)) + 1
+        part = problem.with_rows(np.flatnonzero(~(gamma < cut)))
+        try:
+            fit = least_squares(part)
+        except DataError:  # too few rows are left to tell their noise
+            break
+        found = lack_of_fit(part, fit, residuals_of(part, fit), remedy=False)
+        if found.figures["p"] is not None and found.figures["p"] >= _COMFORTABLE:
+            return (
+                f"{says}, or --gamma-min {cut}, with which there is no lack of fit "
+                f"(p = {p_text(found.figures['p'])})"
+            )
+    return says
+
+
+def _pure_error(problem: Problem, r: Array, dof: int) -> float | None:
+    """p of the F test of lack of fit against the scatter of repeats; None without repeats."""
+    i = problem.rows.incidence
+    inputs = np.column_stack((problem.rows.series, problem.rows.which, i.sine, i.cosine, i.spin_x, i.spin_y))
+    _, group = np.unique(inputs, axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    count = np.bincount(group)
+    mean = np.bincount(group, r) / count
+    pure = float(((r - mean[group]) ** 2).sum())
+    dof_pure = r.size - count.size
+    dof_lack = dof - dof_pure
+    if dof_pure < 3 or dof_lack < 1 or pure <= 0.0:
+        return None
+    f = max(float(r @ r) - pure, 0.0) / dof_lack / (pure / dof_pure)
+    return float(special.fdtrc(dof_lack, dof_pure, f))
+
+
+def oblique_groups(problem: Problem) -> list[Index]:
+    """Rows of each observable that depends on the regime, sorted by tau."""
+    groups = []
+    for name in problem.rows.names:
+        if OBSERVABLES[name].kind in ("tangential", "curved"):
+            rows = problem.rows.rows_of(name)
+            groups.append(rows[np.argsort(problem.rows.tau[rows], kind="stable")])
+    return groups
+
+
+def _smooth(problem: Problem, fit: LeastSquares, r: Array) -> float | None:
+    """p of a natural cubic spline in tau, one an observable, beyond the model's own directions."""
+    columns = []
+    for rows in oblique_groups(problem):
+        rows = rows[np.isfinite(problem.rows.tau[rows])]
+        basis = _natural_spline(problem.rows.tau[rows]) if rows.size >= _SMALLEST else None
+        if basis is not None:
+            wide = np.zeros((r.size, basis.shape[1]))
+            wide[rows] = basis
+            columns.append(wide)
+    if not columns:
+        return None
+    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free] / fit.sigma[:, None]
+    own = orthonormal(jacobian)
+    extra = np.concatenate(columns, axis=1)
+    extra = orthonormal(extra - own @ (own.T @ extra))
+    left = r - own @ (own.T @ r)
+    gained = float(((extra.T @ left) ** 2).sum())
+    rest = float(left @ left) - gained
+    dof_rest = r.size - own.shape[1] - extra.shape[1]
+    if dof_rest < 3 or extra.shape[1] == 0 or rest <= 0.0:
+        return None
+    f = gained / extra.shape[1] / (rest / dof_rest)
+    return float(special.fdtrc(extra.shape[1], dof_rest, f))
+
+
+def _natural_spline(tau: Array) -> Array | None:
+    """Basis of natural cubic splines in tau with knots at quantiles, less the constant, (n, 3)."""
+    from scipy.interpolate import CubicSpline
+
+    knots = np.unique(np.quantile(tau, np.linspace(0.0, 1.0, _SPLINE_KNOTS)))
+    if knots.size < _SPLINE_KNOTS:
+        return None
+    full = CubicSpline(knots, np.eye(knots.size), bc_type="natural")(tau)
+    return np.asarray(full[:, 1:])
+
+
+def orthonormal(a: Array) -> Array:
+    """Orthonormal basis of the columns' span."""
+    size = np.sqrt((a * a).sum(axis=0))
+    a = a[:, size > 1e-12 * size.max(initial=0.0)] / size[size > 1e-12 * size.max(initial=0.0)]
+    if a.shape[1] == 0:
+        return a
+    left, singular, _ = np.linalg.svd(a, full_matrices=False)
+    return np.asarray(left[:, singular > 1e-9 * singular[0]])
+
+
+def _runs(problem: Problem, r: Array) -> float | None:
+    """Wald-Wolfowitz runs test of the residuals' signs along tau, pooled over observables; two-sided p."""
+    runs = expected = variance = 0.0
+    for rows in oblique_groups(problem):
+        positive = r[rows] > 0.0
+        n1, n2 = float(positive.sum()), float((~positive).sum())
+        n = n1 + n2
+        if n1 < 2 or n2 < 2:
+            continue
+        runs += 1.0 + float((positive[1:] != positive[:-1]).sum())
+        expected += 1.0 + 2.0 * n1 * n2 / n
+        variance += 2.0 * n1 * n2 * (2.0 * n1 * n2 - n) / (n * n * (n - 1.0))
+    if variance < 2.0:
+        return None
+    z = max(abs(runs - expected) - 0.5, 0.0) / math.sqrt(variance)
+    return float(2.0 * special.ndtr(-z))
+
+
+def misfit(problem: Problem, r: Array) -> tuple[str, str, bool]:
+    """Where the excess of squares sits: the head or tail along tau that stands out most.
+
+    Returns
+    -------
+    where, signs : str
+    near_normal : bool
+        Whether it sits at the impacts nearest to the normal.
+    """
+    best, place = -math.inf, (np.empty(0, dtype=np.intp), "")
+    for rows in oblique_groups(problem):
+        square = r[rows] ** 2
+        m = np.arange(1, rows.size)
+        for part, inner in (("below", np.cumsum(square)[:-1]), ("beyond", np.cumsum(square[::-1])[:-1])):
+            if not m.size:
+                continue
+            score = (inner / m - square.mean()) * np.sqrt(m)
+            i = int(np.argmax(score))
+            if float(score[i]) > best:
+                best = float(score[i])
+                place = (rows[: i + 1] if part == "below" else rows[rows.size - i - 1 :], part)
+    rows, part = place
+    if rows.size == 0:
+        return "in no one place", "all rows take part", False
+    gamma = problem.observations.table["gamma_deg"].to_numpy(dtype=float)[rows]
+    observable = problem.rows.names[problem.rows.which[rows[0]]]
+    if part == "below":
+        where = f"in {observable} up to {gamma.max():.3g} degrees"
+    else:
+        where = f"in {observable} from {gamma.min():.3g} degrees on"
+    return where, _signs(r, rows), part == "below" and float(gamma.max()) < _NEAR_NORMAL
+
+
+def _signs(r: Array, rows: Index) -> str:
+    positive = int((r[rows] > 0.0).sum())
+    side, count = ("positive", positive) if 2 * positive >= rows.size else ("negative", rows.size - positive)
+    share = float((r[rows] ** 2).sum() / (r @ r))
+    return f"{count} of {rows.size} residuals {side}, {100 * share:.0f} % of the sum of squares"

@@ -1,0 +1,67 @@
+"""The effects of one fit: their criteria on the scene of the data, and what the residuals call for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ifrfit.inference.diagnostics.omitted_effects.dimensionless_criteria import effect_lines
+from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
+from ifrfit.inference.diagnostics.omitted_effects.selection import effects_fact
+from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.result.types import Constants, Estimate, Fact
+from ifrfit.physics.compliance.law import chi_range
+
+
+def effects_of(
+    problem: Problem,
+    fit: LeastSquares,
+    setting: Setting | None,
+    constants: Constants,
+    derived: Mapping[str, Any],
+) -> tuple[tuple[EffectLine, ...], dict[str, Fact]]:
+    """Run the criteria where the scene is known, and the score tests in any case.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquares
+    setting : Setting or None
+        The scene of the data.
+    constants, derived : mapping
+        Name to `Estimate`, or to one a series.
+
+    Returns
+    -------
+    lines : tuple of EffectLine
+        Empty where nothing is known of the scene.
+    facts : dict
+        ``effects``; empty where no effect could show in these rows.
+    """
+    knows_e_n = _has_value(constants["e_n"])
+    if setting is None:
+        fact = effects_fact(problem, fit, knows_e_n=knows_e_n)
+    else:
+        speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
+        chi = _chi(setting, problem.inertia_factor)
+        fact = effects_fact(problem, fit, chi=chi, speed=speed, knows_e_n=knows_e_n)
+    facts = {} if fact is None else {"effects": fact}
+    if setting is None:
+        return (), facts
+    return effect_lines(problem, fit, setting, knows_kappa=_has_value(derived["kappa"])), facts
+
+
+def _chi(setting: Setting, j: float) -> float | None:
+    """Compliance number of the materials, where it is one that like materials can have."""
+    if setting.contact.stiffness_ratio is None:
+        return None
+    chi = 0.5 * setting.contact.stiffness_ratio * (1.0 + 1.0 / j)
+    low, high = chi_range(j)
+    return chi if low <= chi <= high else None
+
+
+def _has_value(entry: Estimate | Mapping[str, Estimate]) -> bool:
+    each = [entry] if isinstance(entry, Estimate) else entry.values()
+    return all(one.value is not None for one in each)

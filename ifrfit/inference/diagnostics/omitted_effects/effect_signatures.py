@@ -1,0 +1,228 @@
+"""How each effect would move the fitted values, to first order or at the size that its theory says.
+
+A direction is taken at the fit, from the effect's own physics, and never fitted: so whether the residuals
+lie along it is a test of one degree of freedom, see `score`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
+    Array,
+    computed,
+    impacts_of,
+    oblique,
+    speeds,
+)
+from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS, reference_speed
+from ifrfit.inference.model.problem import Problem
+from ifrfit.physics.closures import Coefficients, get_closure
+from ifrfit.physics.compliance import chi_of
+from ifrfit.physics.compliance.law import chi_range
+from ifrfit.physics.effects import Contact
+from ifrfit.physics.effects.contact import SOLID
+from ifrfit.physics.observables import OBSERVABLES
+
+# no effects of the registry, but what a misfit may be instead
+RIVALS = ("sticking-law", "sliding-law", "friction-by-speed", "inertia-factor")
+
+_POISSON = (0.1, 0.3, 0.45)  # where the materials are not known
+_KAPPA = (0.5, 2.0)  # that a step may reach, over the fitted one
+_STEP = 1e-6
+_SMALL_COUPLE = 1e-6  # mu_r of the difference that stands for the derivative
+_LOWEST = 0.02  # e_n below which nothing is left to fall
+_SHAPE = (0.1, 0.95)  # e_n from which a law takes its shape where the data do not tell e_n
+
+
+@dataclass(frozen=True)
+class Direction:
+    """Change of every row's value by an effect of strength 1.
+
+    Attributes
+    ----------
+    name : str
+        Effect, or what may be mistaken for one: `RIVALS`.
+    change : ndarray, (n,)
+        In the observable's unit.
+    two_sided : bool
+        Whether its strength may be negative.
+    whole : bool
+        Whether strength 1 is what the effect's theory says with the fitted constants, nothing free.
+    by_kappa : bool
+        Whether the rows know e_n in kappa = mu (1 + e_n) only, so that a law e_n(v) may be one of mu.
+    figures : mapping
+        What the words need: chi, e_n over a tenfold of speed.
+    """
+
+    name: str
+    change: Array
+    two_sided: bool = False
+    whole: bool = False
+    by_kappa: bool = False
+    figures: dict[str, float] = field(default_factory=dict)
+
+
+def directions(
+    problem: Problem,
+    theta: Array,
+    jacobian: Array,
+    sigma: Array,
+    *,
+    chi: float | None = None,
+    speed: float = 0.0,
+    knows_e_n: bool = True,
+) -> list[Direction]:
+    """Every direction that these rows can show.
+
+    Parameters
+    ----------
+    problem : Problem
+    theta : ndarray
+        The optimum.
+    jacobian : ndarray, (n, p)
+        `Problem.jacobian` there.
+    sigma : ndarray, (n,)
+        Standard uncertainty of each row.
+    chi : float, optional
+        Compliance number of the materials; by default those of Poisson ratios of 0.1, 0.3 and 0.45 are tried.
+    speed : float
+        Of rows that state none, m/s; 0 where it is not known.
+    knows_e_n : bool
+        Whether e_n is determined or fixed: else a law e_n(v) has a shape, but no size of its own.
+    """
+    return [
+        *_tangential(problem, theta, jacobian, sigma, chi),
+        *_of_speed(problem, theta, jacobian, sigma, speeds(problem, speed), knows_e_n),
+        *_rolling(problem, theta),
+        *_inertia(problem, theta),
+    ]
+
+
+def _tangential(
+    problem: Problem, theta: Array, jacobian: Array, sigma: Array, chi: float | None
+) -> Iterator[Direction]:
+    """Compliance, and the other constant laws of sticking and sliding, which may look like it."""
+    if not problem.closure.bilinear or not oblique(problem).any():
+        return
+    e_n, c, mu = problem.per_row(theta)
+    k, sticks = problem.impulse(e_n, c, mu)
+    j = problem.inertia_factor
+    law = problem.closure.law(j)
+    up = problem.values_with(k + _STEP, e_n, mu)
+    by_k = (up - problem.values_with(k - _STEP, e_n, mu)) / (2.0 * _STEP)
+    # k = a + min(b, kappa/tau): closures differ in which of a and b is free
+    assert isinstance(law, Coefficients)
+    free = {}
+    if law.b1 == 0.0:
+        free["sticking-law"] = np.where(sticks, by_k, 0.0)
+    if law.a1 == 0.0:
+        free["sliding-law"] = by_k
+    factor = _kappa_factor(problem, theta, np.column_stack((jacobian, *free.values())), sigma)
+    compliance, low_high = get_closure("maw").law(j), chi_range(j)
+    for number in [float(chi_of(nu, j)) for nu in _POISSON] if chi is None else [chi]:
+        if low_high[0] <= number <= low_high[1]:
+            kappa = factor * mu * (1.0 + e_n)
+            compliant, _ = compliance.impulse(problem.rows.incidence, np.array(number), kappa)
+            change = problem.values_with(compliant, e_n, mu) - problem.values_with(k, e_n, mu)
+            yield Direction("compliance", change, whole=True, figures={"chi": number})
+    for name, change in free.items():
+        yield Direction(name, change, two_sided=True)
+
+
+def _kappa_factor(problem: Problem, theta: Array, columns: Array, sigma: Array) -> Array:
+    """kappa over that of the fit, for each row, by a step in which no tie of the closure holds it back.
+
+    Where the contact is compliant, a closure that ties sticking to sliding finds a kappa that lies off.
+    """
+    residual = (problem.rows.value - problem.fitted(theta)) / sigma
+    step = np.linalg.lstsq(columns / sigma[:, None], residual, rcond=_STEP)[0]
+    places, series = problem.parameters.positions, problem.rows.series
+    at_e, at_mu = places["e_n"][series], places["mu"][series]
+    e_n, _, mu = problem.per_row(theta)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = 1.0 + step[at_mu] / mu + step[at_e] / (1.0 + e_n)
+    return np.clip(np.nan_to_num(factor, nan=1.0), *_KAPPA)
+
+
+def _of_speed(
+    problem: Problem, theta: Array, jacobian: Array, sigma: Array, speed: Array, knows_e_n: bool
+) -> Iterator[Direction]:
+    """Laws e_n(v), adhesion, and friction that depends on the speed of sliding."""
+    i = problem.rows.incidence
+    normal, sliding = speed * i.cosine, speed * i.slip
+    places = problem.parameters.positions
+    row = np.arange(normal.size)
+    e_n, c, mu = problem.per_row(theta)
+    coming, slipping = normal > 0.0, (sliding > 0.0) & oblique(problem)
+    if coming.any():
+        by_e_n = jacobian[row, places["e_n"][problem.rows.series]]
+        for name in LAWS:
+            weight = (by_e_n / sigma) ** 2
+            direction = _restitution_law(problem, (e_n, c, mu), normal, weight, name, knows_e_n)
+            if direction is not None:
+                yield direction
+        # e_n^2 falls by (V_s/V)^2: per V_s^2
+        less = -0.5 / (np.maximum(e_n, _LOWEST) * np.where(coming, normal, np.inf) ** 2)
+        yield Direction("adhesion", by_e_n * less)
+    if slipping.any():
+        by_mu = jacobian[row, places["mu"][problem.rows.series]]
+        log = np.log(np.where(slipping, sliding, 1.0))
+        yield Direction("friction-by-speed", by_mu * mu * log, two_sided=True)
+
+
+def _restitution_law(
+    problem: Problem,
+    constants: tuple[Array, Array, Array],
+    normal: Array,
+    weight: Array,
+    name: str,
+    knows_e_n: bool,
+) -> Direction | None:
+    """Change from a constant e_n to a law e_n(v) with that mean."""
+    e_n, c, mu = constants
+    shape = e_n if knows_e_n else np.clip(e_n, *_SHAPE)
+    if ((shape <= _LOWEST) | (shape >= 1.0)).any():
+        return None
+    coming = normal > 0.0
+    changed = e_n.copy()
+    fall = 0.0
+    for value in np.unique(shape[coming]):
+        at = coming & (shape == value)
+        law = LAWS[name](float(value))
+        through = reference_speed(law, float(value), normal[at], weight[at])
+        changed[at] += law(normal[at] / through) - value
+        tenth = law(np.sqrt(np.array([0.1, 10.0])))
+        fall += float(tenth[0] - tenth[1]) * float(at.sum()) / float(coming.sum())
+    changed = np.clip(changed, 0.0, 1.0)
+    (k, _), (old, _) = problem.impulse(changed, c, mu), problem.impulse(e_n, c, mu)
+    change = problem.values_with(k, changed, mu) - problem.values_with(old, e_n, mu)
+    return Direction(
+        name,
+        change,
+        whole=knows_e_n and problem.inertia_factor == SOLID,  # both are laws of a Hertz contact
+        by_kappa=not knows_e_n,
+        figures={"fall": fall},
+    )
+
+
+def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
+    """Derivative by the coefficient of rolling friction."""
+    nowhere = np.full(problem.rows.value.size, np.nan)
+    impacts = impacts_of(problem, theta, nowhere, nowhere)
+    contact = Contact(inertia_factor=problem.inertia_factor, rolling_friction=_SMALL_COUPLE)
+    slowed, free = (computed(problem, contact, impacts, on) for on in (("rolling",), ()))
+    yield Direction("rolling", np.nan_to_num((slowed - free) / _SMALL_COUPLE))
+
+
+def _inertia(problem: Problem, theta: Array) -> Iterator[Direction]:
+    """Relative derivative by the inertia factor; spins beside velocities show it as they do rolling."""
+    tangential = [name for name in problem.rows.names if OBSERVABLES[name].kind in ("tangential", "curved")]
+    spins = [name for name in tangential if name.startswith("spin_")]
+    if spins and len(spins) < len(tangential):
+        other = replace(problem, inertia_factor=problem.inertia_factor * (1.0 + _STEP))
+        change = (other.fitted(theta) - problem.fitted(theta)) / _STEP
+        yield Direction("inertia-factor", change, two_sided=True)

@@ -1,0 +1,84 @@
+"""Rows that do not belong to the rest."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import special
+
+from ifrfit.errors import DataError
+from ifrfit.inference.diagnostics.lack_of_fit import Residuals, residuals_of
+from ifrfit.inference.diagnostics.thresholds import FACTS, OUTLIER
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.result.types import Fact
+
+_MOST = 8  # outliers that are looked for
+
+
+def outliers(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
+    """Rows beyond the Bonferroni limit at 1 %, found one by one.
+
+    The worst row is left out and the rest fitted again before the next one is judged: an outlier drags good
+    rows along. Where only a search finds an optimum, it goes on from the last one.
+    """
+    found: list[tuple[int, float]] = []  # place in the problem, distance in sigma
+    places = np.arange(problem.rows.value.size)
+    limit: float | None = None
+    kept_problem = problem
+    while len(found) < _MOST and places.size > 2:
+        limit = _limit(fit, places.size)
+        if limit is None:
+            break
+        worst = int(np.argmax(np.abs(residuals.studentised)))
+        if abs(residuals.studentised[worst]) <= limit:
+            break
+        found.append((int(places[worst]), float(residuals.studentised[worst])))
+        kept = np.delete(np.arange(places.size), worst)
+        places, kept_problem = places[kept], kept_problem.with_rows(kept)
+        try:
+            fit = least_squares(kept_problem, fit.optimum.theta)
+        except DataError:  # too few rows are left to tell their noise
+            break
+        residuals = residuals_of(kept_problem, fit)
+    return _fact(problem, found, limit)
+
+
+def _limit(fit: LeastSquares, n: int) -> float | None:
+    """The Bonferroni limit; None where the noise rests on too few rows."""
+    p = 1.0 - 0.5 * OUTLIER / n
+    if math.isinf(fit.noise_dof):
+        return float(special.ndtri(p))
+    return float(special.stdtrit(fit.noise_dof - 1.0, p)) if fit.noise_dof > 2.0 else None
+
+
+def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None) -> Fact:
+    figures = {"rows": [row_name(problem, i) for i, _ in found], "limit": limit}
+    if limit is None and not found:
+        return Fact(True, "too few rows to tell an outlier", figures, FACTS["outliers"])
+    if not found:
+        return Fact(True, "no outlier", figures, FACTS["outliers"])
+    named = "; ".join(f"{row_name(problem, i)} at {z:+.1f} sigma" for i, z in found)
+    many = len(found) > 1
+    count = f"{len(found)} outlier{'s' if many else ''}{' or more' if len(found) == _MOST else ''}"
+    remedy = " ".join(f"--exclude {_exclude_name(problem, i)}" for i, _ in found)
+    them = "them" if many else "it"
+    if len(found) == _MOST and problem.noise == "known":
+        remedy = "with so many, sigma is rather too small for the scatter: --noise scaled or unknown"
+        return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
+    says = f"{count}: {named}; check {them}, or leave {them} out with {remedy}"
+    return Fact(False, says, figures, FACTS["outliers"])
+
+
+def row_name(problem: Problem, i: int) -> str:
+    """Where a row comes from, in words."""
+    table = problem.observations.table
+    source, row, observable = (str(table[column].iat[i]) for column in ("source", "row", "observable"))
+    return f"{source} line {row} ({observable})"
+
+
+def _exclude_name(problem: Problem, i: int) -> str:
+    row = problem.observations.table.iloc[i]
+    several = problem.observations.table["source"].nunique() > 1
+    return f"{row['source']}:{row['row']}" if several else str(row["row"])

@@ -1,0 +1,1 @@
+"""Distributions of the constants, whatever method they come from."""

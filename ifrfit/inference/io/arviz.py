@@ -1,0 +1,152 @@
+"""For those who continue in ArviZ: a posterior as its object."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.model.log_posterior import Density
+
+if TYPE_CHECKING:
+    from ifrfit.inference.result.fit_result import FitResult
+
+Array = NDArray[np.float64]
+
+_CHAINS, _DRAWS = 4, 1000  # of the exact posterior, whose draws are independent
+_MOST = 20_000_000  # values of the log likelihood
+_AT_ONCE = 2_000_000  # of them worked out together
+_INDEPENDENT = 2.0  # autocorrelation times after which a draw knows nothing of the one before
+
+
+def to_arviz(result: FitResult) -> Any:
+    """Put a posterior into ArviZ's form; see `FitResult.to_arviz`."""
+    try:
+        from arviz_base import from_dict
+    except ImportError:
+        raise UsageError(
+            "ArviZ is not installed, which to_arviz() needs: pip install 'ifrfit[arviz]'."
+        ) from None
+    if result.problem is None:
+        raise UsageError("A result that was read from a file holds no problem any more: fit the data again.")
+    if result.method not in ("exact", "mcmc"):
+        raise UsageError(
+            f"--method {result.method} gives no posterior, which to_arviz() needs: use exact or mcmc."
+        )
+    density = Density(result.problem)
+    draws, told = _of_law(result) if result.sample is None else _of_chains(result)
+    shape = next(iter(draws.values())).shape
+    points = _points(density, draws)
+    impacts = _in_parts(density.impacts, density, points)
+    table = result.problem.observations.table
+    rows = [f"{source}:{row}" for source, row in zip(table["source"], table["row"], strict=True)]
+    first = np.unique(density.impact, return_index=True)[1]
+    ids = [table["impact_id"].iloc[i] or rows[i] for i in first]
+    about = _about(result) | told
+    posterior, dims, coords = _by_name(draws)
+    return from_dict(
+        {
+            "posterior": posterior,
+            "sample_stats": {"lp": _in_parts(density, density, points).reshape(shape)},
+            "log_likelihood": {"impact": impacts.reshape(*shape, -1)},
+            "observed_data": {"value": result.problem.rows.value},
+        },
+        coords={"impact_id": ids, "row": rows} | coords,
+        dims={"impact": ["impact_id"], "value": ["row"]} | dims,
+        attrs={"/": about, "posterior": about},
+    )
+
+
+def _by_name(
+    draws: Mapping[str, Array],
+) -> tuple[dict[str, Array], dict[str, list[str]], dict[str, list[str]]]:
+    """mu[a] and mu[b] as one variable mu with a dimension, as ArviZ has them; its dimensions and labels."""
+    labels: dict[str, list[str]] = {}
+    for name in draws:
+        kind, bracket, label = name.partition("[")
+        labels.setdefault(kind, []).extend([label[:-1]] if bracket else [])
+    posterior, dims, coords = {}, {}, {}
+    for kind, own in labels.items():
+        if own:
+            dims[kind] = ["noise_of" if kind == "noise" else "series"]
+            coords[dims[kind][0]] = own
+        several = [draws[f"{kind}[{label}]"] for label in own]
+        posterior[kind] = np.stack(several, axis=-1) if own else draws[kind]
+    return posterior, dims, coords
+
+
+def _about(result: FitResult) -> dict[str, Any]:
+    """Where the draws come from: what netCDF can hold of it, that is numbers and texts."""
+    return {
+        "inference_library": "ifrfit",
+        "inference_library_version": result.versions.get("ifrfit", ""),
+        "closure": result.closure,
+        "method": result.method,
+        "noise": result.noise.policy,
+        "inertia_factor": result.inertia_factor,
+        "seed": result.seed,
+        "command": result.command,
+        "created": result.created,
+        "data": ", ".join(source.name for source in result.inputs),
+        "sha256": ", ".join(source.sha256 for source in result.inputs),
+        "provenance": ", ".join(kind for kind in result.provenance if kind) or "not stated",
+        "versions": ", ".join(f"{name} {version}" for name, version in result.versions.items()),
+        "converged": str(result.facts["converged"].ok),
+    }
+
+
+def _of_law(result: FitResult) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Independent draws, so many a chain as the log likelihood allows."""
+    each = max(1, _allowed(result) // _CHAINS)
+    each = min(each, _DRAWS)
+    drawn = result.law.draws(_CHAINS * each, np.random.default_rng(result.seed))
+    draws = {name: values.reshape(_CHAINS, each) for name, values in drawn.items()}
+    return draws, {"sampler": "independent draws from a quadrature"}
+
+
+def _of_chains(result: FitResult) -> tuple[dict[str, Array], dict[str, Any]]:
+    """A chain an ensemble: the draws of its walkers in the order of time, thinned until they are independent.
+
+    Not thinned, they would look independent to estimators of effective size although they are not, because
+    the draws of one walker lie far apart in such a row.
+    """
+    evidence = result.sample.evidence
+    longest = max(evidence.tau.values())
+    ensembles, steps, walkers = next(iter(evidence.kept.values())).shape
+    few = math.ceil(steps * ensembles * walkers / _allowed(result))
+    thin = max(few, math.ceil(_INDEPENDENT * longest) if math.isfinite(longest) else 1)
+    draws = {name: x[:, ::thin].reshape(ensembles, -1) for name, x in evidence.kept.items()}
+    return draws, {
+        "sampler": "emcee",
+        "ensembles": ensembles,
+        "walkers": walkers,
+        "steps": evidence.steps,
+        "discarded": evidence.discarded,
+        "thinned": thin,
+        "autocorrelation_time": longest,
+        "acceptance": result.sample.chains.acceptance,
+    }
+
+
+def _allowed(result: FitResult) -> int:
+    """Draws for which the log likelihood is not too large to hold."""
+    return int(max(_CHAINS, _MOST // max(result.problem.rows.value.size, 1)))
+
+
+def _points(density: Density, draws: Mapping[str, Array]) -> Array:
+    """Points of the density, (chains * draws, d)."""
+    n = len(density.unknowns)
+    noises = [np.log(draws[name]) for name in density.names[n:]]
+    return np.stack([*(draws[name] for name in density.names[:n]), *noises], axis=-1).reshape(
+        -1, len(density.names)
+    )
+
+
+def _in_parts(function: Callable[[Array], Array], density: Density, points: Array) -> Array:
+    """A function of points, so many at a time that the rows of each fit into memory."""
+    parts = 1 + points.shape[0] * density.problem.rows.value.size // _AT_ONCE
+    return np.concatenate([function(part) for part in np.array_split(points, parts)])

@@ -1,0 +1,138 @@
+"""For those who live in lmfit: our model as an lmfit.Model, our optimum as a MinimizerResult."""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.model.problem import Problem
+from ifrfit.physics.closures import get_closure
+from ifrfit.physics.observables import get_observable
+from ifrfit.physics.rebound import rebound
+
+if TYPE_CHECKING:
+    from ifrfit.inference.result.fit_result import FitResult
+
+
+def lmfit_model(observable: str, closure: str = "ifr", inertia_factor: float = 0.4) -> Any:
+    """Make an ``lmfit.Model`` of one observable against the incidence angle.
+
+    Parameters
+    ----------
+    observable : str
+        Name in the common schema.
+    closure : str
+    inertia_factor : float
+
+    Returns
+    -------
+    lmfit.Model
+        Independent variables gamma (degrees), spin_x, spin_y (default 0); parameters are the constants of
+        the closure with hints for the passive domain.
+    """
+    import lmfit
+
+    chosen, wanted = get_closure(closure), get_observable(observable)
+
+    def model(gamma: Any, spin_x: Any = 0.0, spin_y: Any = 0.0, **constants: float) -> Any:
+        state = rebound(
+            gamma, spin_x, spin_y, closure=closure, inertia_factor=inertia_factor, degrees=True, **constants
+        )
+        return wanted.value(state, np.asarray(constants["mu"]))
+
+    # lmfit reads the names of the parameters off the signature
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    inputs = [inspect.Parameter("gamma", kind)]
+    inputs += [inspect.Parameter(name, kind, default=0.0) for name in ("spin_x", "spin_y")]
+    inputs += [inspect.Parameter(name, kind, default=1.0) for name in chosen.constants]
+    model.__signature__ = inspect.Signature(inputs)  # type: ignore[attr-defined]
+    made = lmfit.Model(
+        model, independent_vars=["gamma", "spin_x", "spin_y"], name=observable, spin_x=0.0, spin_y=0.0
+    )
+    made.set_param_hint("e_n", value=0.8, min=0.0, max=1.0)
+    made.set_param_hint("mu", value=0.15, min=0.0)
+    if chosen.constant:
+        low, high = chosen.domain(inertia_factor)
+        made.set_param_hint(chosen.constant, value=low + 0.1 * (high - low), min=low, max=high)
+    return made
+
+
+def constants_from(params: Any) -> dict[str, dict[str, Any]]:
+    """Read fix and bounds out of ``lmfit.Parameters``.
+
+    Raises
+    ------
+    UsageError
+        For an expression: constants of a closure are independent.
+    """
+    fix: dict[str, float] = {}
+    bounds: dict[str, tuple[float, float]] = {}
+    for name, parameter in params.items():
+        if parameter.expr:
+            fix[name] = float(parameter.value)
+            if any(other in parameter.expr for other in params if other != name):
+                raise UsageError(
+                    f"params: {name} is an expression of other constants ('{parameter.expr}'). "
+                    "Constants are fitted independently: fix it, or leave it free."
+                )
+        elif not parameter.vary:
+            fix[name] = float(parameter.value)
+        elif np.isfinite(parameter.min) or np.isfinite(parameter.max):
+            bounds[name] = (float(parameter.min), float(parameter.max))
+    return {"fix": fix, "bounds": bounds}
+
+
+def minimizer_result(result: FitResult) -> Any:
+    """Polish the result's own optimum with lmfit and hand out lmfit's account of it.
+
+    Only constants that the data determine vary; the others are held at the optimum.
+
+    Raises
+    ------
+    UsageError
+        For a result that was read from a file: it keeps no problem to evaluate.
+    """
+    import lmfit
+
+    problem: Problem | None = result.problem
+    if problem is None:
+        raise UsageError(
+            "lmfit_result needs the fit itself; a result read from a file holds only its findings."
+        )
+    sigma = result.points["sigma_used"].to_numpy(dtype=float)
+    params = lmfit.Parameters()
+    labels = [_label(name) for name in problem.parameters.names]
+    theta = result.least_squares.optimum.theta
+    lower, upper = problem.parameters.bounds()
+    settled = _settled(result)
+    for label, name, value, low, high, free in zip(
+        labels, problem.parameters.names, theta, lower, upper, problem.parameters.free, strict=True
+    ):
+        varies = bool(free) and name in settled
+        params.add(
+            label, value=value, vary=varies, min=low if varies else -np.inf, max=high if varies else np.inf
+        )
+
+    def residual(p: Any) -> Any:
+        at = np.array([p[label].value for label in labels])
+        data = (problem.rows.value - problem.fitted(at)) / sigma
+        return np.concatenate((data, problem.parameters.prior_residuals(at)))
+
+    return lmfit.minimize(residual, params, method="least_squares", scale_covar=False, xtol=1e-14, ftol=1e-14)
+
+
+def _label(name: str) -> str:
+    return "".join(ch if ch.isalnum() or ch == "_" else "_" for ch in name).strip("_")
+
+
+def _settled(result: FitResult) -> set[str]:
+    from ifrfit.inference.result.types import Estimate
+
+    names = set()
+    for name, found in result.constants.items():
+        each = {"": found} if isinstance(found, Estimate) else {f"[{s}]": e for s, e in found.items()}
+        names |= {f"{name}{suffix}" for suffix, e in each.items() if e.status in ("determined", "prior")}
+    return names

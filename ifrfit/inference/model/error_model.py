@@ -1,0 +1,154 @@
+"""The errors of the rows as the user described them: tails, errors of angle and spin, what was measured."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ifrfit.errors import UsageError
+
+ITERATED = "weights iterated"  # end of the road by which such a fit was found
+ANGLES = ("none", "effective", "set", "measured")
+TAILS = ("gaussian", "student-t")
+DOF = 4.0  # Lange, Little & Taylor (1989), J. Am. Stat. Assoc. 84, 881: wide enough for most outliers
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """Law of the measured values, given the constants.
+
+    Attributes
+    ----------
+    dof : float or None
+        Degrees of freedom of Student's t; None for Gaussian errors.
+    angles : {"none", "effective", "set", "measured"}
+        Errors of angle and spin. none: taken as exact. effective: added to the error of the value through the
+        slope (effective variance). set: the true angle scatters about the set one (Berkson), and is
+        integrated out. measured: the measured angle scatters about the true one (classical), and the true
+        ones are spread evenly over `population`.
+    population : (float, float) or None
+        Degrees; where true angles lie, for `angles` "measured".
+    gamma : float or None
+        Standard uncertainty of the angle, degrees, of rows that state none.
+    velocity, spin : float or None
+        Standard uncertainties of the measured velocities after impact, and of R Omega, per incoming speed:
+        the errors of all rows are propagated from them.
+    """
+
+    dof: float | None = None
+    angles: str = "none"
+    population: tuple[float, float] | None = None
+    gamma: float | None = None
+    velocity: float | None = None
+    spin: float | None = None
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether errors are independent, Gaussian, and of the values alone."""
+        return self.dof is None and self.angles == "none"
+
+    @property
+    def integrates(self) -> bool:
+        """Whether true angles and spins are integrated out."""
+        return self.angles in ("set", "measured")
+
+    @property
+    def propagates(self) -> bool:
+        """Whether the errors of the rows come from those of the measured velocities and spins."""
+        return self.velocity is not None
+
+    def choices(self) -> dict[str, Any]:
+        """The user's choices, as `make_error_model` takes them."""
+        return {
+            "tails": TAILS[0] if self.dof is None else TAILS[1],
+            "dof": self.dof,
+            "angle_errors": self.angles,
+            "angle_population": self.population,
+            "sigma_gamma": self.gamma,
+            "sigma_velocity": self.velocity,
+            "sigma_spin": self.spin,
+        }
+
+    @property
+    def words(self) -> str:
+        """The choice in a few words; empty where all is plain."""
+        parts = []
+        if self.dof is not None:
+            parts.append(f"Student-t errors ({self.dof:g} degrees of freedom)")
+        if self.propagates:
+            spin = f", spin {self.spin:g}" if self.spin is not None else ""
+            parts.append(f"errors propagated from velocity {self.velocity:g}{spin} (per incoming speed)")
+        if self.angles == "effective":
+            parts.append("errors of angle and spin by effective variance")
+        elif self.angles == "set":
+            parts.append("angles and spins scatter about the set ones, integrated out")
+        elif self.angles == "measured":
+            assert self.population is not None
+            low, high = self.population
+            parts.append(
+                "measured angles and spins scatter about the true ones, "
+                f"integrated out over angles from {low:g} to {high:g} degrees"
+            )
+        return "; ".join(parts)
+
+
+PLAIN = ErrorModel()
+
+
+def make_error_model(
+    *,
+    tails: str = "gaussian",
+    dof: float | None = None,
+    angle_errors: str = "none",
+    angle_population: tuple[float, float] | None = None,
+    sigma_gamma: float | None = None,
+    sigma_velocity: float | None = None,
+    sigma_spin: float | None = None,
+) -> ErrorModel:
+    """Turn the user's choices into a law.
+
+    Raises
+    ------
+    UsageError
+        For a choice that does not exist, or choices that contradict.
+    """
+    if tails not in TAILS:
+        raise UsageError(f"--tails {tails}: choose {' or '.join(TAILS)}.")
+    if angle_errors not in ANGLES:
+        raise UsageError(f"--angle-errors {angle_errors}: choose {', '.join(ANGLES[:-1])} or {ANGLES[-1]}.")
+    if dof is not None and tails != "student-t":
+        raise UsageError("--dof belongs to --tails student-t: add it, or leave --dof out.")
+    if dof is not None and not 1.0 <= dof <= 1e6:
+        raise UsageError(f"--dof {dof:g}: choose 1 (Cauchy) or more; 4 is usual.")
+    _check_angles(angle_errors, angle_population, sigma_gamma)
+    for option, value in (("--sigma-velocity", sigma_velocity), ("--sigma-spin", sigma_spin)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise UsageError(f"{option} {value:g}: it must be positive (per incoming speed).")
+    if sigma_spin is not None and sigma_velocity is None:
+        raise UsageError("--sigma-spin needs --sigma-velocity: errors are propagated from both.")
+    chosen = (DOF if dof is None else dof) if tails == "student-t" else None
+    return ErrorModel(chosen, angle_errors, angle_population, sigma_gamma, sigma_velocity, sigma_spin)
+
+
+def _check_angles(
+    angle_errors: str, population: tuple[float, float] | None, sigma_gamma: float | None
+) -> None:
+    if angle_errors == "measured" and population is None:
+        raise UsageError(
+            "--angle-errors measured needs --angle-population LO,HI: the degrees between which the true "
+            "angles lie. What is known of them enters the result."
+        )
+    if population is not None:
+        if angle_errors != "measured":
+            raise UsageError(
+                "--angle-population belongs to --angle-errors measured: choose that, or leave it out."
+            )
+        low, high = population
+        if not 0.0 <= low < high <= 90.0:
+            raise UsageError(f"--angle-population {low:g},{high:g}: write LO,HI with 0 <= LO < HI <= 90.")
+    if sigma_gamma is not None:
+        if angle_errors == "none":
+            raise UsageError("--sigma-gamma needs --angle-errors effective, set or measured.")
+        if not 0.0 < sigma_gamma <= 45.0:
+            raise UsageError(f"--sigma-gamma {sigma_gamma:g}: it must lie above 0 and at most at 45 degrees.")

@@ -1,0 +1,173 @@
+"""The posterior density itself, at many points at once: for samplers, and for what leaves impacts out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.model.forward import fitted_at
+from ifrfit.inference.model.latent_quadrature import At
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.row_likelihood import RowLaw, at_theta, impacts_of
+from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.posterior.free_parameter import Unknown
+from ifrfit.inference.posterior.integral_layout import noise_label
+from ifrfit.inference.posterior.noise_scale import noise_bounds
+
+Array = NDArray[np.float64]
+
+_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class Density:
+    """Prior and likelihood of a problem over its free unknowns.
+
+    A point holds the free entries of theta, then the logarithm of each unknown noise: in these coordinates
+    the default prior is flat between `lower` and `upper`, which are finite. The prior is the one of the exact
+    posterior, normalised, so that the densities of two closures compare.
+
+    Attributes
+    ----------
+    problem : Problem
+    """
+
+    problem: Problem
+
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Free entries of theta."""
+        pairs = zip(self.problem.parameters.names, self.problem.parameters.entries, strict=True)
+        return tuple(Unknown.of(name, constant) for name, constant in pairs if constant.fixed is None)
+
+    @cached_property
+    def noises(self) -> Mapping[str, tuple[float, float]]:
+        """Ends of each unknown noise by its group; "" is a common factor on sigma."""
+        return noise_bounds(self.problem)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the coordinates of a point stand for: free constants, then noises."""
+        return (*(u.name for u in self.unknowns), *(noise_label(group) for group in self.noises))
+
+    @cached_property
+    def lower(self) -> Array:
+        """Lower ends of the coordinates, (d,)."""
+        return np.array([*(u.lower for u in self.unknowns), *(math.log(a) for a, _ in self.noises.values())])
+
+    @cached_property
+    def upper(self) -> Array:
+        """Upper ends of the coordinates, (d,)."""
+        return np.array([*(u.upper for u in self.unknowns), *(math.log(b) for _, b in self.noises.values())])
+
+    def __call__(self, points: Array) -> Array:
+        """Log of prior times likelihood, (m,); -inf outside the domain.
+
+        Parameters
+        ----------
+        points : ndarray, (m, d)
+        """
+        prior = self.log_prior(points)
+        inside = np.isfinite(prior)
+        prior[inside] += (self.rows if self.problem.error_model.is_plain else self.impacts)(
+            points[inside]
+        ).sum(axis=1)
+        return prior
+
+    def log_prior(self, points: Array) -> Array:
+        """Log of the normalised prior density, (m,); -inf outside the domain."""
+        inside = ((points >= self.lower) & (points <= self.upper)).all(axis=1)
+        total = np.where(inside, 0.0, -np.inf)
+        for unknown, at in zip(self.unknowns, points.T, strict=False):
+            total = total + unknown.log_prior(at)
+        spans = (self.upper - self.lower)[len(self.unknowns) :]
+        return np.asarray(total - np.log(spans).sum())
+
+    def rows(self, points: Array) -> Array:
+        """Log likelihood of each row where rows are independent, (m, n)."""
+        sigma = self.sigma(points)
+        z = (self.problem.rows.value - fitted_at(self.problem, self.theta(points))) / sigma
+        return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
+
+    def impacts(self, points: Array) -> Array:
+        """Log likelihood of each impact, (m, n_impacts), in the order of `impact`."""
+        n = int(self.impact.max()) + 1
+        if not self.problem.error_model.is_plain:
+            return self._scattered(points, n)
+        if n == self.impact.size:
+            return self.rows(points)
+        return np.asarray(self.rows(points) @ (self.impact[:, None] == np.arange(n)).astype(float))
+
+    @cached_property
+    def impact(self) -> Index:
+        """Impact of each row, (n,), numbered as they first occur; a row without an impact_id is its own."""
+        return impacts_of(self.problem.observations.table)
+
+    def _scattered(self, points: Array, n: int) -> Array:
+        """The same where angles or tails make the scatter other than plain."""
+        found = np.zeros((points.shape[0], n))
+        for law, at in self._laws_at(points):
+            units = law.log_units(at)[:, 0]
+            first = np.searchsorted(law.unit, np.arange(units.shape[1]))
+            for impact, own in zip(self.impact[law.order[first]], units.T, strict=True):
+                found[:, impact] += own
+        return found
+
+    def below(self, points: Array) -> Array:
+        """Probability of a value below the measured one, row by row, (m, n)."""
+        found = np.empty((points.shape[0], self.impact.size))
+        for law, at in self._laws_at(points):
+            found[:, law.order] = law.below(at)[:, 0]
+        return found
+
+    def _laws_at(self, points: Array) -> Iterator[tuple[RowLaw, At]]:
+        """Law of each series with the constants at the points; its `order` counts the problem's rows."""
+        theta = self.theta(points)
+        scaled = self.problem.noise == "scaled"
+        factor: Array | float = np.exp(points[:, len(self.unknowns)]) if scaled else 1.0
+        for series, law in self._laws:
+            yield law, at_theta(self.problem, theta, factor, series)
+
+    @cached_property
+    def _laws(self) -> list[tuple[int, RowLaw]]:
+        reference = least_squares(self.problem).optimum.theta
+        one = not any(c.separate for c in self.problem.parameters)
+        found = []
+        for series in range(1 if one else len(self.problem.series)):
+            rows = np.arange(self.impact.size) if one else np.flatnonzero(self.problem.rows.series == series)
+            law = RowLaw.of(self.problem, rows, reference)
+            found.append((series, replace(law, order=rows[law.order])))
+        return found
+
+    def theta(self, points: Array) -> Array:
+        """Entries of theta, fixed ones included, (m, p)."""
+        free = self.problem.parameters.free
+        fixed = [0.0 if c.fixed is None else c.fixed for c in self.problem.parameters.entries]
+        theta = np.tile(fixed, (points.shape[0], 1))
+        theta[:, free] = points[:, : len(self.unknowns)]
+        return theta
+
+    def sigma(self, points: Array) -> Array:
+        """Noise of each row, (m, n) or (1, n)."""
+        noise = np.exp(points[:, len(self.unknowns) :])
+        if self.problem.noise == "known":
+            return self.problem.sigma[None, :]
+        if self.problem.noise == "scaled":
+            return np.asarray(noise * self.problem.sigma)
+        sigma = np.empty((points.shape[0], self.problem.rows.value.size))
+        groups = self.problem.groups()
+        for name, own in zip(self.noises, noise.T, strict=True):
+            sigma[:, groups[name]] = own[:, None]
+        return sigma
+
+    def draws(self, points: Array) -> dict[str, Array]:
+        """The points as the exact posterior names its draws, noises as they are; without kappa."""
+        noise = len(self.unknowns)
+        columns = [*points[:, :noise].T, *np.exp(points[:, noise:].T)]
+        return dict(zip(self.names, columns, strict=True))

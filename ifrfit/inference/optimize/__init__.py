@@ -1,0 +1,1 @@
+"""Global least squares with a certificate."""

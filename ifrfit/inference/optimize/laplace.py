@@ -1,0 +1,148 @@
+"""The local Gaussian at an optimum: covariance, rank, and which combinations of constants are loose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.diagnostics.thresholds import HALF, RANK
+from ifrfit.inference.model.problem import Problem
+
+Array = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+_HALF = 1.0 / HALF  # singular value (prior sd over sd) at which a combination counts as determined
+_LOADED = 1e-7  # share of the prior sd below which a constant does not take part in a combination
+
+
+@dataclass(frozen=True)
+class Local:
+    """Second-order picture of the objective about theta.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Coordinates in which the picture is taken: those of theta, with kappa in the place of mu where that
+        is one to one.
+    phi : ndarray
+        theta in these coordinates.
+    to_theta : ndarray
+        Derivative of theta by phi, (p, p).
+    vectors : ndarray
+        Directions in phi, one a column, orthogonal in units of the prior sd; zero in fixed entries.
+    singular : ndarray
+        Singular value of each direction: prior sd over sd.
+    gradient : ndarray
+        Derivative of the objective by phi.
+    leverage : ndarray
+        Of each row: how much of its own value it fits.
+    """
+
+    names: tuple[str, ...]
+    phi: Array
+    to_theta: Array
+    vectors: Array
+    singular: Array
+    gradient: Array
+    leverage: Array
+
+    @property
+    def tight(self) -> Bool:
+        """Directions that the data (with auxiliary measurements) determine."""
+        largest = self.singular.max(initial=0.0)
+        return np.asarray((self.singular > RANK * largest) & (self.singular > _HALF))
+
+    @property
+    def seen(self) -> Bool:
+        """Directions that the data see at all, however weakly."""
+        return np.asarray(self.singular > RANK * self.singular.max(initial=0.0))
+
+    @property
+    def rank(self) -> int:
+        """Number of constants, or combinations of them, that the data determine."""
+        return int(self.tight.sum())
+
+    def variance(self, functional: Array, prior_sd: float) -> float:
+        """Variance of functional @ phi; infinite if it leans on a direction that the data do not see."""
+        loading = functional @ self.vectors
+        unseen = ~self.seen & (np.abs(loading) > _LOADED * prior_sd)
+        if unseen.any():
+            return float("inf")
+        seen = self.seen
+        return float(((loading[seen] / self.singular[seen]) ** 2).sum())
+
+    def covariance(self, *, capped: bool) -> Array:
+        """Covariance of phi; loose directions have at most the variance of the default prior if `capped`."""
+        seen = self.seen
+        inverse = np.where(seen, 1.0 / np.where(seen, self.singular, 1.0), 1.0 if capped else np.inf)
+        if capped:
+            inverse = np.minimum(inverse, 1.0)
+        spread = self.vectors * inverse
+        return np.asarray(spread @ spread.T)
+
+
+def local_picture(problem: Problem, sigma: Array, theta: Array, *, with_priors: bool = True) -> Local:
+    """Take the picture at theta.
+
+    Parameters
+    ----------
+    problem : Problem
+    sigma : ndarray
+        Standard uncertainty of each row.
+    theta : ndarray
+    with_priors : bool
+        Count the user's priors as measurements.
+    """
+    names, phi, to_theta = kappa_coordinates(problem, theta)
+    jacobian = problem.jacobian(theta) / sigma[:, None]
+    residual = (problem.rows.value - problem.fitted(theta)) / sigma
+    entries = problem.parameters.entries
+    if with_priors:
+        index = [i for i, c in enumerate(entries) if c.prior is not None]
+        extra = np.zeros((len(index), theta.size))
+        for row, i in enumerate(index):
+            extra[row, i] = 1.0 / entries[i].prior[1]  # type: ignore[index]
+        jacobian = np.concatenate((jacobian, extra))
+        residual = np.concatenate((residual, -problem.parameters.prior_residuals(theta)))
+    by_phi = jacobian @ to_theta
+    free = problem.parameters.free
+    scale = np.array([c.prior_sd for c in entries]) / np.abs(np.diag(to_theta))
+    scaled = by_phi[:, free] * scale[free]
+    left, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    p = int(free.sum())
+    if singular.size < p:  # fewer rows than constants: the rest of the directions are loose
+        _, _, right = np.linalg.svd(scaled, full_matrices=True)
+        singular = np.concatenate((singular, np.zeros(p - singular.size)))
+    vectors = np.zeros((theta.size, p))
+    vectors[free] = scale[free, None] * right.T
+    seen = singular[: left.shape[1]] > RANK * singular.max(initial=0.0)
+    leverage = (left[: problem.rows.value.size, seen] ** 2).sum(axis=1)
+    return Local(names, phi, to_theta, vectors, singular, -2.0 * (by_phi.T @ residual), leverage)
+
+
+def kappa_coordinates(problem: Problem, theta: Array) -> tuple[tuple[str, ...], Array, Array]:
+    """Names, values and derivative of theta by (e_n, c, kappa).
+
+    kappa = mu (1 + e_n) takes the place of mu, because it is what tangential data determine; mu stays where
+    one mu goes with several e_n.
+    """
+    places = problem.parameters.positions
+    e_n_of_mu: dict[int, set[int]] = {}
+    for i_mu, i_e in zip(places["mu"], places["e_n"], strict=True):
+        e_n_of_mu.setdefault(int(i_mu), set()).add(int(i_e))
+    derivative = np.eye(theta.size)
+    phi = theta.copy()
+    names = list(problem.parameters.names)
+    if all(len(partners) == 1 for partners in e_n_of_mu.values()):
+        for i_mu, partners in e_n_of_mu.items():
+            (i_e,) = partners
+            factor = 1.0 + theta[i_e]
+            phi[i_mu] = theta[i_mu] * factor
+            names[i_mu] = names[i_mu].replace("mu", "kappa", 1)
+            entries = problem.parameters.entries
+            if entries[i_mu].fixed is None:
+                derivative[i_mu, i_mu] = 1.0 / factor
+                derivative[i_mu, i_e] = -theta[i_mu] / factor
+    return tuple(names), phi, derivative

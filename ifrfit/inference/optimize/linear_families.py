@@ -1,0 +1,211 @@
+"""Problems that are linear once the regimes are known: restated for the certified solver.
+
+With suitable unknowns each cell is an ordinary linear least-squares problem in at most three of them:
+
+=========  ==========================  ==================================================================
+family     unknowns                    rows it takes
+=========  ==========================  ==================================================================
+kappa      e_n, c, kappa               tangential, e_n, v_n; with e_n fixed also mu_app, tan_psi_out and mu
+friction   mu, c, kappa                tangential and mu, with nothing that measures e_n
+impulse    w, c w, mu; w = 1/(1+e_n)   mu_app and mu only
+rebound    w, c w, kappa w; w = 1/e_n  tan_psi_out only
+direct     e_n, c, mu                  e_n, v_n and mu, where no row is oblique
+=========  ==========================  ==================================================================
+
+c is the closure's own constant.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.optimize.design import Domain, Forms, Frame, LinearForm
+from ifrfit.inference.optimize.parameter_group import Array, Block, Constants
+
+_TINY = 1e-300
+LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
+
+
+def linear_form(block: Block) -> LinearForm | None:
+    """Restate the block in the family that takes its rows; None if it is not linear in any."""
+    scaled = block.of_scale("impulse"), block.of_scale("rebound")
+    friction = bool(block.of_kind("friction").any()) or block.mu.prior is not None
+    normal = bool(block.of_kind("normal").any()) or block.e_n.prior is not None
+    if block.of_kind("curved").any():
+        return None
+    if not block.of_kind("tangential").any():
+        return _direct_family(block)
+    if block.e_n.fixed is not None or not (scaled[0].any() or scaled[1].any() or friction):
+        return kappa_form(block)
+    if normal or (block.c.prior is not None and (scaled[0].any() or scaled[1].any())):
+        return None
+    if not (scaled[0].any() or scaled[1].any()):
+        return _friction_family(block)
+    if (scaled[0] | block.of_kind("friction")).all():
+        return _impulse_family(block)
+    if scaled[1].all() and not friction:
+        return _rebound_family(block)
+    return None
+
+
+def kappa_form(block: Block) -> LinearForm:
+    """Restate in e_n, c and kappa: any block without curved rows whose e_n is fixed, and some others."""
+    e = block.e_n.fixed
+    factor = np.ones(block.rows.tau.size)
+    if e is not None:
+        factor[block.of_scale("impulse")] = 1.0 / (1.0 + e)
+        factor[block.of_scale("rebound")] = 1.0 / max(e, _TINY)
+    offset, slope = block.linear_parts()
+    k = block.coefficients
+    tangential = block.of_kind("tangential")
+    forms = Forms(block, tangential)
+    forms.stick[1] = forms.of(slope * factor * (k.a1 + k.b1))
+    forms.stick0 = forms.of(factor * (offset + slope * (k.a0 + k.b0)))
+    forms.slide[1] = forms.of(slope * factor * k.a1)
+    forms.slide[2] = forms.of(_over_tau(slope * factor, block.rows.tau))
+    forms.slide0 = forms.of(factor * (offset + slope * k.a0))
+    forms.add_normal(0)
+    if e is not None:
+        forms.add_friction(2, 1.0 / (1.0 + e))
+        forms.add_prior(block.mu, 2, 1.0 / (1.0 + e))
+    forms.add_prior(block.e_n, 0)
+    forms.add_prior(block.c, 1)
+    frame = Frame.of(block.e_n, block.c, None)
+    if block.mu.fixed is not None:
+        frame.tie(2, block.mu.fixed, 0, block.mu.fixed)  # kappa = mu + mu e_n
+    domain = Domain()
+    domain.between(0, block.e_n)
+    domain.between(1, block.c)
+    domain.wall([block.mu.lower, 0.0, -1.0], -block.mu.lower)  # kappa >= mu_lo (1 + e_n)
+    if math.isfinite(block.mu.upper):
+        domain.wall([-block.mu.upper, 0.0, 1.0], block.mu.upper)
+
+    def back(full: Array) -> Constants:
+        return full[0], full[1], full[2] / (1.0 + full[0])
+
+    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, k.b1, 0.0], k.b0, back)
+
+
+def _friction_family(block: Block) -> LinearForm:
+    """Unknowns mu, c, kappa; e_n = kappa/mu - 1."""
+    offset, slope = block.linear_parts()
+    k = block.coefficients
+    tangential = block.of_kind("tangential")
+    forms = Forms(block, tangential)
+    forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
+    forms.stick0 = forms.of(offset + slope * (k.a0 + k.b0))
+    forms.slide[1] = forms.of(slope * k.a1)
+    forms.slide[2] = forms.of(_over_tau(slope, block.rows.tau))
+    forms.slide0 = forms.of(offset + slope * k.a0)
+    forms.add_friction(0, 1.0)
+    forms.add_prior(block.mu, 0)
+    forms.add_prior(block.c, 1)
+    domain = Domain()
+    domain.between(0, block.mu)
+    domain.between(1, block.c)
+    domain.wall([1.0 + block.e_n.lower, 0.0, -1.0], 0.0)
+    domain.wall([-1.0 - block.e_n.upper, 0.0, 1.0], 0.0)
+    middle = 0.5 * (block.e_n.lower + block.e_n.upper)
+
+    def back(full: Array) -> Constants:
+        e_n = full[2] / full[0] - 1.0 if full[0] > 0.0 else middle
+        return min(max(e_n, block.e_n.lower), block.e_n.upper), full[1], full[0]
+
+    frame = Frame.of(block.mu, block.c, None)
+    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, k.b1, 0.0], k.b0, back)
+
+
+def _impulse_family(block: Block) -> LinearForm:
+    """Unknowns w = 1/(1 + e_n), c w, mu."""
+    _, slope = block.linear_parts()
+    tangential = block.of_kind("tangential")
+    forms = Forms(block, tangential)
+    k = block.coefficients
+    forms.stick[0] = forms.of(slope * (k.a0 + k.b0))
+    forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
+    forms.slide[0] = forms.of(slope * k.a0)
+    forms.slide[1] = forms.of(slope * k.a1)
+    forms.slide[2] = forms.of(_over_tau(slope, block.rows.tau))
+    forms.add_friction(2, 1.0)
+    forms.add_prior(block.mu, 2)
+    domain = Domain()
+    domain.wall([1.0, 0.0, 0.0], 1.0 / (1.0 + block.e_n.lower))
+    domain.wall([-1.0, 0.0, 0.0], -1.0 / (1.0 + block.e_n.upper))
+    _product_walls(domain, block.c)
+    domain.between(2, block.mu)
+
+    def back(full: Array) -> Constants:
+        return 1.0 / full[0] - 1.0, full[1] / full[0], full[2]
+
+    frame = Frame.of(None, None, block.mu)
+    if block.c.fixed is not None:
+        frame.tie(1, 0.0, 0, block.c.fixed)
+    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
+
+
+def _rebound_family(block: Block) -> LinearForm:
+    """Unknowns w = 1/e_n, c w, kappa w."""
+    offset, slope = block.linear_parts()
+    forms = Forms(block, np.ones(block.rows.tau.size, dtype=bool))
+    k = block.coefficients
+    forms.stick[0] = _cleared(offset, slope * (k.a0 + k.b0))
+    forms.stick[1] = slope * (k.a1 + k.b1)
+    forms.slide[0] = _cleared(offset, slope * k.a0)
+    forms.slide[1] = slope * k.a1
+    forms.slide[2] = _over_tau(slope, block.rows.tau)
+    domain = Domain()
+    domain.wall([-1.0, 0.0, 0.0], -1.0 / max(block.e_n.upper, LOWEST))
+    domain.wall([1.0, 0.0, 0.0], 1.0 / max(block.e_n.lower, LOWEST))
+    _product_walls(domain, block.c)
+    domain.wall([block.mu.lower, 0.0, -1.0], -block.mu.lower)  # kappa w >= mu_lo (1 + w)
+    if math.isfinite(block.mu.upper):
+        domain.wall([-block.mu.upper, 0.0, 1.0], block.mu.upper)
+
+    def back(full: Array) -> Constants:
+        return 1.0 / full[0], full[1] / full[0], full[2] / (full[0] + 1.0)
+
+    frame = Frame.of(None, None, None)
+    if block.c.fixed is not None:
+        frame.tie(1, 0.0, 0, block.c.fixed)
+    if block.mu.fixed is not None:
+        frame.tie(2, block.mu.fixed, 0, block.mu.fixed)
+    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
+
+
+def _direct_family(block: Block) -> LinearForm:
+    """Unknowns e_n, c, mu: without oblique rows nothing ties one to another."""
+    forms = Forms(block, np.zeros(block.rows.tau.size, dtype=bool))
+    domain = Domain()
+    forms.add_normal(0)
+    forms.add_friction(2, 1.0)
+    for unknown, constant in enumerate((block.e_n, block.c, block.mu)):
+        forms.add_prior(constant, unknown)
+        domain.between(unknown, constant)
+    frame = Frame.of(block.e_n, block.c, block.mu)
+
+    def back(full: Array) -> Constants:
+        return full[0], full[1], full[2]
+
+    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], 0.0, back)
+
+
+def _product_walls(domain: Domain, c: Parameter) -> None:
+    """c_lo w <= c w <= c_hi w."""
+    if c.fixed is None:
+        domain.wall([c.lower, -1.0, 0.0], 0.0)
+        domain.wall([-c.upper, 1.0, 0.0], 0.0)
+
+
+def _cleared(offset: Array, part: Array) -> Array:
+    """offset + part, without what rounding leaves where they cancel."""
+    total = offset + part
+    return np.asarray(np.where(np.abs(total) <= 1e-12 * np.abs(offset), 0.0, total))
+
+
+def _over_tau(slope: Array, tau: Array) -> Array:
+    """slope/tau, where rows without slip have no slope either."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(slope == 0.0, 0.0, slope / tau))

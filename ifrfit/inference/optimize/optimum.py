@@ -1,0 +1,78 @@
+"""An optimum of a problem, and what is proven about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.diagnostics.thresholds import GAP
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.parameter_group import Constants
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Best constants at given noise.
+
+    Attributes
+    ----------
+    theta : ndarray
+        All constants of the problem, fixed ones included.
+    objective : float
+        chi2 plus prior_chi2.
+    gap : float or None
+        objective minus a proven lower bound over everything else; None where no bound is known.
+    minima : tuple of (float, ndarray)
+        Objective and theta of the distinct local minima within 4, best first.
+    extremes : tuple of ndarray
+        theta at outlying places whose objective lies within 3.84, infinite entries where nothing limits them;
+        empty where the road does not tell.
+    road : str
+        How it was found.
+    """
+
+    theta: Array
+    objective: float
+    gap: float | None
+    minima: tuple[tuple[float, Array], ...]
+    road: str
+    extremes: tuple[Array, ...] = ()
+
+    @property
+    def n_same(self) -> int:
+        """Local minima within 1e-6 of the objective."""
+        return sum(value <= self.objective + 1e-6 for value, _ in self.minima)
+
+    @property
+    def n_near(self) -> int:
+        """Local minima within 4 of the objective."""
+        return len(self.minima)
+
+    @property
+    def certified(self) -> bool:
+        """Whether the optimum is proven to be global."""
+        return self.gap is not None and self.gap <= GAP * max(1.0, abs(self.objective))
+
+
+def theta_of(problem: Problem, per_series: list[Constants]) -> Array:
+    """Write each series' (e_n, c, mu) into theta."""
+    theta = np.zeros(len(problem.parameters.names))
+    places = problem.parameters.positions
+    names = ("e_n", problem.closure.constant, "mu")
+    for number, constants in enumerate(per_series):
+        for name, value in zip(names, constants, strict=True):
+            if name is not None:
+                theta[places[name][number]] = value
+    lower, upper = problem.parameters.bounds()
+    return np.where(np.isinf(theta), theta, np.clip(theta, lower, upper))
+
+
+def objective_at(problem: Problem, sigma: Array, theta: Array) -> float:
+    """chi2 plus prior_chi2 at theta, from the rows themselves."""
+    residual = (problem.rows.value - problem.fitted(theta)) / sigma
+    prior = problem.parameters.prior_residuals(theta)
+    return float(residual @ residual + prior @ prior)

@@ -1,0 +1,104 @@
+"""The optimum of a problem at given noise, by the road that fits it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.group_optimum import solve_block
+from ifrfit.inference.optimize.multistart import multistart
+from ifrfit.inference.optimize.optimum import Array, Optimum, theta_of
+from ifrfit.inference.optimize.parameter_group import Block, BlockOptimum, Constants
+from ifrfit.inference.optimize.shared_parameter import solve_shared
+
+
+def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
+    """Find the optimum.
+
+    Parameters
+    ----------
+    problem : Problem
+    sigma : ndarray
+        Standard uncertainty of each row.
+    near : ndarray, optional
+        theta of a neighbouring problem, where only a search can find the optimum.
+
+    Returns
+    -------
+    Optimum
+    """
+    if not problem.closure.bilinear and problem.has_oblique:
+        return multistart(problem, sigma, near)
+    if len(problem.series) == 1 or not any(c.separate for c in problem.parameters):
+        block = whole_block(problem, sigma)
+        found = solve_block(block)
+        if found is None:
+            return multistart(problem, sigma, near)
+        return _optimum(problem, found)
+    if all(c.separate or c.fixed is not None for c in problem.parameters):
+        parts = [solve_block(block) for block in series_blocks(problem, sigma)]
+        if all(part is not None for part in parts):
+            return _join(problem, [part for part in parts if part is not None])
+        return multistart(problem, sigma, near)
+    blocks = series_blocks(problem, sigma)
+    return solve_shared(problem, blocks, whole_block(problem, sigma)) or multistart(problem, sigma, near)
+
+
+def whole_block(problem: Problem, sigma: Array) -> Block:
+    """All rows as one block."""
+    e_n, c, mu = _specs(problem)
+    return Block(problem.rows, 1.0 / sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
+
+
+def series_blocks(problem: Problem, sigma: Array) -> list[Block]:
+    """One block a series. A prior on a shared constant is not in any of them."""
+    e_n, c, mu = (x if x.separate else replace(x, prior=None) for x in _specs(problem))
+    blocks = []
+    for number in range(len(problem.series)):
+        at = np.flatnonzero(problem.rows.series == number)
+        rows = problem.rows.take(at)
+        blocks.append(Block(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu))
+    return blocks
+
+
+def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:
+    parameters, own = problem.parameters, problem.closure.constant
+    none = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
+    return parameters["e_n"], parameters[own] if own else none, parameters["mu"]
+
+
+def _optimum(problem: Problem, found: BlockOptimum) -> Optimum:
+    """A single block: theta is (e_n, c, mu), less c where the closure has none."""
+    places = (0, 1, 2) if problem.closure.constant else (0, 2)
+    kept = list(zip(places, problem.parameters, strict=True))
+
+    def theta(constants: Constants) -> Array:
+        return np.array(
+            [x if math.isinf(x := constants[i]) else min(max(x, c.lower), c.upper) for i, c in kept]
+        )
+
+    minima = tuple((value, theta(constants)) for value, constants in found.minima)
+    extremes = tuple(theta(constants) for constants in found.extremes)
+    return Optimum(minima[0][1], found.objective, found.gap, minima, found.road, extremes)
+
+
+def _join(problem: Problem, parts: list[BlockOptimum]) -> Optimum:
+    """Series that share nothing: objectives and gaps add; a rival of one series is a rival of the whole."""
+    best = [part.constants for part in parts]
+    objective = sum(part.objective for part in parts)
+    minima = [(objective, theta_of(problem, best))]
+    extremes: list[Array] = []
+    for i, part in enumerate(parts):
+        for value, constants in part.minima[1:]:
+            swapped = [*best[:i], constants, *best[i + 1 :]]
+            minima.append((objective + value - part.objective, theta_of(problem, swapped)))
+        extremes += [theta_of(problem, [*best[:i], constants, *best[i + 1 :]]) for constants in part.extremes]
+    minima.sort(key=lambda pair: pair[0])
+    gaps = [part.gap for part in parts]
+    gap = None if any(g is None for g in gaps) else sum(g for g in gaps if g is not None)
+    road = "all partitions of each series"
+    return Optimum(minima[0][1], objective, gap, tuple(minima), road, tuple(extremes))

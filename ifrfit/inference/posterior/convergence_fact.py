@@ -1,0 +1,24 @@
+"""Whether the quadrature reached its tolerance, as a fact."""
+
+from __future__ import annotations
+
+from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.posterior.integrate import Posterior
+from ifrfit.inference.result.types import Fact
+
+
+def exact_converged(posterior: Posterior, settled: Fact) -> Fact:
+    """Whether the quadrature reached its tolerance, and the noise of the least squares behind it settled."""
+    figures = {
+        "error": posterior.error,
+        "error_evidence": posterior.error_evidence,
+        "tolerance": posterior.tolerance,
+    } | dict(settled.figures)
+    reached = f"{posterior.error:.0e} of a standard deviation"
+    if posterior.converged and settled.ok:
+        says = f"quadrature converged: no result moves by more than {posterior.tolerance:g} of its sd"
+    elif not posterior.converged:
+        says = f"the quadrature reached {reached} only, for {posterior.tolerance:.0e} wanted"
+    else:
+        says = settled.says
+    return Fact(posterior.converged and settled.ok, says, figures, FACTS["converged"])

@@ -1,0 +1,128 @@
+"""What all parts of the integral need to know: the optimum to begin from, and how fine to begin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.posterior.noise_scale import noise_bounds
+
+Array = NDArray[np.float64]
+
+LADDER = np.array([1.5, 4.0, 8.0, 16.0, 40.0, 120.0, 400.0, 2e3, 1e4, 1e5])  # first panels, in sd
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all parts need: the problem, its optimum with the local spread, and the wanted tolerance."""
+
+    problem: Problem
+    start: LeastSquares
+    tolerance: float
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the local picture; loose directions as wide as the prior."""
+        return self.start.local.covariance(capped=True)
+
+    @cached_property
+    def bounds(self) -> Mapping[str, tuple[float, float]]:
+        """Of the noises' priors."""
+        return noise_bounds(self.problem)
+
+    @cached_property
+    def groups(self) -> Mapping[str, Index]:
+        """Rows that share a noise."""
+        return self.problem.groups()
+
+    @property
+    def order(self) -> int:
+        """Order of the rules on panels."""
+        return next(
+            (order for order, least in ((8, 1e-2), (12, 1e-3), (16, 1e-6)) if self.tolerance >= least), 32
+        )
+
+    @property
+    def c_order(self) -> int:
+        """Order along the closure constant, either side of its mode."""
+        return next(
+            (order for order, least in ((16, 1e-2), (24, 1e-3), (32, 1e-5)) if self.tolerance >= least), 64
+        )
+
+    @property
+    def crowded(self) -> float:
+        """Distance, in sd, below which two kinks go into one panel; refinement sees to what that leaves."""
+        return next(
+            (d for d, least in ((0.6, 1e-2), (0.4, 1e-3), (0.2, 1e-5)) if self.tolerance >= least), 0.02
+        )
+
+    @property
+    def tail(self) -> float:
+        """Fall of the log density whose mass is far below the tolerance."""
+        return 6.0 - 2.0 * math.log(self.tolerance)
+
+    @cached_property
+    def _constants(self) -> Mapping[str, Parameter]:
+        parameters = self.problem.parameters
+        own = self.problem.closure.constant
+        found = parameters[own] if own else Parameter("", 0.0, 0.0, fixed=0.0)
+        return {"e_n": parameters["e_n"], "c": found, "mu": parameters["mu"]}
+
+    @cached_property
+    def _positions(self) -> Mapping[str, Index]:
+        return self.problem.parameters.positions
+
+    @cached_property
+    def _spreads(self) -> dict[tuple[str, int], tuple[float, float]]:
+        return {}  # what was asked for already
+
+    def constant(self, kind: str) -> Parameter:
+        """The constant of a kind; closure F has a fixed one."""
+        return self._constants[kind]
+
+    def place(self, kind: str, block: int) -> int | None:
+        """Entry of theta."""
+        name = self.problem.closure.constant if kind == "c" else kind
+        return None if name is None else int(self._positions[name][block])
+
+    def spread(self, kind: str, block: int) -> tuple[float, float]:
+        """Optimum and local sd of e_n, c, mu or kappa in a block."""
+        if (kind, block) not in self._spreads:
+            self._spreads[kind, block] = self._spread(kind, block)
+        return self._spreads[kind, block]
+
+    def _spread(self, kind: str, block: int) -> tuple[float, float]:
+        local = self.start.local
+        theta = self.start.optimum.theta
+        to_theta = local.to_theta
+        if kind == "kappa":
+            e, mu = self.place("e_n", block), self.place("mu", block)
+            assert e is not None
+            assert mu is not None
+            functional = (1.0 + theta[e]) * to_theta[mu] + theta[mu] * to_theta[e]
+            value, prior_sd = float(theta[mu] * (1.0 + theta[e])), 1.0
+        else:
+            at = self.place(kind, block)
+            if at is None:
+                return 0.0, 0.0
+            functional, value = to_theta[at], float(theta[at])
+            prior_sd = self.constant(kind).prior_sd
+        sd = math.sqrt(max(float(functional @ self.covariance @ functional), 0.0))
+        return value, min(max(sd, 1e-9 * max(abs(value), 1.0)), prior_sd)
+
+
+def ladder(center: float, sd: float, lower: float, upper: float) -> Array:
+    """Edges at growing distances from the centre, out to both ends."""
+    steps = sd * LADDER
+    edges = np.concatenate((center - steps, [center], center + steps))
+    edges = edges[(edges > lower) & (edges < upper)]
+    return np.concatenate(([lower], edges, [upper]))

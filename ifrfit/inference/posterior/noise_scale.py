@@ -1,0 +1,163 @@
+"""Unknown noise: its proper log-uniform prior, and the likelihood with the noise integrated out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ifrfit.inference.model.problem import Problem
+from ifrfit.physics.observables import OBSERVABLES
+
+Array = NDArray[np.float64]
+
+_DECIMALS = 6  # finest resolution taken for a value that is written with more
+_SAFE = 1e-17  # tail of the incomplete gamma function that no result feels
+_TERMS = 200  # of series and fractions, in tails that are rarely met
+_LOG_2PI = math.log(2.0 * math.pi)
+
+
+def noise_bounds(problem: Problem) -> Mapping[str, tuple[float, float]]:
+    """Bounds of the log-uniform prior of each unknown noise.
+
+    From the resolution of the values (their last decimal, at most the sixth, over sqrt(12): what rounding
+    alone leaves) to the natural scale of the observable: 1, or 90 degrees for an angle, or the largest value
+    if that is larger. One common factor ("") has the bounds of sigma over the given sigma.
+
+    Returns
+    -------
+    mapping
+        "series/observable" to (lower, upper); "" where one factor is common to all.
+    """
+    if problem.noise == "known":
+        return {}
+    value = problem.rows.value
+    found = {}
+    for name, rows in problem.groups().items():
+        unit = OBSERVABLES[name.rpartition("/")[2]].unit
+        natural = max(90.0 if unit == "deg" else 1.0, float(np.abs(value[rows]).max()))
+        found[name] = (_resolution(value[rows]) / math.sqrt(12.0), natural)
+    if problem.noise == "unknown":
+        return found | dict(problem.noise_bounds)
+    groups = problem.groups()
+    low = min(found[name][0] / float(problem.sigma[rows].max()) for name, rows in groups.items())
+    high = max(found[name][1] / float(problem.sigma[rows].min()) for name, rows in groups.items())
+    return {"": (low, high)} | dict(problem.noise_bounds)
+
+
+def _resolution(value: Array) -> float:
+    """The last decimal that any value is written with."""
+    steps = 10.0 ** -np.arange(_DECIMALS)
+    in_steps = value / steps[:, None]
+    written = (np.abs(in_steps - np.round(in_steps)) < 1e-7).all(axis=1)
+    return float(steps[np.argmax(written)]) if written.any() else float(10.0**-_DECIMALS)
+
+
+@dataclass(frozen=True)
+class UnknownNoise:
+    """Rows that share one unknown sigma: n of them, with sigma log-uniform between bounds."""
+
+    n: int
+    lower: float
+    upper: float
+
+    def log_likelihood(self, square: Array) -> Array:
+        """Log of the likelihood of a sum of squared residuals, sigma integrated out.
+
+        The integral of sigma^-n exp(-q/(2 sigma^2)) over d sigma/sigma is an incomplete gamma function.
+        """
+        half = 0.5 * self.n
+        q = np.maximum(0.5 * square, np.finfo(float).tiny)
+        constant = float(special.gammaln(half)) - half * _LOG_2PI - math.log(2.0 * self.span)
+        return np.asarray(constant - half * np.log(q) + self._log_inside(q))
+
+    @property
+    def span(self) -> float:
+        """Log of the ratio of the bounds."""
+        return math.log(self.upper / self.lower)
+
+    def _log_inside(self, q: Array) -> Array:
+        """Log of the share of the gamma law of w = q/sigma^2 that lies between the bounds."""
+        half = 0.5 * self.n
+        enough = float(special.gammainccinv(half, _SAFE))
+        little = float(special.gammaincinv(half, _SAFE))
+        out = np.zeros(q.shape)
+        top, bottom = q / self.lower**2, q / self.upper**2
+        cut = (top < enough) | (bottom > little)
+        if cut.any():
+            out[cut] = _log_gamma_share(half, bottom[cut], top[cut])
+        return out
+
+    def density(self, log_sigma: Array, square: Array) -> Array:
+        """Density of the logarithm of sigma, between the bounds, given the sum of squares."""
+        given = self.log_likelihood(square) + 0.5 * self.n * _LOG_2PI + math.log(self.span)
+        inverse = np.exp(-2.0 * log_sigma)
+        return np.asarray(np.exp(-self.n * log_sigma - 0.5 * square * inverse - given))
+
+    def draw(self, square: Array, rng: np.random.Generator) -> Array:
+        """One sigma for each sum of squares."""
+        half = 0.5 * self.n
+        q = np.maximum(0.5 * square, np.finfo(float).tiny)
+        bottom, top = q / self.upper**2, q / self.lower**2
+        w = rng.standard_gamma(half, q.shape)
+        out = (w < bottom) | (w > top)
+        if out.any():
+            w[out] = _gamma_between(half, bottom[out], top[out], rng.random(int(out.sum())))
+        return np.asarray(np.sqrt(q / np.clip(w, bottom, top)))
+
+
+def _gamma_between(a: float, low: Array, high: Array, p: Array) -> Array:
+    """Quantiles p of the gamma law cut off at both ends, from the tail in which the digits are."""
+    upper = low > a
+    share_low, share_high = (
+        np.where(upper, special.gammaincc(a, end), special.gammainc(a, end)) for end in (low, high)
+    )
+    share = share_low + p * (share_high - share_low)
+    found = np.where(upper, special.gammainccinv(a, share), special.gammaincinv(a, share))
+    # where the shares are below all numbers, an exponential law from the end that is next to the mode
+    end = np.maximum(np.where(upper, low, high), np.finfo(float).tiny)
+    with np.errstate(divide="ignore"):
+        near_end = end + np.log1p(-p) / ((a - 1.0) / end - 1.0)
+    return np.asarray(np.where(share > 0.0, found, near_end))
+
+
+def _log_gamma_share(a: float, low: Array, high: Array) -> Array:
+    """Log of P(a, high) - P(a, low), from the tail in which the digits are."""
+    low, high = np.broadcast_arrays(np.asarray(low, dtype=float), np.asarray(high, dtype=float))
+    upper = low > a  # both in the upper tail: complements keep their digits
+    share = np.where(
+        upper,
+        special.gammaincc(a, low) - special.gammaincc(a, high),
+        special.gammainc(a, high) - special.gammainc(a, low),
+    )
+    out = np.log(np.maximum(share, 1e-290))
+    lost = share <= 1e-290
+    if lost.any():
+        far, side = (low[lost], high[lost]), upper[lost]
+        larger, smaller = (_log_tail(a, np.where(side, *ends), side) for ends in (far, far[::-1]))
+        out[lost] = larger + np.log1p(-np.exp(np.minimum(smaller - larger, -1e-16)))
+    return np.asarray(out)
+
+
+def _log_tail(a: float, x: Array, upper: NDArray[np.bool_]) -> Array:
+    """Log of P(a, x), or of its complement where `upper`, far outside where they are below all numbers.
+
+    By the power series, and by the continued fraction, of the incomplete gamma functions: Abramowitz & Stegun
+    (1964), 6.5.29 and 6.5.31.
+    """
+    x = np.maximum(x, np.finfo(float).tiny)
+    inside, outside = np.minimum(x, a), np.maximum(x, a + 1.0)  # where each of the two holds
+    series, term = np.ones_like(x), np.ones_like(x)
+    for k in range(1, _TERMS):
+        term = term * inside / (a + k)
+        series = series + term
+    fraction = outside + 2.0 * _TERMS + 1.0 - a
+    for k in range(_TERMS, 0, -1):
+        fraction = outside + 2.0 * k - 1.0 - a - k * (k - a) / fraction
+    power = a * np.log(x) - x
+    log_series = power - special.gammaln(a + 1.0) + np.log(series)
+    return np.asarray(np.where(upper, power - special.gammaln(a) - np.log(fraction), log_series))

@@ -1,0 +1,294 @@
+"""Sums of squared residuals of one set of constants, at many constants at once.
+
+Sorted by tau, the rows that stick at a given transition are the first ones. Prefix and suffix sums of the
+products of four columns (residual at a reference, value there, and the derivatives by the closure constant
+and by kappa) give the sum of squares at any constants from sixteen numbers, however many rows there are: a
+quadratic in the closure constant, given e_n and the transition. Rows that are not linear in the impulse
+are evaluated as they stand; under a law that is not bilinear that is every oblique row. There, and where no
+row is oblique, kappa itself is the transition's coordinate.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.model.rows import Index, Rows
+from ifrfit.inference.posterior.chebyshev import on_grid
+from ifrfit.inference.posterior.quadratic_sums import PAIRS, Quadratic, Sums, expand, scale_of
+from ifrfit.physics.angles import Incidence
+from ifrfit.physics.closures import Closure, Coefficients
+from ifrfit.physics.impulse_laws import Law
+from ifrfit.physics.observables import OBSERVABLES, Observable
+
+Array = NDArray[np.float64]
+
+_BY_KAPPA = Coefficients(0.0, 0.0, 1.0, 0.0)  # x = kappa
+_MANY = 10_000_000  # values of curved rows from which it pays to look for a polynomial
+AT_ONCE = 40_000  # values of curved rows computed at once: their arrays stay in the cache
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Constants about which the sums are taken: near the optimum they keep their digits."""
+
+    e_n: float
+    c: float
+    mu: float
+
+
+@dataclass(frozen=True)
+class _Direct:
+    """Rows that measure e_n or mu: sums (w f^2, w f r, w r^2)."""
+
+    curvature: float
+    slope: float
+    square: float
+
+    def at(self, d: Array) -> Array:
+        """Sum of squares at a distance from the reference."""
+        return np.asarray(self.square + d * (self.curvature * d - 2.0 * self.slope))
+
+
+class Misfit:
+    """Sums of squares by noise group.
+
+    Parameters
+    ----------
+    rows : Rows
+        Of one set of constants.
+    weight : ndarray
+        1/sigma, or ones where the noise is unknown.
+    groups : sequence of ndarray of int
+        Rows of each noise group.
+    closure : Closure
+    inertia_factor : float
+    reference : Reference
+    """
+
+    def __init__(
+        self,
+        rows: Rows,
+        weight: Array,
+        groups: Sequence[Index],
+        closure: Closure,
+        inertia_factor: float,
+        reference: Reference,
+    ) -> None:
+        self.rows, self.weight, self.groups = rows, weight, tuple(groups)
+        # of any other law than a bilinear one, whose rows are not linear; and of one with a tilted bound that
+        # no row sees: at given mu and e_n the transition would still run with the closure constant
+        oblique = any(OBSERVABLES[name].kind in ("tangential", "curved") for name in rows.names)
+        straight = closure.bilinear and (oblique or closure.coefficients(inertia_factor).b1 == 0.0)
+        self.law: Law | None = None if straight else closure.law(inertia_factor)
+        self.coefficients = closure.coefficients(inertia_factor) if self.law is None else _BY_KAPPA
+        self.inertia_factor = inertia_factor
+        self.reference = reference
+        kinds = [OBSERVABLES[name].kind for name in rows.names]
+        if self.law is not None:
+            kinds = ["curved" if kind == "tangential" else kind for kind in kinds]
+        curved, tangential, normal, friction = (
+            np.array([own == kind for own in kinds])[rows.which]
+            for kind in ("curved", "tangential", "normal", "friction")
+        )
+        self._oblique = curved | tangential
+        self.curved_rows = [group[curved[group]] for group in self.groups]
+        self.sums = [self._tangential(group[tangential[group]]) for group in self.groups]
+        self._normal = [self._normal_rows(group[normal[group]]) for group in self.groups]
+        self._friction = [self._friction_rows(group[friction[group]]) for group in self.groups]
+
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether every row is linear in the closure constant, given e_n and the transition."""
+        return not any(rows.size for rows in self.curved_rows)
+
+    @cached_property
+    def kinks(self) -> Array:
+        """Transitions at which a row changes its regime, ascending."""
+        if self.law is not None:  # where that is depends on the closure constant, and nothing jumps there
+            return np.empty(0)
+        tau = np.unique(self.rows.tau[self._oblique])
+        return np.asarray(tau[(tau > 0.0) & np.isfinite(tau)])
+
+    def b(self, c: Array | float) -> Array | float:
+        """Bound of the frictional part of the impulse factor in sticking."""
+        return self.coefficients.b0 + self.coefficients.b1 * c
+
+    def _tangential(self, at: Index) -> list[Sums]:
+        found: list[Sums] = []
+        if not at.size:
+            return found
+        for scale in ("one", "impulse", "rebound"):
+            of_scale = np.array([OBSERVABLES[name].scale == scale for name in self.rows.names])
+            rows = at[of_scale[self.rows.which[at]]]
+            if rows.size:
+                found.append(self._summed(rows, scale))
+        return found
+
+    def _summed(self, at: Index, scale: str) -> Sums:
+        at = at[np.argsort(self.rows.tau[at], kind="stable")]
+        part = self.rows.take(at)
+        offset, slope = np.zeros(at.size), np.zeros(at.size)
+        for name in part.names:
+            linear = OBSERVABLES[name].linear
+            here = part.rows_of(name)
+            if linear is not None and here.size:
+                offset[here], slope[here] = linear(part.take(here).incidence, self.inertia_factor)
+        k, ref, w = self.coefficients, self.reference, self.weight[at]
+        kappa = ref.mu * (1.0 + ref.e_n)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            over_tau = np.where(slope == 0.0, 0.0, slope / part.tau)
+        a = k.a0 + k.a1 * ref.c
+        factor = float(scale_of(scale, np.asarray(ref.e_n)))
+        regimes = []
+        for sticking in (True, False):
+            fall = (k.b0 + k.b1 * ref.c) * slope if sticking else kappa * over_tau
+            fall = np.where(np.isfinite(fall), fall, 0.0)  # a row at tau = 0 always sticks
+            value = offset + slope * a + fall
+            by_c = slope * (k.a1 + k.b1) if sticking else slope * k.a1
+            by_kappa = np.zeros(at.size) if sticking else np.where(np.isfinite(over_tau), over_tau, 0.0)
+            columns = [part.value - factor * value, value, by_c, by_kappa]
+            regimes.append(w * np.array(columns))
+        stick, slide = (np.array([columns[i] * columns[j] for i, j in PAIRS]) for columns in regimes)
+        products = np.zeros((len(PAIRS), at.size + 1))
+        np.cumsum(stick, axis=1, out=products[:, 1:])
+        products[:, :-1] += np.cumsum(slide[:, ::-1], axis=1)[:, ::-1]
+        return Sums(scale, part.tau, products)
+
+    def _normal_rows(self, at: Index) -> _Direct:
+        is_e_n = np.array([name == "e_n" for name in self.rows.names])[self.rows.which[at]]
+        factor = np.where(is_e_n, 1.0, self.rows.incidence.cosine[at]) * self.weight[at]
+        left = self.rows.value[at] * self.weight[at] - factor * self.reference.e_n
+        return _Direct(float(factor @ factor), float(factor @ left), float(left @ left))
+
+    def _friction_rows(self, at: Index) -> _Direct:
+        left = (self.rows.value[at] - self.reference.mu) * self.weight[at]
+        return _Direct(
+            float(self.weight[at] @ self.weight[at]), float(self.weight[at] @ left), float(left @ left)
+        )
+
+    def quadratics(self, e_n: Array, x: Array) -> list[Quadratic]:
+        """Of each noise group, all rows but the curved ones; under a tilted bound not those of mu either.
+
+        Parameters
+        ----------
+        e_n, x : ndarray
+            Broadcastable; x is the value of tau at the transition.
+        """
+        d_e = e_n - self.reference.e_n
+        k, ref = self.coefficients, self.reference
+        b = k.b0 + k.b1 * ref.c
+        d_kappa, h = x * b - ref.mu * (1.0 + ref.e_n), x * k.b1
+        d_mu = x * b / (1.0 + e_n) - ref.mu
+        found = []
+        for sums, normal, friction in zip(self.sums, self._normal, self._friction, strict=True):
+            square: Array = np.asarray(normal.square)
+            if normal.curvature:
+                square = normal.at(d_e)
+            slope: Array = np.asarray(0.0)
+            curvature: Array = np.asarray(0.0)
+            if friction.curvature and not k.b1:
+                square = square + friction.at(d_mu)
+            for part in sums:
+                more = expand(part, e_n, x, d_kappa, h if k.b1 else None, ref.e_n)
+                square, slope = square + more.square, slope + more.slope
+                curvature = curvature + more.curvature
+            found.append(Quadratic(square, slope, curvature))
+        return found
+
+    def with_mu(self, squares: Sequence[Quadratic], e_n: Array, x: Array) -> list[Quadratic]:
+        """The quadratics with the rows of mu under a tilted bound, to find the likely closure constant.
+
+        Far out, where mu is a large x times a small bound, their digits cancel: `curved` has these rows as
+        they are.
+        """
+        k, ref = self.coefficients, self.reference
+        d_mu, h = x * (k.b0 + k.b1 * ref.c) / (1.0 + e_n) - ref.mu, x * k.b1 / (1.0 + e_n)
+        return [
+            Quadratic(
+                q.square + friction.at(d_mu),
+                q.slope + h * (friction.slope - friction.curvature * d_mu),
+                q.curvature + friction.curvature * h * h,
+            )
+            if friction.curvature and k.b1
+            else q
+            for q, friction in zip(squares, self._friction, strict=True)
+        ]
+
+    def curved(self, e_n: Array, x: Array, c: Array, mu: Array) -> list[Array | float]:
+        """Sum of squares of each noise group's curved rows, and of those of mu that `quadratics` leaves out.
+
+        0.0 where there are none.
+        """
+        found: list[Array | float] = []
+        for rows, friction in zip(self.curved_rows, self._friction, strict=True):
+            square = self._curved_group(rows, e_n, x, c) if rows.size else 0.0
+            if friction.curvature and self.coefficients.b1:
+                square = square + friction.at(mu - self.reference.mu)
+            found.append(square)
+        return found
+
+    def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array, *, law: Law | None = None) -> Array:
+        """Weighted residuals of curved rows, (..., rows); by another form of the law, if one is given."""
+        part = self.rows.take(rows)
+        factor = self._factors(part, x, c, law or self.law)
+        out = np.empty(factor.shape)
+        for name in part.names:
+            at = part.rows_of(name)
+            if at.size:
+                whole = at.size == part.tau.size
+                i = part.incidence if whole else part.take(at).incidence
+                value = by_impulse(
+                    OBSERVABLES[name],
+                    i,
+                    factor if whole else factor[..., at],
+                    e_n[..., None],
+                    self.inertia_factor,
+                )
+                if whole:
+                    out = value
+                else:
+                    out[..., at] = value
+        return np.asarray((part.value - out) * self.weight[rows])
+
+    def _factors(self, part: Rows, x: Array, c: Array, law: Law | None) -> Array:
+        """Impulse factors of rows, (..., rows)."""
+        if law is not None:
+            return law.impulse(part.incidence, c[..., None], x[..., None])[0]
+        k = self.coefficients
+        a, b = k.a0 + k.a1 * c, k.b0 + k.b1 * c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(part.tau > 0.0, x[..., None] / part.tau, np.inf)
+        return np.asarray(a[..., None] + b[..., None] * np.minimum(1.0, ratio))
+
+    def _curved_group(self, rows: Index, e_n: Array, x: Array, c: Array) -> Array:
+        shape = np.broadcast_shapes(e_n.shape, x.shape, c.shape)
+        if rows.size * math.prod(shape) < _MANY or self.law is not None:  # its tables are not that smooth
+            return self._squares(rows, *(np.broadcast_to(y, shape) for y in (e_n, x, c)))
+        return on_grid(lambda *at: self._squares(rows, *at), e_n, x, c, rows.size)
+
+    def _squares(self, rows: Index, e_n: Array, x: Array, c: Array) -> Array:
+        """Sums of squares as they are, at constants in arrays of one shape."""
+        flat = [y.reshape(-1) for y in (e_n, x, c)]
+        out = np.empty(c.size)
+        step = max(1, AT_ONCE // rows.size)
+        law = None if self.law is None else self.law.for_many(out.size * rows.size)
+        for start in range(0, out.size, step):
+            at = slice(start, start + step)
+            residual = self.curved_values(rows, *(y[at] for y in flat), law=law)
+            out[at] = np.einsum("ij,ij->i", residual, residual)
+        return out.reshape(c.shape)
+
+
+def by_impulse(observable: Observable, i: Incidence, k: Array, e_n: Array, j: float) -> Array:
+    """Value of an oblique observable at many impulse factors."""
+    if observable.by_impulse is not None:
+        return observable.by_impulse(i, k, e_n, j)
+    assert observable.linear is not None
+    offset, slope = observable.linear(i, j)
+    return np.asarray(scale_of(observable.scale, e_n) * (offset + slope * k))

@@ -1,0 +1,193 @@
+"""The best of everything else while one entry of theta, or mu through a tie, is held."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.multistart import multistart
+from ifrfit.inference.optimize.optimum import Array, objective_at
+from ifrfit.inference.optimize.parameter_group import is_separable, normal_part
+from ifrfit.inference.optimize.solve import series_blocks, solve, whole_block
+from ifrfit.inference.profile.constrained_series import best_of_series
+from ifrfit.inference.profile.scalar_profile import series_problem
+from ifrfit.physics.observables import OBSERVABLES
+
+LOWEST = 1e-3
+_REACH = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
+_GRID = 7  # values over the whole range that are looked at where it is not there
+_STARTS = 3  # of a local search
+
+Tie = Callable[[float, float], float]  # e_n and c to mu
+
+
+def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Array) -> Array:
+    """theta with some entries held and the rest at its best.
+
+    Parameters
+    ----------
+    problem : Problem
+    sigma : ndarray
+        Standard uncertainty of each row.
+    at : mapping
+        Place in theta to the value held there.
+    near : ndarray
+        theta nearby, where only a search can find the optimum, and for all series that have no say.
+
+    Returns
+    -------
+    ndarray
+        theta, (p,).
+    """
+    start = near.copy()
+    for place, x in at.items():
+        start[place] = x
+    tied = len(problem.series) > 1 and any(c.separate for c in problem.parameters)
+    if not tied:
+        return _solved(problem, sigma, at, start)
+    if all(c.separate or c.fixed is not None for c in problem.parameters):
+        return _alone(problem, sigma, at, start)
+    found = best_of_series(problem, sigma, at, start)
+    if found is not None:
+        return found
+    return multistart(_held(problem, at), sigma, start).theta
+
+
+def _solved(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array) -> Array:
+    """One set of constants: fixed in the problem itself, which the certified roads know."""
+    theta = solve(_held(problem, at), sigma, start).theta.copy()
+    for place, x in at.items():
+        theta[place] = x
+    return theta
+
+
+def _alone(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array) -> Array:
+    """Series that share nothing: only the one of the held entry moves, others keep what is near."""
+    places = problem.parameters.positions
+    (series,) = {int(np.flatnonzero(own == i)[0]) for i in at for own in places.values() if i in own}
+    mine = [int(own[series]) for own in places.values()]
+    part, part_sigma = series_problem(problem, sigma, series)
+    theta = start.copy()
+    theta[mine] = _solved(part, part_sigma, {mine.index(i): x for i, x in at.items()}, start[mine])
+    return theta
+
+
+def _held(problem: Problem, at: Mapping[int, float]) -> Problem:
+    """The problem with entries of theta fixed, by their places."""
+    return problem.with_fixed({problem.parameters.names[i]: x for i, x in at.items()})
+
+
+def settled_e_n(problem: Problem, sigma: Array, series: int) -> float | None:
+    """Best e_n of a series where the rest of the rows has no say in it; None where it has."""
+    e_n, mu = problem.parameters["e_n"], problem.parameters["mu"]
+    if e_n.fixed is not None:
+        return e_n.fixed
+    whole = whole_block(problem, sigma)
+    if not is_separable(whole) or whole.of_kind("curved").any() or (e_n.separate and not mu.separate):
+        return None
+    return normal_part(series_blocks(problem, sigma)[series] if e_n.separate else whole)[0]
+
+
+def best_over_e_n(
+    problem: Problem, sigma: Array, kappa: float, range_of_e_n: tuple[float, float], near: Array
+) -> Array | None:
+    """theta at a given kappa, for one set of constants: certified at each e_n, with a search over e_n.
+
+    None where only a local search can find the rest.
+    """
+    from scipy.optimize import minimize_scalar
+
+    if any(c.separate for c in problem.parameters) or whole_block(problem, sigma).of_kind("curved").any():
+        return None
+    e_n = problem.parameters["e_n"]
+    i_e, i_mu = 0, len(problem.parameters.names) - 1
+    low = min(max(e_n.lower, range_of_e_n[0], lowest_e_n(problem)), e_n.upper)
+    high = max(low, min(e_n.upper, range_of_e_n[1]))
+    seen: dict[float, tuple[float, Array]] = {}
+
+    def total(e: float) -> float:
+        theta = _solved(problem, sigma, {i_e: e, i_mu: kappa / (1.0 + e)}, near)
+        seen[e] = objective_at(problem, sigma, theta), theta
+        return seen[e][0]
+
+    start = min(max(float(near[i_e]), low), high)
+    reach = _REACH * (high - low)
+    grid = np.unique([max(start - reach, low), start, min(start + reach, high)])
+    values = [total(e) for e in grid.tolist()]
+    if grid[int(np.argmin(values))] != start or start in (low, high):
+        grid = np.unique(np.concatenate((grid, np.linspace(low, high, _GRID))))
+        values = [total(e) for e in grid.tolist()]
+    i = int(np.argmin(values))
+    ends = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, grid.size - 1)])
+    if ends[1] > ends[0]:
+        minimize_scalar(total, bounds=ends, method="bounded", options={"xatol": 1e-7})
+    return min(seen.values(), key=lambda pair: pair[0])[1]
+
+
+def lowest_e_n(problem: Problem) -> float:
+    """The e_n below which a value over the outgoing normal velocity is not meant seriously; else 0."""
+    return LOWEST if any(OBSERVABLES[name].scale == "rebound" for name in problem.rows.names) else 0.0
+
+
+def best_tied(
+    problem: Problem,
+    sigma: Array,
+    series: int,
+    tie: Tie,
+    e_range: tuple[float, float],
+    starts: Sequence[Array],
+) -> Array:
+    """theta with mu of a series tied to e_n and c, everything else at its best: the best of local searches.
+
+    A tie that holds the transition leaves every row of the series in its regime, so that nothing bends.
+    """
+    from scipy.optimize import least_squares
+
+    places = {name: int(own[series]) for name, own in problem.parameters.positions.items()}
+    i_mu, i_e, i_c = places["mu"], places["e_n"], places.get(problem.closure.constant or "", -1)
+    free = problem.parameters.free.copy()
+    free[i_mu] = False
+    lower, upper = problem.parameters.bounds()
+    lower[i_e], upper[i_e] = max(lower[i_e], e_range[0]), min(upper[i_e], e_range[1])
+    if free[i_e] and upper[i_e] - lower[i_e] < 1e-9:
+        free[i_e] = False
+
+    def full(x: Array, start: Array) -> Array:
+        theta = start.copy()
+        theta[i_e] = min(max(theta[i_e], lower[i_e]), upper[i_e])
+        theta[free] = x
+        theta[i_mu] = tie(theta[i_e], theta[i_c] if i_c >= 0 else 0.0)
+        return theta
+
+    best: tuple[float, Array] | None = None
+    for start in starts[:_STARTS]:
+
+        def residuals(x: Array, start: Array = start) -> Array:
+            theta = full(x, start)
+            data = (problem.rows.value - problem.fitted(theta)) / sigma
+            return np.concatenate((data, problem.parameters.prior_residuals(theta)))
+
+        if free.any():
+            ends = lower[free], np.minimum(upper[free], 1e9)
+            inset = 1e-9 * np.minimum(1.0, ends[1] - ends[0])
+            x0 = np.clip(start[free], ends[0] + inset, ends[1] - inset)
+            found = least_squares(residuals, x0, bounds=ends, xtol=1e-10, ftol=1e-10, gtol=1e-10)
+            pair = float(2.0 * found.cost), full(found.x, start)
+        else:
+            left = residuals(np.empty(0))
+            pair = float(left @ left), full(np.empty(0), start)
+        if best is None or pair[0] < best[0]:
+            best = pair
+    if best is None:
+        raise ValueError("a search needs a start")
+    return best[1]
+
+
+def kappa_range(kappa: float, mu: Parameter) -> tuple[float, float]:
+    """What e_n may be at a given kappa for mu = kappa/(1 + e_n) to stay in its domain."""
+    low = kappa / mu.upper - 1.0 if mu.upper > 0.0 else -math.inf
+    return low, kappa / mu.lower - 1.0 if mu.lower > 0.0 else math.inf

@@ -1,0 +1,38 @@
+"""Whether every profile of a fit came to its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.result.types import Fact
+
+
+def profile_converged(profiles: Mapping[str, Profile], settled: Fact) -> Fact:
+    """Whether the noise settled, and every profile closes or reaches the end of its domain.
+
+    Parameters
+    ----------
+    profiles : mapping
+        Name to `Profile`, as `profile_all` returns them.
+    settled : Fact
+        "converged" of the least squares behind them.
+
+    Returns
+    -------
+    Fact
+        Its figures are those of `settled`, the number of profiles, and the names of those that a budget
+        stopped.
+    """
+    stopped = {name: profile.stopped for name, profile in profiles.items() if profile.stopped}
+    figures = {**settled.figures, "n_profiles": len(profiles), "stopped": list(stopped)}
+    if not settled.ok:
+        says = settled.says
+    elif stopped:
+        first, why = next(iter(stopped.items()))
+        names = f"profile of {first} was" if len(stopped) == 1 else f"profiles of {', '.join(stopped)} were"
+        says = f"the {names} stopped early ({why}): compare the intervals with --method exact"
+    else:
+        says = f"{settled.says}, and every profile closes or reaches the end of its domain"
+    return Fact(settled.ok and not stopped, says, figures, FACTS["converged"])

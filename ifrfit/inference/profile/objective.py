@@ -1,0 +1,155 @@
+"""The objective of a profile: chi2, or the misfit with the noise profiled out of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ifrfit.inference.distributions.truncated_normal import half_width
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.optimum import Array
+
+_ROUNDS = 40  # of weights and constants in turn
+_AT_REST = 1e-7  # fall of the objective at which they have come to rest
+
+Held = Callable[[Array, Array], Array]  # row sigma and a theta nearby to the best theta
+
+
+class Minimum(NamedTuple):
+    """Least rise, where it is, and how far it still fell in the last round (0 where none is needed)."""
+
+    rise: float
+    theta: Array
+    fall: float
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How much worse other constants describe the rows than the fit does.
+
+    Known noise: the rise of chi2 plus prior_chi2. Noise from the misfit: with d_g = n_g - leverage_g degrees
+    of freedom in group g and S_g its sum of squares, the rise of ``sum_g d_g log S_g + prior_chi2``. Its
+    minimum is where least squares comes to rest (S_g/d_g is the variance it uses), and with one group and
+    constants that act linearly the cut `limit` reproduces Student's t exactly:
+    d log(1 + t^2/d) at the quantile t is what t^2 is to chi2.
+
+    Attributes
+    ----------
+    problem : Problem
+    fit : LeastSquares
+    groups : tuple of ndarray of int
+        Rows that share one unknown noise; empty where sigma is known.
+    base : ndarray
+        Sigma of each row up to its group's factor.
+    dof, squares : ndarray
+        Of each group: degrees of freedom, and the sum of squares at the fit.
+    """
+
+    problem: Problem
+    fit: LeastSquares
+    groups: tuple[Index, ...]
+    base: Array
+    dof: Array
+    squares: Array
+
+    @classmethod
+    def of(cls, problem: Problem, fit: LeastSquares) -> Misfit:
+        """The misfit under the problem's noise policy."""
+        n = problem.rows.value.size
+        if problem.noise == "known":
+            return cls(problem, fit, (), problem.sigma, np.empty(0), np.empty(0))
+        scaled = problem.noise == "scaled"
+        groups = (np.arange(n),) if scaled else tuple(problem.groups().values())
+        base = problem.sigma if scaled else np.ones(n)
+        dof = np.array([rows.size - float(fit.local.leverage[rows].sum()) for rows in groups])
+        bare = cls(problem, fit, groups, base, dof, np.ones(dof.size))
+        return cls(problem, fit, groups, base, dof, bare._squares(fit.optimum.theta))
+
+    def rise(self, theta: Array) -> float:
+        """Rise of the objective at theta over the fit."""
+        change = self._prior(theta) - self._prior(self.fit.optimum.theta)
+        if not self.groups:
+            return self._chi2(theta) - self._chi2(self.fit.optimum.theta) + change
+        return float(self.dof @ np.log(self._squares(theta) / self.squares)) + change
+
+    def minimum(self, held: Held, near: Array) -> Minimum:
+        """Least rise, and where, over what `held` leaves free.
+
+        With several noises, or a prior beside one, weights and constants are improved in turn: each round
+        minimises a bound on the logarithms that touches them, so the rise never grows.
+        """
+        theta = held(self.fit.sigma if not self.groups else self._sigma(near), near)
+        rise = self.rise(theta)
+        if not self.groups or (len(self.groups) == 1 and not self._has_prior):
+            return Minimum(rise, theta, 0.0)
+        fall = math.inf
+        for _ in range(_ROUNDS):
+            moved = held(self._sigma(theta), theta)
+            fall = rise - self.rise(moved)
+            if fall > 0.0:
+                rise, theta = rise - fall, moved
+            if fall < _AT_REST:
+                break
+        return Minimum(rise, theta, max(fall, 0.0))
+
+    def dof_of(self, functional: Array) -> float:
+        """Degrees of freedom behind the sd of functional @ phi, after Satterthwaite.
+
+        Each group counts by its share of the information, and what a prior knows counts as known.
+        """
+        if not self.groups:
+            return math.inf
+        local = self.fit.local
+        inverse = np.where(local.seen, 1.0 / np.where(local.seen, local.singular, 1.0) ** 2, 0.0)
+        direction = local.vectors @ (inverse * (functional @ local.vectors))
+        total = float(functional @ direction)
+        if not (total > 0.0 and math.isfinite(local.variance(functional, 1.0))):
+            return self.fit.noise_dof
+        moved = self.problem.jacobian(self.fit.optimum.theta) @ (local.to_theta @ direction) / self.fit.sigma
+        shares = np.array([float(moved[rows] @ moved[rows]) for rows in self.groups]) / total
+        spread = float((shares**2 / self.dof).sum())
+        return 1.0 / spread if spread > 1e-9 else math.inf
+
+    @property
+    def _has_prior(self) -> bool:
+        return any(c.prior is not None for c in self.problem.parameters)
+
+    def _prior(self, theta: Array) -> float:
+        residual = self.problem.parameters.prior_residuals(theta)
+        return float(residual @ residual)
+
+    def _chi2(self, theta: Array) -> float:
+        residual = (self.problem.rows.value - self.problem.fitted(theta)) / self.base
+        return float(residual @ residual)
+
+    def _squares(self, theta: Array) -> Array:
+        residual = (self.problem.rows.value - self.problem.fitted(theta)) / self.base
+        value = self.problem.rows.value / self.base
+        found = np.empty(len(self.groups))
+        for i, rows in enumerate(self.groups):
+            # what is below rounding says nothing of the noise
+            least = (1e-13 * (float(np.abs(value[rows]).max()) + 1.0)) ** 2 * rows.size
+            found[i] = max(float(residual[rows] @ residual[rows]), least)
+        return found
+
+    def _sigma(self, theta: Array) -> Array:
+        sigma = self.base.copy()
+        for rows, square, dof in zip(self.groups, self._squares(theta), self.dof, strict=True):
+            sigma[rows] *= math.sqrt(square / dof)
+        return sigma
+
+
+def limit(level: float, dof: float = math.inf, *, one_sided: bool = False) -> float:
+    """Rise at the end of an interval of this level; of one tail if `one_sided`.
+
+    z^2 of the normal law where the noise is known (0.989 and 3.841 for 68 and 95 %, chi2 of one degree of
+    freedom), dof log(1 + t^2/dof) of Student's t where it comes from the misfit.
+    """
+    t = half_width(2.0 * level - 1.0 if one_sided else level, dof)
+    return t * t if math.isinf(dof) else dof * math.log1p(t * t / dof)

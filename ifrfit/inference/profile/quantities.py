@@ -1,0 +1,221 @@
+"""What a fit is asked about: each constant, kappa, the restitution in sticking, the transition angle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.optimum import Array
+from ifrfit.inference.profile.constrained_fit import (
+    best_over_e_n,
+    best_tied,
+    best_with,
+    kappa_range,
+    lowest_e_n,
+    settled_e_n,
+)
+from ifrfit.inference.profile.curve import Trace
+from ifrfit.inference.profile.objective import Misfit, limit
+from ifrfit.inference.profile.open_estimates import outlying
+from ifrfit.physics.observables import OBSERVABLES
+
+_COVERED = 0.997
+_RESTLESS = 1e-4  # last fall of the rise, relative where it is over 1, above which the noise still moves
+
+Held = Callable[[float, Array, Array], Array]  # value, row sigma, theta nearby -> theta
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity with a profile.
+
+    Attributes
+    ----------
+    name : str
+    of : callable
+        theta to its value.
+    held : callable
+        Best theta with the quantity held at a value.
+    domain : Parameter
+        Bounds and the sd of its default prior.
+    functional : ndarray
+        Its derivative by the coordinates of the local picture.
+    far : float or None
+        Value from which on the profile is level.
+    """
+
+    name: str
+    of: Callable[[Array], float]
+    held: Held
+    domain: Parameter
+    functional: Array
+    far: float | None = None
+
+
+def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
+    """A free entry of theta."""
+    constant = problem.parameters.entries[place]
+    lower = constant.lower
+    if constant.name == "e_n":
+        lower = max(lower, min(lowest_e_n(problem), constant.upper))
+    far = None
+    if constant.name == "mu":
+        far = _level(problem, place)
+    return Quantity(
+        problem.parameters.names[place],
+        lambda theta: float(theta[place]),
+        lambda x, sigma, near: best_with(problem, sigma, {place: x}, near),
+        Parameter(constant.name, lower, constant.upper, prior=constant.prior),
+        fit.local.to_theta[place],
+        far,
+    )
+
+
+def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quantity | None:
+    """kappa = mu (1 + e_n) of a series; None where both are fixed."""
+    places = problem.parameters.positions
+    i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
+    entries = problem.parameters.entries
+    e_n, mu = entries[i_e], entries[i_mu]
+    if e_n.fixed is not None and mu.fixed is not None:
+        return None
+
+    def held(x: float, sigma: Array, near: Array) -> Array:
+        if mu.fixed is not None:
+            e = min(max(x / mu.fixed - 1.0, e_n.lower), e_n.upper) if mu.fixed > 0.0 else e_n.lower
+            return best_with(problem, sigma, {i_e: e}, near)
+        settled = settled_e_n(problem, sigma, series)
+        if settled is not None:
+            at = {i_mu: x / (1.0 + settled)} | ({} if e_n.fixed is not None else {i_e: settled})
+            return best_with(problem, sigma, at, near)
+        found = best_over_e_n(problem, sigma, x, kappa_range(x, mu), near)
+        if found is not None:
+            return found
+        starts = [near, *(theta for _, theta in fit.optimum.minima)]
+        return best_tied(
+            problem, sigma, series, lambda e, c: x / (1.0 + e), kappa_range(x, mu), _distinct(starts)
+        )
+
+    low_e, high_e = (e_n.fixed, e_n.fixed) if e_n.fixed is not None else (e_n.lower, e_n.upper)
+    low_e = max(low_e, min(lowest_e_n(problem), high_e))
+    low_mu, high_mu = (mu.fixed, mu.fixed) if mu.fixed is not None else (mu.lower, mu.upper)
+    theta = fit.optimum.theta
+    functional = (1.0 + theta[i_e]) * fit.local.to_theta[i_mu] + theta[i_mu] * fit.local.to_theta[i_e]
+    far = _level(problem, i_mu)
+    return Quantity(
+        name,
+        lambda theta: float(theta[i_mu] * (1.0 + theta[i_e])),
+        held,
+        Parameter("kappa", low_mu * (1.0 + low_e), high_mu * (1.0 + high_e)),
+        functional,
+        None if far is None else far * (1.0 + high_e),
+    )
+
+
+def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity | None:
+    """Slip ratio at the transition of a series, kappa/b, where b depends on the closure constant.
+
+    None at an optimum without a transition. Bounds that a user sets to mu do not limit it.
+    """
+    places = problem.parameters.positions
+    i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
+    i_c = int(places[problem.closure.constant or ""][series])
+    law = problem.closure.law(problem.inertia_factor)
+    theta = fit.optimum.theta
+    bound = float(law.bound(theta[i_c]))
+    if bound <= 0.0 or problem.parameters.entries[i_mu].fixed is not None:
+        return None
+
+    def of(theta: Array) -> float:
+        b = float(law.bound(theta[i_c]))
+        return float(theta[i_mu] * (1.0 + theta[i_e]) / b) if b > 0.0 else math.inf
+
+    def held(x: float, sigma: Array, near: Array) -> Array:
+        starts = [near, *(theta for _, theta in fit.optimum.minima)]
+        tie = lambda e, c: x * float(law.bound(c)) / (1.0 + e)  # noqa: E731
+        return best_tied(problem, sigma, series, tie, (-math.inf, math.inf), _distinct(starts))
+
+    to_theta = fit.local.to_theta
+    functional = ((1.0 + theta[i_e]) * to_theta[i_mu] + theta[i_mu] * to_theta[i_e]) / bound
+    functional = functional - of(theta) * float(law.bound_slope(theta[i_c])) / bound * to_theta[i_c]
+    at = problem.rows.series == series
+    tau = problem.rows.tau[at & np.isfinite(problem.rows.tau)]
+    far = 1.05 * float(tau.max(initial=0.1)) if _level(problem, i_mu) is not None else None
+    return Quantity("transition_tau", of, held, Parameter("tau", 0.0, math.inf), functional, far)
+
+
+def _level(problem: Problem, place: int) -> float | None:
+    """mu from which on every impact sticks and nothing changes; None where mu itself is measured."""
+    names = set(np.array(problem.rows.names)[np.unique(problem.rows.which)].tolist())
+    if any(OBSERVABLES[name].kind == "friction" for name in names) or problem.parameters.entries[place].prior:
+        return None
+    shared = not problem.parameters["mu"].separate
+    (series,) = (0,) if shared else np.flatnonzero(problem.parameters.positions["mu"] == place)[:1].tolist()
+    at = np.isfinite(problem.rows.tau) & (shared | (problem.rows.series == series))
+    law = problem.closure.law(problem.inertia_factor)
+    c = [x for c in problem.parameters if c.name == problem.closure.constant for x in _ends(c)] or [0.0]
+    bound = max(float(law.bound(x)) for x in c)
+    e_n = min(_ends(problem.parameters["e_n"]))
+    return max(1.05 * bound * float(problem.rows.tau[at].max(initial=0.1)) / (1.0 + e_n), 1e-3)
+
+
+def _ends(constant: Parameter) -> tuple[float, ...]:
+    return (constant.lower, constant.upper) if constant.fixed is None else (constant.fixed,)
+
+
+def _distinct(starts: list[Array]) -> list[Array]:
+    kept: list[Array] = []
+    for theta in starts:
+        if np.isfinite(theta).all() and all(np.abs(theta - other).max() > 1e-6 for other in kept):
+            kept.append(theta)
+    return kept
+
+
+def follow(misfit: Misfit, quantity: Quantity, dof: float) -> Trace:
+    """Trace the profile of a quantity from all optima of the fit."""
+    fit = misfit.fit
+    thetas: dict[float, Array] = {}
+    value = quantity.of(fit.optimum.theta)
+    thetas[value] = fit.optimum.theta
+
+    def rise(x: float) -> float:
+        near = thetas[min(thetas, key=lambda place: abs(place - x))]
+        found = misfit.minimum(lambda sigma, near: quantity.held(x, sigma, near), near)
+        thetas[x] = found.theta
+        if not found.fall <= _RESTLESS * max(1.0, found.rise):
+            trace.restless.append(x)
+        return found.rise
+
+    variance = fit.local.variance(quantity.functional, quantity.domain.prior_sd)
+    sd = math.sqrt(variance)
+    step = sd if 0.0 < sd < 0.2 * quantity.domain.prior_sd else 0.05 * quantity.domain.prior_sd
+    trace = Trace(rise, quantity.domain.lower, quantity.domain.upper, quantity.far)
+    rivals = [quantity.of(theta) for theta in outlying(fit.optimum) if np.isfinite(theta).all()]
+    trace.explore([value, *rivals], step, limit(_COVERED, dof))
+    return trace
+
+
+def quantities_of(problem: Problem, fit: LeastSquares) -> Mapping[str, Quantity]:
+    """Every free entry of theta; and kappa (by series where e_n or mu is separate) unless e_n is given.
+
+    With e_n given kappa is mu times a number, and needs no profile of its own.
+    """
+    found = {
+        problem.parameters.names[place]: entry(problem, fit, place)
+        for place in np.flatnonzero(problem.parameters.free).tolist()
+    }
+    if problem.parameters["e_n"].fixed is not None:
+        return found
+    separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
+    for series, label in enumerate(problem.series if separate else problem.series[:1]):
+        name = f"kappa[{label}]" if separate else "kappa"
+        quantity = kappa(problem, fit, series, name)
+        if quantity is not None:
+            found[name] = quantity
+    return found

@@ -1,0 +1,50 @@
+"""The question of a fit, put again from what its result keeps."""
+
+from __future__ import annotations
+
+from ifrfit.data import Observations
+from ifrfit.data.observations import TABLE_COLUMNS
+from ifrfit.errors import UsageError
+from ifrfit.inference.model.apply_error_model import with_error_model
+from ifrfit.inference.model.problem import Problem, make_problem
+from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.physics.closures import get_closure
+
+
+def question(result: FitResult) -> tuple[Problem, LeastSquares]:
+    """The problem of a result and its optimum: as they were left by the fit, or from the points it keeps.
+
+    Parameters
+    ----------
+    result : FitResult
+        Of a fit, or read from a file.
+
+    Returns
+    -------
+    problem : Problem
+    optimum : LeastSquares
+
+    Raises
+    ------
+    UsageError
+        If the file holds no points (more than 100000 rows), or not the domains and priors of the constants
+        (files of early versions).
+    """
+    if result.problem is not None and result.least_squares is not None:
+        return result.problem, result.least_squares
+    if not result.asked:
+        raise UsageError(
+            "The result does not say with which bounds and priors it was fitted. Fit the data again."
+        )
+    if not len(result.points):
+        raise UsageError("The result holds no points. Fit the data again.")
+    closure = get_closure(result.closure)
+    if tuple(constant.name for constant in result.asked) != closure.constants:
+        raise UsageError(
+            f"The result names other constants than closure {closure.title} has. Fit the data again."
+        )
+    observations = Observations(result.points[list(TABLE_COLUMNS)], result.inputs)
+    problem = make_problem(observations, closure, result.inertia_factor, result.asked, result.noise.policy)
+    problem = with_error_model(problem, result.noise.error_model, result.method)
+    return problem, least_squares(problem)

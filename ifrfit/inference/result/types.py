@@ -1,0 +1,157 @@
+"""What a result is made of: constants with their statuses, facts, the noise, statistics of the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel
+
+Status = Literal["determined", "one_sided", "prior", "not_determined", "fixed"]
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One constant (or a quantity derived from the constants).
+
+    Attributes
+    ----------
+    value : float or None
+        Best value; None if the data do not determine it.
+    stderr : float or None
+        Standard deviation; None where there is none (fixed, not determined).
+    interval68, interval95 : tuple of float
+        Credible or confidence interval; an end may be infinite.
+    status : str
+        determined, one_sided, prior, not_determined or fixed.
+    reason : str
+        Why the status is not simply "determined", in a few words.
+    mean : float or None
+        Posterior mean, where the method has one.
+    """
+
+    value: float | None
+    stderr: float | None
+    interval68: Interval
+    interval95: Interval
+    status: Status
+    reason: str = ""
+    mean: float | None = None
+
+    def interval(self, level: float = 0.95) -> Interval:
+        """Interval of the given level, 0.68 or 0.95.
+
+        Raises
+        ------
+        UsageError
+            For any other level.
+        """
+        if level == 0.95:
+            return self.interval95
+        if level == 0.68:
+            return self.interval68
+        raise UsageError(f"Intervals are kept at 0.68 and 0.95, not at {level}.")
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One named finding about a fit, with its number and its threshold.
+
+    Attributes
+    ----------
+    ok : bool
+        Whether all is well.
+    says : str
+        The finding in one sentence (with the remedy where it is not well).
+    figures : mapping
+        The numbers behind it.
+    threshold : str
+        The rule.
+    """
+
+    ok: bool
+    says: str
+    figures: Mapping[str, Any]
+    threshold: str
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What sigma meant.
+
+    Attributes
+    ----------
+    policy : str
+        known, scaled or unknown.
+    sigma : mapping
+        Sigma of each "series/observable".
+    estimates : mapping
+        What the data say of each unknown sigma, by the same names; of the common factor under "".
+    prior : mapping
+        Bounds of the log-uniform prior of each of these; empty where the method needs none.
+    error_model : ErrorModel
+        How values scatter about the model, where that is not plainly Gaussian.
+    """
+
+    policy: str
+    sigma: Mapping[str, float]
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    prior: Mapping[str, Interval] = field(default_factory=dict)
+    error_model: ErrorModel = PLAIN
+
+
+@dataclass(frozen=True)
+class FitStatistics:
+    """Counts and misfit. chi2 holds no prior terms; those are in prior_chi2. None where not defined."""
+
+    n: int
+    n_sliding: int
+    n_sticking: int
+    rank: int
+    prior_chi2: float
+    chi2: float
+    dof: int
+    reduced_chi2: float | None
+    p_value: float | None
+    rmse: float
+    log_likelihood: float
+    aic: float
+    bic: float
+    log_evidence: float | None = None
+
+
+@dataclass(frozen=True)
+class State:
+    """The optimum in the coordinates in which it was found, for predictions.
+
+    Attributes
+    ----------
+    names : tuple of str
+        e_n, the closure constant, kappa; with a series in brackets where separate: ``kappa[run 1]``.
+    point : ndarray
+        The optimum.
+    center, covariance : ndarray
+        Of the local Gaussian (the centre lies beyond a bound that holds the optimum back); directions
+        that the data leave loose have the variance of the default prior.
+    lower, upper : ndarray
+        Bounds, infinite where there is none.
+    sample : ndarray or None
+        Independent posterior draws, (n, names); None where the local Gaussian stands for the posterior.
+    """
+
+    names: tuple[str, ...]
+    point: NDArray[np.float64]
+    center: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    sample: NDArray[np.float64] | None = None
+
+
+Constants = Mapping[str, "Estimate | Mapping[str, Estimate]"]

@@ -1,0 +1,1 @@
+"""Estimates, intervals and statuses of constants, and of what follows from them."""

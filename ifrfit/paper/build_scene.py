@@ -1,0 +1,268 @@
+"""From a figure of the table and its fit to everything that is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate
+from ifrfit.paper.axes import Abscissa, Ordinate
+from ifrfit.paper.figure import PaperFigure
+from ifrfit.paper.scene import Band, Curve, Mark, Pen, Points, Regimes, Scene
+from ifrfit.physics.angles import Array
+from ifrfit.report.figures import NON_BREAKING, contradiction
+from ifrfit.report.outlier_marks import ringed
+from ifrfit.report.provenance import STAND_IN, is_stand_in, provenance_words
+from ifrfit.report.regimes import transition_is_open, transitions
+from ifrfit.report.rounding import places_of, value_text
+from ifrfit.report.shading import Regimes as Key
+from ifrfit.report.shading import regime_key, spans
+from ifrfit.report.style import COLOURS, Look, looks
+from ifrfit.text import interval_text, sd_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+WARNING = "STAND-IN DATA, not an experiment:\ngenerated from the printed constants"
+_SYMBOLS = {"e_n": "$e_n$", "e_t": "$e_t$", "mu": "μ"}
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The fits that a figure shows.
+
+    Attributes
+    ----------
+    result : FitResult
+        Drawn with bands.
+    other : FitResult or None
+        A second one, drawn as a line.
+    other_label : str
+    """
+
+    result: FitResult
+    other: FitResult | None = None
+    other_label: str = ""
+
+
+def theory(figure: PaperFigure) -> Scene:
+    """A figure without data: lines of given constants, regimes of the first of them."""
+    assert figure.y is not None
+    model, setting = figure.models[0], figure.settings[0]
+    curves = tuple(m.curve(figure.x, figure.y, setting) for m in figure.models)
+    marks = model.marks(figure.x, setting)
+    if figure.x.spin:
+        ranges: tuple[tuple[float, float, str], ...] = ((figure.x.low, figure.x.high, "sliding"),)
+    else:
+        angles = model.transitions(setting)
+        ranges = _ranges(figure.x, tuple((a, a, a) for a in angles) or "sliding")
+    words = tuple(f"transition at {angle:.2f}°" for angle in model.transitions(setting) if marks)
+    # the line is that of the constants themselves here: drawn in full
+    label = curves[0].label.replace("printed", "corrected equations")
+    first = replace(curves[0], label=label, pen=Pen(COLOURS[0], "-", 1.3))
+    notes = (*words, "theory alone, no data")
+    return Scene(
+        figure.stem,
+        _title(figure),
+        figure.x,
+        figure.y,
+        (first, *curves[1:]),
+        regimes=(Regimes(ranges, marks),),
+        notes=notes,
+    )
+
+
+def with_points(figure: PaperFigure, fitted: Fitted) -> Scene:
+    """A figure with data, the fit to them, and lines of given constants."""
+    assert figure.y is not None
+    result, y = fitted.result, figure.y
+    rows = result.points[result.points["observable"] == _observable(figure, result)]
+    x = figure.x.with_points(figure.x.of_gamma(rows["gamma_deg"].to_numpy(dtype=float)))
+    look = looks([str(name) for name in rows["series"].unique()])
+    points = tuple(
+        _points(result, rows[rows["series"] == series], series, x, y, own) for series, own in look.items()
+    )
+    seen = _observable(figure, result)
+    curves = [recovered(result, seen, rows[rows["series"] == s], s, x, y, own) for s, own in look.items()]
+    if fitted.other is not None:
+        other = fitted.other.points
+        name, observable = str(other["series"].iloc[0]), str(other["observable"].iloc[0])
+        table = fitted.other.predict(x.gamma(x.grid), observable=observable, series=name)
+        values = y.sign * table["value"].to_numpy(dtype=float)
+        label = f"{fitted.other_label}: {estimates_words(fitted.other)}"
+        curves.append(Curve("other", label, x.grid, values, Pen(COLOURS[2], "-.", 0.9)))
+    curves += [m.curve(x, y, setting) for m in figure.models for setting in figure.settings]
+    regimes = regimes_of(result, x, look)
+    # the printed transition stands once for each setting
+    printed = tuple(m for setting in figure.settings for m in figure.models[0].marks(x, setting))
+    regimes = tuple(replace(part, marks=(*part.marks, *_own(printed, part, regimes))) for part in regimes)
+    return Scene(
+        figure.stem,
+        _title(figure),
+        x,
+        y,
+        tuple(curves),
+        points,
+        regimes,
+        warnings_of(result),
+        _transition_notes(figure, result),
+        is_stand_in(result),
+    )
+
+
+def recovered(
+    result: FitResult,
+    observable: str,
+    rows: pd.DataFrame,
+    series: str,
+    x: Abscissa,
+    y: Ordinate,
+    look: Look,
+) -> Curve:
+    """Curve of the recovered constants, with credible bands and those of one more measurement."""
+    spin = [float(rows[name].median()) for name in ("spin_x", "spin_y")]
+    angles = [e.value for e in transitions(result, series) if e.value is not None]
+    kinks = x.of_gamma(np.array(angles, dtype=float))
+    at = np.unique(np.concatenate([x.grid, kinks[(kinks > x.low) & (kinks < x.high)]]))
+    gamma = x.gamma(at)
+    table = result.predict(gamma, *spin, observable=observable, series=series, sigma=noise_along(gamma, rows))
+    label = f"recovered: {estimates_words(result)}"
+    credible, predictive = (_band(table, prefix, y.sign) for prefix in ("", "new_"))
+    values = y.sign * table["value"].to_numpy(dtype=float)
+    return Curve("recovered", label, at, values, Pen(look.colour, "-", 1.3), credible, predictive)
+
+
+def noise_along(gamma: Array, rows: pd.DataFrame) -> Array:
+    """Sigma of one more measurement at each angle: between the angles of the data, linear."""
+    own = rows.groupby("gamma_deg")["sigma_used"].mean()
+    return np.asarray(np.interp(gamma, own.index.to_numpy(dtype=float), own.to_numpy(dtype=float)))
+
+
+def estimates_words(result: FitResult) -> str:
+    """Constants with their standard deviations, for a legend."""
+    words = []
+    for name, found in result.flat_constants().items():
+        symbol = _SYMBOLS.get(name, name)
+        if found.status == "fixed":
+            words.append(f"{symbol} {value_text(found)} given")
+        elif found.value is None:
+            words.append(f"{symbol} open")
+        elif found.status == "one_sided":
+            words.append(f"{symbol} {_reaching(found)}")
+        else:
+            words.append(f"{symbol} {value_text(found)}±{sd_text(found.stderr or 0.0)}")
+    # a value stays with its symbol where a line is broken
+    return ", ".join(word.replace(" ", NON_BREAKING) for word in words).replace("-", "−")
+
+
+def _reaching(found: Estimate) -> str:
+    """A constant that the data bound on one side: its 95 % interval."""
+    return f"in {interval_text(found.interval95, places_of(found))}"
+
+
+def regimes_of(result: FitResult, x: Abscissa, look: dict[str, Look]) -> tuple[Regimes, ...]:
+    """Regimes of each series; one for all where they do not differ."""
+    keys = {series: regime_key(result, series) for series in look}
+    shared = len(set(keys.values())) == 1
+    found = []
+    for series, key in list(keys.items())[: 1 if shared else None]:
+        marks = () if key is None or isinstance(key, str) else key
+        label = "transition" + ("" if shared else f", {series}")
+        found.append(
+            Regimes(
+                () if key is None else _ranges(x, key),
+                tuple(
+                    Mark("recovered", label, x.inside(value), x.inside(low), x.inside(high))
+                    for value, low, high in marks
+                ),
+                None if shared else look[series],
+            )
+        )
+    return tuple(found)
+
+
+def _ranges(x: Abscissa, key: Key) -> tuple[tuple[float, float, str], ...]:
+    found = ((x.inside(low), x.inside(high), regime) for low, high, regime in spans(key))
+    return tuple(span for span in found if span[1] > span[0])
+
+
+def _own(printed: Sequence[Mark], part: Regimes, every: Sequence[Regimes]) -> tuple[Mark, ...]:
+    """Printed transitions of one part: all of them where the series share theirs, else by series."""
+    if len(every) == 1:
+        return tuple(printed)
+    names = [mark.label.rpartition(", ")[2] for mark in part.marks]
+    return tuple(mark for mark in printed if mark.label.rpartition(", ")[2] in names)
+
+
+def warnings_of(result: FitResult) -> tuple[str, ...]:
+    """What nobody may overlook."""
+    said = [WARNING] if is_stand_in(result) else []
+    lack = result.facts["lack_of_fit"]
+    if not lack.ok:
+        said.append(contradiction(result, lack.figures.get("p")))
+    return tuple(said)
+
+
+def provenance_label(series: str, kinds: tuple[str, ...]) -> str:
+    """A series in the legend."""
+    words = "STAND-IN, not measured" if STAND_IN in kinds else provenance_words(kinds)
+    return f"{series} ({words})" if series else words
+
+
+def _points(
+    result: FitResult, rows: pd.DataFrame, series: str, x: Abscissa, y: Ordinate, look: Look
+) -> Points:
+    kinds = tuple(str(kind) for kind in rows["provenance"].unique())
+    sigma = rows["sigma_used"].to_numpy(dtype=float)
+    return Points(
+        provenance_label(series, kinds),
+        x.of_gamma(rows["gamma_deg"].to_numpy(dtype=float)),
+        y.sign * rows["value"].to_numpy(dtype=float),
+        np.where(np.isfinite(sigma), sigma, 0.0),
+        look,
+        ", ".join(kinds),
+        rows["sticking"].map(bool).to_numpy(dtype=bool),
+        y.sign * rows["standardised"].to_numpy(dtype=float),
+        ringed(result, rows),
+    )
+
+
+def _observable(figure: PaperFigure, result: FitResult) -> str:
+    """What the rows are: the figure's observable, or the reading of it that the data name."""
+    assert figure.y is not None
+    there = [str(name) for name in result.points["observable"].unique()]
+    return figure.y.observable if figure.y.observable in there else there[0]
+
+
+def _band(table: pd.DataFrame, prefix: str, sign: float) -> Band:
+    low68, high68, low95, high95 = (
+        sign * table[f"{prefix}{end}"].to_numpy(dtype=float) for end in ("lo68", "hi68", "lo95", "hi95")
+    )
+    return Band(low68, high68, low95, high95) if sign > 0 else Band(high68, low68, high95, low95)
+
+
+def _title(figure: PaperFigure) -> str:
+    return f"Fig. {figure.name}  {figure.title}" if figure.kind != "kharaz" else figure.title
+
+
+def _transition_notes(figure: PaperFigure, result: FitResult) -> tuple[str, ...]:
+    """Transition angles in words: printed, and recovered with their standard deviations."""
+    model, lines = figure.models[0], []
+    for setting in figure.settings:
+        angles = model.transitions(setting)
+        printed = " and ".join(f"{angle:.2f}°" for angle in angles) or "none"
+        own = transitions(result, setting.series)
+        found = " and ".join(
+            f"{value_text(e)}°±{sd_text(e.stderr or 0.0)}°" for e in own if e.value is not None
+        )
+        of = f"transition, {setting.series}" if len(figure.settings) > 1 else "transition"
+        lines.append(f"{of}: printed {printed}, recovered {found or _without(result, setting.series)}")
+    return tuple(lines)
+
+
+def _without(result: FitResult, series: str) -> str:
+    return "open" if transition_is_open(result, series) else "none"

@@ -1,0 +1,167 @@
+"""What the paper's claims ask of real points, and the answers as far as the data give them.
+
+Stand-ins answer nothing: they were made with one set of constants. The same code answers from real points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.catalogue import printed_constants
+from ifrfit.errors import DataError, IfrfitError
+from ifrfit.inference.diagnostics.pooling import DECIDED, sharing
+from ifrfit.inference.fit import fit
+from ifrfit.inference.model.problem import Problem, make_problem
+from ifrfit.inference.posterior import explore
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.paper.cases import case_named, fit_case
+from ifrfit.paper.recovered_constants import Done
+from ifrfit.physics import OBSERVABLES, rebound
+from ifrfit.report.regimes import regime_counts
+
+OPEN = "not answerable until real points are installed"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An answer about one dataset.
+
+    Attributes
+    ----------
+    about : str
+        Dataset, with what is asked of it where that is not the same for all.
+    verdict : str
+        yes, no, or not answerable.
+    why : str
+    """
+
+    about: str
+    verdict: str
+    why: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """The answer in one line."""
+        return f"{self.about}: {self.verdict}" + (f": {self.why}" if self.why else "")
+
+
+def across_regimes(done: Done) -> Answer | None:
+    """Answer whether one set of constants holds in sticking and in sliding.
+
+    "No" where the fit of one set shows lack of fit, or where the evidence favours an e_t of its own for each
+    regime by a factor of 20; impacts are sorted into regimes by the fit of one set.
+    """
+    if done.result is None:
+        return None
+    result = done.result
+    blocked = _blocked(done)
+    if blocked:
+        return Answer(done.name, blocked)
+    lack = result.facts["lack_of_fit"]
+    if not lack.ok:
+        return Answer(done.name, "no", lack.says)
+    counts = [regime_counts(result, str(series)) for series in result.points["series"].unique()]
+    stick, slide = (sum(count[i] for count in counts) for i in (0, 1))
+    if not stick or not slide:
+        which = "slide" if slide else "stick"
+        return Answer(done.name, "not answerable", f"all impacts {which}, so one regime is seen only")
+    by_regime = result.points["sticking"].map(lambda s: "sticking" if s else "sliding").to_numpy()
+    return _by_evidence(done.name, result, by_regime, ("e_t", "beta0"), "both regimes", lack.says)
+
+
+def across_spins(done: Mapping[str, Done]) -> Answer | None:
+    """Answer whether one mu holds without and with spin, for which the paper prints 0.12 and 0.14."""
+    without, spun = done.get("cross-2019-no-spin"), done.get("cross-2019-spin")
+    if without is None or spun is None or without.result is None or spun.result is None:
+        return None
+    about = "cross-2019, one mu without and with spin"
+    blocked = _blocked(without) or _blocked(spun)
+    if blocked:
+        return Answer(about, blocked)
+    case = case_named("cross-2019-no-spin")
+    fixed = {name: float(without.result.flat_constants()[name].value or 0.0) for name in case.fixed}
+    series = (*case.series, *case_named("cross-2019-spin").series)
+    try:
+        joint = fit(case.dataset, series=series, observable=case.observable, fix=fixed)
+    except IfrfitError as error:
+        return Answer(about, "not answerable", str(error))
+    labels = joint.points["series"].astype(str).to_numpy()
+    return _by_evidence(about, joint, labels, ("mu",), "all spins", "")
+
+
+def reading(done: Done) -> Answer | None:
+    """Answer whether the coefficient of Fig. 4a is that of the contact point, not that of the centre.
+
+    With the printed constants held the two are different curves. With free constants both are a constant plus
+    a multiple of cot gamma while impacts slide, so the values alone can hardly tell; their evidence is told
+    beside the answer.
+    """
+    case = case_named("buck-2017")
+    if done.result is None:
+        return None
+    about = "buck-2017, beta of the contact point by the printed constants"
+    blocked = _blocked(done)
+    if blocked:
+        return Answer(about, blocked)
+    fits = {name: fit_case(case, reading=name).result for name in case.readings}
+    contact, centre = (fits[name] for name in case.readings)
+    if contact is None or centre is None:
+        return Answer(about, "not answerable", "one of the readings could not be fitted")
+    constants = printed_constants(case.dataset)[case.series[0]]
+    misfits = [_misfit(done.result, name, constants) for name in case.readings]
+    known, n = done.result.noise.policy == "known", len(done.result.points)
+    gain = (misfits[1] - misfits[0]) / 2.0 if known else n / 2.0 * math.log(misfits[1] / misfits[0])
+    verdict = "yes" if gain > _DECIDED else "no" if gain < -_DECIDED else "not decided"
+    free = f"{contact.fit.log_evidence:.1f} against {centre.fit.log_evidence:.1f} for the centre's"
+    chi2 = f"chi2 {misfits[0]:.4g} against {misfits[1]:.4g} for {n} points"
+    why = f"{chi2}; log evidence of free constants {free}"
+    return Answer(about, verdict, why)
+
+
+_DECIDED = math.log(DECIDED)
+
+
+def _misfit(result: FitResult, reading: str, constants: Mapping[str, float]) -> float:
+    """Sum of squares over sigma at given constants, the values taken for an observable."""
+    rows = result.points
+    impact = rebound(rows["gamma_deg"], rows["spin_x"], rows["spin_y"], degrees=True, **constants)  # type: ignore[arg-type]
+    expected = OBSERVABLES[reading].value(impact, np.asarray(constants["mu"]))
+    return float(np.sum(((rows["value"] - expected) / rows["sigma_used"]) ** 2))
+
+
+def _blocked(done: Done) -> str:
+    if done.stand_in:
+        return OPEN
+    kinds = {line.provenance for line in done.lines}
+    return "not answerable from a simulation" if kinds == {"simulated"} else ""
+
+
+def _by_evidence(
+    about: str, result: FitResult, labels: NDArray[Any], names: tuple[str, ...], whom: str, besides: str
+) -> Answer:
+    """Weigh one constant for all rows against one for each label."""
+    try:
+        problem = _labelled(result, labels)
+        shared = sharing(problem, explore(problem).log_evidence, explore, names)
+    except DataError as error:
+        return Answer(about, "not answerable", str(error))
+    if shared is None:
+        return Answer(about, "not answerable", "too few impacts of one kind")
+    says = shared.says.partition(": ")[0].replace("all series", whom)
+    why = "; ".join(words for words in (besides, says) if words)
+    return Answer(about, "yes, as far as these points tell" if shared.ok else "no", why)
+
+
+def _labelled(result: FitResult, labels: NDArray[Any]) -> Problem:
+    """The same question with the rows labelled anew: labels take the place of series."""
+    problem: Problem = result.problem
+    observations = replace(problem.observations, table=problem.observations.table.assign(series=labels))
+    return make_problem(
+        observations, problem.closure, problem.inertia_factor, problem.parameters, problem.noise
+    )

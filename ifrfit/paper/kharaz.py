@@ -1,0 +1,176 @@
+"""Alumina on glass of Kharaz et al. (2001), the bundled real data, as the paper's kinds of figure.
+
+Measured were the centre's restitution and the spin after. Each of them gives the impulse, and the impulse
+gives beta, psi_after, mu_app and delta; delta was read directly as well, by others, and is not fitted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from ifrfit.data.catalogue import load_dataset
+from ifrfit.errors import DataError
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.paper.axes import Ordinate
+from ifrfit.paper.build_scene import (
+    Fitted,
+    estimates_words,
+    provenance_label,
+    recovered,
+    regimes_of,
+)
+from ifrfit.paper.figure import PaperFigure
+from ifrfit.paper.observable_conversion import seen_as
+from ifrfit.paper.scene import Curve, Pen, Points, Scene
+from ifrfit.physics import OBSERVABLES
+from ifrfit.physics.angles import Incidence
+from ifrfit.report.figures import contradiction
+from ifrfit.report.outlier_marks import ringed
+from ifrfit.report.provenance import provenance_words
+from ifrfit.report.regimes import transitions
+from ifrfit.report.rounding import value_text
+from ifrfit.report.style import COLOURS, GREY, Look, looks
+from ifrfit.text import sd_text
+
+_DIRECT = Look(COLOURS[2], "D", "-")
+_NEEDS_E_N = ("mu_app", "delta_deg")
+
+
+def kharaz(figure: PaperFigure, fitted: Fitted) -> Scene:
+    """One of the four figures.
+
+    `fitted.result` is the fit without the near-normal impacts, `fitted.other` that to all of them.
+
+    Raises
+    ------
+    DataError
+        If nothing was fitted that gives the impulse by itself.
+    """
+    assert figure.y is not None
+    result, every, y = fitted.result, fitted.other, figure.y
+    assert every is not None
+    e_n = float(result.flat_constants()["e_n"].value or 0.0)
+    measured = _tangential(result)
+    points = [
+        part
+        for name, look in zip(measured, looks(list(measured)).values(), strict=True)
+        for part in _converted(result, every, name, look, y, e_n)
+    ]
+    points += _direct(y)
+    rows = _noise_rows(result, measured[0], y, e_n)
+    series = str(result.points["series"].iloc[0])
+    look = {series: Look(COLOURS[0], "o", "-")}
+    curve = recovered(result, y.observable, rows, series, figure.x, y, look[series])
+    table = every.predict(figure.x.gamma(figure.x.grid), observable=y.observable, series=series)
+    lack = every.facts["lack_of_fit"]
+    contradicted = "" if lack.ok else ", contradicted"
+    line = Curve(
+        "other",
+        f"all angles{contradicted}: {estimates_words(every)}",
+        figure.x.grid,
+        y.sign * table["value"].to_numpy(dtype=float),
+        Pen(GREY, (0, (3, 2)), 0.9),
+    )
+    warnings = () if lack.ok else (contradiction(every, lack.figures.get("p")),)
+    return Scene(
+        figure.stem,
+        figure.title,
+        figure.x,
+        y,
+        (replace(curve, label=curve.label.replace("recovered", "from 15°")), line),
+        tuple(points),
+        regimes_of(result, figure.x, look),
+        warnings,
+        _notes(result, y, e_n),
+    )
+
+
+def _tangential(result: FitResult) -> tuple[str, ...]:
+    """What was fitted and gives the impulse by itself."""
+    there = [str(name) for name in result.points["observable"].unique()]
+    found = [n for n in there if OBSERVABLES[n].linear is not None and OBSERVABLES[n].scale == "one"]
+    if not found:
+        raise DataError(
+            f"{result.inputs[0].name}: its figures need beta, beta_cm or the spin after, and there is "
+            f"{', '.join(there)}."
+        )
+    return tuple(found)
+
+
+def _converted(
+    result: FitResult, every: FitResult, measured: str, look: Look, y: Ordinate, e_n: float
+) -> list[Points]:
+    """Points of one measurement: those fitted, with residuals, and those left out of the fit."""
+    fitted = result.points[result.points["observable"] == measured]
+    rows = every.points[every.points["observable"] == measured]
+    factor = float((fitted["sigma_used"] / fitted["sigma"]).median()) if len(fitted) else 1.0
+    left = rows[~rows["row"].isin(fitted["row"])]
+    left = left.assign(sigma_used=factor * left["sigma"])
+    found = []
+    for part, used in ((fitted, True), (left, False)):
+        if not len(part):
+            continue
+        value, sigma = _seen(part, measured, y, e_n)
+        kinds = tuple(str(kind) for kind in part["provenance"].unique())
+        label = provenance_label(
+            f"from {OBSERVABLES[measured].symbol}" + ("" if used else ", not fitted"), kinds
+        )
+        own = look if used else Look(GREY, look.marker, "-")
+        found.append(
+            Points(
+                label,
+                part["gamma_deg"].to_numpy(dtype=float),
+                y.sign * value,
+                sigma,
+                own,
+                ", ".join(kinds),
+                part["sticking"].map(bool).to_numpy(dtype=bool),
+                _signed(part, measured, y, e_n) if used else None,
+                ringed(result, part) if used else None,
+            )
+        )
+    return found
+
+
+def _seen(rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float) -> tuple[np.ndarray, np.ndarray]:
+    incidence = Incidence.of(rows["gamma_deg"], rows["spin_x"], rows["spin_y"], degrees=True)
+    value, sigma = (rows[name].to_numpy(dtype=float) for name in ("value", "sigma_used"))
+    return seen_as(y.observable, measured, value, sigma, incidence, e_n=e_n)
+
+
+def _signed(rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float) -> np.ndarray:
+    """Standardised residuals, with the sign that they have in the observable shown."""
+    incidence = Incidence.of(rows["gamma_deg"], rows["spin_x"], rows["spin_y"], degrees=True)
+    value, sigma = (rows[name].to_numpy(dtype=float) for name in ("value", "sigma_used"))
+    here, there = (
+        seen_as(y.observable, measured, v, sigma, incidence, e_n=e_n)[0] for v in (value, value + sigma)
+    )
+    return np.asarray(y.sign * np.sign(there - here) * rows["standardised"].to_numpy(dtype=float))
+
+
+def _noise_rows(result: FitResult, measured: str, y: Ordinate, e_n: float) -> pd.DataFrame:
+    """The fitted rows of one measurement with their sigma in the observable shown."""
+    rows = result.points[result.points["observable"] == measured]
+    return rows.assign(sigma_used=_seen(rows, measured, y, e_n)[1])
+
+
+def _direct(y: Ordinate) -> list[Points]:
+    """The second reading, where it is of the observable shown."""
+    table = load_dataset("kharaz-2001").table
+    rows = table[(table["series"] == "mfix") & (table["observable"] == y.observable)]
+    if not len(rows):
+        return []
+    kinds = tuple(str(kind) for kind in rows["provenance"].unique())
+    label = f"read directly, not fitted ({provenance_words(kinds)})"
+    x, value, sigma = (rows[name].to_numpy(dtype=float) for name in ("gamma_deg", "value", "sigma"))
+    return [Points(label, x, y.sign * value, sigma, _DIRECT, ", ".join(kinds))]
+
+
+def _notes(result: FitResult, y: Ordinate, e_n: float) -> tuple[str, ...]:
+    series = str(result.points["series"].iloc[0])
+    words = [f"transition: {value_text(e)}°±{sd_text(e.stderr or 0.0)}°" for e in transitions(result, series)]
+    needs = [f"points need $e_n$, taken as {e_n:.3f}"] if y.observable in _NEEDS_E_N else []
+    return (*words, *needs)

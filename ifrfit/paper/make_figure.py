@@ -1,0 +1,93 @@
+"""Make one figure: its fits, its picture and its rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ifrfit.errors import DataError
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.paper.build_scene import Fitted, theory, with_points
+from ifrfit.paper.cases import Case, case_named, fit_case
+from ifrfit.paper.drawing import draw
+from ifrfit.paper.figure import PaperFigure
+from ifrfit.paper.kharaz import kharaz
+from ifrfit.paper.recovered_constants import Done
+from ifrfit.paper.scene import Row, Scene, rows_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_OTHER = {"beta": "contact point's", "beta_cm": "centre's"}
+
+
+@dataclass(frozen=True)
+class Made:
+    """A figure and the rows of its csv."""
+
+    stem: str
+    figure: Figure
+    rows: tuple[Row, ...]
+
+
+def make(figure: PaperFigure, done: dict[str, Done]) -> Made | None:
+    """Draw a figure of the table.
+
+    Parameters
+    ----------
+    figure : PaperFigure
+    done : dict
+        Fits made so far, by case; those made here are put in.
+
+    Returns
+    -------
+    Made or None
+        None where the user's own data do not have what the figure shows.
+    """
+    if figure.kind == "scheme":
+        return _scheme(figure)
+    scene = scene_of(figure, done)
+    return None if scene is None else Made(figure.stem, draw(scene), tuple(rows_of(scene)))
+
+
+def scene_of(figure: PaperFigure, done: dict[str, Done]) -> Scene | None:
+    """What a figure with an axis shows; None where the fit was refused."""
+    if figure.kind == "theory":
+        return theory(figure)
+    case = case_named(figure.case)
+    result = _fitted(case, done).result
+    if result is None:
+        return None
+    if figure.kind == "kharaz":
+        return _kharaz(figure, result, done)
+    if not case.readings:
+        return with_points(figure, Fitted(result))
+    named = str(result.points["observable"].iloc[0])
+    other = next(name for name in case.readings if name != named)
+    label = f"recovered if they are the {_OTHER[other]}"
+    return with_points(figure, Fitted(result, fit_case(case, reading=other).result, label))
+
+
+def _kharaz(figure: PaperFigure, result: FitResult, done: dict[str, Done]) -> Scene | None:
+    every = _fitted(case_named("kharaz-2001"), done).result
+    if every is None:
+        return None
+    try:
+        return kharaz(figure, Fitted(result, every))
+    except DataError as error:
+        done[figure.case] = replace(done[figure.case], result=None, lines=(), refusal=str(error))
+        return None
+
+
+def _fitted(case: Case, done: dict[str, Done]) -> Done:
+    if case.name not in done:
+        done[case.name] = fit_case(case)
+    return done[case.name]
+
+
+def _scheme(figure: PaperFigure) -> Made:
+    from ifrfit.paper import scheme_impact, scheme_springs
+
+    if figure.name == "1":
+        return Made(figure.stem, scheme_impact.draw(), tuple(scheme_impact.rows()))
+    return Made(figure.stem, scheme_springs.draw(), ())

@@ -1,0 +1,125 @@
+"""The constants that `reproduce` recovers, as lines of constants.csv, and how many hold what was put in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from scipy.special import bdtr
+
+from ifrfit.inference.diagnostics.thresholds import GAP
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.report.provenance import STAND_IN, provenance_words
+
+LEVEL = 0.95
+_STAND_IN_NOTE = "STAND-IN: shows whether the fit recovers what was put in, and nothing about the experiment"
+
+
+@dataclass(frozen=True)
+class Line:
+    """One constant of one fit: a line of constants.csv. Empty cells are None."""
+
+    dataset: str
+    series: str
+    constant: str
+    printed: float | None
+    value: float | None
+    stderr: float | None
+    lo95: float | None
+    hi95: float | None
+    status: str
+    identifiable: bool
+    lack_of_fit_ok: bool
+    lack_of_fit_p: float | None
+    certified: bool
+    provenance: str
+    case: str
+    figure: str
+    note: str
+
+    @property
+    def recovers(self) -> bool | None:
+        """Whether the 95 % interval holds the printed value; None unless the data give an interval."""
+        low, high = self.lo95, self.hi95
+        if self.printed is None or self.status not in ("determined", "one_sided"):
+            return None
+        return (low is None or low <= self.printed) and (high is None or self.printed <= high)
+
+
+@dataclass(frozen=True)
+class Done:
+    """A case with its fit and its lines; no fit where the user's own data do not have what it asks for."""
+
+    name: str
+    dataset: str
+    reason: str
+    result: FitResult | None
+    lines: tuple[Line, ...]
+    refusal: str = ""
+    again: bool = False
+
+    @property
+    def stand_in(self) -> bool:
+        """Whether any of the rows used were generated."""
+        return any(STAND_IN in line.provenance for line in self.lines)
+
+
+def lines_of(
+    result: FitResult,
+    printed: Mapping[str, float],
+    case: str,
+    dataset: str,
+    reason: str,
+    figures: Sequence[str],
+) -> tuple[Line, ...]:
+    """Lines of a fit, one a constant."""
+    provenance = provenance_words(tuple(str(kind) for kind in result.points["provenance"].unique()))
+    gap = result.facts["global_optimum"].figures["gap"]
+    objective = result.fit.chi2 + result.fit.prior_chi2
+    lack = result.facts["lack_of_fit"]
+    return tuple(
+        Line(
+            dataset=dataset,
+            series=", ".join(str(name) for name in result.points["series"].unique()),
+            constant=name,
+            printed=printed.get(name),
+            value=found.value,
+            stderr=found.stderr,
+            lo95=_finite(found.interval95[0]),
+            hi95=_finite(found.interval95[1]),
+            status=found.status,
+            identifiable=result.facts["identifiable"].ok,
+            lack_of_fit_ok=lack.ok,
+            lack_of_fit_p=lack.figures["p"],
+            certified=gap is not None and gap <= GAP * max(1.0, objective),
+            provenance=provenance,
+            case=case,
+            figure=" ".join(figures),
+            note=f"{_STAND_IN_NOTE}; {reason}" if STAND_IN in provenance else reason,
+        )
+        for name, found in result.flat_constants().items()
+    )
+
+
+def _finite(end: float) -> float | None:
+    return end if math.isfinite(end) else None
+
+
+def held(done: Iterable[Done]) -> tuple[int, int]:
+    """Count intervals of stand-ins that hold the value put in.
+
+    Returns
+    -------
+    hits, k : int
+        k intervals come from the data: those of constants that are determined or one-sided. Impacts that are
+        fitted again through another observable do not count again.
+    """
+    lines = [line for d in done if d.stand_in and not d.again for line in d.lines]
+    told = [line.recovers for line in lines if line.recovers is not None]
+    return sum(told), len(told)
+
+
+def chance(hits: int, k: int) -> float:
+    """Probability of `hits` or fewer out of k intervals of 95 % (binomial law, independent intervals)."""
+    return float(bdtr(hits, k, LEVEL)) if k else 1.0

@@ -1,0 +1,175 @@
+"""Redraw the paper's figures from the bundled datasets, and put the recovered constants into one table."""
+
+from __future__ import annotations
+
+import csv
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+
+from ifrfit.errors import UsageError
+from ifrfit.paper.cases import CASES, fit_case
+from ifrfit.paper.claims import Answer, across_regimes, across_spins, reading
+from ifrfit.paper.constants_table import table_text
+from ifrfit.paper.figure_selection import Choice, chosen
+from ifrfit.paper.figures import FIGURES
+from ifrfit.paper.make_figure import Made, make
+from ifrfit.paper.recovered_constants import Done, Line
+from ifrfit.paper.scene import write_rows
+from ifrfit.report.style import save_figure
+
+TABLE = "constants.csv"
+DRAWN = ("svg", "png")
+FORMATS = (*DRAWN, "csv")
+# figures of earlier versions, one a fit
+_EARLIER = tuple(
+    f"{name}.{suffix}"
+    for name in (*(case.name for case in CASES), "cross-2019-spin-0-225", "cross-2019-spin-0-833")
+    for suffix in DRAWN
+)
+
+
+def reproduce(
+    out: Path, *, figures: Sequence[str] = (), digitised_only: bool = False, progress: bool = False
+) -> str:
+    """Redraw the figures of the paper and of the bundled real data, and tabulate the constants behind them.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for svg, png and csv of each figure and constants.csv; the same bytes on every run. What an
+        earlier run left there is replaced, nothing else is touched.
+    figures : sequence of str
+        Names of the figures wanted, as "5" or "4"; all of them if empty. constants.csv, which is about all,
+        is left as it is where some are named.
+    digitised_only : bool
+        Leave out whatever does not rest on points that were digitised or measured.
+    progress : bool
+        Write a line per figure to standard error.
+
+    Returns
+    -------
+    str
+        The table of constants, at most 100 columns wide, with a line feed at its end.
+
+    Raises
+    ------
+    UsageError
+        For an unknown figure, if none of those wanted has real points, if nothing can be written there, or a
+        constants.csv of another make lies there.
+    """
+    out = Path(out)
+    choice = chosen(figures, digitised_only)
+    whole = not figures
+    _check_free(out, whole)
+    existing = next(place for place in (out, *out.absolute().parents) if place.exists())
+    try:
+        with tempfile.TemporaryDirectory(dir=existing, prefix=".ifrfit-") as scratch:
+            done = _run(Path(scratch), choice, whole, progress)
+            out.mkdir(parents=True, exist_ok=True)
+            written = _move(Path(scratch), out, choice, whole)
+    except OSError as error:
+        raise UsageError(
+            f"{out}: cannot be written ({error.strerror or error}). Choose another folder with --out."
+        ) from None
+    count = sum(name != TABLE for name in written) // len(FORMATS)
+    named = [f"{count} figure{'s' if count != 1 else ''} (svg, png and csv)"]
+    text = table_text(list(done.values()), _answers(done))
+    left = f"\nleft out, without real points: {', '.join(choice.left_out)}\n" if choice.left_out else ""
+    return f"{text}{left}\nwritten: {out}/  {' and '.join([*([TABLE] if whole else []), *named])}\n"
+
+
+def _check_free(out: Path, whole: bool) -> None:
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"{out} is a file. Name a folder with --out.")
+    table = out / TABLE
+    if whole and table.is_file():
+        with table.open(encoding="utf-8", errors="replace") as file:
+            ours = file.readline().startswith(",".join(_header()[:4]))
+        if not ours:
+            raise UsageError(f"{table} is not a table of this command. Choose another folder with --out.")
+
+
+def _header() -> list[str]:
+    return [field.name for field in fields(Line)]
+
+
+def _run(folder: Path, choice: Choice, whole: bool, progress: bool) -> dict[str, Done]:
+    """Fit, draw and write into a folder; the fits by the names of their cases."""
+    done: dict[str, Done] = {}
+    with _telling(progress) as tell:
+        for figure in choice.figures:
+            started = time.monotonic()
+            made = make(figure, done)
+            if made is not None:
+                _save(made, folder)
+            how = f"{time.monotonic() - started:.1f} s" if made is not None else "not drawn, see the table"
+            plain = figure.title.replace("$", "").replace("\\", "")
+            tell(f"{figure.stem:<17} {plain}, {how}")
+        for case in CASES if whole else ():
+            if case.name not in done and case.dataset in choice.datasets:
+                done[case.name] = fit_case(case)
+    done = {case.name: done[case.name] for case in CASES if case.name in done}
+    if whole:
+        _write_table(folder / TABLE, list(done.values()))
+    return done
+
+
+def _save(made: Made, folder: Path) -> None:
+    for suffix in DRAWN:
+        save_figure(made.figure, folder / f"{made.stem}.{suffix}")
+    write_rows(made.rows, folder / f"{made.stem}.csv")
+
+
+@contextmanager
+def _telling(progress: bool) -> Iterator[Callable[[str], object]]:
+    """Say that a figure is done, on standard error."""
+    if not progress:
+        yield lambda line: None
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    with console.status("fitting and drawing"):
+        yield console.print
+
+
+def _write_table(path: Path, done: Sequence[Done]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(_header())
+        writer.writerows([_cell(getattr(line, name)) for name in _header()] for d in done for line in d.lines)
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _move(scratch: Path, out: Path, choice: Choice, whole: bool) -> list[str]:
+    """Put the files in place, the table last; what an earlier run left without a successor goes."""
+    names = sorted((path.name for path in scratch.iterdir()), key=lambda name: (name == TABLE, name))
+    for name in names:
+        (scratch / name).replace(out / name)
+    ours = FIGURES if whole else choice.figures
+    stale = {f"{figure.stem}.{suffix}" for figure in ours for suffix in FORMATS} - set(names)
+    for name in sorted(stale.union(_EARLIER if whole else ())):
+        (out / name).unlink(missing_ok=True)
+    return names
+
+
+def _answers(done: dict[str, Done]) -> list[Answer]:
+    """What the data say to the paper's questions: one set in both regimes, one mu, which beta."""
+    asked = [across_regimes(d) for d in done.values() if not d.again and _has_angles(d)]
+    asked.append(across_spins(done))
+    if "buck-2017" in done:
+        asked.append(reading(done["buck-2017"]))
+    return [answer for answer in asked if answer is not None]
+
+
+def _has_angles(done: Done) -> bool:
+    return done.result is not None and bool(done.result.points["gamma_deg"].notna().any())

@@ -1,0 +1,1 @@
+"""A comparison of closures as text, figure and folder."""

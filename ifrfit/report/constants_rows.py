@@ -1,0 +1,145 @@
+"""The rows of the table of constants, the same in every style."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate
+from ifrfit.report.sentences import status_words
+from ifrfit.text import decimals, fixed, joined
+
+MOST_NOISES = 4  # of one observable that are told one by one
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table.
+
+    Attributes
+    ----------
+    name : str
+        Constant, kappa or noise.
+    series : str
+        Whose, where the constant is separate; else empty.
+    estimate : Estimate or None
+        None for a noise of which the method knows the value only.
+    plain : str
+        The value where there is no estimate.
+    remark : str
+        Status or meaning, in words.
+    """
+
+    name: str
+    series: str
+    estimate: Estimate | None
+    plain: str
+    remark: str
+
+    @property
+    def label(self) -> str:
+        """Name with the series in brackets."""
+        return f"{self.name} [{self.series}]" if self.series else self.name
+
+
+def table_rows(result: FitResult) -> list[Row]:
+    """Constants in the order of the closure, then kappa and the Poisson ratio behind chi, then the noise."""
+    rows = [
+        Row(name, series, estimate, "", status_words(estimate))
+        for name, entry in result.constants.items()
+        for series, estimate in _each(entry)
+    ]
+    rows += [
+        Row("kappa", series, estimate, "", _kappa_words(estimate))
+        for series, estimate in _each(result.derived.get("kappa"))
+    ]
+    rows += [
+        Row("nu", series, estimate, "", "Poisson ratio, if sphere and wall are of one material")
+        for series, estimate in _each(result.derived.get("poisson_ratio"))
+    ]
+    return rows + list(_noise_rows(result))
+
+
+def _each(entry: Any) -> list[tuple[str, Estimate]]:
+    if isinstance(entry, Estimate):
+        return [("", entry)]
+    return list(entry.items()) if isinstance(entry, Mapping) else []
+
+
+def _kappa_words(estimate: Estimate) -> str:
+    meaning = "mu (1 + e_n)"
+    return meaning if estimate.status in ("determined", "fixed") else f"{meaning}; {status_words(estimate)}"
+
+
+def _noise_rows(result: FitResult) -> Iterator[Row]:
+    """Noises with what the posterior knows of them, where there is one; else their values."""
+    if result.noise.policy == "known":
+        return
+    if "" in result.noise.estimates:
+        yield Row("noise", "", result.noise.estimates[""], "", "times the given sigma")
+    elif result.noise.estimates:
+        yield from _unknown_noises(result.noise.estimates)
+    else:
+        yield from _plain_noises(result)
+
+
+def _unknown_noises(estimates: Mapping[str, Estimate]) -> Iterator[Row]:
+    """One row a noise; one row an observable where there are many series."""
+    observables: dict[str, dict[str, Estimate]] = {}
+    for key, estimate in estimates.items():
+        series, _, observable = key.rpartition("/")
+        observables.setdefault(observable, {})[series] = estimate
+    for observable, by_series in observables.items():
+        if len(by_series) > MOST_NOISES:
+            yield _many(observable, [e.value for e in by_series.values() if e.value is not None])
+            continue
+        for series, estimate in by_series.items():
+            whose = f" in {series}" if len(by_series) > 1 else ""
+            yield Row("noise", "", estimate, "", f"of {observable}{whose}")
+
+
+def _many(observable: str, sigmas: list[float]) -> Row:
+    """Many noises of one observable: from the smallest to the largest."""
+    low, high = (fixed(x, _places(x)) for x in (min(sigmas), max(sigmas)))
+    return Row("noise", "", None, f"{low}..{high}", f"of {observable}, in {len(sigmas)} series")
+
+
+def _places(sigma: float) -> int:
+    return decimals(sigma) if sigma > 0.0 and np.isfinite(sigma) else 0
+
+
+def _plain_noises(result: FitResult) -> Iterator[Row]:
+    """One row a value: series and observables that share a noise are named together."""
+    groups: dict[tuple[str, float, str], list[str]] = {}
+    for key, sigma in result.noise.sigma.items():
+        series, _, observable = key.rpartition("/")
+        factor = _factor(result, series, observable) if result.noise.policy == "scaled" else None
+        if factor is not None:
+            groups.setdefault(("times the given sigma", float(f"{factor:.6g}"), ""), []).append(observable)
+        else:
+            groups.setdefault((f"of {observable}", float(f"{sigma:.6g}"), "series"), []).append(series)
+    meanings = [meaning for meaning, _, _ in groups]
+    for many in [m for m in dict.fromkeys(meanings) if meanings.count(m) > MOST_NOISES]:
+        own = [key for key in groups if key[0] == many]
+        yield _many(many.removeprefix("of "), [value for _, value, _ in own])
+        groups = {key: names for key, names in groups.items() if key[0] != many}
+    for (meaning, value, kind), names in groups.items():
+        # names are worth the space only where the same words stand for several values
+        whose = f" {'in' if kind else 'of'} {joined(list(dict.fromkeys(names)))}"
+        remark = meaning + (whose if meanings.count(meaning) > 1 else "")
+        yield Row("noise", "", None, fixed(value, _places(value)), remark)
+
+
+def _factor(result: FitResult, series: str, observable: str) -> float | None:
+    """What the given sigmas were multiplied with; None if the result holds no points to tell."""
+    rows = result.points
+    if not len(rows):
+        return None
+    rows = rows[(rows["series"] == series) & (rows["observable"] == observable)]
+    ratio = (rows["sigma_used"] / rows["sigma"]).to_numpy(dtype=float)
+    ratio = ratio[np.isfinite(ratio)]
+    return float(np.median(ratio)) if len(ratio) else None

@@ -1,0 +1,215 @@
+"""What a report says in words: what was fitted, how well, and what needs attention."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ifrfit.inference.accuracy.messages import says as effort_says
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate
+from ifrfit.physics import CLOSURES
+from ifrfit.physics.effects import EFFECTS
+from ifrfit.text import fixed, joined, p_text
+
+METHODS = {
+    "lsq": "least squares",
+    "exact": "exact posterior",
+    "mcmc": "Markov chain Monte Carlo",
+    "bootstrap": "bootstrap",
+    "profile": "profile likelihood",
+}
+HEADLINES = {
+    "converged": "the estimator did not converge",
+    "global_optimum": "the optimum is not proven to be the best",
+    "identifiable": "the data do not determine every constant",
+    "lack_of_fit": "the data contradict the closure",
+    "effects": "the residuals call for a further effect",
+    "outliers": "outliers",
+    "predictive": "the posterior does not predict such data",
+    "resampling": "there is too little to draw from",
+    "sharing": "the series do not share their constants",
+    "angular_momentum": "the velocities contradict the inertia factor",
+}
+CHECKS = {
+    "chi2": "chi2",
+    "runs": "runs of signs",
+    "largest": "largest residual",
+    "share": "share inside the 95 % band",
+}
+# a failing fact of this name is told by the status of the constant already
+QUIET_FACTS = ("at_bound",)
+_ABSENT = 0.05  # p above which the residuals show nothing of an effect
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+
+
+def sigma_words(result: FitResult) -> str:
+    """Say what sigma meant."""
+    policy = result.noise.policy
+    if policy == "known":
+        return "sigma given"
+    if policy == "scaled":
+        return "given sigma scaled to the scatter"
+    given = len(result.points) > 0 and bool(result.points["sigma"].notna().any())
+    return "given sigma not used" if given else "no sigma given"
+
+
+def model_line(result: FitResult) -> str:
+    """Closure, method and noise in one line."""
+    closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
+    parts = [f"closure {closure}", _method_words(result), noise_words(result)]
+    if result.noise.error_model.words:
+        parts.append(result.noise.error_model.words)
+    if result.inertia_factor != 0.4:
+        parts.append(f"inertia factor {result.inertia_factor:.6g}")
+    return ", ".join(parts)
+
+
+def _method_words(result: FitResult) -> str:
+    """The method; of a bootstrap also what was drawn anew, and how often."""
+    words = METHODS.get(result.method, result.method)
+    figures = result.facts["converged"].figures if "converged" in result.facts else {}
+    if result.method != "bootstrap" or "replicates" not in figures:
+        return words
+    return f"{words} ({figures['scheme']}, {figures['replicates']:,} replicates)"
+
+
+def noise_words(result: FitResult) -> str:
+    """What was taken for noise."""
+    count = len(result.noise.estimates or set(result.noise.sigma.values()))
+    number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
+    return {"known": "known noise", "scaled": "noise scaled"}.get(
+        result.noise.policy, f"{number} unknown noise{'s' if count != 1 else ''}"
+    )
+
+
+def misfit_line(result: FitResult) -> str:
+    """chi2 with its degrees of freedom, and the evidence; empty where neither says anything.
+
+    chi2 says nothing where sigma follows from the scatter, and only a posterior has an evidence.
+    """
+    fit, parts = result.fit, []
+    if result.noise.policy == "known":
+        text = f"chi2 = {fit.chi2:.4g} for {fit.dof} degree{'s' if fit.dof != 1 else ''} of freedom"
+        parts.append(text if fit.p_value is None else f"{text} (p = {fit.p_value:.2g})")
+    if fit.log_evidence is not None:
+        parts.append(f"log evidence {fixed(fit.log_evidence, 2)}")
+    return "; ".join(parts)
+
+
+def effort_line(result: FitResult) -> str:
+    """What an asked accuracy or time came to; empty where neither was asked."""
+    return "" if result.effort is None else f"effort: {effort_says(result.effort)}"
+
+
+def status_words(estimate: Estimate) -> str:
+    """The status of a constant, with its reason."""
+    reason = estimate.reason.rstrip(".")
+    if estimate.status == "fixed":
+        plain = not reason or reason.startswith("fixed")
+        return (reason or "fixed by you") if plain else f"fixed: {reason}"
+    words = {
+        "determined": "determined",
+        "one_sided": "one-sided",
+        "prior": "prior",
+        "not_determined": "not determined",
+    }[estimate.status]
+    return f"{words}: {reason}" if reason else words
+
+
+def undetermined(result: FitResult) -> list[str]:
+    """Names of the constants that the data leave open."""
+    names = []
+    for name, entry in result.constants.items():
+        estimates = {"": entry} if isinstance(entry, Estimate) else entry
+        for series, estimate in estimates.items():
+            if estimate.status == "not_determined":
+                names.append(f"{name} [{series}]" if series else name)
+    return names
+
+
+def headline(result: FitResult) -> str:
+    """What needs attention, in a line; empty if all is well."""
+    failing = [
+        name
+        for name, fact in result.facts.items()
+        if not fact.ok and name not in QUIET_FACTS and not (name == "predictive" and _told_with(result))
+    ]
+    open_constants = undetermined(result)
+    phrases = [
+        HEADLINES.get(name, name.replace("_", " "))
+        for name in failing
+        if name != "identifiable" or not open_constants
+    ]
+    if open_constants:
+        verb = "are" if len(open_constants) > 1 else "is"
+        phrases.append(f"{joined(open_constants)} {verb} not determined")
+    return "; ".join(phrases)
+
+
+def _told_with(result: FitResult) -> str:
+    """The failing fact that says already what failing predictive checks say; empty if none does.
+
+    Lack of fit says where the misfit sits, and outliers name the row whose residual is too large.
+    """
+    check = result.facts.get("predictive")
+    if check is None or check.ok:
+        return ""
+    partners = ["lack_of_fit"]
+    if list(check.figures.get("failed", ())) == ["largest"]:
+        partners.append("outliers")
+    return next((name for name in partners if name in result.facts and not result.facts[name].ok), "")
+
+
+def _also_predicted(result: FitResult) -> str:
+    """What predictive checks add to a failing fact: which of them fail too."""
+    figures = result.facts["predictive"].figures
+    named = [f"{CHECKS.get(name, name)} (p = {p_text(figures[f'p_{name}'])})" for name in figures["failed"]]
+    return f"; posterior predictive checks fail too: {joined(named)}"
+
+
+def scene_notes(result: FitResult) -> list[str]:
+    """What the conditions of the data say of the effects, where it adds to what the residuals say."""
+    fact = result.facts.get("effects")
+    called = fact.figures["called"] if fact is not None else []
+    tests = fact.figures["tests"] if fact is not None else {}
+    said = []
+    for line in result.effects:
+        title = EFFECTS[line.effect].title if line.effect in EFFECTS else line.effect
+        if line.visible:
+            also = ", as the residuals do" if line.effect in called else ""
+            absent = tests.get(line.effect, {}).get("p", 0.0) > _ABSENT
+            said.append(
+                f"by its conditions the scene calls for {title}{also}: {line.says}"
+                f"{'; the residuals do not show it' if absent else ''}"
+            )
+        elif called[:1] == [line.effect] and line.signal is not None:
+            said.append(
+                f"by its conditions the scene would hardly show {title}: {line.says}; look for another reason"
+            )
+    return said
+
+
+def findings(result: FitResult) -> list[tuple[str, str]]:
+    """Facts and warnings as (kind, sentence); kind is LOOK, ok or note, LOOK first."""
+    partner = _told_with(result)
+    facts = [
+        (
+            name,
+            replace(fact, says=fact.says.rstrip(".") + _also_predicted(result)) if name == partner else fact,
+        )
+        for name, fact in result.facts.items()
+        if not (partner and name == "predictive")
+    ]
+    look = [("LOOK", f.says) for name, f in facts if not f.ok and name not in QUIET_FACTS]
+    fine = [("ok", fact.says) for _, fact in facts if fact.ok]
+    notes = [("note", f.says) for name, f in facts if not f.ok and name in QUIET_FACTS]
+    notes += [("note", says) for says in scene_notes(result)]
+    told = {says for _, says in look + fine + notes}
+    # that data are a stand-in is said at the very top
+    said_above = tuple(f"{source.name} is a STAND-IN" for source in result.inputs)
+    notes += [
+        ("note", warning)
+        for warning in result.warnings
+        if warning not in told and not warning.startswith(said_above)
+    ]
+    return look + fine + notes

@@ -1,0 +1,1 @@
+"""A simulation as text, figure and folder."""

@@ -1,0 +1,179 @@
+"""The figure of a simulation: curves with bands, a map, or the spread of single impacts."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ifrfit.errors import UsageError
+from ifrfit.report import style
+from ifrfit.report.figures import MOST_COLUMNS
+from ifrfit.report.panels import axis_label
+from ifrfit.simulation.tables import conditions, observed
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ifrfit.simulation.simulate import Simulation
+
+STAND_IN = "STAND-IN"
+MOST_CURVES = 5  # more values of a second condition make a map
+_LABELS = {
+    "gamma_deg": "incidence angle γ (deg)",
+    "speed_m_s": "incoming speed (m/s)",
+    "spin_x": "$R\\omega_x/u$",
+    "spin_y": "$R\\omega_y/u$",
+    "diameter_m": "diameter (m)",
+}
+_RATES = {"spin_x": "$\\omega_x$ (rad/s)", "spin_y": "$\\omega_y$ (rad/s)"}
+
+
+def drawable(simulation: Simulation) -> bool:
+    """Whether there is more than one impact."""
+    return simulation.points * simulation.samples > 1
+
+
+def plot(simulation: Simulation) -> Figure:
+    """Figure of a simulation; one panel an observable.
+
+    Parameters
+    ----------
+    simulation : Simulation
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        85 mm wide a panel, not known to pyplot. One condition over a grid gives curves with 68 and 95 %
+        bands, two give several curves or maps, none gives points over the angle or histograms.
+
+    Raises
+    ------
+    UsageError
+        If the simulation is of a single impact.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if not drawable(simulation):
+        raise UsageError("One impact makes no figure: give a condition a range or a distribution.")
+    names = simulation.scene.observables
+    columns = min(len(names), MOST_COLUMNS)
+    rows = math.ceil(len(names) / columns)
+    width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
+    with style.drawing():
+        title = _title(simulation, width)
+        figure = Figure(figsize=(width, 2.5 * rows + 0.17 * (title.count("\n") + 1)), layout="constrained")
+        FigureCanvasAgg(figure)
+        for number, name in enumerate(names):
+            axes = figure.add_subplot(rows, columns, number + 1)
+            _panel(figure, axes, simulation, name)
+        figure.suptitle(title, fontsize=8.0)
+        style.settle(figure)
+    return figure
+
+
+def _title(simulation: Simulation, width: float) -> str:
+    on = [line.title for line in simulation.plan.lines if line.state == "on"]
+    effects = f"with {', '.join(on)}" if on else "constant coefficients only"
+    lines = textwrap.wrap(f"{simulation.scene.title}: simulated, {effects}", int(15.0 * width))
+    missed = [line.title for line in simulation.plan.lines if line.alarm]
+    said = [note for note in simulation.notes if STAND_IN in note]
+    said += [f"LOOK: {', '.join(missed)} would matter, but is not computed"] if missed else []
+    lines += [part for sentence in said for part in textwrap.wrap(sentence, int(15.0 * width))]
+    return "\n".join(line.replace("$", "\\$") for line in lines)
+
+
+def _panel(figure: Figure, axes: Axes, simulation: Simulation, name: str) -> None:
+    grid = simulation.scene.axes
+    if not grid:
+        _spread(axes, simulation, name)
+        return
+    table = simulation.curves()
+    table = table[table["observable"] == name]
+    if len(grid) == 1:
+        _curve(axes, table, grid[0], style.looks([""])[""], "")
+    else:
+        few = sorted(grid, key=lambda axis: table[axis].nunique())
+        x, other = (few[1], few[0]) if table[few[0]].nunique() <= MOST_CURVES else (grid[0], grid[1])
+        if table[other].nunique() <= MOST_CURVES:
+            values = sorted(table[other].unique())
+            looks = style.looks([f"{value:.4g}" for value in values])
+            for value in values:
+                label = f"{value:.4g}"
+                _curve(axes, table[table[other] == value], x, looks[label], label)
+            axes.legend(title=_label(simulation, other), fontsize=6.5, title_fontsize=6.5)
+        else:
+            _map(figure, axes, simulation, table, x, other, name)
+            return
+        grid = (x,)
+    _x_axis(axes, simulation, grid[0], table[grid[0]].to_numpy())
+    axes.set_ylabel(axis_label(name))
+
+
+def _label(simulation: Simulation, axis: str) -> str:
+    rates = _RATES if simulation.scene.spin_unit else {}
+    return rates.get(axis, _LABELS[axis])
+
+
+def _x_axis(axes: Axes, simulation: Simulation, axis: str, x: np.ndarray) -> None:
+    axes.set_xlabel(_label(simulation, axis))
+    if axis == "gamma_deg" and np.max(x) > 45.0:
+        axes.set_xlim(0.0, 90.0)
+        axes.set_xticks(range(0, 91, 15))
+    elif axis in ("speed_m_s", "diameter_m") and np.max(x) > 20.0 * np.min(x):
+        axes.set_xscale("log")
+
+
+def _curve(axes: Axes, table: pd.DataFrame, x: str, look: style.Look, label: str) -> None:
+    at = table[x].to_numpy()
+    line: dict[str, Any] = {"color": look.colour, "linestyle": look.line, "label": label}
+    if table["lo95"].notna().any():
+        for level, alpha in (("95", 0.15), ("68", 0.25)):
+            low, high = table[f"lo{level}"], table[f"hi{level}"]
+            axes.fill_between(at, low, high, color=look.colour, alpha=alpha, linewidth=0.0)
+    few: dict[str, Any] = {"marker": look.marker, "markersize": 2.5} if at.size <= 40 else {}
+    axes.plot(at, table["value"], **line, **few)
+    mostly = table["captured"].to_numpy() > 0.5
+    if mostly.any() and not label:
+        low, high = at[mostly].min(), at[mostly].max()
+        axes.axvspan(low, high, color=style.GREY, alpha=0.12, linewidth=0.0)
+        axes.text(
+            0.5 * (low + high),
+            0.97,
+            "captured",
+            transform=axes.get_xaxis_transform(),
+            ha="center",
+            va="top",
+            rotation=90 if mostly.sum() < 0.3 * at.size else 0,
+            fontsize=6.5,
+            color=style.GREY,
+        )
+
+
+def _map(
+    figure: Figure, axes: Axes, simulation: Simulation, table: pd.DataFrame, x: str, y: str, name: str
+) -> None:
+    wide = table.pivot(index=y, columns=x, values="value")
+    mesh = axes.pcolormesh(wide.columns, wide.index, wide.to_numpy(), shading="nearest", cmap="cividis")
+    figure.colorbar(mesh, ax=axes, label=axis_label(name))
+    axes.set_xlabel(_label(simulation, x))
+    axes.set_ylabel(_label(simulation, y))
+
+
+def _spread(axes: Axes, simulation: Simulation, name: str) -> None:
+    value = observed(simulation, name)
+    there = np.isfinite(value)
+    gamma = conditions(simulation)["gamma_deg"]
+    if np.ptp(gamma) > 0.0:
+        axes.plot(gamma[there], value[there], ".", markersize=2.0, color=style.COLOURS[0], alpha=0.5)
+        _x_axis(axes, simulation, "gamma_deg", gamma)
+        axes.set_ylabel(axis_label(name))
+        return
+    axes.hist(value[there], bins="sqrt", color=style.COLOURS[0])
+    axes.set_xlabel(axis_label(name))
+    axes.set_ylabel("impacts")

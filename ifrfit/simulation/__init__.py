@@ -1,0 +1,1 @@
+"""Rebounds of a scene, with only the effects that it calls for."""

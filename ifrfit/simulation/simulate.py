@@ -1,0 +1,292 @@
+"""`simulate`: from a scene to rebounds, with only the effects that the scene calls for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.errors import DataError, UsageError
+from ifrfit.physics.angles import Incidence
+from ifrfit.physics.closures import get_closure
+from ifrfit.physics.effects import Contact, Impacts, Outcome, Plan, compose, make_plan
+from ifrfit.physics.scenes import Scene, read_scene
+from ifrfit.simulation.tables import curves_of, impacts_of, rebounds_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from ifrfit.inference.result.fit_result import FitResult
+
+Array = NDArray[np.float64]
+
+SAMPLES = 200  # a grid point, where anything is drawn
+MOST = 2_000_000
+STAND_IN = "stand-in"
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Simulated impacts of a scene. Frozen.
+
+    Attributes
+    ----------
+    scene : Scene
+    contact : Contact
+        With the inertia factor that was used.
+    impacts : Impacts
+        Flat: the samples of a grid point follow one another.
+    outcome : Outcome
+        Of the same shape.
+    plan : Plan
+    points : int
+        Number of grid points.
+    samples : int
+        Impacts at each.
+    noise : mapping
+        Observable to the noise added to each impact.
+    closure : str
+    seed : int
+    notes : tuple of str
+        What the user should know.
+    """
+
+    scene: Scene
+    contact: Contact
+    impacts: Impacts
+    outcome: Outcome
+    plan: Plan
+    points: int
+    samples: int
+    noise: Mapping[str, Array]
+    closure: str
+    seed: int
+    notes: tuple[str, ...]
+
+    def rebounds(self) -> pd.DataFrame:
+        """Observations in the common schema, provenance ``simulated``; see `rebounds_of`."""
+        return rebounds_of(self)
+
+    def table(self) -> pd.DataFrame:
+        """One impact a row: conditions, constants, what came out; see `impacts_of`."""
+        return impacts_of(self)
+
+    def curves(self) -> pd.DataFrame:
+        """Each observable at each grid point, with bands where anything was drawn; see `curves_of`."""
+        return curves_of(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Exactly the content of simulation.json."""
+        from ifrfit.simulation.tables import to_dict
+
+        return to_dict(self)
+
+    # The report layer stands after inference; these methods hand the simulation on.
+
+    def summary(self) -> str:
+        """Plan and curves as text."""
+        from ifrfit.report.simulation.text import summary
+
+        return summary(self)
+
+    def plot(self) -> Figure:
+        """Curves with bands, or maps; one panel an observable."""
+        from ifrfit.report.simulation.figure import plot
+
+        return plot(self)
+
+
+def simulate(scene: str | Path | Scene, *, samples: int | None = None, seed: int = 0) -> Simulation:
+    """Simulate the impacts of a scene.
+
+    Parameters
+    ----------
+    scene : str, Path or Scene
+        A TOML file, or what `read_scene` returns.
+    samples : int, optional
+        Impacts at each grid point; by default 200 where anything is drawn, else 1.
+    seed : int
+        Of everything that is drawn.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    DataError
+        The scene is refused.
+    UsageError
+        For a number of samples or a seed that cannot be.
+    """
+    said = scene if isinstance(scene, Scene) else read_scene(scene)
+    n = samples if samples is not None else (SAMPLES if said.random else 1)
+    if n < 1:
+        raise UsageError(f"--samples {n}: it must be 1 or more.")
+    if seed < 0:
+        raise UsageError(f"--seed {seed}: it must be 0 or more.")
+    conditions_rng, constants_rng, noise_rng = (
+        np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3)
+    )
+    conditions, points = _conditions(said, n, conditions_rng)
+    try:
+        constants = _constants(said, n, points, constants_rng)
+        impacts = _impacts(constants, conditions, said.spin_unit)
+        plan = make_plan(
+            constants.contact,
+            impacts,
+            said.observables,
+            accuracy=said.accuracy,
+            wanted=said.effects,
+            given=constants.given,
+        )
+    except DataError as error:
+        raise DataError(f"{said.name}.toml: {error}") from None
+    outcome = compose(constants.contact, impacts, plan.on)
+    noise = {name: sd * noise_rng.standard_normal(points * n) for name, sd in said.noise.items()}
+    return Simulation(
+        scene=said,
+        contact=constants.contact,
+        impacts=impacts,
+        outcome=outcome,
+        plan=plan,
+        points=points,
+        samples=n,
+        noise=noise,
+        closure=constants.closure,
+        seed=seed,
+        notes=(*constants.notes, *_notes(plan)),
+    )
+
+
+@dataclass(frozen=True)
+class _Constants:
+    """Constants of every impact, and where they come from."""
+
+    closure: str
+    contact: Contact
+    values: Mapping[str, Array]
+    given: Mapping[str, str]
+    notes: tuple[str, ...]
+
+
+def _conditions(scene: Scene, n: int, rng: np.random.Generator) -> tuple[dict[str, Array], int]:
+    """Angle, speed, spins and diameter of every impact; grid points vary slowest."""
+    points = scene.points
+    if points * n > MOST:
+        raise UsageError(
+            f"{scene.name}.toml: {points} grid points with {n} samples each are more than {MOST} impacts. "
+            "Lower --samples or the counts of the scene."
+        )
+    found = {}
+    for name, grid in scene.grid().items():
+        quantity = scene.conditions[name]
+        found[name] = quantity.draw(points * n, rng) if quantity.random else np.repeat(grid, n)
+    return found, points
+
+
+def _impacts(constants: _Constants, conditions: Mapping[str, Array], spin_unit: str) -> Impacts:
+    radius, speed = 0.5 * conditions["diameter_m"], conditions["speed_m_s"]
+    per_speed = radius / speed if spin_unit else 1.0
+    spin_x, spin_y = (conditions[name] * per_speed for name in ("spin_x", "spin_y"))
+    incidence = Incidence.of(conditions["gamma_deg"], spin_x, spin_y, degrees=True)
+    closure, values = get_closure(constants.closure), constants.values
+    own = closure.constant
+    constant = np.zeros_like(speed) if own is None else values.get(own) if own != "chi" else None
+    return Impacts(
+        incidence=incidence,
+        speed=speed,
+        radius=radius,
+        closure=closure,
+        e_n=values.get("e_n", np.ones_like(speed)),
+        constant=constant,
+        mu=values["mu"],
+        chi=values.get("chi"),
+    )
+
+
+def _constants(scene: Scene, n: int, points: int, rng: np.random.Generator) -> _Constants:
+    """One set of constants for each sample, the same at all grid points; or their one value."""
+    if scene.result is not None:
+        return _from_fit(scene, n, points, rng)
+    values = {
+        name: np.tile(quantity.draw(n, rng) if quantity.random else np.full(n, quantity.numbers[0]), points)
+        for name, quantity in scene.constants.items()
+    }
+    own = get_closure(scene.closure).constant
+    given = {"e_n": "constants.e_n"} if "e_n" in values else {}
+    if own is None:
+        given["tangential"] = "constants.closure"
+    elif own in values and own != "chi":
+        given["tangential"] = f"constants.{own}"
+    return _Constants(scene.closure, scene.contact, values, given, ())
+
+
+def _from_fit(scene: Scene, n: int, points: int, rng: np.random.Generator) -> _Constants:
+    """Draws of a fit's posterior."""
+    from dataclasses import replace
+
+    from ifrfit.inference.io.read_result import load_result
+
+    result = load_result(str(scene.result))
+    draws = result.draws(n, rng)
+    own = get_closure(result.closure).constant
+    values = {
+        name: np.tile(draws[_column([str(column) for column in draws], name, scene)].to_numpy(), points)
+        for name in ("e_n", "mu", *((own,) if own else ()))
+    }
+    given = {"e_n": "the fit's e_n"}
+    if own != "chi":
+        given["tangential"] = f"the fit's {own or 'closure'}"
+    contact = replace(scene.contact, inertia_factor=_inertia(scene, result))
+    return _Constants(result.closure, contact, values, given, tuple(_said_of(result, scene)))
+
+
+def _column(columns: list[str], name: str, scene: Scene) -> str:
+    series = [column[len(name) + 1 : -1] for column in columns if column.startswith(f"{name}[")]
+    if not series:
+        return name
+    if scene.series not in series:
+        raise DataError(
+            f"constants.series: the fit has {name} for each series apart. Name one of {', '.join(series)}."
+        )
+    return f"{name}[{scene.series}]"
+
+
+def _inertia(scene: Scene, result: FitResult) -> float:
+    stated = scene.contact.inertia_factor
+    if abs(stated - result.inertia_factor) > 1e-9 * result.inertia_factor:
+        raise DataError(
+            f"sphere.inertia_factor is {stated:g}, but the fit was made with {result.inertia_factor:g}. Give "
+            "the same, or take constants of your own."
+        )
+    return result.inertia_factor
+
+
+def _said_of(result: FitResult, scene: Scene) -> list[str]:
+    """What must not be lost of the fit: stand-ins, and constants its data leave open."""
+    said = [
+        f"The constants come from a fit to {source.name}, a STAND-IN: generated from printed constants, not "
+        "an experiment."
+        for source in result.inputs
+        if STAND_IN in source.provenance
+    ]
+    open_ones = [name for name, entry in result.flat_constants().items() if entry.status == "not_determined"]
+    if open_ones:
+        said.append(
+            f"The fit does not determine {', '.join(open_ones)}: the draws fill what its prior allows."
+        )
+    return said
+
+
+def _notes(plan: Plan) -> list[str]:
+    acting = [line for line in plan.lines if line.state == "on"]
+    modifying = [line.title for line in acting if line.effect in ("adhesion", "fluid")]
+    if not modifying:
+        return []
+    return [f"e_n before {' and '.join(modifying)} is that of the dry contact without adhesion."]

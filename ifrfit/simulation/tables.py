@@ -1,0 +1,222 @@
+"""Tables and JSON of a simulation."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit._version import __version__
+from ifrfit.data.observations import SCHEMA
+from ifrfit.data.schema import OBSERVABLES as COMMON
+from ifrfit.data.schema import TINY
+from ifrfit.data.validate import without_value
+from ifrfit.physics.effects import EFFECTS
+from ifrfit.physics.observables import OBSERVABLES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ifrfit.physics.effects import PlanLine
+    from ifrfit.simulation.simulate import Simulation
+
+Array = NDArray[np.float64]
+
+VERSION = "ifrfit/simulation/1"
+QUANTILES = (0.16, 0.84, 0.025, 0.975)
+
+
+def observed(simulation: Simulation, name: str) -> Array:
+    """An observable of every impact in its unit, with noise; nan where undefined or captured.
+
+    Of a captured impact only e_n = 0 is an observation, and that is exact.
+    """
+    outcome, given = simulation.outcome, conditions(simulation)
+    value = np.array(OBSERVABLES[name].value(outcome, simulation.impacts.mu), dtype=float)
+    where = without_value(given["gamma_deg"], given["spin_x"], given["spin_y"])
+    for reason in COMMON[name].undefined:
+        value[where[reason]] = math.nan
+    if name != "e_n":
+        value[outcome.captured] = math.nan
+    value[np.abs(value) < TINY] = 0.0
+    return value + np.where(outcome.captured, 0.0, simulation.noise.get(name, 0.0))
+
+
+def conditions(simulation: Simulation) -> dict[str, Array]:
+    """Angle, speed, spins per speed and diameter of every impact."""
+    impacts = simulation.impacts
+    # the angle as it was asked for: its sine would not give it back to the last bit
+    gamma = np.degrees(np.arctan2(impacts.incidence.sine, impacts.incidence.cosine))
+    axis = simulation.scene.conditions["gamma_deg"]
+    if axis.kind in ("value", "grid"):
+        gamma = np.repeat(simulation.scene.grid()["gamma_deg"], simulation.samples)
+    return {
+        "gamma_deg": gamma,
+        "speed_m_s": impacts.speed,
+        "spin_x": impacts.incidence.spin_x,
+        "spin_y": impacts.incidence.spin_y,
+        "diameter_m": 2.0 * impacts.radius,
+    }
+
+
+def rebounds_of(simulation: Simulation) -> pd.DataFrame:
+    """Observations in the common schema, one observable of one impact a row.
+
+    Returns
+    -------
+    DataFrame
+        Columns of the schema; provenance ``simulated``. What is undefined, and all but e_n of a captured
+        impact, is nan: not measured. sigma is that of the noise that was added; without noise it is the
+        accuracy of the scene, which the dropped effects may use up.
+    """
+    import pandas as pd
+
+    given = conditions(simulation)
+    n, parts = simulation.impacts.speed.size, []
+    for name in simulation.scene.observables:
+        accuracy = simulation.plan.accuracy
+        if OBSERVABLES[name].unit == "deg":
+            accuracy = math.degrees(accuracy)
+        sigma = simulation.scene.noise.get(name, accuracy)
+        frame = {
+            "series": simulation.scene.name,
+            "observable": name,
+            "value": observed(simulation, name),
+            "sigma": np.full(n, sigma),
+            "impact_id": [str(i + 1) for i in range(n)],
+            "provenance": "simulated",
+        }
+        frame |= {key: given[key] for key in ("gamma_deg", "spin_x", "spin_y", "speed_m_s")}
+        columns = [column for column in SCHEMA if column in frame]
+        parts.append(pd.DataFrame(frame)[columns])
+    return pd.concat(parts, ignore_index=True)
+
+
+def impacts_of(simulation: Simulation) -> pd.DataFrame:
+    """One impact a row: conditions, constants and the state after, without noise.
+
+    Returns
+    -------
+    DataFrame
+        impact_id, gamma_deg, speed_m_s, spin_x, spin_y, diameter_m, e_n (of this impact, all effects
+        included), mu, outcome (rebounds or captured), regime (sticks or slides), v_x, v_y, v_n and
+        spin_x_after, spin_y_after per incoming speed, energy_change over m u^2/2.
+    """
+    import pandas as pd
+
+    outcome = simulation.outcome
+    columns: dict[str, Any] = {"impact_id": np.arange(1, simulation.impacts.speed.size + 1)}
+    columns |= conditions(simulation)
+    columns |= {
+        "e_n": outcome.e_n,
+        "mu": simulation.impacts.mu,
+        "outcome": np.where(outcome.captured, "captured", "rebounds"),
+        "regime": np.where(outcome.sticking, "sticks", "slides"),
+        "v_x": outcome.v_x,
+        "v_y": outcome.v_y,
+        "v_n": outcome.v_n,
+        "spin_x_after": outcome.spin_x,
+        "spin_y_after": outcome.spin_y,
+        "energy_change": outcome.energy_change,
+    }
+    return pd.DataFrame(columns)
+
+
+def curves_of(simulation: Simulation) -> pd.DataFrame:
+    """Each observable at each grid point.
+
+    Returns
+    -------
+    DataFrame
+        observable, the conditions that run over a grid, value (median where anything is drawn), lo68, hi68,
+        lo95, hi95 (nan where nothing is), captured (share of the impacts). Values are of the impacts that
+        have one.
+    """
+    import pandas as pd
+
+    scene, shape = simulation.scene, (simulation.points, simulation.samples)
+    given = {name: column.reshape(shape)[:, 0] for name, column in conditions(simulation).items()}
+    asked = scene.grid()
+    captured = simulation.outcome.captured.reshape(shape).mean(axis=1)
+    parts = []
+    for name in scene.observables:
+        middle, band = _bands(observed(simulation, name).reshape(shape))
+        frame: dict[str, Any] = {"observable": name}
+        frame |= {axis: asked[axis] if scene.spin_unit else given[axis] for axis in scene.axes}
+        frame |= {"value": middle}
+        frame |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
+        parts.append(pd.DataFrame(frame | {"captured": captured}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def _bands(values: Array) -> tuple[Array, Array]:
+    """Median and quantiles along the samples, without those that have no value."""
+    if values.shape[1] == 1:
+        return values[:, 0], np.full((4, values.shape[0]), math.nan)
+    middle, band = np.full(values.shape[0], math.nan), np.full((4, values.shape[0]), math.nan)
+    for row, points in enumerate(values):
+        there = points[np.isfinite(points)]
+        if there.size:
+            middle[row] = np.median(there)
+            band[:, row] = np.quantile(there, QUANTILES)
+    return middle, band
+
+
+def to_dict(simulation: Simulation) -> dict[str, Any]:
+    """Content of simulation.json: strict JSON, nan and infinity as null."""
+    scene, outcome = simulation.scene, simulation.outcome
+    curves = simulation.curves()
+    return {
+        "schema": VERSION,
+        "ifrfit": __version__,
+        "scene": {"name": scene.name, "title": scene.title, "sha256": scene.sha256},
+        "provenance": "simulated",
+        "seed": simulation.seed,
+        "closure": simulation.closure,
+        "inertia_factor": simulation.contact.inertia_factor,
+        "observables": list(scene.observables),
+        "points": simulation.points,
+        "samples": simulation.samples,
+        "outcomes": {
+            "impacts": int(outcome.captured.size),
+            "captured": int(outcome.captured.sum()),
+            "sticking": int(outcome.sticking.sum()),
+        },
+        "plan": {
+            "accuracy": simulation.plan.accuracy,
+            "dropped_together": _number(simulation.plan.dropped),
+            "effects": [_line(line) for line in simulation.plan.lines],
+        },
+        "curves": [{key: _number(value) for key, value in row.items()} for row in curves.to_dict("records")],
+        "materials": list(scene.sources),
+        "notes": list(simulation.notes),
+    }
+
+
+def _line(line: PlanLine) -> dict[str, Any]:
+    criterion = line.criterion
+    return {
+        "effect": line.effect,
+        "state": line.state,
+        "number": criterion.symbol if criterion else None,
+        "value": _number(criterion.value) if criterion else None,
+        "threshold": _number(criterion.threshold) if criterion else None,
+        "matters": ("above" if criterion.above else "below") if criterion else None,
+        "change": _number(line.change),
+        "decides_existence": line.change is not None and math.isinf(line.change),
+        "observable": line.observable,
+        "reason": line.reason,
+        "remark": line.remark,
+        "cost_ns": EFFECTS[line.effect].cost_ns,
+        "source": EFFECTS[line.effect].source,
+        "alarm": line.alarm,
+    }
+
+
+def _number(value: Any) -> Any:
+    """A plain number, or null where there is none."""
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value

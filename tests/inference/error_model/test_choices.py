@@ -1,0 +1,185 @@
+"""What users choose: refused in words where it cannot be, and in the result where it can."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ifrfit
+from ifrfit.errors import IfrfitError
+from ifrfit.inference.model.error_model import DOF, PLAIN, make_error_model
+from ifrfit.inference.result.restore import question
+from ifrfit.physics import rebound
+
+
+def table_of(tmp_path, observables=("beta",), *, sigma=0.05, sigma_gamma=1.5, n=24, name="a.csv"):
+    rng = np.random.default_rng(2)
+    gamma = np.linspace(10.0, 80.0, n)
+    r = rebound(gamma + 1.5 * rng.standard_normal(n), e_n=0.9, e_t=-0.85, mu=0.15, degrees=True)
+    values = {
+        "beta": r.beta,
+        "v_x": r.v_x,
+        "v_n": r.v_n,
+        "spin_y_after": r.spin_y,
+        "mu_app": r.mu_app,
+        "beta_cm": r.beta_cm,
+    }
+    columns = {"gamma_deg": gamma} | {o: values[o] + 0.05 * rng.standard_normal(n) for o in observables}
+    if sigma:
+        columns |= {f"sigma_{o}": np.full(n, sigma) for o in observables}
+    if sigma_gamma:
+        columns["sigma_gamma_deg"] = np.full(n, sigma_gamma)
+    lines = [",".join(columns)]
+    lines += [",".join(f"{x:.6g}" for x in row) for row in zip(*columns.values(), strict=True)]
+    path = tmp_path / name
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def said(call):
+    with pytest.raises(IfrfitError) as caught:
+        call()
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        ({"tails": "cauchy"}, "--tails cauchy: choose gaussian or student-t."),
+        ({"dof": 3.0}, "--dof belongs to --tails student-t"),
+        ({"tails": "student-t", "dof": 0.2}, "--dof 0.2: choose 1 (Cauchy) or more"),
+        ({"angle_errors": "berkson"}, "choose none, effective, set or measured"),
+        ({"angle_errors": "measured"}, "needs --angle-population LO,HI"),
+        ({"angle_errors": "set", "angle_population": (0.0, 90.0)}, "belongs to --angle-errors measured"),
+        ({"angle_errors": "measured", "angle_population": (50.0, 10.0)}, "0 <= LO < HI <= 90"),
+        ({"sigma_gamma": 1.0}, "--sigma-gamma needs --angle-errors"),
+        ({"angle_errors": "set", "sigma_gamma": -1.0}, "it must lie above 0"),
+        ({"sigma_spin": 0.1}, "--sigma-spin needs --sigma-velocity"),
+        ({"sigma_velocity": 0.0}, "--sigma-velocity 0: it must be positive"),
+    ],
+)
+def test_choices_that_cannot_be_are_refused_in_words(choice, words):
+    assert words in said(lambda: make_error_model(**choice))
+
+
+def test_choices_come_back_as_they_were_made():
+    assert make_error_model() == PLAIN
+    assert make_error_model(tails="student-t").dof == DOF
+    chosen = make_error_model(
+        tails="student-t", dof=7.0, angle_errors="measured", angle_population=(5.0, 80.0), sigma_gamma=0.7
+    )
+    assert make_error_model(**chosen.choices()) == chosen
+    assert make_error_model(sigma_velocity=0.01, sigma_spin=0.02).is_plain
+
+
+# method, scatter, closure: run, or refused with these words (docs/noise.md shows the same table)
+SUPPORT = [
+    ("exact", {"tails": "student-t"}, None),
+    ("exact", {"angle_errors": "effective"}, None),
+    ("exact", {"angle_errors": "set"}, None),
+    ("exact", {"angle_errors": "measured", "angle_population": (5.0, 85.0)}, None),
+    ("exact", {"sigma_velocity": 0.04, "sigma_spin": 0.03}, None),
+    ("lsq", {"tails": "student-t"}, None),
+    ("lsq", {"angle_errors": "effective"}, None),
+    ("lsq", {"sigma_velocity": 0.04, "sigma_spin": 0.03}, None),
+    ("lsq", {"angle_errors": "set"}, "--method lsq cannot integrate true angles out"),
+    ("profile", {"sigma_velocity": 0.04, "sigma_spin": 0.03}, None),
+    ("profile", {"tails": "student-t"}, "--method profile knows independent Gaussian errors"),
+    ("profile", {"angle_errors": "effective"}, "--method profile knows independent Gaussian errors"),
+]
+
+
+@pytest.mark.parametrize("closure", ["ifr", "fr", "f", "ifr-contact"])
+@pytest.mark.parametrize(("method", "choice", "refusal"), SUPPORT)
+def test_support_of_method_by_noise_by_closure(tmp_path, closure, method, choice, refusal):
+    path = table_of(tmp_path)
+
+    def run():
+        return ifrfit.fit(path, closure=closure, method=method, fix={"e_n": 0.9}, **choice)
+
+    if refusal:
+        assert refusal in said(run)
+        return
+    result = run()
+    assert result.method == method
+    assert result.noise.error_model == make_error_model(**choice)
+    assert result.noise.error_model.words in result.summary().replace("\n  ", " ")
+    assert result.constants["mu"].interval95[0] < result.constants["mu"].interval95[1]
+
+
+def test_result_file_keeps_the_scatter(tmp_path):
+    path = table_of(tmp_path)
+    result = ifrfit.fit(path, tails="student-t", angle_errors="set", fix={"e_n": 0.9})
+    result.save(tmp_path / "r.json")
+    again = ifrfit.load_result(tmp_path / "r.json")
+    assert again.noise.error_model == result.noise.error_model
+    assert again.to_dict() == result.to_dict()
+    problem, optimum = question(again)
+    assert problem.error_model == result.noise.error_model
+    assert optimum.optimum.theta == pytest.approx(result.least_squares.optimum.theta, abs=1e-9)
+    assert any("Student-t errors (4 degrees of freedom)" in warning for warning in result.warnings)
+    assert not any("Not propagated" in warning for warning in result.warnings)
+
+
+def test_profiles_and_their_comparison_do_not_know_it(tmp_path):
+    result = ifrfit.fit(table_of(tmp_path), tails="student-t", fix={"e_n": 0.9})
+    assert "Intervals are compared for independent Gaussian errors" in said(result.intervals)
+    result.report(tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Profiles know independent Gaussian errors of the values only." in text
+
+
+def test_one_unknown_noise_is_named_as_such(tmp_path):
+    result = ifrfit.fit(table_of(tmp_path, sigma=None), tails="student-t", fix={"e_n": 0.9})
+    assert result.noise.policy == "unknown"
+    (name,) = result.noise.estimates
+    assert name == "a/beta"
+    low, high = result.noise.estimates[name].interval95
+    assert 0.02 < low < high < 0.2
+    assert "one unknown noise" in result.summary()
+
+
+def test_several_unknown_noises_are_refused(tmp_path):
+    path = table_of(tmp_path, ("beta_cm", "spin_y_after"), sigma=None)
+    words = said(lambda: ifrfit.fit(path, tails="student-t", fix={"e_n": 0.9}))
+    assert "2 unknown noises (a/beta_cm, a/spin_y_after) beside --tails student-t" in words
+
+
+def test_data_without_errors_of_angles_are_refused(tmp_path):
+    path = table_of(tmp_path, sigma_gamma=None)
+    assert "no row states an uncertainty of its angle" in said(lambda: ifrfit.fit(path, angle_errors="set"))
+    assert ifrfit.fit(path, angle_errors="set", sigma_gamma=1.5, fix={"e_n": 0.9}).method == "exact"
+
+
+def test_angles_outside_their_population_are_refused(tmp_path):
+    words = said(
+        lambda: ifrfit.fit(table_of(tmp_path), angle_errors="measured", angle_population=(40.0, 80.0))
+    )
+    assert "line 2: the angle 10 lies more than five of its standard uncertainties outside" in words
+
+
+def test_angles_that_tie_e_n_are_left_to_mcmc(tmp_path):
+    path = table_of(tmp_path, ("mu_app",))
+    words = said(lambda: ifrfit.fit(path, angle_errors="set"))
+    assert "--angle-errors set with mu_app: the true angle ties e_n" in words
+    assert ifrfit.fit(path, angle_errors="set", fix={"e_n": 0.9}).method == "exact"
+
+
+def test_errors_propagate_from_velocities(tmp_path):
+    path = table_of(tmp_path, ("beta_cm", "spin_y_after", "v_n"), sigma=None)
+    result = ifrfit.fit(path, sigma_velocity=0.02, sigma_spin=0.01)
+    points = result.points
+    of = dict(list(points.groupby("observable")))
+    assert of["spin_y_after"]["sigma_used"].to_numpy() == pytest.approx(0.01)
+    if "v_n" in of:
+        assert of["v_n"]["sigma_used"].to_numpy() == pytest.approx(0.02)
+    sine = np.sin(np.radians(of["beta_cm"]["gamma_deg"]))
+    assert of["beta_cm"]["sigma_used"].to_numpy() == pytest.approx(0.02 / sine)
+    assert result.noise.policy == "known"
+
+
+def test_errors_that_depend_on_the_constants_are_not_propagated(tmp_path):
+    path = table_of(tmp_path, ("mu_app",))
+    assert "cannot be propagated" in said(lambda: ifrfit.fit(path, sigma_velocity=0.02))
+    path = table_of(tmp_path, ("beta",))
+    assert "needs --sigma-spin" in said(lambda: ifrfit.fit(path, sigma_velocity=0.02))

@@ -1,0 +1,102 @@
+"""Profiles of series that share some constants, against everything held on a fine grid."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ifrfit
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.optimum import objective_at
+from ifrfit.inference.profile.constrained_fit import best_with
+from ifrfit.inference.profile.profile_all import profile_all
+from ifrfit.inference.profile.types import Profile
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from hard_cases.synthetic import FAN, HEADER, noise, rows, values
+
+DROPS = (5.0, 10.0)
+
+
+def two_series(sigma_e_n: float | None) -> str:
+    """Beta in two series of different friction; drops in the first where sigma_e_n is given."""
+    text = HEADER
+    for seed, (series, mu) in enumerate((("first", 0.12), ("second", 0.2)), start=1):
+        beta = values(FAN, "beta", e_t=-0.9, mu=mu) + noise(len(FAN), 0.02, seed)
+        text += rows(FAN, beta, 0.02, "beta", series)
+    if sigma_e_n is not None:
+        text += rows(DROPS, np.array([0.9, 0.7]), sigma_e_n, "e_n", "first")
+    return text
+
+
+def question(folder: Path, sigma_e_n: float | None, **options: object) -> tuple[Problem, LeastSquares]:
+    path = folder / "impacts.csv"
+    path.write_text(two_series(sigma_e_n))
+    problem = ifrfit.fit(path, method="lsq", **options).problem
+    return problem, least_squares(problem)
+
+
+def test_mu_of_a_series_goes_with_an_open_restitution(tmp_path: Path) -> None:
+    problem, fit = question(tmp_path, None, separate="mu")
+    found = profile_all(problem, fit, curves=False)
+    assert found["e_n"].shape == "flat"
+    for series in ("first", "second"):
+        mu, kappa = found[f"mu[{series}]"], found[f"kappa[{series}]"]
+        assert kappa.status == "determined"
+        assert (mu.status, mu.stated) == ("not_determined", False)
+        for level in ("central68", "central95"):
+            low, high = getattr(kappa, level)
+            assert getattr(mu, level) == pytest.approx((low / 2.0, high), rel=1e-5)
+    # the control: with the restitution given nothing is left to go along with
+    known = profile_all(*question(tmp_path, None, separate="mu", fix={"e_n": 0.94}), curves=False)
+    low, high = found["kappa[first]"].central95
+    assert known["mu[first]"].central95 == pytest.approx((low / 1.94, high / 1.94), rel=1e-5)
+
+
+@pytest.mark.parametrize("separate", [("mu",), ("e_t", "mu"), ("e_n", "mu"), ("e_t",)], ids="+".join)
+@pytest.mark.parametrize("sigma_e_n", [None, 0.3, 0.02])
+def test_a_held_mu_leaves_e_n_to_the_slope(
+    separate: tuple[str, ...], sigma_e_n: float | None, tmp_path: Path
+) -> None:
+    problem, fit = question(tmp_path, sigma_e_n, separate=separate)
+    places = problem.parameters.positions
+    i_e, i_mu = int(places["e_n"][0]), int(places["mu"][0])
+    for factor in (0.75, 1.2):
+        mu = factor * float(fit.optimum.theta[i_mu])
+        theta = best_with(problem, fit.sigma, {i_mu: mu}, fit.optimum.theta)
+        assert theta[i_mu] == mu
+        grid = [
+            best_with(problem, fit.sigma, {i_mu: mu, i_e: e_n}, fit.optimum.theta)
+            for e_n in np.linspace(0.0, 1.0, 21).tolist()
+        ]
+        at_grid = [objective_at(problem, fit.sigma, each) for each in grid]
+        best = min(at_grid)
+        found = objective_at(problem, fit.sigma, theta)
+        assert found <= best + 1e-7
+        # and its own e_n, held, leads to the same place
+        there = best_with(problem, fit.sigma, {i_mu: mu, i_e: float(theta[i_e])}, fit.optimum.theta)
+        assert found == pytest.approx(objective_at(problem, fit.sigma, there), abs=1e-6)
+
+
+@pytest.mark.parametrize("prior", [{}, {"e_n": (0.8, 0.15)}], ids=["rows", "prior"])
+def test_a_weak_restitution_widens_mu_of_each_series(
+    prior: dict[str, tuple[float, float]], tmp_path: Path
+) -> None:
+    problem, fit = question(tmp_path, None if prior else 0.2, separate="mu", prior=prior)
+    found = profile_all(problem, fit, curves=False)
+    mu, kappa, e_n = found["mu[second]"], found["kappa[second]"], found["e_n"]
+
+    def relative(profile: Profile, of: float) -> float:
+        low, high = profile.central68
+        return (high - low) / (2.0 * of)
+
+    # errors of kappa and 1 + e_n add in quadrature, as kappa = mu (1 + e_n)
+    together = math.hypot(relative(kappa, kappa.value), relative(e_n, 1.0 + e_n.value))
+    assert relative(mu, mu.value) == pytest.approx(together, rel=0.15)
+    assert relative(mu, mu.value) > 1.5 * relative(kappa, kappa.value)

@@ -1,0 +1,113 @@
+"""Draws and bands: known laws, bounds, and what must be refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import ifrfit
+from ifrfit import UsageError
+from ifrfit.inference.distributions.truncated_normal import quantile
+from ifrfit.inference.result.prediction import truncated_normal
+from ifrfit.inference.result.types import State
+
+GAMMA = np.linspace(4.0, 86.0, 34)
+
+
+def state(center, covariance, lower, upper):
+    center = np.array(center, dtype=float)
+    lower, upper = np.array(lower, dtype=float), np.array(upper, dtype=float)
+    names = tuple(f"x{i}" for i in range(center.size))
+    return State(names, np.clip(center, lower, upper), center, np.array(covariance), lower, upper)
+
+
+def test_draws_follow_the_truncated_law():
+    # one coordinate whose centre lies one sd beyond its bound
+    drawn = truncated_normal(state([-1.0], [[1.0]], [0.0], [np.inf]), 20_000, np.random.default_rng(1))[:, 0]
+    law = stats.truncnorm(1.0, np.inf, loc=-1.0)
+    assert stats.kstest(drawn, law.cdf).pvalue > 1e-3
+    # control: the law without the cut is refused
+    assert stats.kstest(drawn, stats.norm(-1.0).cdf).pvalue < 1e-6
+
+
+def test_correlated_draws_keep_mean_and_covariance():
+    covariance = np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.3], [0.0, 0.3, 1.0]])
+    free = state([1.0, 2.0, 3.0], covariance, [-np.inf] * 3, [np.inf] * 3)
+    drawn = truncated_normal(free, 40_000, np.random.default_rng(2))
+    np.testing.assert_allclose(drawn.mean(axis=0), [1.0, 2.0, 3.0], atol=0.03)
+    np.testing.assert_allclose(np.cov(drawn.T), covariance, atol=0.05)
+
+
+@pytest.mark.parametrize("dof", [np.inf, 7.0])
+@pytest.mark.parametrize(("center", "low", "high"), [(0.3, 0.0, 1.0), (-0.5, 0.0, 1.0), (1.8, 0.0, 1.0)])
+def test_truncated_quantiles_invert_the_cut_law(dof, center, low, high):
+    law = stats.norm(center, 0.4) if np.isinf(dof) else stats.t(dof, center, 0.4)
+    for p in (0.025, 0.5, 0.95):
+        x = quantile(p, center, 0.4, low, high, dof)
+        assert (law.cdf(x) - law.cdf(low)) / (law.cdf(high) - law.cdf(low)) == pytest.approx(p, abs=1e-9)
+
+
+def test_a_far_tail_keeps_its_digits():
+    # centre 50 sd below the bound: the cut law is exponential with rate 50
+    assert quantile(0.95, -50.0, 1.0, 0.0, np.inf) == pytest.approx(np.log(20.0) / 50.0, rel=1e-2)
+    assert quantile(0.05, 50.0, 1.0, -np.inf, 0.0) == pytest.approx(-np.log(20.0) / 50.0, rel=1e-2)
+
+
+def test_bands_hold_the_curve_and_widen_for_a_new_measurement(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), fix={"e_n": 0.94})
+    table = found.predict([10.0, 45.0, 80.0])
+    assert (table["lo95"] < table["lo68"]).all()
+    assert (table["lo68"] < table["value"]).all()
+    assert (table["value"] < table["hi68"]).all()
+    assert (table["hi95"] < table["new_hi95"]).all()
+    # sticking: beta = e_t + 7/5, so the band is that of e_t
+    e_t = found.constants["e_t"]
+    assert table["hi95"][0] - table["lo95"][0] == pytest.approx(2 * 1.96 * e_t.stderr, rel=0.1)
+    assert found.predict([10.0]).equals(found.predict([10.0]))
+
+
+def test_the_noise_of_a_new_measurement_can_be_given_angle_by_angle(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), fix={"e_n": 0.94})
+    gamma, sigma = [10.0, 45.0, 80.0], np.array([0.0, 0.03, 0.3])
+    own, given = found.predict(gamma), found.predict(gamma, sigma=sigma)
+    assert own.drop(columns=[c for c in own if c.startswith("new")]).equals(
+        given.drop(columns=[c for c in given if c.startswith("new")])
+    )
+    width = (given["new_hi95"] - given["new_lo95"]).to_numpy()
+    assert width[0] == pytest.approx(given["hi95"][0] - given["lo95"][0], rel=1e-9)
+    assert width[1] == pytest.approx(own["new_hi95"][1] - own["new_lo95"][1], rel=1e-9)
+    assert width[2] == pytest.approx(2 * 1.96 * 0.3, rel=0.05)
+
+
+def test_prediction_of_what_was_not_measured_carries_the_loose_constant(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8))
+    table = found.predict([45.0], observable="e_n")
+    assert table["hi95"][0] - table["lo95"][0] > 0.7  # e_n is open: nearly the whole domain
+    assert np.isnan(table["new_hi95"][0])  # no noise is known for e_n
+
+
+def test_draws_are_a_table_of_the_constants(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), fix={"e_n": 0.94})
+    drawn = found.draws(500, np.random.default_rng(0))
+    assert list(drawn.columns) == ["e_n", "e_t", "mu", "kappa"]
+    assert (drawn["e_n"] == 0.94).all()
+    np.testing.assert_allclose(drawn["mu"] * 1.94, drawn["kappa"])
+    assert drawn["mu"].std() == pytest.approx(found.constants["mu"].stderr, rel=0.2)
+
+
+def test_separate_constants_need_a_series(impacts):
+    parts = [{"gamma": GAMMA, "series": s, "mu": m} for s, m in (("a", 0.1), ("b", 0.2))]
+    found = ifrfit.fit(impacts(*parts), fix={"e_n": 0.94}, separate="mu")
+    with pytest.raises(UsageError, match="name one of a, b"):
+        found.predict([45.0])
+    with pytest.raises(UsageError, match="no series 'c'"):
+        found.predict([45.0], series="c")
+    assert found.predict([80.0], series="a")["value"][0] < found.predict([80.0], series="b")["value"][0]
+
+
+def test_without_bands_the_same_values_are_all_there_is(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), fix={"e_n": 0.94})
+    whole, bare = found.predict(GAMMA), found.predict(GAMMA, bands=False)
+    assert list(bare) == ["gamma_deg", "spin_x", "spin_y", "value"]
+    np.testing.assert_array_equal(bare, whole[list(bare)])

@@ -1,0 +1,93 @@
+"""The pictures: width, units, words that nobody may overlook, nothing cut, the same bytes."""
+
+from __future__ import annotations
+
+import pytest
+
+from ifrfit.paper.figures import FIGURES
+from ifrfit.report.style import save_figure
+
+SLOW = ("5", "7")
+DRAWN = [pytest.param(f.name, marks=pytest.mark.long) if f.name in SLOW else f.name for f in FIGURES]
+WITH_AXES = [
+    pytest.param(f.name, marks=pytest.mark.long) if f.name in SLOW else f.name
+    for f in FIGURES
+    if f.kind != "scheme"
+]
+OF = {figure.name: figure for figure in FIGURES}
+
+
+def texts(figure) -> str:
+    found = [t.get_text() for axes in figure.axes for t in axes.texts]
+    found += [t.get_text() for legend in figure.legends for t in legend.get_texts()]
+    return "\n".join([figure._suptitle.get_text(), *found])
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_it_is_as_wide_as_a_column_and_nothing_is_cut(picture, name):
+    figure = picture(name).figure
+    width = 174.0 if name == "1" else 85.0
+    assert figure.get_size_inches()[0] * 25.4 == pytest.approx(width)
+    figure.draw_without_rendering()
+    renderer, frame = figure.canvas.get_renderer(), figure.bbox
+    boxes = [legend.get_window_extent(renderer) for legend in figure.legends]
+    boxes += [axes.get_tightbbox(renderer) for axes in figure.axes if axes.axison]
+    boxes.append(figure._suptitle.get_window_extent(renderer))
+    for box in boxes:
+        assert box.x0 >= frame.x0 - 1
+        assert box.x1 <= frame.x1 + 1
+        assert box.y0 >= frame.y0 - 1
+        assert box.y1 <= frame.y1 + 1
+
+
+@pytest.mark.parametrize("name", WITH_AXES)
+def test_every_axis_says_its_unit(picture, name):
+    shown = [axes for axes in picture(name).figure.axes if axes.axison]
+    data = shown[0]
+    assert data.get_ylabel().endswith(("(deg)", "(–)"))
+    lowest = shown[-1]
+    assert any(unit in lowest.get_xlabel() for unit in ("(deg)", "(–)"))
+    if OF[name].kind != "theory":
+        assert [axes.get_ylabel() for axes in shown[1:]] == ["residual (σ)"]
+
+
+@pytest.mark.parametrize("name", WITH_AXES)
+def test_a_stand_in_says_so_in_the_picture_and_nothing_else_does(picture, name):
+    said = texts(picture(name).figure)
+    if OF[name].kind == "points":
+        assert "STAND-IN DATA, not an experiment" in picture(name).figure._suptitle.get_text()
+        assert "(STAND-IN, not measured)" in said
+        mark = next(t for t in picture(name).figure.axes[0].texts + picture(name).figure.axes[-1].texts
+                    + picture(name).figure.axes[1].texts if t.get_text() == "STAND-IN")  # fmt: skip
+        assert mark.get_fontsize() >= 24
+    else:
+        assert "STAND-IN" not in said
+    if OF[name].kind == "kharaz":
+        assert "(digitised)" in said
+        assert "contradict" in said
+    if OF[name].kind == "theory":
+        assert "theory alone, no data" in said
+
+
+def test_fig_9_names_its_values_of_e_t_as_a_choice(picture):
+    said = texts(picture("9").figure)
+    assert said.count("our choice of value") == 3
+    assert "FR: $e_t$ −1" in said
+
+
+def test_fig_5_does_not_pretend_to_show_yu_and_tafti():
+    assert "left out" in OF["5"].note
+    (ours,) = [model for model in OF["5"].models if "elastic-plastic" in model.label]
+    assert "ours, not Yu & Tafti's" in ours.label
+    assert all("Yu" not in model.label for model in OF["5"].models if model is not ours)
+
+
+@pytest.mark.parametrize(
+    ("name", "suffix"), [("1", "svg"), ("2", "png"), ("6", "svg"), ("kharaz-beta", "png")]
+)
+def test_the_same_figure_gives_the_same_bytes(picture, tmp_path, name, suffix):
+    first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
+    save_figure(picture(name).figure, first)
+    save_figure(picture(name).figure, second)
+    assert first.read_bytes() == second.read_bytes()
+    assert b"<dc:date>" not in first.read_bytes()
