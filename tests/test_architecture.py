@@ -40,7 +40,7 @@ KNOWN_CIRCLES = tuple(
         "optimize.local_minima optimize.piecewise optimize.refinement optimize.regime_sums",
         "optimize.irls optimize.least_squares",
         "posterior.conditional_cdf posterior.density_grid posterior.series_integrand",
-        "posterior.integrate posterior.sampling",
+        "posterior.adaptive_quadrature posterior.sampling",
     )
 )
 
