@@ -221,7 +221,7 @@ def load_entry_points() -> None:
             found = point.load()
             for entry in found if isinstance(found, tuple | list) else (found,):
                 register(entry)
-        except Exception as error:  # whatever a foreign package raises
+        except Exception as error:  # noqa: BLE001 whatever a foreign package raises
             warnings.warn(
                 f"The entry point '{point.name}' ({point.value}) of group {GROUP} is left out: "
                 f"{type(error).__name__}: {error}",

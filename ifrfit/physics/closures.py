@@ -220,7 +220,7 @@ def _check_passive(closure: Closure, law: Law, c: float, j: float) -> None:
     if not np.all(np.abs(beta) <= 1.0 + _ROUNDING):
         at = "" if closure.own is None else f" with {closure.own.name} = {c:g}"
         raise UsageError(
-            f"Closure {closure.title} creates kinetic energy{at} at inertia factor {j:.3g}: the contact point "
+            f"Closure {closure.title} creates kinetic energy{at}, inertia factor {j:.3g}: the contact point "
             f"leaves with {np.max(np.abs(beta)):.3g} times its velocity. Correct the domain or the law."
         )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import get_closure
-from ifrfit.physics.effects import Contact, Impacts, Outcome, Plan, compose, make_plan
+from ifrfit.physics.effects import Contact, Impacts, Plan, compose, make_plan
 from ifrfit.physics.scenes import Scene, read_scene
-from ifrfit.simulation.tables import curves_of, impacts_of, rebounds_of
+from ifrfit.simulation.result import Simulation
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
     from ifrfit.inference.result.fit_result import FitResult
 
 Array = NDArray[np.float64]
@@ -28,77 +25,6 @@ Array = NDArray[np.float64]
 SAMPLES = 200  # a grid point, where anything is drawn
 MOST = 2_000_000
 STAND_IN = "stand-in"
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """Simulated impacts of a scene. Frozen.
-
-    Attributes
-    ----------
-    scene : Scene
-    contact : Contact
-        With the inertia factor that was used.
-    impacts : Impacts
-        Flat: the samples of a grid point follow one another.
-    outcome : Outcome
-        Of the same shape.
-    plan : Plan
-    points : int
-        Number of grid points.
-    samples : int
-        Impacts at each.
-    noise : mapping
-        Observable to the noise added to each impact.
-    closure : str
-    seed : int
-    notes : tuple of str
-        What the user should know.
-    """
-
-    scene: Scene
-    contact: Contact
-    impacts: Impacts
-    outcome: Outcome
-    plan: Plan
-    points: int
-    samples: int
-    noise: Mapping[str, Array]
-    closure: str
-    seed: int
-    notes: tuple[str, ...]
-
-    def rebounds(self) -> pd.DataFrame:
-        """Observations in the common schema, provenance ``simulated``; see `rebounds_of`."""
-        return rebounds_of(self)
-
-    def table(self) -> pd.DataFrame:
-        """One impact a row: conditions, constants, what came out; see `impacts_of`."""
-        return impacts_of(self)
-
-    def curves(self) -> pd.DataFrame:
-        """Each observable at each grid point, with bands where anything was drawn; see `curves_of`."""
-        return curves_of(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Exactly the content of simulation.json."""
-        from ifrfit.simulation.tables import to_dict
-
-        return to_dict(self)
-
-    # The report layer stands after inference; these methods hand the simulation on.
-
-    def summary(self) -> str:
-        """Plan and curves as text."""
-        from ifrfit.report.simulation.text import summary
-
-        return summary(self)
-
-    def plot(self) -> Figure:
-        """Curves with bands, or maps; one panel an observable."""
-        from ifrfit.report.simulation.figure import plot
-
-        return plot(self)
 
 
 def simulate(scene: str | Path | Scene, *, samples: int | None = None, seed: int = 0) -> Simulation:

@@ -52,7 +52,7 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
         name: _profile(misfit, quantity, _known(problem, fit, quantity), curves)
         for name, quantity in quantities_of(problem, fit).items()
     }
-    e_n = problem.constants[0].fixed
+    e_n = problem.parameters["e_n"].fixed
     if e_n is not None:
         for name in [name for name in found if name.split("[")[0] == "mu"]:
             label = "kappa" + name.removeprefix("mu")
@@ -79,10 +79,10 @@ def _known(problem: Problem, fit: LeastSquares, quantity: Quantity) -> Known:
     """What the rules of statuses ask beside the profile itself."""
     sd = math.sqrt(fit.local.variance(quantity.functional, quantity.domain.prior_sd))
     unique = fit.optimum.n_same == 1
-    if quantity.name not in problem.names:
+    if quantity.name not in problem.parameters.names:
         return Known(math.isfinite(sd), unique, plain="mu (1 + e_n)")
-    place = problem.names.index(quantity.name)
-    constant = problem.entries()[place]
+    place = problem.parameters.names.index(quantity.name)
+    constant = problem.parameters.entries[place]
     seen = math.isfinite(sd) and not too_few(problem, constant)
     leans = leans_on_prior(problem, fit, place, constant, sd) if math.isfinite(sd) else ""
     if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
@@ -149,12 +149,12 @@ def profiled_estimates(
     """
     profiles = profile_all(problem, fit)
     constants: ConstantsMap = {}
-    places = problem.positions()
-    for constant in problem.constants:
+    places = problem.parameters.positions
+    for constant in problem.parameters:
         each = {}
         for number, series in enumerate(problem.series):
             place = int(places[constant.name][number])
-            name = problem.names[place]
+            name = problem.parameters.names[place]
             if name in profiles:
                 each[series] = profiles[name].estimate()
             else:
@@ -167,7 +167,7 @@ def profiled_estimates(
 def _derived(
     problem: Problem, fit: LeastSquares, constants: ConstantsMap, profiles: Mapping[str, Profile]
 ) -> dict[str, Any]:
-    separate = any(c.separate for c in problem.constants if c.name in ("e_n", "mu"))
+    separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     kappa = {}
     for number, series in enumerate(problem.series):
         profile = profiles.get(f"kappa[{series}]" if separate else "kappa")

@@ -24,8 +24,8 @@ def statistics_of(
     dof = n - round(float(found.local.leverage.sum()))
     yardstick = problem.sigma if problem.noise == "scaled" else found.sigma
     chi2 = float(((r / yardstick) ** 2).sum())
-    is_chi2 = problem.noise == "known" and problem.scatter.is_plain
-    prior = problem.prior_residuals(found.optimum.theta)
+    is_chi2 = problem.noise == "known" and problem.error_model.is_plain
+    prior = problem.parameters.prior_residuals(found.optimum.theta)
     likely, n_noise = found.sigma, 0
     if problem.noise != "known":
         groups = {"": np.arange(n)} if problem.noise == "scaled" else problem.groups()
@@ -34,7 +34,7 @@ def statistics_of(
         for rows in groups.values():
             likely[rows] *= math.sqrt(float(((r[rows] / likely[rows]) ** 2).mean()))
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
     k = found.local.rank + n_noise
     oblique = np.array([OBSERVABLES[x].kind in ("tangential", "curved") for x in problem.rows.names])
@@ -60,8 +60,8 @@ def state_of(problem: Problem, found: LeastSquares) -> State:
     """Coordinates for predictions; a centre beyond a bound only where the bound holds the optimum back."""
     local = found.local
     covariance = local.covariance(capped=True)
-    lower, upper = problem.bounds()
-    entries = problem.entries()
+    lower, upper = problem.parameters.bounds()
+    entries = problem.parameters.entries
     gradient = np.zeros(local.phi.size)
     low, high = lower.copy(), upper.copy()
     for i, (name, constant) in enumerate(zip(local.names, entries, strict=True)):

@@ -22,7 +22,7 @@ def derived_of(
 ) -> dict[str, Any]:
     """kappa, transition_angle_deg, what the closure constant stands for; by series where they differ."""
     each_kappa = {s: kappa_of(problem, fit, i) for i, s in enumerate(problem.series)}
-    separate = any(c.separate for c in problem.constants if c.name in ("e_n", "mu"))
+    separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     return {
         "kappa": each_kappa if separate else each_kappa[problem.series[0]],
         "transition_angle_deg": {
@@ -81,7 +81,7 @@ def transition(
     spin_x = float(np.median(problem.rows.incidence.spin_x[rows]))
     spin_y = float(np.median(problem.rows.incidence.spin_y[rows]))
     own = problem.closure.constant
-    places = problem.positions()
+    places = problem.parameters.positions
     c = float(fit.optimum.theta[places[own][series]]) if own else 0.0
     law = problem.closure.law(problem.inertia_factor)
     bound = float(law.bound(c))
