@@ -124,7 +124,7 @@ def _couples(name: str) -> bool:
     """Whether a row sees e_n together with the true angle."""
     o = OBSERVABLES[name]
     if o.kind == "normal":
-        return o.name != "e_n"
+        return o.has_angle
     return (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n)
 
 

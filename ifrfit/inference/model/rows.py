@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.physics.angles import Incidence
+from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -43,6 +44,16 @@ class Rows:
         if len(self.names) == 1:
             return np.arange(self.which.size)
         return np.flatnonzero(self.which == self.names.index(name))
+
+    def normal_factor(self, at: Index | NDArray[np.bool_]) -> Array:
+        """What e_n is multiplied by in rows of the normal kind, of which `at` are some."""
+        factor = np.ones(self.which.size)
+        for number, name in enumerate(self.names):
+            by_e_n = OBSERVABLES[name].by_e_n
+            if by_e_n is not None:
+                here = self.which == number
+                factor[here] = by_e_n(self.incidence)[here]
+        return np.asarray(factor[at])
 
     def take(self, rows: Index) -> Rows:
         """The same for some rows."""
