@@ -14,7 +14,6 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 
 Array = NDArray[np.float64]
 
@@ -37,7 +36,7 @@ class Setting:
     @cached_property
     def bounds(self) -> Mapping[str, tuple[float, float]]:
         """Of the noises' priors."""
-        return noise_bounds(self.problem)
+        return self.problem.noise_bounds()
 
     @cached_property
     def groups(self) -> Mapping[str, Index]:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.posterior import marginals as of
 from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.integral_layout import Plan, noise_label
+from ifrfit.inference.posterior.integral_layout import Plan
 from ifrfit.inference.posterior.joint_grid import Grid
 from ifrfit.inference.posterior.marginals import Quantity
 from ifrfit.inference.posterior.noise_marginal import noise
@@ -43,7 +44,7 @@ def quantities_of(plan: Plan, grid: Grid) -> dict[str, Quantity]:
         found["noise"] = of.shared(grid, shared["noise"], "noise")
     for number, names in enumerate(plan.groups):
         for group, name in enumerate(names):
-            label = noise_label(name)
+            label = noise_name(name)
             found[label] = noise(grid, number, group, label)
     return found
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.posterior.density_grid import Tensor
 from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.integral_layout import noise_label
 from ifrfit.inference.posterior.inverse_cdf import Tables, grid_of
 from ifrfit.inference.posterior.joint_grid import Grid
 from ifrfit.inference.posterior.panel_cdf import Panels
@@ -46,7 +46,7 @@ def draw(posterior: Posterior, n: int, rng: np.random.Generator) -> dict[str, Ar
         found["noise"] = shared["noise"]
     for tensor, names_, own in zip(grid.tensors, plan.groups, parts, strict=True):
         for group, name in enumerate(names_):
-            found[noise_label(name)] = _noise(tensor, group, own, rng)
+            found[noise_name(name)] = _noise(tensor, group, own, rng)
     return {name: found[name] for name in posterior.names}
 
 

@@ -115,10 +115,10 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
             "Closure MAW is an elastic solution, scaled to e_n < 1: another rule moves the contact velocity "
             "by up to 0.09 (e_n = 0.95) or 0.17 (e_n = 0.9) of mu U_n/khat; see docs/compliance.md."
         )
-    given = int(np.isfinite(problem.sigma).sum())
-    if problem.noise == "unknown" and given:
+    given = int(np.isfinite(problem.noise.sigma).sum())
+    if problem.noise.is_unknown and given:
         said.append(
-            f"sigma is given in {given} of {problem.sigma.size} rows, and is not used: the noise comes from "
+            f"sigma is given in {given} of {len(problem.rows)} rows, and is not used: the noise comes from "
             "the misfit. Give every row a sigma, or choose --noise."
         )
     return tuple(said)

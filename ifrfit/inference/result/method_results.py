@@ -17,7 +17,6 @@ from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import TOLERANCE, Posterior, explore
 from ifrfit.inference.posterior.convergence_fact import exact_converged
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Fact
 from ifrfit.inference.summary.distribution_estimates import (
@@ -91,7 +90,7 @@ def with_law(
     return replace(
         result,
         method=method,
-        noise=noise_from_law(problem, law, result.noise, noise_bounds(problem) if posterior else {}),
+        noise=noise_from_law(problem, law, result.noise, problem.noise_bounds() if posterior else {}),
         constants=constants,
         derived=derived_from_law(problem, law, result.derived, constants),
         correlation=(names, correlation_from_law(law, names)),
