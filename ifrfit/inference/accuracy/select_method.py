@@ -14,7 +14,7 @@ from ifrfit.inference.accuracy.types import Effort
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.method_results import with_chains, with_explored
 from ifrfit.inference.result.types import Fact
@@ -84,9 +84,9 @@ def with_effort(
     return _with_chains(result, wanted, cannot, workers, progress)
 
 
-def _with_exact(result: FitResult, posterior: Posterior, wanted: Wanted) -> FitResult:
+def _with_exact(result: FitResult, posterior: QuadraturePosterior, wanted: Wanted) -> FitResult:
     if wanted.budget is None:
-        found = with_explored(result, posterior, explore)
+        found = with_explored(result, posterior, integrate)
     else:
         try:
             found = with_explored(result, posterior, lambda problem: _evidence(problem, wanted))
@@ -96,7 +96,7 @@ def _with_exact(result: FitResult, posterior: Posterior, wanted: Wanted) -> FitR
     return _told(found, wanted, "exact", "", tolerance=posterior.tolerance, reached=posterior.error)
 
 
-def _evidence(problem: Problem, wanted: Wanted) -> Posterior:
+def _evidence(problem: Problem, wanted: Wanted) -> QuadraturePosterior:
     """The posterior of another question, as exactly as its evidence needs.
 
     Raises
@@ -106,7 +106,7 @@ def _evidence(problem: Problem, wanted: Wanted) -> Posterior:
     """
     if wanted.over:
         raise TimeoutError
-    found = explore(problem, _OTHERS, over=lambda: wanted.over)
+    found = integrate(problem, _OTHERS, over=lambda: wanted.over)
     if found.error_evidence > _OTHERS:
         raise TimeoutError
     return found

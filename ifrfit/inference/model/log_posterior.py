@@ -10,13 +10,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.latent_quadrature import At
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior.free_parameter import Unknown
 
 Array = NDArray[np.float64]
 
@@ -39,10 +39,10 @@ class Density:
     problem: Problem
 
     @cached_property
-    def unknowns(self) -> tuple[Unknown, ...]:
+    def unknowns(self) -> tuple[FreeParameter, ...]:
         """Free entries of theta."""
         pairs = zip(self.problem.parameters.names, self.problem.parameters.entries, strict=True)
-        return tuple(Unknown.of(name, constant) for name, constant in pairs if constant.fixed is None)
+        return tuple(FreeParameter.of(name, constant) for name, constant in pairs if constant.fixed is None)
 
     @cached_property
     def noises(self) -> Mapping[str, tuple[float, float]]:

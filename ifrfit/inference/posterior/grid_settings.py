@@ -21,7 +21,7 @@ LADDER = np.array([1.5, 4.0, 8.0, 16.0, 40.0, 120.0, 400.0, 2e3, 1e4, 1e5])  # f
 
 
 @dataclass(frozen=True)
-class Setting:
+class GridSettings:
     """What all parts need: the problem, its optimum with the local spread, and the wanted tolerance."""
 
     problem: Problem

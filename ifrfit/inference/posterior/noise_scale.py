@@ -1,4 +1,4 @@
-"""Unknown noise: its proper log-uniform prior, and the likelihood with the noise integrated out."""
+"""The likelihood of rows that share one unknown sigma, with that sigma integrated out."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from scipy import special
 
 Array = NDArray[np.float64]
 
-_DECIMALS = 6  # finest resolution taken for a value that is written with more
 _SAFE = 1e-17  # tail of the incomplete gamma function that no result feels
 _TERMS = 200  # of series and fractions, in tails that are rarely met
 _LOG_2PI = math.log(2.0 * math.pi)
 
 
 @dataclass(frozen=True)
-class UnknownNoise:
+class NoiseScale:
     """Rows that share one unknown sigma: n of them, with sigma log-uniform between bounds."""
 
     n: int

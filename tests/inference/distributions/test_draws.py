@@ -12,7 +12,7 @@ from scipy import stats
 import ifrfit
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
-from ifrfit.inference.posterior import Posterior
+from ifrfit.inference.posterior import QuadraturePosterior
 from ifrfit.inference.result.method_results import with_law
 from ifrfit.inference.result.types import Estimate, Fact
 
@@ -92,7 +92,7 @@ def test_read_like_the_posterior_that_it_was_drawn_from(impacts, choice) -> None
         {"gamma": ANGLES, "noise": 0.05, "series": "b", "mu": 0.16, "seed": 1},
     )
     exact = ifrfit.fit(path, **choice)
-    assert isinstance(exact.law, Posterior)
+    assert isinstance(exact.law, QuadraturePosterior)
     law = Draws.of(exact.problem, exact.law.draws(M, np.random.default_rng(5)))
     assert law.names == exact.law.names
     told = with_law(exact, "exact", law, Fact(True, "", {}, ""))
