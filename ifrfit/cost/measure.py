@@ -102,7 +102,7 @@ def _physics(setting: Setting, quick: bool) -> list[Cost]:
         e_n=own["e_n"],
         mu=own["mu"],
         chi=own["chi"],
-        e_t=own["e_t"],
+        given={"ifr": own["e_t"]},
         quick=quick,
     )
 

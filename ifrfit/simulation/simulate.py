@@ -122,8 +122,9 @@ def _impacts(constants: _Constants, conditions: Mapping[str, Array], spin_unit: 
     spin_x, spin_y = (conditions[name] * per_speed for name in ("spin_x", "spin_y"))
     incidence = Incidence.of(conditions["gamma_deg"], spin_x, spin_y, degrees=True)
     closure, values = get_closure(constants.closure), constants.values
-    own = closure.constant
-    constant = np.zeros_like(speed) if own is None else values.get(own) if own != "chi" else None
+    constant: Array | None = None  # where an effect computes the closure's law
+    if not closure.effect:
+        constant = np.zeros_like(speed) if closure.constant is None else values.get(closure.constant)
     return Impacts(
         incidence=incidence,
         speed=speed,
@@ -144,12 +145,12 @@ def _constants(scene: Scene, n: int, points: int, rng: np.random.Generator) -> _
         name: np.tile(quantity.draw(n, rng) if quantity.random else np.full(n, quantity.numbers[0]), points)
         for name, quantity in scene.constants.items()
     }
-    own = get_closure(scene.closure).constant
+    closure = get_closure(scene.closure)
     given = {"e_n": "constants.e_n"} if "e_n" in values else {}
-    if own is None:
+    if closure.constant is None:
         given["tangential"] = "constants.closure"
-    elif own in values and own != "chi":
-        given["tangential"] = f"constants.{own}"
+    elif closure.constant in values and not closure.effect:
+        given["tangential"] = f"constants.{closure.constant}"
     return _Constants(scene.closure, scene.contact, values, given, ())
 
 
@@ -161,14 +162,14 @@ def _from_fit(scene: Scene, n: int, points: int, rng: np.random.Generator) -> _C
 
     result = load_result(str(scene.result))
     draws = result.draws(n, rng)
-    own = get_closure(result.closure).constant
+    closure = get_closure(result.closure)
     values = {
         name: np.tile(draws[_column([str(column) for column in draws], name, scene)].to_numpy(), points)
-        for name in ("e_n", "mu", *((own,) if own else ()))
+        for name in closure.constants
     }
     given = {"e_n": "the fit's e_n"}
-    if own != "chi":
-        given["tangential"] = f"the fit's {own or 'closure'}"
+    if not closure.effect:
+        given["tangential"] = f"the fit's {closure.constant or 'closure'}"
     contact = replace(scene.contact, inertia_factor=_inertia(scene, result))
     return _Constants(result.closure, contact, values, given, tuple(_said_of(result, scene)))
 
