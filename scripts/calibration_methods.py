@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 from calibration_scenes import Experiment, understated_sigma, walton, without_kink
+from ifrfit.inference.summary.kappa import kappa_of
 from numpy.typing import NDArray
 from scipy import special
 
@@ -16,7 +17,6 @@ from ifrfit.inference.posterior import TOLERANCE, explore
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.inference.summary.estimates import constants_of
-from ifrfit.inference.summary.kappa import kappa_of
 
 Array = NDArray[np.float64]
 Score = tuple[float, float, float, float]  # rank of the truth, whether it is in the 50, 68, 95 % interval
@@ -76,7 +76,7 @@ def score_exact(
     experiment: Experiment, fit: LeastSquares | None
 ) -> tuple[dict[str, dict[str, Score]], float]:
     """Scores of the exact posterior and of its intervals narrowed, and the error that it states."""
-    plain = experiment.problem.scatter.is_plain
+    plain = experiment.problem.error_model.is_plain
     post = explore(experiment.problem, start=fit, tolerance=TOLERANCE if plain else COARSE)
     scores = {
         EXACT: score_marginals(post, experiment.truth),
@@ -142,11 +142,12 @@ def score_profile(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]
 def _functionals(experiment: Experiment, fit: LeastSquares) -> dict[str, tuple[float, Array, float]]:
     """Value of each constant and kappa, its derivative by the local coordinates, and its prior sd."""
     problem, theta, to_theta = experiment.problem, fit.optimum.theta, fit.local.to_theta
-    entries = problem.entries()
+    entries = problem.parameters.entries
     found = {
-        name: (float(theta[i]), to_theta[i], entries[i].prior_sd) for i, name in enumerate(problem.names)
+        name: (float(theta[i]), to_theta[i], entries[i].prior_sd)
+        for i, name in enumerate(problem.parameters.names)
     }
-    places = problem.positions()
+    places = problem.parameters.positions
     for series, i_e, i_mu in zip(problem.series, places["e_n"], places["mu"], strict=True):
         factor, mu = 1.0 + float(theta[i_e]), float(theta[i_mu])
         slope = factor * to_theta[i_mu] + mu * to_theta[i_e]

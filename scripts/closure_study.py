@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.comparison.information_criteria import probabilities
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.physics import rebound
@@ -85,7 +85,7 @@ def simulate(truth: str, rng: np.random.Generator) -> Observations:
 def problem_of(data: Observations, name: str) -> Problem:
     """The question of one closure under the prior that the constants were drawn from."""
     closure = get_closure(name)
-    return make_problem(data, closure, INERTIA, make_constants(closure, INERTIA, bounds=BOUNDS), "known")
+    return make_problem(data, closure, INERTIA, make_parameters(closure, INERTIA, bounds=BOUNDS), "known")
 
 
 def run(task: Task) -> Outcome:

@@ -39,17 +39,17 @@ class Local:
         self.slope = np.where(self.tangential, self.slope, 0.0)
         self.impulse, self.rebound = scale == "impulse", scale == "rebound"
         self.any_scale = bool(self.impulse.any() or self.rebound.any())
-        self.lower, self.upper = problem.bounds()
-        self.free = np.flatnonzero(problem.free)
+        self.lower, self.upper = problem.parameters.bounds()
+        self.free = np.flatnonzero(problem.parameters.free)
         self.low, high = self.lower[self.free], self.upper[self.free]
         self.closed = np.isfinite(high)
         self.half = np.where(self.closed, 0.5 * (high - self.low), 0.0)
-        self.held = np.array([math.nan if c.fixed is None else c.fixed for c in problem.entries()])
-        priors = [(i, *c.prior) for i, c in enumerate(problem.entries()) if c.prior is not None]
+        self.held = np.array([math.nan if c.fixed is None else c.fixed for c in problem.parameters.entries])
+        priors = [(i, *c.prior) for i, c in enumerate(problem.parameters.entries) if c.prior is not None]
         self.prior_at = np.array([i for i, _, _ in priors], dtype=np.intp)
         self.prior_mean = np.array([mean for _, mean, _ in priors])
         self.prior_sd = np.array([sd for _, _, sd in priors])
-        self.column = {name: places[rows.series] for name, places in problem.positions().items()}
+        self.column = {name: places[rows.series] for name, places in problem.parameters.positions.items()}
         self.number = np.arange(n)
         self.spare = max(0, self.free.size - n - len(priors))  # MINPACK wants as many residuals as unknowns
 

@@ -13,7 +13,7 @@ from ifrfit.cost.starting_optimum import beginning
 from ifrfit.cost.timing import Cost, Kind
 from ifrfit.data import Observations
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.messages import power
+from ifrfit.text import power_of_ten
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
@@ -119,7 +119,8 @@ def _doubt(setting: Setting) -> str:
     )
     return (
         "The converged solution is elastic, scaled to e_n < 1. Another rule moves beta by up to "
-        f"{power(doubt)} (Stronge's model, scaled and as it is), which is in none of the errors of physics."
+        f"{power_of_ten(doubt)} (Stronge's model, scaled and as it is), which is in none of the errors of "
+        "physics."
     )
 
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ifrfit.errors import UsageError
 from ifrfit.physics.compliance.law import Compliance, chi_range
 from ifrfit.physics.impulse_laws import Coefficients as Coefficients
 from ifrfit.physics.impulse_laws import Law
+from ifrfit.registry import Registry
 
 
 @dataclass(frozen=True)
@@ -96,9 +96,10 @@ def _ifr_contact(j: float) -> Coefficients:
 
 _DOMENECH = "Doménech-Carbó (2023), Eqs (19)-(22) with the signs of the impulses corrected"
 
-CLOSURES: dict[str, Closure] = {
-    closure.name: closure
-    for closure in (
+CLOSURES: Registry[Closure] = Registry(
+    "closure",
+    Closure,
+    (
         Closure("f", "F", None, _brach, lambda j: (0.0, 0.0), "Brach (1984), J. Appl. Mech. 51, 164"),
         Closure(
             "fr",
@@ -126,8 +127,8 @@ CLOSURES: dict[str, Closure] = {
             "Maw, Barber & Fawcett (1976), Wear 38, 101; e_n < 1 by the scaling of Wu, Thornton & Li (2003), "
             "Adv. Powder Technol. 14, 435",
         ),
-    )
-}
+    ),
+)
 
 
 def get_closure(name: str) -> Closure:
@@ -138,7 +139,4 @@ def get_closure(name: str) -> Closure:
     UsageError
         If there is none of that name; the message lists those there are.
     """
-    try:
-        return CLOSURES[name.lower()]
-    except KeyError:
-        raise UsageError(f"There is no closure '{name}'. Choose one of {', '.join(CLOSURES)}.") from None
+    return CLOSURES[name.lower()]

@@ -10,9 +10,8 @@ import numpy as np
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
-from ifrfit.report.regimes import joined
-from ifrfit.report.rounding import decimals, fixed
 from ifrfit.report.sentences import status_words
+from ifrfit.text import decimals, fixed, joined
 
 MOST_NOISES = 4  # of one observable that are told one by one
 

@@ -16,8 +16,9 @@ from ifrfit.report.provenance import (
     reference,
 )
 from ifrfit.report.regimes import regime_lines
-from ifrfit.report.rounding import interval_text, places_of, spread, value_text
+from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.sentences import findings, headline, misfit_line, model_line
+from ifrfit.text import interval_text, sd_text
 
 _LATEX_NAMES = {
     "e_n": "$e_n$",
@@ -110,7 +111,7 @@ def _plus_minus(row: Row, sign: str) -> str:
     if row.estimate is None:
         return row.plain
     value, sd = value_text(row.estimate), row.estimate.stderr
-    return value if sd is None or row.estimate.value is None else f"{value} {sign} {spread(sd)}"
+    return value if sd is None or row.estimate.value is None else f"{value} {sign} {sd_text(sd)}"
 
 
 def _interval(row: Row) -> str:

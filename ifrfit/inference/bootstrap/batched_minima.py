@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import GAP, RANK
-from ifrfit.inference.model.problem import Index
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.piecewise import Array, PiecewiseProblem, Rows, minimise
 from ifrfit.inference.optimize.regime_sums import Cells, changes, rounding_of, solve_cells, unconstrained
 

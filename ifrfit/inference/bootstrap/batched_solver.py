@@ -28,7 +28,8 @@ from ifrfit.inference.bootstrap.replicate_fits import (
 from ifrfit.inference.bootstrap.schemes import Lot
 from ifrfit.inference.diagnostics.thresholds import AT_REST
 from ifrfit.inference.model.forward import fitted_at
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares, inputs_of, n_taken
 from ifrfit.inference.optimize.solve import series_blocks, whole_block
 
@@ -64,8 +65,8 @@ class Together:
         """Restate a problem; None if its replicates have to be fitted one by one."""
         if not problem.closure.bilinear:
             return None
-        whole = len(problem.series) == 1 or not any(c.separate for c in problem.constants)
-        if not whole and not all(c.separate or c.fixed is not None for c in problem.constants):
+        whole = len(problem.series) == 1 or not any(c.separate for c in problem.parameters)
+        if not whole and not all(c.separate or c.fixed is not None for c in problem.parameters):
             return None
         every = np.arange(problem.rows.value.size)
         series = (
@@ -80,7 +81,7 @@ class Together:
             if part is None:
                 return None
             parts.append(part)
-        at = problem.positions()
+        at = problem.parameters.positions
         own = problem.closure.constant
         places = tuple(
             np.array([at["e_n"][i], at[own][i] if own else -1, at["mu"][i]]) for i in range(len(parts))
@@ -89,7 +90,7 @@ class Together:
 
     def solve(self, lot: Lot) -> Solved:
         """Fit every replicate of a lot; noise that is not known is looked for until it comes to rest."""
-        m, p = lot.size, len(self.problem.names)
+        m, p = lot.size, len(self.problem.parameters.names)
         theta, noise = np.zeros((m, p)), self._first_noise(lot)
         reason, is_open = np.full(m, "", dtype=object), np.zeros((m, p), dtype=bool)
         certified = np.zeros(m, dtype=bool)
@@ -115,7 +116,7 @@ class Together:
         else:
             reason[restless] = RESTLESS
         reason[refused] = NO_NOISE
-        is_open[np.isin(reason, (NO_NOISE, RESTLESS))] = self.problem.free
+        is_open[np.isin(reason, (NO_NOISE, RESTLESS))] = self.problem.parameters.free
         return Solved(theta, noise, tuple(reason), is_open, certified)
 
     @cached_property
@@ -159,14 +160,14 @@ class Together:
             if lot.counts is None
             else weight * lot.counts
         )
-        index = {c.name: i for i, c in enumerate(self.problem.constants)}
+        index = {c.name: i for i, c in enumerate(self.problem.parameters)}
         own = [index["e_n"], index.get(self.problem.closure.constant or "", -1), index["mu"]]
         prior = np.column_stack((lot.prior, np.full(lot.size, np.nan)))[:, own]
         return [solve_part(part, weight, lot.shift, prior) for part in self.parts]
 
     def _theta(self, solved: Sequence[PartSolved]) -> Array:
         """The constants of all parts in one vector each."""
-        theta = np.zeros((solved[0].constants.shape[0], len(self.problem.names)))
+        theta = np.zeros((solved[0].constants.shape[0], len(self.problem.parameters.names)))
         for places, part in zip(self.places, solved, strict=True):
             for place, column in zip(places, part.constants.T, strict=True):
                 if place >= 0:
@@ -214,7 +215,7 @@ class Together:
     def _lost(self, lot: Lot, solved: Sequence[PartSolved]) -> tuple[NDArray[np.object_], Bool]:
         """What replicates leave open that the data do not, and why."""
         reason = np.full(lot.size, "", dtype=object)
-        is_open = np.zeros((lot.size, len(self.problem.names)), dtype=bool)
+        is_open = np.zeros((lot.size, len(self.problem.parameters.names)), dtype=bool)
         for part, places, one in zip(self.parts, self.places, solved, strict=True):
             for number in np.flatnonzero((one.minima.rank < part.rank) | one.without_e_n):
                 if one.minima.rank[number] < part.rank:
@@ -230,7 +231,7 @@ class Together:
                     why, which = NO_E_N, places[[0, 2]]
                 reason[number] = reason[number] or why
                 is_open[number, which[which >= 0]] = True
-        return reason, is_open & self.problem.free
+        return reason, is_open & self.problem.parameters.free
 
     def _regimes(self, lot: Lot, part: Part, solved: PartSolved, number: int) -> tuple[bool, bool]:
         """Whether a row that is left slides, and whether one sticks."""

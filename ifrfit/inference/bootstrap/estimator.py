@@ -18,7 +18,7 @@ from ifrfit.inference.bootstrap.replicate_fits import Solved, joined
 from ifrfit.inference.bootstrap.schemes import Scheme, lot_of, make_scheme
 from ifrfit.inference.bootstrap.sequential_solver import OneByOne
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
-from ifrfit.inference.distributions.draws import kappas_of
+from ifrfit.inference.distributions.draws import kappa_draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.posterior.integral_layout import noise_label
@@ -79,7 +79,7 @@ class Bootstrap:
     @cached_property
     def kappas(self) -> Mapping[str, Array]:
         """Draws of kappa, by the names of `Distribution`."""
-        return kappas_of(self.problem, self.draws)
+        return kappa_draws(self.problem, self.draws)
 
 
 def bootstrap(
@@ -182,7 +182,7 @@ def _gathered(problem: Problem, chosen: Scheme, solved: Solved, seed: int) -> Bo
     theta = solved.theta[answered]
     if only_kappa_is_seen(problem):
         theta = _spread_e_n(problem, theta, seed)
-    free = zip(problem.names, theta.T, problem.free, strict=True)
+    free = zip(problem.parameters.names, theta.T, problem.parameters.free, strict=True)
     draws = {name: column for name, column, is_free in free if is_free}
     if chosen.tells_noise:
         noises = zip(noise_groups(problem), solved.noise[answered].T, strict=True)
@@ -190,7 +190,7 @@ def _gathered(problem: Problem, chosen: Scheme, solved: Solved, seed: int) -> Bo
     is_open: dict[str, Counter[str]] = {}
     for number in np.flatnonzero(~answered):
         for place in np.flatnonzero(solved.open[number]):
-            is_open.setdefault(problem.names[place], Counter())[solved.reason[number]] += 1
+            is_open.setdefault(problem.parameters.names[place], Counter())[solved.reason[number]] += 1
     return Bootstrap(
         problem,
         chosen.name,
@@ -208,7 +208,7 @@ def _spread_e_n(problem: Problem, theta: Array, seed: int) -> Array:
     """Draw e_n from its default prior where the data know kappa only, and give mu what kappa leaves of it."""
     theta = theta.copy()
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_MOST,)))  # no replicate has that key
-    places, entries = problem.positions(), problem.entries()
+    places, entries = problem.parameters.positions, problem.parameters.entries
     pairs = {(int(e), int(m)) for e, m in zip(places["e_n"], places["mu"], strict=True)}
     kappas = {pair: theta[:, pair[1]] * (1.0 + theta[:, pair[0]]) for pair in pairs}
     for place in sorted({e for e, _ in pairs}):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.bootstrap.batched_minima import Minima, Replicated, minimise_all
-from ifrfit.inference.model.problem import Index
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.design import LinearForm
 from ifrfit.inference.optimize.group_optimum import middle_of_loose
 from ifrfit.inference.optimize.linear_families import linear_form

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.bootstrap.resampling_units import Kind, kinds_of, number_impacts
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares
 
 Array = NDArray[np.float64]
@@ -96,7 +97,7 @@ def lot_of(problem: Problem, scheme: Scheme, seeds: Sequence[np.random.SeedSeque
     replicate, once for all series, or a constant that rests on it would seem to be known exactly.
     """
     counts, shifts, priors = [], [], []
-    sd = np.array([math.nan if c.prior is None else c.prior[1] for c in problem.constants])
+    sd = np.array([math.nan if c.prior is None else c.prior[1] for c in problem.parameters])
     for seed in seeds:
         rng = np.random.default_rng(seed)
         count, shift = scheme.draw(rng)
@@ -123,7 +124,7 @@ def make_scheme(name: str, problem: Problem, found: LeastSquares) -> Scheme:
         raise UsageError(f"--resample {name}: choose one of {', '.join(SCHEMES)}.")
     if name == "cases":
         return Cases.of(problem)
-    several = [c.name for c in problem.constants if c.separate and c.prior is not None]
+    several = [c.name for c in problem.parameters if c.separate and c.prior is not None]
     if several and len(problem.series) > 1:
         raise UsageError(
             f"--resample {name} cannot draw one prior of {several[0]} anew for several series: use "
@@ -283,12 +284,12 @@ def corrected(problem: Problem, found: LeastSquares) -> Array:
 
 def prior_means(problem: Problem) -> Array:
     """Means of the priors as given, one a constant; nan where there is none."""
-    return np.array([math.nan if c.prior is None else c.prior[0] for c in problem.constants])
+    return np.array([math.nan if c.prior is None else c.prior[0] for c in problem.parameters])
 
 
 def fitted_means(problem: Problem, found: LeastSquares) -> Array:
     """Constants of the fit where they have a prior: what is drawn anew lies about the fit, as values do."""
-    places = problem.positions()
+    places = problem.parameters.positions
     return np.array(
-        [math.nan if c.prior is None else found.optimum.theta[places[c.name][0]] for c in problem.constants]
+        [math.nan if c.prior is None else found.optimum.theta[places[c.name][0]] for c in problem.parameters]
     )

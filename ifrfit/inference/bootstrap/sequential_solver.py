@@ -19,7 +19,8 @@ from ifrfit.inference.bootstrap.replicate_fits import (
     joined,
 )
 from ifrfit.inference.bootstrap.schemes import Lot
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.laplace import Local
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.physics.observables import OBSERVABLES
@@ -47,7 +48,7 @@ class OneByOne:
     @classmethod
     def of(cls, problem: Problem, found: LeastSquares) -> OneByOne:
         """From the fit to the data as they are."""
-        return cls(problem, problem.free & ~_loose(problem, found.local))
+        return cls(problem, problem.parameters.free & ~_loose(problem, found.local))
 
     def solve(self, lot: Lot) -> Solved:
         """Fit every replicate of a lot."""
@@ -69,7 +70,7 @@ class OneByOne:
                 noise[i] = sigma[own[0]] / base[own[0]]
         except DataError:
             theta, nothing = np.zeros((1, self.seen.size)), np.zeros(1, dtype=bool)
-            return Solved(theta, noise[None], (NO_NOISE,), self.problem.free[None], nothing)
+            return Solved(theta, noise[None], (NO_NOISE,), self.problem.parameters.free[None], nothing)
         is_open = self.seen & _loose(drawn, found.local)
         why = RESTLESS if not found.converged else _why(drawn, found) if is_open.any() else ""
         certified = np.array([found.optimum.certified])
@@ -84,11 +85,11 @@ def drawn_rows(problem: Problem, lot: Lot, number: int) -> Index:
 
 def replicate(problem: Problem, lot: Lot, number: int) -> Problem:
     """One replicate as a problem of its own."""
-    constants = tuple(
+    parameters = (
         c if c.prior is None else replace(c, prior=(float(mean), c.prior[1]))
-        for c, mean in zip(problem.constants, lot.prior[number], strict=True)
+        for c, mean in zip(problem.parameters, lot.prior[number], strict=True)
     )
-    problem = replace(problem, constants=constants)
+    problem = problem.with_parameters(parameters)
     if lot.shift is not None:
         problem = replace(problem, rows=replace(problem.rows, value=problem.rows.value + lot.shift[number]))
     return problem if lot.counts is None else problem.with_rows(drawn_rows(problem, lot, number))
@@ -97,7 +98,7 @@ def replicate(problem: Problem, lot: Lot, number: int) -> Problem:
 def _loose(problem: Problem, local: Local) -> Bool:
     """Entries of theta that take part in a direction that the rows do not see."""
     share = np.abs(local.to_theta @ local.vectors[:, ~local.seen])
-    prior_sd = np.array([c.prior_sd for c in problem.entries()])
+    prior_sd = np.array([c.prior_sd for c in problem.parameters.entries])
     return np.asarray((share > _LOADED * prior_sd[:, None]).any(axis=1))
 
 

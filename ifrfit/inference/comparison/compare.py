@@ -23,6 +23,7 @@ from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.comparison.verdict import verdict_of
 from ifrfit.inference.fit import Data, gather
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.restore import posterior_of
 
 _OF_CONSTANTS = ("fix", "prior", "bounds", "separate", "params")
 
@@ -107,13 +108,13 @@ def _cross_validated(fits: dict[str, FitResult], seed: int) -> dict[str, Loo]:
 
 
 def _entries(fits: dict[str, FitResult], loo: dict[str, Loo]) -> dict[str, Entry]:
-    evidence = {name: float(fit.law.log_evidence) for name, fit in fits.items()}
+    evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
     chance = probabilities(evidence)
     top = max(evidence.values())
     return {
         name: Entry(
             fit=fit,
-            free=int(fit.problem.free.sum()),
+            free=int(fit.problem.parameters.free.sum()),
             aicc=aicc(fit),
             log_bayes_factor=evidence[name] - top,
             probability=chance[name],

@@ -18,6 +18,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import TOLERANCE, log_evidence
 from ifrfit.inference.posterior.noise_scale import noise_bounds
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.restore import posterior_of
 
 Array = NDArray[np.float64]
 
@@ -49,7 +50,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     if n_draws < _FEWEST:
         return None
     density = Density(problem)
-    draws = fit.law.draws(n_draws, np.random.default_rng(seed))
+    draws = posterior_of(fit).draws(n_draws, np.random.default_rng(seed))
     each = _likelihoods(density, _points(density, draws, n_draws))
     elpd, k = _smoothed(each)
     threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
@@ -57,7 +58,9 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
     refitted = []
     for i in high[:MOST_REFITS]:
-        exact = left_out(problem, fit.law.log_evidence, density.impact != i, fit.law.tolerance)
+        exact = left_out(
+            problem, posterior_of(fit).log_evidence, density.impact != i, posterior_of(fit).tolerance
+        )
         if exact is not None:
             elpd[i] = exact
             refitted.append(names[i])

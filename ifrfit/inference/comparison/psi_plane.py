@@ -80,9 +80,9 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     """
     problem = problems[0]
     rows, left_out = psi_rows(problem)
-    if any(c.separate for c in problem.constants):
+    if any(c.separate for c in problem.parameters):
         return PsiPlane("constants are separate, and the lines of several series differ", left_out=left_out)
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         return PsiPlane("it knows Gaussian errors of the values only", left_out=left_out)
     if rows is None:
         return PsiPlane(
@@ -188,7 +188,7 @@ def _expected(
     difference: dict[str, Interval | None] = {}
     for problem in problems:
         closure = problem.closure
-        constant = next((c for c in problem.constants if c.name == closure.constant), None)
+        constant = next((c for c in problem.parameters if c.name == closure.constant), None)
         if constant is None:
             ends: Sequence[float | None] = (None,)
         elif constant.fixed is not None:

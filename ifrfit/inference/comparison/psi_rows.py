@@ -112,7 +112,7 @@ def psi_rows(problem: Problem) -> tuple[PsiRows | None, dict[str, str]]:
     mapping
         Observable to the reason.
     """
-    e_n = next(c for c in problem.constants if c.name == "e_n").fixed
+    e_n = problem.parameters["e_n"].fixed
     share = rotational_share(problem.inertia_factor)
     left_out: dict[str, str] = {}
     parts: list[tuple[Index, Array, Array]] = []

@@ -22,7 +22,7 @@ def identifiable(
 ) -> Fact:
     """Whether the data determine every free constant; names the loose combinations and the remedy."""
     local = fit.local
-    n_free = int(problem.free.sum())
+    n_free = int(problem.parameters.free.sum())
     loose = [
         _combination(local.names, local.vectors[:, i] / _prior_scale(problem))
         for i in np.flatnonzero(~local.tight)
@@ -57,7 +57,7 @@ def _limits(problem: Problem, constants: Mapping[str, Any]) -> str:
 
 
 def _prior_scale(problem: Problem) -> np.ndarray:
-    return np.array([c.prior_sd for c in problem.entries()])
+    return np.array([c.prior_sd for c in problem.parameters.entries])
 
 
 def _combination(names: tuple[str, ...], vector: np.ndarray) -> str:
@@ -121,8 +121,8 @@ def only_kappa_is_seen(problem: Problem) -> bool:
         or name in ("lambda_deg", "psi_after_deg")
         for name in problem.rows.names
     )
-    free = all(c.fixed is None and c.prior is None for c in problem.constants if c.name in ("e_n", "mu"))
-    mu = next(c for c in problem.constants if c.name == "mu")
+    free = all(c.fixed is None and c.prior is None for c in problem.parameters if c.name in ("e_n", "mu"))
+    mu = problem.parameters["mu"]
     return rows and free and mu.lower == 0.0 and math.isinf(mu.upper)
 
 

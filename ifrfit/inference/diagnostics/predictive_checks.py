@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.diagnostics.lack_of_fit import misfit, oblique_groups, p_text
+from ifrfit.inference.diagnostics.lack_of_fit import misfit, oblique_groups
 from ifrfit.inference.diagnostics.outliers import row_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.forward import fitted_at
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.result.types import Fact
+from ifrfit.text import p_text
 
 Array = NDArray[np.float64]
 
@@ -42,7 +44,7 @@ def predictive(problem: Problem, draws: Mapping[str, Array]) -> Fact:
     ----------
     problem : Problem
     draws : mapping of str to ndarray, (m,)
-        Independent posterior draws of every free entry of theta by its name in `problem.names`; also of
+        Independent posterior draws of every free entry of theta by its name; also of
         "noise[series/observable]" where the noise is unknown, and of "noise" where it is scaled. Some 200 are
         enough; of many rows only the first draws are used, at least 8.
 
@@ -120,7 +122,7 @@ class _Seen:
 def _look(problem: Problem, draws: Mapping[str, Array]) -> _Seen:
     """Evaluate the test quantities, a few draws at a time."""
     n = problem.rows.value.size
-    names = zip(problem.names, problem.entries(), strict=True)
+    names = zip(problem.parameters.names, problem.parameters.entries, strict=True)
     given = [draws[name] if c.fixed is None else np.array([c.fixed]) for name, c in names]
     groups = problem.groups() if problem.noise == "unknown" else {}
     noise = [draws[f"noise[{g}]"] for g in groups] or ([draws["noise"]] if problem.noise == "scaled" else [])
@@ -143,9 +145,9 @@ def _look(problem: Problem, draws: Mapping[str, Array]) -> _Seen:
 
 def _standardised(problem: Problem, theta: Array, noise: list[Array], groups: Mapping[str, Index]) -> Array:
     """Residuals that are standard normal numbers if the model holds, (m, n)."""
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         density = Density(problem)
-        points = np.column_stack((theta[:, problem.free], *(np.log(x) for x in noise)))
+        points = np.column_stack((theta[:, problem.parameters.free], *(np.log(x) for x in noise)))
         return np.asarray(special.ndtri(np.clip(density.below(points), _TAIL, 1.0 - _TAIL)))
     z = problem.rows.value - fitted_at(problem, theta)
     if problem.noise != "unknown":

@@ -50,7 +50,11 @@ class Draws:
         KeyError
             If a free parameter has no draws.
         """
-        free = [name for name, is_free in zip(problem.names, problem.free, strict=True) if is_free]
+        free = [
+            name
+            for name, is_free in zip(problem.parameters.names, problem.parameters.free, strict=True)
+            if is_free
+        ]
         noises = [name for name in draws if name.startswith("noise")]
         found = {name: draws[name] for name in free} | kappa_draws(problem, draws)
         found |= {name: draws[name] for name in noises}
@@ -118,13 +122,11 @@ def kappa_name(problem: Problem, series: int) -> str:
 
     A problem of one series has one kappa, whatever is separate.
     """
-    places, entries = problem.positions(), problem.entries()
-    free = [
-        i for i in (int(places["mu"][series]), int(places["e_n"][series])) if entries[i].fixed is None
-    ]
+    places, entries = problem.parameters.positions, problem.parameters.entries
+    free = [i for i in (int(places["mu"][series]), int(places["e_n"][series])) if entries[i].fixed is None]
     if not free:
         return ""
-    bracket = next((problem.names[i].partition("[")[2] for i in free if entries[i].separate), "")
+    bracket = next((problem.parameters.names[i].partition("[")[2] for i in free if entries[i].separate), "")
     return f"kappa[{bracket}" if bracket and len(problem.series) > 1 else "kappa"
 
 
@@ -156,9 +158,9 @@ def _entry_draws(
     """Draws of a parameter in a series, or its fixed value; 0 for the constant that a closure has not."""
     if kind is None:
         return 0.0
-    place = int(problem.positions()[kind][series])
-    fixed = problem.entries()[place].fixed
-    return draws[problem.names[place]] if fixed is None else fixed
+    place = int(problem.parameters.positions[kind][series])
+    fixed = problem.parameters.entries[place].fixed
+    return draws[problem.parameters.names[place]] if fixed is None else fixed
 
 
 def _shape(draws: Mapping[str, Array]) -> tuple[int, ...]:

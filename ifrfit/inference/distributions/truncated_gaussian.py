@@ -102,7 +102,13 @@ class TruncatedGaussian:
 
 
 def truncated_draws(
-    point: Array, center: Array, covariance: Array, lower: Array, upper: Array, n: int, rng: np.random.Generator
+    point: Array,
+    center: Array,
+    covariance: Array,
+    lower: Array,
+    upper: Array,
+    n: int,
+    rng: np.random.Generator,
 ) -> Array:
     """Draws of a Gaussian cut at bounds, (n, p), by Gibbs sampling.
 

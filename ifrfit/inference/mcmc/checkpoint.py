@@ -125,7 +125,7 @@ def question_of(problem: Problem, seed: int) -> str:
     for part in (
         problem.closure.name,
         problem.inertia_factor,
-        problem.constants,
+        problem.parameters,
         problem.series,
         problem.noise,
         sorted(problem.noise_bounds.items()),

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.distributions.draws import kappas_of
+from ifrfit.inference.distributions.draws import kappa_draws
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import kappa_coordinates
@@ -46,13 +46,13 @@ class Coordinates:
     def replaced(self) -> tuple[tuple[int, int | None, float], ...]:
         """Of each kappa: its place, the place of its e_n (None if fixed), and the value of a fixed e_n."""
         problem = self.problem
-        entries, free = problem.entries(), problem.free
+        entries, free = problem.parameters.entries, problem.parameters.free
         names, _, _ = kappa_coordinates(problem, np.zeros(free.size))
         place = np.cumsum(free) - 1  # among the free entries
-        positions = problem.positions()
+        positions = problem.parameters.positions
         found = {}
         for mu, e_n in zip(positions["mu"].tolist(), positions["e_n"].tolist(), strict=True):
-            if free[mu] and names[mu] != problem.names[mu]:
+            if free[mu] and names[mu] != problem.parameters.names[mu]:
                 value = entries[e_n].fixed
                 own = (int(place[e_n]), 0.0) if value is None else (None, value)
                 found[int(place[mu])] = own
@@ -87,5 +87,5 @@ class Coordinates:
         drawn = self.density.draws(flat)
         noises = {name: values for name, values in drawn.items() if name.startswith("noise")}
         constants = {name: values for name, values in drawn.items() if name not in noises}
-        found = constants | kappas_of(self.problem, drawn) | noises
+        found = constants | kappa_draws(self.problem, drawn) | noises
         return {name: np.reshape(values, at.shape[:-1]) for name, values in found.items()}

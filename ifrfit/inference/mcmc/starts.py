@@ -61,9 +61,9 @@ def optima(optimum: Optimum) -> list[Array]:
 def _gaussian(coordinates: Coordinates, found: LeastSquares, theta: Array) -> tuple[Array, Array]:
     """Centre, (d,), and root of the covariance, (d, d), about an optimum."""
     problem, density = coordinates.problem, coordinates.density
-    low, high = problem.bounds()
+    low, high = problem.parameters.bounds()
     theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
-    free = problem.free
+    free = problem.parameters.free
     covariance = local_picture(problem, found.sigma, theta).covariance(capped=True)[np.ix_(free, free)]
     noise, spread = _noise(coordinates, found)
     point = np.concatenate((theta[free], noise))

@@ -19,7 +19,7 @@ def fitted_at(problem: Problem, theta: Array) -> Array:
     ----------
     problem : Problem
     theta : ndarray, (m, p)
-        Entries as in `problem.names`, fixed ones included.
+        Entries as in `problem.parameters.names`, fixed ones included.
 
     Returns
     -------
@@ -41,8 +41,8 @@ def fitted_at(problem: Problem, theta: Array) -> Array:
 
 def _columns(problem: Problem, theta: Array) -> tuple[Array, Array, Array]:
     """(e_n, closure constant, mu), each (m, n), or (m, 1) where all rows share it."""
-    places = problem.positions()
-    separate = {constant.name for constant in problem.constants if constant.separate}
+    places = problem.parameters.positions
+    separate = {constant.name for constant in problem.parameters if constant.separate}
 
     def column(name: str | None) -> Array:
         if name is None:

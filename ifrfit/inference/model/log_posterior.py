@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.forward import fitted_at
 from ifrfit.inference.model.latent_quadrature import At
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta, impacts_of
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior.free_parameter import Unknown
 from ifrfit.inference.posterior.integral_layout import noise_label
@@ -42,7 +43,7 @@ class Density:
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
         """Free entries of theta."""
-        pairs = zip(self.problem.names, self.problem.entries(), strict=True)
+        pairs = zip(self.problem.parameters.names, self.problem.parameters.entries, strict=True)
         return tuple(Unknown.of(name, constant) for name, constant in pairs if constant.fixed is None)
 
     @cached_property
@@ -74,9 +75,9 @@ class Density:
         """
         prior = self.log_prior(points)
         inside = np.isfinite(prior)
-        prior[inside] += (self.rows if self.problem.scatter.is_plain else self.impacts)(points[inside]).sum(
-            axis=1
-        )
+        prior[inside] += (self.rows if self.problem.error_model.is_plain else self.impacts)(
+            points[inside]
+        ).sum(axis=1)
         return prior
 
     def log_prior(self, points: Array) -> Array:
@@ -97,7 +98,7 @@ class Density:
     def impacts(self, points: Array) -> Array:
         """Log likelihood of each impact, (m, n_impacts), in the order of `impact`."""
         n = int(self.impact.max()) + 1
-        if not self.problem.scatter.is_plain:
+        if not self.problem.error_model.is_plain:
             return self._scattered(points, n)
         if n == self.impact.size:
             return self.rows(points)
@@ -136,7 +137,7 @@ class Density:
     @cached_property
     def _laws(self) -> list[tuple[int, RowLaw]]:
         reference = least_squares(self.problem).optimum.theta
-        one = not any(c.separate for c in self.problem.constants)
+        one = not any(c.separate for c in self.problem.parameters)
         found = []
         for series in range(1 if one else len(self.problem.series)):
             rows = np.arange(self.impact.size) if one else np.flatnonzero(self.problem.rows.series == series)
@@ -146,8 +147,8 @@ class Density:
 
     def theta(self, points: Array) -> Array:
         """Entries of theta, fixed ones included, (m, p)."""
-        free = self.problem.free
-        fixed = [0.0 if c.fixed is None else c.fixed for c in self.problem.entries()]
+        free = self.problem.parameters.free
+        fixed = [0.0 if c.fixed is None else c.fixed for c in self.problem.parameters.entries]
         theta = np.tile(fixed, (points.shape[0], 1))
         theta[:, free] = points[:, : len(self.unknowns)]
         return theta

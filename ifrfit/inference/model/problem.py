@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,117 +10,47 @@ from numpy.typing import NDArray
 
 from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.model.error_model import PLAIN, Scatter
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel
+from ifrfit.inference.model.parameters import Parameter, ParameterSet
+from ifrfit.inference.model.rows import Array, Index, Rows
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import Closure
 from ifrfit.physics.observables import OBSERVABLES, get_observable
 from ifrfit.physics.rebound import rebound_with
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-
 _STEP = 1e-6  # of central differences of the curved observables: error about 1e-11
 
 
 @dataclass(frozen=True)
-class RowModel:
-    """What each row measures, as numbers.
-
-    Attributes
-    ----------
-    incidence : Incidence
-    tau : ndarray
-        |U_t|/U_n.
-    names : tuple of str
-        The observables that occur.
-    which : ndarray of int
-        Observable of each row, an index into `names`.
-    series : ndarray of int
-        Series of each row.
-    value : ndarray
-    """
-
-    incidence: Incidence
-    tau: Array
-    names: tuple[str, ...]
-    which: Index
-    series: Index
-    value: Array
-
-    def rows_of(self, name: str) -> Index:
-        """Rows of one observable."""
-        if len(self.names) == 1:
-            return np.arange(self.which.size)
-        return np.flatnonzero(self.which == self.names.index(name))
-
-    def take(self, rows: Index) -> RowModel:
-        """The same for some rows."""
-        if rows.size == self.tau.size and bool((np.diff(rows) == 1).all()):
-            return self
-        i = self.incidence
-        incidence = Incidence(
-            i.sine[rows], i.cosine[rows], i.spin_x[rows], i.spin_y[rows], i.slip_x[rows], i.slip_y[rows]
-        )
-        return RowModel(
-            incidence, self.tau[rows], self.names, self.which[rows], self.series[rows], self.value[rows]
-        )
-
-
-@dataclass(frozen=True)
 class Problem:
-    """Observations, closure, constants and noise policy. Evaluation is pure.
+    """Observations, closure, parameters and noise policy. Evaluation is pure.
 
-    The vector theta holds one entry a constant, or one a series where the constant is separate, fixed ones
-    included; `names` labels the entries.
+    The vector theta holds the entries of `parameters`, fixed ones included.
     """
 
     observations: Observations
     closure: Closure
     inertia_factor: float
-    constants: tuple[Constant, ...]
-    series: tuple[str, ...]
-    rows: RowModel
+    parameters: ParameterSet
+    rows: Rows
     sigma: Array  # as given; nan where not
     noise: str  # known, scaled or unknown
     noise_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of its prior, if chosen
-    scatter: Scatter = PLAIN
+    error_model: ErrorModel = PLAIN
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Label of each entry of theta."""
-        return tuple(
-            f"{c.name}[{s}]" if c.separate else c.name
-            for c in self.constants
-            for s in (self.series if c.separate else ("",))
-        )
-
-    def entries(self) -> tuple[Constant, ...]:
-        """Constant behind each entry of theta."""
-        return tuple(c for c in self.constants for _ in (self.series if c.separate else ("",)))
-
-    @property
-    def free(self) -> NDArray[np.bool_]:
-        """Which entries of theta are not fixed."""
-        return np.array([c.fixed is None for c in self.entries()])
+    def series(self) -> tuple[str, ...]:
+        """Names of the series, in the order of `rows.series`."""
+        return self.parameters.series
 
     @property
     def has_oblique(self) -> bool:
         """Whether any row knows the closure: one that measures neither e_n nor mu alone."""
         return any(OBSERVABLES[name].kind in ("tangential", "curved") for name in self.rows.names)
 
-    def positions(self) -> Mapping[str, Index]:
-        """Constant's name to its place in theta, one a series."""
-        places, start = {}, 0
-        for c in self.constants:
-            n = len(self.series)
-            places[c.name] = start + (np.arange(n) if c.separate else np.zeros(n, dtype=np.intp))
-            start += n if c.separate else 1
-        return places
-
     def per_row(self, theta: Array) -> tuple[Array, Array, Array]:
         """(e_n, closure constant, mu) of each row."""
-        places = self.positions()
+        places = self.parameters.positions
         series = self.rows.series
         c = theta[places[self.closure.constant]][series] if self.closure.constant else np.zeros(series.size)
         return theta[places["e_n"]][series], c, theta[places["mu"]][series]
@@ -164,8 +94,8 @@ class Problem:
         }
         if self.closure.constant:
             columns[self.closure.constant] = by_k * by_c
-        out = np.zeros((k.size, len(self.names)))
-        for name, places in self.positions().items():
+        out = np.zeros((k.size, len(self.parameters.names)))
+        for name, places in self.parameters.positions.items():
             out[np.arange(k.size), places[self.rows.series]] += columns[name]
         return out
 
@@ -174,20 +104,13 @@ class Problem:
         down = self.values_with(k - _STEP * dk, e_n - _STEP * de, mu)
         return (up - down) / (2.0 * _STEP)
 
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of the entries of theta."""
-        entries = self.entries()
-        return np.array([c.lower for c in entries]), np.array([c.upper for c in entries])
+    def with_parameters(self, parameters: Iterable[Parameter]) -> Problem:
+        """The same question with other parameters in the place of those of the same names."""
+        return replace(self, parameters=self.parameters.with_parameters(parameters))
 
-    def prior_residuals(self, theta: Array) -> Array:
-        """Standardised distance of each entry with a prior from the prior's mean."""
-        return np.array(
-            [
-                (value - c.prior[0]) / c.prior[1]
-                for c, value in zip(self.entries(), theta, strict=True)
-                if c.prior is not None
-            ]
-        )
+    def with_fixed(self, values: Mapping[str, float]) -> Problem:
+        """The same question with parameters, or single entries of theta, fixed at values by name."""
+        return replace(self, parameters=self.parameters.with_fixed(values))
 
     def with_rows(self, rows: Index) -> Problem:
         """The same question of some of the rows."""
@@ -213,7 +136,7 @@ def make_problem(
     observations: Observations,
     closure: Closure,
     inertia_factor: float,
-    constants: tuple[Constant, ...],
+    parameters: Iterable[Parameter],
     noise: str | None,
 ) -> Problem:
     """Turn selected observations into a problem.
@@ -223,7 +146,7 @@ def make_problem(
     observations : Observations
     closure : Closure
     inertia_factor : float
-    constants : tuple of Constant
+    parameters : iterable of Parameter
     noise : {"known", "scaled", "unknown"} or None
         None: unknown where a row has no sigma; else the most careful policy that a dataset states, and known
         where none states one.
@@ -244,12 +167,12 @@ def make_problem(
     )
     series, series_index = _codes(table["series"])
     names, which = _codes(table["observable"])
-    rows = RowModel(
-        incidence, incidence.tau, names, which, series_index, table["value"].to_numpy(dtype=float)
-    )
+    rows = Rows(incidence, incidence.tau, names, which, series_index, table["value"].to_numpy(dtype=float))
     sigma = table["sigma"].to_numpy(dtype=float)
     policy = _noise_policy(observations, sigma, noise)
-    return Problem(observations, closure, inertia_factor, constants, series, rows, sigma, policy)
+    return Problem(
+        observations, closure, inertia_factor, ParameterSet(tuple(parameters), series), rows, sigma, policy
+    )
 
 
 def _codes(column: object) -> tuple[tuple[str, ...], Index]:

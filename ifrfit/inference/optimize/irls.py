@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.error_model import ITERATED, PLAIN, Scatter
+from ifrfit.inference.model.error_model import ITERATED, PLAIN, ErrorModel
 from ifrfit.inference.model.latent_quadrature import slopes
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
@@ -35,11 +35,11 @@ def reweighted(problem: Problem) -> LeastSquares:
     LeastSquares
         With `sigma` as weighted, and intervals of the local picture widened to Student's information.
     """
-    plain = replace(problem, scatter=PLAIN, noise="known")
+    plain = replace(problem, error_model=PLAIN, noise="known")
     base, factor = problem.sigma, 1.0
     if problem.noise == "scaled":
-        factor = float(np.median(least_squares(replace(problem, scatter=PLAIN)).sigma / base))
-    nu = problem.scatter.dof
+        factor = float(np.median(least_squares(replace(problem, error_model=PLAIN)).sigma / base))
+    nu = problem.error_model.dof
     sigma, change = base * factor, math.inf
     found = least_squares(replace(plain, sigma=sigma))
     for _ in range(_ITERATIONS):
@@ -69,10 +69,10 @@ def reweighted(problem: Problem) -> LeastSquares:
 def effective_sigma(problem: Problem, theta: Array, factor: float = 1.0) -> Array:
     """Error of each row with those of its angle and spin added through the slope at theta, (n,)."""
     sigma = problem.sigma * factor
-    if problem.scatter.angles == "none":
+    if problem.error_model.angles == "none":
         return np.asarray(sigma)
     square = sigma**2
-    laws = replace(problem, scatter=Scatter(angles="effective", gamma=problem.scatter.gamma))
+    laws = replace(problem, error_model=ErrorModel(angles="effective", gamma=problem.error_model.gamma))
     for number, _ in enumerate(problem.series):
         rows = np.flatnonzero(problem.rows.series == number)
         law = RowLaw.of(laws, rows)

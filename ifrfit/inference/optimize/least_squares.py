@@ -10,7 +10,8 @@ import numpy as np
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import AT_REST
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.laplace import Local, local_picture
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.solve import solve
@@ -69,7 +70,7 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
     DataError
         If the noise is to come from the misfit and a group could be fitted exactly.
     """
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         from ifrfit.inference.optimize.irls import reweighted  # which calls this for each set of weights
 
         return reweighted(problem)
@@ -131,7 +132,7 @@ def _refuse_exact(problem: Problem, name: str, rows: Index) -> None:
 
 def n_taken(problem: Problem, rows: Index) -> int:
     """How many free constants, or combinations of them, the rows depend on."""
-    free = {c.name for c in problem.constants if c.fixed is None}
+    free = {c.name for c in problem.parameters if c.fixed is None}
     own = {problem.closure.constant}
     takes: set[str] = set()
     for which in np.unique(problem.rows.which[rows]):

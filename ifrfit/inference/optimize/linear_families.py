@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.optimize.design import Domain, Forms, Frame, LinearForm
 from ifrfit.inference.optimize.parameter_group import Array, Block, Constants
 
@@ -192,7 +192,7 @@ def _direct_family(block: Block) -> LinearForm:
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], 0.0, back)
 
 
-def _product_walls(domain: Domain, c: Constant) -> None:
+def _product_walls(domain: Domain, c: Parameter) -> None:
     """c_lo w <= c w <= c_hi w."""
     if c.fixed is None:
         domain.wall([c.lower, -1.0, 0.0], 0.0)

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.optimize.linear_families import kappa_form, linear_form
 from ifrfit.inference.optimize.parameter_group import Block, BlockOptimum, normal_sums
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, minimise
@@ -88,7 +88,7 @@ def _friction_bound(
     # stationarity in mu gives the multiplier: d/dmu (sum of squares of mu) = pull (1 + e_n)
     pull = 2.0 * (m[0] * mu - m[1]) / (1.0 + e_n)
     at = np.flatnonzero(block.of_kind("tangential"))
-    free = Constant("mu", 0.0, math.inf)
+    free = Parameter("mu", 0.0, math.inf)
     sliding = replace(
         block,
         rows=block.rows.take(at),

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.problem import Index
 from ifrfit.inference.model.row_likelihood import RowLaw
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.posterior.clenshaw_curtis import rule
 from ifrfit.inference.posterior.free_parameter import Unknown
 from ifrfit.inference.posterior.noise_scale import UnknownNoise
@@ -143,7 +143,7 @@ def about_mode(
         far = _CURVED * far  # an angle saturates, so its misfit rises more slowly than it begins
     if not misfit.is_quadratic:  # where the steps have not come to rest inside, the mode may be anywhere
         far = np.where((pull > 0.0) | (np.abs(mode - at) > size), np.inf, far)
-    if law is not None and law.scatter.dof is not None:
+    if law is not None and law.error_model.dof is not None:
         far = np.full(far.shape, np.inf)  # rows that disagree keep places likely that are far from the mode
     size = size / (1.0 + pull)
     room = np.stack((mode - lower, upper - mode), axis=-1)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Unknown:
     log_scale: float
 
     @classmethod
-    def of(cls, name: str, constant: Constant) -> Unknown:
+    def of(cls, name: str, constant: Parameter) -> Unknown:
         """The unknown behind a constant; an unbounded mu reaches to the end of its default prior."""
         lower, upper = constant.lower, constant.upper
         if math.isinf(upper):

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.problem import Index, RowModel
 from ifrfit.inference.model.row_likelihood import RowLaw
+from ifrfit.inference.model.rows import Index, Rows
 from ifrfit.inference.posterior.free_parameter import Unknown
 from ifrfit.inference.posterior.grid_settings import LADDER, Setting, ladder
 from ifrfit.inference.posterior.kink_minima import local_minima
@@ -63,7 +63,7 @@ def make_part(
         reference = Reference(optimum["e_n"][0], 0.0, 0.0)
     names, groups, noise, weight, sigma = _noise(setting, at, whole)
     misfit = Misfit(rows, weight, groups, problem.closure, problem.inertia_factor, reference)
-    plain = problem.scatter.is_plain or at.size == 0
+    plain = problem.error_model.is_plain or at.size == 0
     law = None if plain else RowLaw.of(problem, at, setting.start.optimum.theta)
     series = Series(misfit, noise, known["e_n"], known["c"], known["mu"], sigma, n_normal, law=law)
     series.c_order, series.tail = setting.c_order, setting.tail
@@ -100,7 +100,7 @@ def _noise(
         return names, [group for _, group in of_rows], noise, np.ones(at.size), sigma
     everything = [np.arange(at.size)]
     factor = np.array([float(np.median(start.sigma / problem.sigma)) if problem.noise == "scaled" else 1.0])
-    if not problem.scatter.is_plain:  # no more than where to look
+    if not problem.error_model.is_plain:  # no more than where to look
         return (), everything, None, factor[0] / start.sigma[at], np.ones(1)
     weight = 1.0 / problem.sigma[at]
     if problem.noise == "known":
@@ -110,7 +110,7 @@ def _noise(
     return (), everything, None, weight, np.ones(1)  # the factor is shared
 
 
-def _taken(rows: RowModel, at: Index) -> RowModel:
+def _taken(rows: Rows, at: Index) -> Rows:
     part = rows.take(at)
     return replace(part, series=np.zeros(at.size, dtype=np.intp))
 

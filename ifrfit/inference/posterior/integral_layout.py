@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.parameters import Constant
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.optimize.linear_families import LOWEST
 from ifrfit.inference.posterior.free_parameter import Unknown
@@ -77,7 +78,7 @@ def make_plan(problem: Problem, start: LeastSquares, tolerance: float, *, apart:
         Take e_n apart where the data allow it; kappa takes the place of mu there.
     """
     setting = Setting(problem, start, tolerance)
-    has_separate = any(c.separate for c in problem.constants) and len(problem.series) > 1
+    has_separate = any(c.separate for c in problem.parameters) and len(problem.series) > 1
     if has_separate:
         blocks = tuple(np.flatnonzero(problem.rows.series == i) for i in range(len(problem.series)))
     else:
@@ -93,14 +94,16 @@ def make_plan(problem: Problem, start: LeastSquares, tolerance: float, *, apart:
             else:
                 at = setting.place(kind, block)
                 assert at is not None
-                unknowns[kind, block] = _serious(Unknown.of(problem.names[at], constant), constant, problem)
+                unknowns[kind, block] = _serious(
+                    Unknown.of(problem.parameters.names[at], constant), constant, problem
+                )
         if has_separate and constant.fixed is None and not constant.separate:
             shared_kinds.append(kind)
     _refuse_negative_bound(setting)
     return _assemble(setting, blocks, unknowns, shared_kinds, apart)
 
 
-def _serious(unknown: Unknown, constant: Constant, problem: Problem) -> Unknown:
+def _serious(unknown: Unknown, constant: Parameter, problem: Problem) -> Unknown:
     """The unknown; e_n not below what is meant seriously where values are over the outgoing velocity."""
     if constant.name == "e_n" and any(OBSERVABLES[name].scale == "rebound" for name in problem.rows.names):
         return replace(unknown, lower=max(unknown.lower, LOWEST))
@@ -161,7 +164,9 @@ def _assemble(
     closure = setting.problem.closure
     tied = tied or (closure.bilinear and closure.coefficients(setting.problem.inertia_factor).b1 != 0.0)
     whole = (
-        len(blocks) == 1 and (not direct.any() or (not apart and tied)) and setting.problem.scatter.is_plain
+        len(blocks) == 1
+        and (not direct.any() or (not apart and tied))
+        and setting.problem.error_model.is_plain
     )
     for block, rows in enumerate(blocks):
         known: dict[str, Unknown | float | None] = {kind: unknowns[kind, block] for kind in _KINDS}

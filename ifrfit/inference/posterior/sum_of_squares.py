@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.problem import Index, RowModel
+from ifrfit.inference.model.rows import Index, Rows
 from ifrfit.inference.posterior.chebyshev import on_grid
 from ifrfit.inference.posterior.quadratic_sums import PAIRS, Quadratic, Sums, expand, scale_of
 from ifrfit.physics.angles import Incidence
@@ -60,7 +60,7 @@ class Misfit:
 
     Parameters
     ----------
-    rows : RowModel
+    rows : Rows
         Of one set of constants.
     weight : ndarray
         1/sigma, or ones where the noise is unknown.
@@ -73,7 +73,7 @@ class Misfit:
 
     def __init__(
         self,
-        rows: RowModel,
+        rows: Rows,
         weight: Array,
         groups: Sequence[Index],
         closure: Closure,
@@ -256,7 +256,7 @@ class Misfit:
                     out[..., at] = value
         return np.asarray((part.value - out) * self.weight[rows])
 
-    def _factors(self, part: RowModel, x: Array, c: Array, law: Law | None) -> Array:
+    def _factors(self, part: Rows, x: Array, c: Array, law: Law | None) -> Array:
         """Impulse factors of rows, (..., rows)."""
         if law is not None:
             return law.impulse(part.incidence, c[..., None], x[..., None])[0]

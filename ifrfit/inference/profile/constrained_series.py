@@ -68,7 +68,7 @@ def _best(
     near: Array,
 ) -> list[Constants] | None:
     """Best constants of each series; None if more than one constant is shared."""
-    places = problem.positions()
+    places = problem.parameters.positions
     shared = [x for x in (whole.c, whole.mu) if not x.separate and x.fixed is None]
     shared = [x for x in shared if int(places[x.name][0]) not in at or (x is whole.mu and leads)]
     if not shared:
@@ -85,7 +85,7 @@ def _best(
 
 def _leads(problem: Problem, whole: Block, at: Mapping[int, float]) -> dict[int, float]:
     """Series whose mu is held while e_n is free: there e_n is no longer settled apart, kappa leads it."""
-    places = problem.positions()
+    places = problem.parameters.positions
     if whole.e_n.fixed is not None:
         return {}
     return {
@@ -124,7 +124,7 @@ def _settled(
     problem: Problem, blocks: list[Block], whole: Block, at: Mapping[int, float]
 ) -> list[Block] | None:
     """The blocks with e_n settled by what measures it directly, and with what is held fixed."""
-    places = problem.positions()
+    places = problem.parameters.positions
     if whole.e_n.fixed is None:
         if not is_separable(whole) or (whole.e_n.separate and not whole.mu.separate):
             return None
@@ -163,7 +163,7 @@ def _shared_value(
     from scipy.optimize import minimize_scalar
 
     scale = 1.0 if place == C else 1.0 + (blocks[0].e_n.fixed or 0.0)
-    places = problem.positions()
+    places = problem.parameters.positions
     name = problem.closure.constant if place == C else "mu"
     start = float(near[places[name or "mu"][0]]) * scale
     low, high = _range(blocks, place, start)

@@ -11,7 +11,7 @@ from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.draws import kappa_name
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.optimize.optimum import Array
@@ -21,7 +21,7 @@ from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, entry, kappa, outlying, profile_curve
 from ifrfit.inference.result.types import Constants, Estimate, Interval
 from ifrfit.inference.summary.estimates import kappa_of_constants, marginal_of_normal
-from ifrfit.inference.summary.gaussian import kappa_at, kappa_domain, prior_reasons
+from ifrfit.inference.summary.gaussian import kappa_domain, prior_reasons
 from ifrfit.inference.summary.identification import known_of
 from ifrfit.inference.summary.status import Domain, Known, estimate_of, fixed_estimate
 
@@ -65,8 +65,8 @@ def estimates_of_optimum(
             by_name[name] = free(name, kappa_domain(problem, number), at, quantity)
         kappas[series] = by_name[name]
     constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
-    places = problem.positions()
-    for constant in problem.constants:
+    places = problem.parameters.positions
+    for constant in problem.parameters:
         each: dict[str, Estimate] = {}
         for number, series in enumerate(problem.series):
             place = int(places[constant.name][number])
@@ -77,7 +77,7 @@ def estimates_of_optimum(
             elif constant.separate or number == 0:
                 at = [float(theta[place]) for theta in outlying(fit.optimum)]
                 quantity = entry(problem, fit, place)
-                each[series] = free(problem.names[place], Domain.of(constant), at, quantity)
+                each[series] = free(problem.parameters.names[place], Domain.of(constant), at, quantity)
         constants[constant.name] = each if constant.separate else each[problem.series[0]]
     for number, series in enumerate(problem.series):
         derived = kappa_of_constants(problem, number, constants)
@@ -88,12 +88,12 @@ def estimates_of_optimum(
 
 def kappa_at_theta(problem: Problem, theta: Array, series: int) -> float:
     """kappa = mu (1 + e_n) of a series at theta."""
-    places = problem.positions()
+    places = problem.parameters.positions
     return float(theta[places["mu"][series]] * (1.0 + theta[places["e_n"][series]]))
 
 
 def _both_free(problem: Problem, series: int) -> bool:
-    places, entries = problem.positions(), problem.entries()
+    places, entries = problem.parameters.positions, problem.parameters.entries
     return all(entries[int(places[name][series])].fixed is None for name in ("e_n", "mu"))
 
 
@@ -111,9 +111,9 @@ def _profiled(problem: Problem, fit: LeastSquares, quantity: Quantity, known: Kn
     return profile_of(quantity, curve, value, dof, known, fill=False).estimate()
 
 
-def _through_kappa(problem: Problem, constant: Constant, kappa: Estimate) -> Estimate:
+def _through_kappa(problem: Problem, constant: Parameter, kappa: Estimate) -> Estimate:
     """e_n is anywhere in its domain, and mu is what kappa leaves of it."""
-    e_n = next(c for c in problem.constants if c.name == "e_n")
+    e_n = problem.parameters["e_n"]
     if constant.name == "e_n":
         everything = (e_n.lower, e_n.upper)
         return Estimate(None, None, everything, everything, "not_determined", Known.loose)

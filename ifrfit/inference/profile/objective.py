@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ifrfit.inference.distributions.truncated_normal import half_width
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.optimize.optimum import Array
 
@@ -117,10 +118,10 @@ class Misfit:
 
     @property
     def _has_prior(self) -> bool:
-        return any(c.prior is not None for c in self.problem.constants)
+        return any(c.prior is not None for c in self.problem.parameters)
 
     def _prior(self, theta: Array) -> float:
-        residual = self.problem.prior_residuals(theta)
+        residual = self.problem.parameters.prior_residuals(theta)
         return float(residual @ residual)
 
     def _chi2(self, theta: Array) -> float:

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
+from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.profile.intervals import profile_of
@@ -16,7 +15,7 @@ from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, profile_curve, quantities_of, transition_tau
 from ifrfit.inference.profile.types import Profile
 from ifrfit.inference.result.types import Constants, Estimate
-from ifrfit.inference.summary.derived import Angles, angle_near, median_spin
+from ifrfit.inference.summary.derived import Angles, angle_near, median_spin, transitions_of
 from ifrfit.inference.summary.estimates import kappa_of_constants
 from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
@@ -51,7 +50,7 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
     for name, quantity in quantities_of(problem, fit).items():
         sd = math.sqrt(fit.local.variance(quantity.functional, quantity.domain.prior_sd))
         found[name] = _profile(misfit, quantity, known_of(problem, fit, name, sd, reasons), curves)
-    e_n, mu = problem.constants[0], problem.constants[-1]
+    e_n, mu = problem.parameters["e_n"], problem.parameters["mu"]
     if e_n.fixed is not None:
         factor = 1.0 + e_n.fixed
         for name in [name for name in found if name.split("[")[0] == "mu"]:
@@ -120,8 +119,8 @@ def _transitions(
 def estimates_of_profiles(
     problem: Problem,
     profiles: Mapping[str, Profile],
+    gaussian: TruncatedGaussian,
     local_kappas: Mapping[str, Estimate],
-    local_transitions: Mapping[str, Angles],
 ) -> tuple[Constants, Mapping[str, Estimate], dict[str, Angles]]:
     """Constants, kappa of each series, and transition angles of each series, by their profiles.
 
@@ -130,15 +129,16 @@ def estimates_of_profiles(
     problem : Problem
     profiles : mapping
         As `profile_all` returns them.
-    local_kappas, local_transitions : mapping
+    gaussian : TruncatedGaussian
+    local_kappas : mapping
         Those of least squares, for what has no profile.
     """
     constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
-    places = problem.positions()
-    for constant in problem.constants:
+    places = problem.parameters.positions
+    for constant in problem.parameters:
         each = {}
         for number, series in enumerate(problem.series):
-            name = problem.names[int(places[constant.name][number])]
+            name = problem.parameters.names[int(places[constant.name][number])]
             own = profiles.get(name)
             each[series] = fixed_estimate(constant.fixed or 0.0) if own is None else own.estimate()
         constants[constant.name] = each if constant.separate else each[problem.series[0]]
@@ -148,16 +148,14 @@ def estimates_of_profiles(
         derived = kappa_of_constants(problem, number, constants)
         own = local_kappas[series] if profile is None else profile.estimate()
         kappas[series] = own if derived is None else derived
+    local = transitions_of(problem, gaussian, kappas)
     transitions = {
-        series: _transition_of(series, kappas[series], profiles, local_transitions[series])
-        for series in problem.series
+        series: _transition_of(series, kappas[series], profiles, local[series]) for series in problem.series
     }
     return constants, kappas, transitions
 
 
-def _transition_of(
-    series: str, kappa: Estimate, profiles: Mapping[str, Profile], local: Angles
-) -> Angles:
+def _transition_of(series: str, kappa: Estimate, profiles: Mapping[str, Profile], local: Angles) -> Angles:
     """As least squares reports it, one angle, two or none, with the intervals of the profile."""
     if kappa.value is None:
         return None

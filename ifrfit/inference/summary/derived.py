@@ -23,7 +23,7 @@ def derived_of(
     problem: Problem, constants: Constants, kappas: Mapping[str, Estimate], transitions: Mapping[str, Angles]
 ) -> dict[str, Any]:
     """kappa, transition_angle_deg, and beta_sticking or poisson_ratio; by series where they differ."""
-    separate = any(c.separate for c in problem.constants if c.name in ("e_n", "mu"))
+    separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     return {
         "kappa": dict(kappas) if separate else kappas[problem.series[0]],
         "transition_angle_deg": dict(transitions),
@@ -116,9 +116,7 @@ def _angles(problem: Problem, number: int, tau: float, taus: list[float], kappa:
     found = []
     angles = transition_angles(tau, *spin)
     for branch, angle in enumerate(angles):
-        low95, low68, best, high68, high95 = (
-            angle_near(t, *spin, branch, len(angles), angle) for t in taus
-        )
+        low95, low68, best, high68, high95 = (angle_near(t, *spin, branch, len(angles), angle) for t in taus)
         within68 = min(low68, high68), max(low68, high68)
         within95 = min(low95, high95), max(low95, high95)
         half = 0.5 * (within68[1] - within68[0]) if kappa.stderr is not None else None

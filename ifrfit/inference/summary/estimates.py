@@ -116,7 +116,7 @@ def estimates_of(
     """
     reasons = unresolved or {}
     found: dict[str, Estimate | Mapping[str, Estimate]] = {}
-    for constant in problem.constants:
+    for constant in problem.parameters:
         own = local[constant.name]
         domain = Domain.of(constant)
         if isinstance(own, Estimate):
@@ -178,7 +178,7 @@ def _without_value(domain: Domain, unresolved: Unresolved) -> Estimate:
 
 def kappa_of_constants(problem: Problem, series: int, constants: Constants) -> Estimate | None:
     """kappa of a series where e_n or mu is fixed: the other one times a number; None where both are free."""
-    places, entries = problem.positions(), problem.entries()
+    places, entries = problem.parameters.positions, problem.parameters.entries
     e_n, mu = (entries[int(places[name][series])] for name in ("e_n", "mu"))
     domain = Domain.of_kappa(e_n, mu)
     if mu.fixed is not None and (e_n.fixed is not None or mu.fixed == 0.0):
@@ -219,7 +219,7 @@ def noise_of(
     if problem.noise == "scaled" and local.policy == "unknown":  # the factor is on a sigma of 1
         (group,) = problem.groups()
         estimates, bounds = {group: estimates[""]}, {group: bounds[""]}
-    return Noise(local.policy, sigma, estimates, dict(bounds), local.scatter)
+    return Noise(local.policy, sigma, estimates, dict(bounds), local.error_model)
 
 
 def correlation_of(distribution: Distribution, names: tuple[str, ...]) -> Array:

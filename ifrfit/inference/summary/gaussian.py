@@ -27,8 +27,8 @@ def gaussian_approximation(problem: Problem, fit: LeastSquares) -> TruncatedGaus
     lower, upper, gradient = _bounds(problem, fit)
     reasons = prior_reasons(problem, fit)
     loadings, marginals = {}, {}
-    for place in np.flatnonzero(problem.free).tolist():
-        name, constant = problem.names[place], problem.entries()[place]
+    for place in np.flatnonzero(problem.parameters.free).tolist():
+        name, constant = problem.parameters.names[place], problem.parameters.entries[place]
         loadings[name] = local.to_theta[place]
         domain = Domain.of(constant)
         value = float(fit.optimum.theta[place])
@@ -65,7 +65,7 @@ def _marginal(
 
 def kappa_at(problem: Problem, fit: LeastSquares, series: int) -> tuple[float, Array]:
     """kappa of a series at the optimum, and its derivative by the local coordinates."""
-    places = problem.positions()
+    places = problem.parameters.positions
     i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
     e_n, mu = float(fit.optimum.theta[i_e]), float(fit.optimum.theta[i_mu])
     # the coordinate itself, or by the product rule where mu is the coordinate
@@ -74,16 +74,14 @@ def kappa_at(problem: Problem, fit: LeastSquares, series: int) -> tuple[float, A
 
 def kappa_domain(problem: Problem, series: int) -> Domain:
     """Domain of kappa in a series."""
-    places, entries = problem.positions(), problem.entries()
+    places, entries = problem.parameters.positions, problem.parameters.entries
     return Domain.of_kappa(entries[int(places["e_n"][series])], entries[int(places["mu"][series])])
 
 
-def _transition(
-    problem: Problem, fit: LeastSquares, series: int, gradient: Array
-) -> TruncatedNormal | None:
+def _transition(problem: Problem, fit: LeastSquares, series: int, gradient: Array) -> TruncatedNormal | None:
     """Slip ratio kappa/b at which sticking ends in a series; None where it does not."""
     own = problem.closure.constant
-    place = int(problem.positions()[own][series]) if own else -1
+    place = int(problem.parameters.positions[own][series]) if own else -1
     c = float(fit.optimum.theta[place]) if own else 0.0
     law = problem.closure.law(problem.inertia_factor)
     b = float(law.bound(c))
@@ -104,9 +102,9 @@ def _bounds(problem: Problem, fit: LeastSquares) -> tuple[Array, Array, Array]:
     """Bounds of the coordinates, and the gradient of the objective by those that lie on one; (p,) each."""
     local = fit.local
     gradient = np.zeros(local.phi.size)
-    low, high = problem.bounds()
-    places = problem.positions()
-    for i, (name, constant) in enumerate(zip(local.names, problem.entries(), strict=True)):
+    low, high = problem.parameters.bounds()
+    places = problem.parameters.positions
+    for i, (name, constant) in enumerate(zip(local.names, problem.parameters.entries, strict=True)):
         if name.startswith("kappa"):
             series = int(np.flatnonzero(places["mu"] == i)[0])
             e_n = float(fit.optimum.theta[places["e_n"][series]])
@@ -119,13 +117,16 @@ def _bounds(problem: Problem, fit: LeastSquares) -> tuple[Array, Array, Array]:
 
 def prior_reasons(problem: Problem, fit: LeastSquares) -> dict[str, str]:
     """Free entries of theta and kappas whose sd the priors of the user halve, with the reason in words."""
-    named = [c.name for c in problem.constants if c.prior is not None]
+    named = [c.name for c in problem.parameters if c.prior is not None]
     if not named:
         return {}
     bare = local_picture(problem, fit.sigma, fit.optimum.theta, with_priors=False)
     functionals = {
-        problem.names[place]: (fit.local.to_theta[place], problem.entries()[place].prior_sd)
-        for place in np.flatnonzero(problem.free).tolist()
+        problem.parameters.names[place]: (
+            fit.local.to_theta[place],
+            problem.parameters.entries[place].prior_sd,
+        )
+        for place in np.flatnonzero(problem.parameters.free).tolist()
     }
     for number in range(len(problem.series)):
         if name := kappa_name(problem, number):

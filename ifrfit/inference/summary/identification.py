@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.summary.status import KAPPA, Known
@@ -30,16 +30,16 @@ def known_of(problem: Problem, fit: LeastSquares, name: str, sd: float, reasons:
     """
     prior = reasons.get(name, "") if math.isfinite(sd) else ""
     unique = fit.optimum.n_same == 1
-    if name not in problem.names:
+    if name not in problem.parameters.names:
         return Known(math.isfinite(sd), unique, prior, plain=KAPPA)
-    constant = problem.entries()[problem.names.index(name)]
+    constant = problem.parameters.entries[problem.parameters.names.index(name)]
     if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
         loose = f"the data fix kappa = {KAPPA} only" if constant.name == "mu" else Known.loose
         return Known(False, True, prior, loose=loose)
     return Known(math.isfinite(sd) and not too_few(problem, constant), unique, prior)
 
 
-def too_few(problem: Problem, constant: Constant) -> bool:
+def too_few(problem: Problem, constant: Parameter) -> bool:
     """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
     kinds = np.array([OBSERVABLES[name].kind for name in problem.rows.names])[problem.rows.which]
     oblique = int(np.isin(kinds, ("tangential", "curved")).sum())
@@ -47,5 +47,7 @@ def too_few(problem: Problem, constant: Constant) -> bool:
     if oblique == 0 or constant.prior is not None or direct.get(constant.name) in kinds:
         return False
     known = {name for name, kind in direct.items() if kind in kinds}
-    unknown = [c for c in problem.entries() if c.fixed is None and c.prior is None and c.name not in known]
+    unknown = [
+        c for c in problem.parameters.entries if c.fixed is None and c.prior is None and c.name not in known
+    ]
     return oblique <= len(unknown)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.result.types import Estimate, Interval
 
 AT_BOUND = 1e-9  # distance from a bound, relative where the bound is over 1, that counts as none
@@ -40,12 +40,12 @@ class Domain:
     prior_upper: float
 
     @classmethod
-    def of(cls, parameter: Constant) -> Domain:
+    def of(cls, parameter: Parameter) -> Domain:
         """Domain of a parameter."""
         return cls(parameter.lower, parameter.upper, parameter.prior_upper)
 
     @classmethod
-    def of_kappa(cls, e_n: Constant, mu: Constant) -> Domain:
+    def of_kappa(cls, e_n: Parameter, mu: Parameter) -> Domain:
         """Domain of kappa = mu (1 + e_n), which rises with both."""
         low_e, high_e = (e_n.lower, e_n.upper) if e_n.fixed is None else (e_n.fixed, e_n.fixed)
         low, high, prior = mu.lower, mu.upper, mu.prior_upper

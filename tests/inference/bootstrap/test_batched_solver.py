@@ -49,7 +49,7 @@ def test_every_replicate_has_the_optimum_of_the_certified_solver(name: str) -> N
         try:
             chosen = make_scheme(scheme, problem, found)
         except UsageError:
-            assert problem.constants[0].separate
+            assert problem.parameters["e_n"].separate
             continue
         lot = lot_of(problem, chosen, np.random.SeedSequence(3).spawn(5))
         ours, theirs = together.solve(lot), alone.solve(lot)
@@ -129,7 +129,7 @@ def _counted(problem, **only: object) -> Lot:
     if "first" in only:
         keep &= (np.arange(keep.size) < only["first"]) | (names == "e_n")
     exact = problem.fitted(np.array(only["exact"])) - problem.rows.value if "exact" in only else 0.0 * tau
-    return Lot(keep[None].astype(float), exact[None], np.full((1, len(problem.constants)), np.nan))
+    return Lot(keep[None].astype(float), exact[None], np.full((1, len(problem.parameters)), np.nan))
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,9 @@ def test_a_replicate_that_leaves_something_open_says_what_and_why(question, only
     lot = _counted(problem, **only)
     solved = Together.of(problem, found).solve(lot)
     assert solved.reason == (reason,)
-    assert {name for name, is_open in zip(problem.names, solved.open[0], strict=True) if is_open} == left
+    assert {
+        name for name, is_open in zip(problem.parameters.names, solved.open[0], strict=True) if is_open
+    } == left
     alone = OneByOne.of(problem, found).solve(lot)
     # least squares puts e_n into the middle of its domain, and the transition on the first of exact rows
     if reason not in (NO_E_N, NO_STICKING):

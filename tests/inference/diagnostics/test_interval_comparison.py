@@ -57,9 +57,9 @@ def test_linear_data_have_one_interval(tmp_path: Path) -> None:
     problem, fit = asked(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
     sd = {
         name: math.sqrt(fit.local.variance(fit.local.to_theta[i], 1.0))
-        for i, name in enumerate(problem.names)
+        for i, name in enumerate(problem.parameters.names)
     }
-    value = dict(zip(problem.names, fit.optimum.theta.tolist(), strict=True))
+    value = dict(zip(problem.parameters.names, fit.optimum.theta.tolist(), strict=True))
     laws = {name: (value[name], sd[name]) for name in ("e_t", "mu")}
     laws["kappa"] = value["mu"] * 1.94, sd["mu"] * 1.94
     found = intervals(problem, fit, Gaussian(laws))

@@ -12,7 +12,7 @@ from ifrfit.data.observations import Observations, make_table
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.pooling import sharing
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.posterior import explore
 from ifrfit.physics import get_closure
@@ -40,9 +40,9 @@ def build(mu=(0.1, 0.1), *, rows=12, separate=(), fix=None, prior=None, closure=
     def problem_of(table, constants):
         return make_problem(Observations(table), chosen, 0.4, constants, "known")
 
-    apart = problem_of(table, make_constants(chosen, 0.4, separate=("mu",)))
+    apart = problem_of(table, make_parameters(chosen, 0.4, separate=("mu",)))
     value = apart.fitted(np.array([0.9, -0.8, *mu])) + SIGMA * rng.standard_normal(n)
-    constants = make_constants(chosen, 0.4, separate=separate, fix=fix, prior=prior)
+    constants = make_parameters(chosen, 0.4, separate=separate, fix=fix, prior=prior)
     return problem_of(table.assign(value=value), constants)
 
 
@@ -54,7 +54,7 @@ class Fake:
         self.asked = []
 
     def __call__(self, problem):
-        separate = frozenset(c.name for c in problem.constants if c.separate)
+        separate = frozenset(c.name for c in problem.parameters if c.separate)
         self.asked.append((separate, problem))
         value = self.evidence[separate]
         if value is None:
@@ -207,7 +207,7 @@ def grid(problem):
     """Evidence of beta and e_n with e_n and e_t known, over mu alone, each series on its own grid."""
     mu = np.linspace(0.0, 2.0, 2001)
     log_l = np.empty((len(problem.series), mu.size))
-    shared = make_constants(problem.closure, 0.4)
+    shared = make_parameters(problem.closure, 0.4)
     plain = make_problem(problem.observations, problem.closure, 0.4, shared, "known")
     z = np.empty((mu.size, plain.rows.value.size))
     for i, value in enumerate(mu):
@@ -218,7 +218,7 @@ def grid(problem):
     def log_mean(x):
         return float(x.max() + np.log(np.trapezoid(np.exp(x - x.max()), mu) / 2.0))
 
-    separate = any(c.separate for c in problem.constants)
+    separate = any(c.separate for c in problem.parameters)
     found = sum(log_mean(x) for x in log_l) if separate else log_mean(log_l.sum(axis=0))
     return SimpleNamespace(log_evidence=found)
 

@@ -12,7 +12,7 @@ from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.diagnostics import predictive_checks as module
 from ifrfit.inference.diagnostics.predictive_checks import fitted_at, predictive
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure
 
@@ -41,16 +41,16 @@ def build(
         }
     )
     chosen = get_closure(closure)
-    constants = make_constants(chosen, 0.4, separate=separate, fix=fix)
+    constants = make_parameters(chosen, 0.4, separate=separate, fix=fix)
     empty = make_problem(Observations(table), chosen, 0.4, constants, noise)
     values = dict(zip(("e_n", chosen.constant, "mu"), truth, strict=True))
-    return with_values(empty, empty.fitted(np.array([values[c.name] for c in empty.entries()])))
+    return with_values(empty, empty.fitted(np.array([values[c.name] for c in empty.parameters.entries])))
 
 
 def with_values(problem, value):
     table = problem.observations.table.assign(value=value)
     return make_problem(
-        Observations(table), problem.closure, problem.inertia_factor, problem.constants, problem.noise
+        Observations(table), problem.closure, problem.inertia_factor, problem.parameters, problem.noise
     )
 
 
@@ -70,7 +70,7 @@ def test_many_draws_at_once_are_the_same_as_one_by_one(closure, separate):
     separate = (*separate, *([constant] if constant and separate else []))
     problem = build(60, CURVED_TOO, closure=closure, series=3, separate=separate, truth=truth)
     scale = {"e_n": (0.2, 1.0), "mu": (0.0, 1.5), constant: (-1.0, -0.4)}
-    theta = np.column_stack([rng.uniform(*scale[c.name], 50) for c in problem.entries()])
+    theta = np.column_stack([rng.uniform(*scale[c.name], 50) for c in problem.parameters.entries])
     expected = np.array([problem.fitted(row) for row in theta])
     assert np.isfinite(expected).all()
     np.testing.assert_allclose(fitted_at(problem, theta), expected, rtol=1e-13, atol=1e-14)

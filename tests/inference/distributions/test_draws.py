@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ifrfit.inference.result.method_results import with_law
 from scipy import stats
 
 import ifrfit
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.posterior import Posterior
-from ifrfit.inference.result.method_results import with_law
 from ifrfit.inference.result.types import Estimate, Fact
 
 ANGLES = [5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0]

@@ -10,7 +10,7 @@ from scipy import stats
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.posterior import explore
 from ifrfit.physics import rebound
@@ -33,7 +33,7 @@ def problem_of(*, noise="known", fix=None, prior=None, ids=None, separate=()):
         }
     )
     closure = get_closure("ifr")
-    constants = make_constants(closure, 0.4, fix=fix, prior=prior, separate=separate)
+    constants = make_parameters(closure, 0.4, fix=fix, prior=prior, separate=separate)
     return make_problem(Observations(table), closure, 0.4, constants, noise)
 
 

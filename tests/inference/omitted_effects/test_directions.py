@@ -66,7 +66,7 @@ def test_laws_of_e_n(problem, name, contact):
     cosine = problem.rows.incidence.cosine[at]
     # the constant that would be fitted to the law's own v_n = e_n cos(gamma)
     middle = float(law[at] @ cosine / (cosine @ cosine))
-    there = np.where(np.array(problem.names) == "e_n", middle, theta)
+    there = np.where(np.array(problem.parameters.names) == "e_n", middle, theta)
     only = np.where(problem.rows.which == problem.rows.names.index("v_n"), 1.0, 1e9)
     found = directions(problem, there, problem.jacobian(there), only)
     direction = next(one for one in found if one.name == name)

@@ -9,7 +9,7 @@ import pytest
 
 import ifrfit
 from ifrfit.data import read
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.optimum import objective_at
 from ifrfit.inference.optimize.solve import solve
@@ -20,7 +20,7 @@ GAMMA = np.linspace(4.0, 86.0, 25)
 
 def problem_of(path, closure="ifr", **choices):
     chosen = get_closure(closure)
-    return make_problem(read(path), chosen, 0.4, make_constants(chosen, 0.4, **choices), "known")
+    return make_problem(read(path), chosen, 0.4, make_parameters(chosen, 0.4, **choices), "known")
 
 
 ROADS = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.lagrangian_bound import KAPPA, C, constants_at
 from ifrfit.inference.optimize.linear_families import kappa_form
@@ -30,7 +30,7 @@ def block_of(closure: str = "ifr", n: int = 30, sigma: float = 0.05, **choices) 
     columns = {"series": "a", "observable": "beta", "gamma_deg": gamma, "value": value}
     table = make_table({**columns, "sigma": np.full(n, sigma)})
     chosen = get_closure(closure)
-    constants = make_constants(chosen, 0.4, fix={"e_n": 0.9, **choices.pop("fix", {})}, **choices)
+    constants = make_parameters(chosen, 0.4, fix={"e_n": 0.9, **choices.pop("fix", {})}, **choices)
     problem = make_problem(Observations(table), chosen, 0.4, constants, "known")
     return whole_block(problem, problem.sigma)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import get_closure, get_observable, rebound
 
@@ -90,7 +90,7 @@ class Question:
     def problem(self) -> Problem:
         """The same as the package wants it."""
         closure = get_closure(self.closure)
-        constants = make_constants(
+        constants = make_parameters(
             closure,
             self.inertia_factor,
             fix=self.fix,

@@ -49,6 +49,7 @@ def test_a_smooth_sum_is_had_from_few_places():
         lambda e_n, x, c: squares(e_n, x, c) + 3.0 * np.abs(e_n - 0.9),
         lambda e_n, x, c: squares(e_n, x, c) * (1.0 + 1e-6 * np.sin(300.0 * c)),
     ],
+    ids=["kink in c", "kink in e_n", "wave in c"],
 )
 def test_no_polynomial_is_offered_for_a_sum_that_is_none(odd):
     assert smooth.between(odd, E_N, X, C, ROWS.size) is None

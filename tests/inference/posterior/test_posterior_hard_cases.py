@@ -64,7 +64,9 @@ def test_finite_silent_and_converged(name: str) -> None:
         assert math.isfinite(post.log_evidence)
         # FR's transition has no end: a few of its smallest problems stop short of 1e-4, and say so
         assert post.converged or problem.closure.name == "fr", (post.error, post.error_evidence)
-        bounds = dict(zip(problem.names, zip(*problem.bounds(), strict=True), strict=True))
+        bounds = dict(
+            zip(problem.parameters.names, zip(*problem.parameters.bounds(), strict=True), strict=True)
+        )
         for quantity in post.names:
             low, high = bounds.get(quantity, (0.0, math.inf))
             mean, sd = post.mean(quantity), post.sd(quantity)

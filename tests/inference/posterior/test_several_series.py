@@ -12,7 +12,7 @@ from posterior_dense import reference
 from posterior_questions import LEVELS, Question, Row, measured
 
 from ifrfit.data import combine, read
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.posterior import explore
 from ifrfit.physics import get_closure
@@ -112,7 +112,7 @@ def test_two_files(tmp_path: Path) -> None:
         path.write_text("\n".join(["gamma_deg,beta,sigma", *lines]) + "\n", encoding="utf-8")
         parts.append(read(path))
     closure = get_closure("ifr")
-    constants = make_constants(closure, 0.4, fix={"e_n": 0.9}, separate=("mu",))
+    constants = make_parameters(closure, 0.4, fix={"e_n": 0.9}, separate=("mu",))
     problem = make_problem(combine(parts), closure, 0.4, constants, None)
     question = Question(run("first", 31) + run("second", 32, mu=0.22), fix={"e_n": 0.9}, separate=("mu",))
     check(explore(problem), reference(question), 1e-4)

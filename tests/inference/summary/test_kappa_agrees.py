@@ -39,7 +39,9 @@ def times(interval: tuple[float, float], factor: float) -> tuple[float, float]:
 def assert_scaled(one: Estimate, other: Estimate, factor: float) -> None:
     assert one.status == other.status
     assert (one.value is None) == (other.value is None)
-    size = 1e-4 * abs(other.interval95[0] - other.interval95[1]) if math.isfinite(other.interval95[1]) else 1e-9
+    size = (
+        1e-4 * abs(other.interval95[0] - other.interval95[1]) if math.isfinite(other.interval95[1]) else 1e-9
+    )
     assert one.interval68 == pytest.approx(times(other.interval68, factor), rel=1e-9, abs=size)
     assert one.interval95 == pytest.approx(times(other.interval95, factor), rel=1e-9, abs=size)
     if other.value is not None:
@@ -84,7 +86,13 @@ def test_e_n_and_kappa_agree_where_mu_is_fixed(method: str) -> None:
 def test_by_series_each_kappa_follows_its_own_mu(impacts, method: str) -> None:
     path = impacts(
         {"gamma": [5.0, 15.0, 25.0, 35.0, 45.0, 60.0, 75.0], "noise": 0.03, "series": "a"},
-        {"gamma": [5.0, 15.0, 25.0, 35.0, 45.0, 60.0, 75.0], "noise": 0.03, "series": "b", "mu": 0.2, "seed": 1},
+        {
+            "gamma": [5.0, 15.0, 25.0, 35.0, 45.0, 60.0, 75.0],
+            "noise": 0.03,
+            "series": "b",
+            "mu": 0.2,
+            "seed": 1,
+        },
     )
     found = ifrfit.fit(
         path, fix={"e_n": 0.94}, separate=["mu"], bounds={"mu": (0.0, 0.17)}, **METHODS[method]

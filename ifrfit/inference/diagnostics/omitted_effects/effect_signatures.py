@@ -140,7 +140,7 @@ def _kappa_factor(problem: Problem, theta: Array, columns: Array, sigma: Array) 
     """
     residual = (problem.rows.value - problem.fitted(theta)) / sigma
     step = np.linalg.lstsq(columns / sigma[:, None], residual, rcond=_STEP)[0]
-    places, series = problem.positions(), problem.rows.series
+    places, series = problem.parameters.positions, problem.rows.series
     at_e, at_mu = places["e_n"][series], places["mu"][series]
     e_n, _, mu = problem.per_row(theta)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -154,7 +154,7 @@ def _of_speed(
     """Laws e_n(v), adhesion, and friction that depends on the speed of sliding."""
     i = problem.rows.incidence
     normal, sliding = speed * i.cosine, speed * i.slip
-    places = problem.positions()
+    places = problem.parameters.positions
     row = np.arange(normal.size)
     e_n, c, mu = problem.per_row(theta)
     coming, slipping = normal > 0.0, (sliding > 0.0) & oblique(problem)

@@ -51,7 +51,7 @@ def effects_fact(
         [replace(d, change=d.change / fit.sigma) for d in every],
         jacobian / fit.sigma[:, None],
         residual,
-        known=problem.noise == "known" and problem.scatter.is_plain,
+        known=problem.noise == "known" and problem.error_model.is_plain,
     )
     if all(one.direction.name in RIVALS for one in tested):
         return None

@@ -15,8 +15,9 @@ from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictu
 from ifrfit.report.page.drawings.intervals import Span, draw_intervals
 from ifrfit.report.page.material import Material
 from ifrfit.report.regimes import transitions
-from ifrfit.report.rounding import interval_text, places_of, spread, value_text
+from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.sentences import METHODS, status_words
+from ifrfit.text import interval_text, sd_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,7 +81,7 @@ def _row(label: str, estimate: Estimate, remark: str) -> tuple[str, ...]:
     places = places_of(estimate)
     if estimate.status == "fixed":
         return (label, value_text(estimate), "", "", "", remark)
-    sd = "" if estimate.stderr is None or estimate.value is None else spread(estimate.stderr)
+    sd = "" if estimate.stderr is None or estimate.value is None else sd_text(estimate.stderr)
     inner, outer = (interval_text(each, places) for each in (estimate.interval68, estimate.interval95))
     return (label, value_text(estimate), sd, inner, outer, remark)
 
