@@ -46,7 +46,7 @@ def beginning(
         return fit(data, method="lsq", seed=seed, command=command, **choices)
     # `fit` refuses least squares of this scatter as an answer; as a place to begin they are good enough
     plain = fit(data, method="lsq", seed=seed, command=command, **without_laws(choices))
-    problem = with_error_model(plain.problem, error_model, "mcmc")
+    problem = with_error_model(plain.problem_and_optimum()[0], error_model, "mcmc")
     tied = tied_to_e_n(problem, error_model) if posterior else []
     if tied:
         raise UsageError(

@@ -88,7 +88,7 @@ def weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed:
     found = _cross_validated(fits, seed) if loo else {}
     if loo and not found:
         notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
-    problems = [fit.problem for fit in fits.values()]
+    problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
     if not problems[0].has_oblique:
         notes += ("No row is of an oblique impact: e_n and mu alone say nothing of a closure.",)
     entries = _entries(fits, found)
@@ -114,11 +114,11 @@ def _entries(fits: dict[str, FitResult], loo: dict[str, Loo]) -> dict[str, Entry
     return {
         name: Entry(
             fit=fit,
-            free=int(fit.problem.parameters.free.sum()),
+            free=int(fit.problem_and_optimum()[0].parameters.free.sum()),
             aicc=aicc(fit),
             log_bayes_factor=evidence[name] - top,
             probability=chance[name],
-            prior=prior_of(fit.problem),
+            prior=prior_of(fit.problem_and_optimum()[0]),
             loo=loo.get(name),
         )
         for name, fit in fits.items()

@@ -45,12 +45,13 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     Vehtari, Gelman & Gabry (2017), Statistics and Computing 27, 1413; Vehtari, Simpson, Gelman, Yao & Gabry
     (2024), Journal of Machine Learning Research 25(72).
     """
-    problem: Problem = fit.problem
+    problem, _ = fit.problem_and_optimum()
+    posterior = posterior_of(fit)
     n_draws = min(DRAWS, _LARGEST // problem.rows.value.size)
     if n_draws < _FEWEST:
         return None
     density = Density(problem)
-    draws = posterior_of(fit).draws(n_draws, np.random.default_rng(seed))
+    draws = posterior.draws(n_draws, np.random.default_rng(seed))
     each = _likelihoods(density, _points(density, draws, n_draws))
     elpd, k = _smoothed(each)
     threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
@@ -58,9 +59,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
     refitted = []
     for i in high[:MOST_REFITS]:
-        exact = left_out(
-            problem, posterior_of(fit).log_evidence, density.impact != i, posterior_of(fit).tolerance
-        )
+        exact = left_out(problem, posterior.log_evidence, density.impact != i, posterior.tolerance)
         if exact is not None:
             elpd[i] = exact
             refitted.append(names[i])

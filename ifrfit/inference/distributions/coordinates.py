@@ -1,7 +1,7 @@
 """The coordinates in which least squares is nearly Gaussian: kappa = mu (1 + e_n) in the place of mu.
 
-Coordinates go by name (e_n, e_t, kappa; with a series in brackets where separate), because a result that was read
-from a file knows no more.
+Coordinates go by name (e_n, e_t, kappa; with a series in brackets where separate), because a result that was
+read from a file knows no more.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def to_parameters(names: tuple[str, ...], phi: Array) -> dict[str, Array]:
     Returns
     -------
     dict
-        Name to values, (n,): the parameters in the order of the coordinates, then kappa. Where one mu goes with
-        several e_n each series has its kappa.
+        Name to values, (n,): the parameters in the order of the coordinates, then kappa. Where one mu goes
+        with several e_n each series has its kappa.
     """
     parameters: dict[str, Array] = {}
     kappas: dict[str, Array] = {}

@@ -118,9 +118,9 @@ class Draws:
 
 
 def kappa_name(problem: Problem, series: int) -> str:
-    """Name of kappa in a series: kappa, or kappa[SERIES] where e_n or mu is separate; empty where both are fixed.
+    """Name of kappa in a series: kappa, or kappa[SERIES] where e_n or mu is separate.
 
-    A problem of one series has one kappa, whatever is separate.
+    Empty where both are fixed. A problem of one series has one kappa, whatever is separate.
     """
     places, entries = problem.parameters.positions, problem.parameters.entries
     free = [i for i in (int(places["mu"][series]), int(places["e_n"][series])) if entries[i].fixed is None]

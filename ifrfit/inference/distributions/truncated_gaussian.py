@@ -23,8 +23,8 @@ class TruncatedGaussian:
     """Gaussian about the optimum in the coordinates e_n, closure constant, kappa, as a `Distribution`.
 
     Marginals are those of the uncut Gaussian, each cut at its own bounds and, where the noise comes from the
-    misfit, with Student's t; means and standard deviations are those before the cut. Draws are cut at all bounds
-    together, and loose directions have at most the variance of the default prior in them.
+    misfit, with Student's t; means and standard deviations are those before the cut. Draws are cut at all
+    bounds together, and loose directions have at most the variance of the default prior in them.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class TruncatedGaussian:
         """Independent draws of all quantities together."""
         found = to_parameters(self.coordinates, self.draw_coordinates(n, rng))
         if "kappa" not in found:  # of a single series with a separate mu
-            found |= {"kappa": x for name, x in found.items() if name.startswith("kappa[")}
+            found["kappa"] = next(x for name, x in found.items() if name.startswith("kappa"))
         return {name: found[name] for name in self.names}
 
     def draw_coordinates(self, n: int, rng: np.random.Generator) -> Array:

@@ -20,8 +20,8 @@ class TruncatedNormal:
     mode : float
         Its largest density inside the bounds: the optimum.
     center, sd : float
-        Before it is cut; the centre lies beyond a bound that holds the optimum back. An infinite sd stands for
-        a quantity that the data do not see: then everything between the bounds is equally likely.
+        Before it is cut; the centre lies beyond a bound that holds the optimum back. An infinite sd stands
+        for a quantity that the data do not see: then everything between the bounds is equally likely.
     lower, upper : float
         Bounds, may be infinite.
     dof : float

@@ -1,4 +1,4 @@
-"""A sample of a problem's posterior: chains, what they say of themselves, and the distribution they stand for."""
+"""A sample of a problem's posterior: chains, their diagnostics, and the distribution they stand for."""
 
 from __future__ import annotations
 

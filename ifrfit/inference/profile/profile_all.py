@@ -142,12 +142,12 @@ def estimates_of_profiles(
             own = profiles.get(name)
             each[series] = fixed_estimate(constant.fixed or 0.0) if own is None else own.estimate()
         constants[constant.name] = each if constant.separate else each[problem.series[0]]
-    kappas = {}
+    kappas: dict[str, Estimate] = {}
     for number, series in enumerate(problem.series):
         profile = profiles.get(f"kappa[{series}]") or profiles.get("kappa")
         derived = kappa_of_constants(problem, number, constants)
-        own = local_kappas[series] if profile is None else profile.estimate()
-        kappas[series] = own if derived is None else derived
+        of_profile = local_kappas[series] if profile is None else profile.estimate()
+        kappas[series] = of_profile if derived is None else derived
     local = transitions_of(problem, gaussian, kappas)
     transitions = {
         series: _transition_of(series, kappas[series], profiles, local[series]) for series in problem.series

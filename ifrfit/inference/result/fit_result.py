@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,7 +105,7 @@ class FitResult:
     files: Mapping[str, Saves] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if self.distribution is None:
+        if cast("Distribution | None", self.distribution) is None:
             object.__setattr__(self, "distribution", distribution_of(self.state))
 
     def problem_and_optimum(self) -> tuple[Problem, LeastSquares]:

@@ -91,8 +91,8 @@ def transitions_of(
     kappas : mapping
         By series; their status is that of the angles, and without a value there is none.
     distribution : Distribution, optional
-        Its quantiles of the transition are taken, its median for the value; by default the Gaussian's, and the
-        optimum.
+        Its quantiles of the transition are taken, its median for the value; by default the Gaussian's, and
+        the optimum.
     """
     found: dict[str, Angles] = {}
     for number, series in enumerate(problem.series):
@@ -103,7 +103,7 @@ def transitions_of(
             continue
         # a fixed kappa leaves the closure constant to the transition, which the Gaussian knows
         own = gaussian if distribution is None or kappa.status == "fixed" else distribution
-        taus = [float(tau) for tau in own.quantile(name, LEVELS)]
+        taus = np.asarray(own.quantile(name, LEVELS), dtype=float).tolist()
         if own is gaussian:
             taus[2] = at_optimum.mode
         found[series] = _angles(problem, number, at_optimum.mode, taus, kappa)

@@ -195,7 +195,7 @@ def kappa_of_constants(problem: Problem, series: int, constants: Constants) -> E
 def noise_of(
     problem: Problem, distribution: Distribution, local: Noise, bounds: Mapping[str, Interval]
 ) -> Noise:
-    """Noise as the distribution has it; sigma is its median, and stays where the distribution has no noise."""
+    """Noise as the distribution has it; sigma is its median, and stays where there is no noise in it."""
     estimates = {}
     for name in distribution.names:
         if not name.startswith("noise"):

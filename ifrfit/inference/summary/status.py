@@ -1,8 +1,8 @@
 """The one rule that turns what is known of a quantity into an estimate with a status.
 
 Whatever the method, a quantity comes as a `Marginal` (best value, standard deviation, intervals, and which
-bounds its 95 % region reaches) with a `Domain` and what else is `Known` of it; `estimate_of` decides. The table
-of statuses is in `ifrfit.inference.diagnostics.thresholds`.
+bounds its 95 % region reaches) with a `Domain` and what else is `Known` of it; `estimate_of` decides. The
+table of statuses is in `ifrfit.inference.diagnostics.thresholds`.
 """
 
 from __future__ import annotations
@@ -136,11 +136,11 @@ def fixed_estimate(value: float, reason: str = "fixed by you") -> Estimate:
 def estimate_of(domain: Domain, marginal: Marginal, known: Known) -> Estimate:
     """Status of a free quantity, and the estimate that goes with it.
 
-    determined (or prior, where one of the user narrows it): the data see the quantity, no second optimum is as
-    good, its sd is below half of that of the default prior, and the 95 % region reaches no bound. one_sided: the
-    region reaches one bound; the value is kept where the rest of these conditions holds and it lies near that
-    bound. not_determined: otherwise, also where the only limit is an upper one near the end of the default
-    prior.
+    determined (or prior, where one of the user narrows it): the data see the quantity, no second optimum is
+    as good, its sd is below half of that of the default prior, and the 95 % region reaches no bound.
+    one_sided: the region reaches one bound; the value is kept where the rest of these conditions holds and it
+    lies near that bound. not_determined: otherwise, also where the only limit is an upper one near the end of
+    the default prior.
     """
     certain = known.seen and known.unique
     enough = HALF * domain.prior_sd

@@ -37,6 +37,6 @@ def _too_much(result: FitResult) -> str:
     if curved > MOST_CURVED:
         return f"{curved} rebound angles or total restitutions take long"
     error_model = result.noise.error_model
-    if error_model is not None and not error_model.is_plain and result.noise.policy != "known":
+    if not error_model.is_plain and result.noise.policy != "known":
         return "Such a scatter with a noise that is not known takes long"
     return ""

@@ -1,4 +1,4 @@
-"""Where e_n (or mu) is fixed kappa = mu (1 + e_n) is the other one times a number, and every method says so."""
+"""Where e_n (or mu) is fixed, kappa = mu (1 + e_n) is the other one times a number, by every method."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 import ifrfit
 from ifrfit.inference.result.types import Estimate
 
+GAMMA = [5.0, 15.0, 25.0, 35.0, 45.0, 60.0, 75.0]
 METHODS = {
     "lsq": {"method": "lsq"},
     "profile": {"method": "profile"},
