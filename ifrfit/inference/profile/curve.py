@@ -30,14 +30,17 @@ class Resolution:
         Places spread over the whole domain, for valleys that no optimum announced.
     crossing : float
         Share of a bracket to which the end of an interval is known.
+    between : bool
+        Whether the curve is followed between optima, too, where only its shape shows.
     """
 
     scan: int
     crossing: float
+    between: bool
 
 
-FINE = Resolution(16, 1e-8)
-COARSE = Resolution(0, 1e-4)  # for what the Gaussian approximation leaves open
+FINE = Resolution(16, 1e-8, between=True)
+COARSE = Resolution(0, 1e-4, between=False)  # for what the Gaussian approximation leaves open
 
 
 class ProfileCurve:
@@ -125,8 +128,9 @@ class ProfileCurve:
             self(x)
         self._last = self.upper if math.isfinite(self.upper) else self._finite_end(inside[-1], step, limit)
         self(self.lower), self(self._last)
-        for x in inside:
+        for x in inside if self._resolution.between else inside[:1]:
             self._outward(x, -step, limit)
+        for x in inside if self._resolution.between else inside[-1:]:
             self._outward(x, step, limit)
         for x in np.linspace(self.lower, self._last, self._resolution.scan + 2)[1:-1].tolist():
             self(x)
