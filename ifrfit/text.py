@@ -82,6 +82,8 @@ def duration(seconds: float) -> str:
     """A time with two digits and the unit that people would use; "-" where it is not known."""
     if not math.isfinite(seconds):
         return "-"
+    if seconds == 0.0:
+        return "0 s"
     if seconds >= _LONG:
         return f"{seconds / 60.0:.2g} min" if seconds < 6000.0 else f"{seconds / 60.0:,.0f} min"
     size, unit = next(

@@ -16,7 +16,7 @@ from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import get_closure
 
@@ -94,7 +94,7 @@ def treat(task: tuple[int, str, int]) -> list[Found]:
     found = []
     for name, error_model in TREATMENTS.items():
         problem = with_error_model(plain, error_model, "exact")
-        post = explore(problem, tolerance=TOLERANCE, start=least_squares(problem))
+        post = integrate(problem, tolerance=TOLERANCE, start=least_squares(problem))
         inside = []
         for constant in ASKED:
             low, high = np.asarray(post.quantile(constant, np.array([0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])))

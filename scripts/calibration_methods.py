@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior import TOLERANCE, explore
+from ifrfit.inference.posterior import TOLERANCE, integrate
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.inference.summary.estimates import constants_of
@@ -77,7 +77,7 @@ def score_exact(
 ) -> tuple[dict[str, dict[str, Score]], float]:
     """Scores of the exact posterior and of its intervals narrowed, and the error that it states."""
     plain = experiment.problem.error_model.is_plain
-    post = explore(experiment.problem, start=fit, tolerance=TOLERANCE if plain else COARSE)
+    post = integrate(experiment.problem, start=fit, tolerance=TOLERANCE if plain else COARSE)
     scores = {
         EXACT: score_marginals(post, experiment.truth),
         NARROW: score_marginals(post, experiment.truth, NARROWED),
@@ -95,7 +95,7 @@ WRONG: dict[str, Callable[[Experiment], Experiment]] = {
 def score_wrong(experiment: Experiment, control: str) -> dict[str, Score]:
     """Scores of the exact posterior of a wrong likelihood, one of `WRONG`: the test must not let it pass."""
     seen = WRONG[control](experiment)
-    return score_marginals(explore(seen.problem, tolerance=COARSE), seen.truth)
+    return score_marginals(integrate(seen.problem, tolerance=COARSE), seen.truth)
 
 
 def score_covariance(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]:

@@ -298,10 +298,9 @@ def without_kink(experiment: Experiment) -> Experiment:
     slides = Closure(
         right.name,
         "IFR without its sticking",
-        right.constant,
         lambda _: Coefficients(share, share, ALWAYS_SLIDES, 0.0),
-        right.domain,
         right.source,
+        right.own,
     )
     return replace(experiment, problem=replace(experiment.problem, closure=slides))
 

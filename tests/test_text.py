@@ -95,6 +95,7 @@ def test_fixed_never_fails_and_never_shows_minus_zero(value, places):
 @pytest.mark.parametrize(
     ("seconds", "text"),
     [
+        (0.0, "0 s"),
         (5.1e-10, "0.51 ns"),
         (3.2e-9, "3.2 ns"),
         (2.5e-7, "250 ns"),

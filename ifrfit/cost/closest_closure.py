@@ -1,4 +1,4 @@
-"""Constants with which a bilinear closure comes closest to a given beta."""
+"""Constants with which a closure comes closest to a given beta."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> 
     Parameters
     ----------
     closure : Closure
-        A bilinear one: its optimum is the global one, see `ifrfit.inference.optimize.solve.solve`.
+        Of a bilinear one the optimum is the global one, see `ifrfit.inference.optimize.solve.solve`; of
+        another, the best of many local ones.
     incidence : Incidence
         Of solid spheres, without lateral spin.
     beta : ndarray, (n,)

@@ -24,7 +24,7 @@ from ifrfit.inference.bootstrap.batched_solver import Together
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.text import power_of_ten
 
@@ -218,12 +218,12 @@ def _deterministic(
 
 
 def _exact(problem: Problem, tolerance: float) -> Callable[[], Numbers]:
-    return lambda: of_law(problem, explore(problem, tolerance))
+    return lambda: of_law(problem, integrate(problem, tolerance))
 
 
-def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[float], Posterior]:
+def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[float], QuadraturePosterior]:
     """Tolerances that are measured, and the posterior that is their reference: the next finer one."""
-    tried: list[tuple[float, Posterior]] = []
+    tried: list[tuple[float, QuadraturePosterior]] = []
     last = before = 0.0
     for tolerance in (*extent.tolerances, REFERENCE):
         if tried:
@@ -231,7 +231,7 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
             if known and foreseen(tried[-1][1], last, before) > extent.reference:
                 break
         begin = time.perf_counter()
-        posterior = explore(problem, tolerance)
+        posterior = integrate(problem, tolerance)
         last, before = time.perf_counter() - begin, last
         if tried and not posterior.error < tried[-1][1].error and not posterior.converged:
             break

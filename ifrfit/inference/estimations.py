@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.pooling import sharing
+from ifrfit.inference.diagnostics.quadrature_convergence import quadrature_convergence
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior import TOLERANCE, Posterior, explore
-from ifrfit.inference.posterior.convergence_fact import exact_converged
+from ifrfit.inference.posterior import TOLERANCE, QuadraturePosterior, integrate
 from ifrfit.inference.result.estimation import Estimation
 
 if TYPE_CHECKING:
@@ -32,19 +32,19 @@ def exact_estimation(problem: Problem, optimum: LeastSquares, tolerance: float |
     """The posterior by quadrature, and whether the data want separate constants to be shared."""
     if tolerance is None:
         tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
-    posterior = explore(problem, start=optimum, tolerance=tolerance)
-    return posterior_estimation(problem, optimum, posterior, explore)
+    posterior = integrate(problem, start=optimum, tolerance=tolerance)
+    return posterior_estimation(problem, optimum, posterior, integrate)
 
 
 def posterior_estimation(
     problem: Problem,
     optimum: LeastSquares,
-    posterior: Posterior,
-    explore: Callable[[Problem], Posterior] | None,
+    posterior: QuadraturePosterior,
+    integrate: Callable[[Problem], QuadraturePosterior] | None,
 ) -> Estimation:
-    """An integrated posterior; other questions about sharing are put to `explore`, if there is one."""
-    diagnostics = {"converged": exact_converged(posterior, noise_converged(optimum))}
-    shared = None if explore is None else sharing(problem, posterior.log_evidence, explore)
+    """An integrated posterior; other questions about sharing are put to `integrate`, if there is one."""
+    diagnostics = {"converged": quadrature_convergence(posterior, noise_converged(optimum))}
+    shared = None if integrate is None else sharing(problem, posterior.log_evidence, integrate)
     if shared is not None:
         diagnostics["sharing"] = shared
     return Estimation("exact", posterior, diagnostics, is_posterior=True, log_evidence=posterior.log_evidence)

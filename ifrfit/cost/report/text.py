@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import textwrap
 from collections.abc import Sequence
+from html import escape
 
 import numpy as np
 
@@ -47,6 +48,11 @@ def summary(costs: Costs) -> str:
     for note in costs.notes:
         lines += finding_lines("note", note)
     return "\n".join(line.rstrip() for line in lines).rstrip("\n")
+
+
+def html(costs: Costs) -> str:
+    """The summary as an HTML fragment for notebooks; what comes from data is escaped."""
+    return f"<pre>{escape(summary(costs))}</pre>"
 
 
 def machine() -> str:

@@ -20,7 +20,7 @@ from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact
 
@@ -98,9 +98,9 @@ def estimation_with_effort(
     return _chains(problem, optimum, wanted, unsuitable, seed, workers, progress)
 
 
-def _exact(problem: Problem, optimum: LeastSquares, posterior: Posterior, wanted: Wanted) -> Estimation:
+def _exact(problem: Problem, optimum: LeastSquares, posterior: QuadraturePosterior, wanted: Wanted) -> Estimation:
     if wanted.budget is None:
-        found = posterior_estimation(problem, optimum, posterior, explore)
+        found = posterior_estimation(problem, optimum, posterior, integrate)
     else:
         try:
             found = posterior_estimation(problem, optimum, posterior, lambda other: _evidence(other, wanted))
@@ -110,7 +110,7 @@ def _exact(problem: Problem, optimum: LeastSquares, posterior: Posterior, wanted
     return _with_effort(found, wanted, "", tolerance=posterior.tolerance, reached=posterior.error)
 
 
-def _evidence(problem: Problem, wanted: Wanted) -> Posterior:
+def _evidence(problem: Problem, wanted: Wanted) -> QuadraturePosterior:
     """The posterior of another question, as exactly as its evidence needs.
 
     Raises
@@ -120,7 +120,7 @@ def _evidence(problem: Problem, wanted: Wanted) -> Posterior:
     """
     if wanted.over:
         raise TimeoutError
-    found = explore(problem, _OTHERS, over=lambda: wanted.over)
+    found = integrate(problem, _OTHERS, over=lambda: wanted.over)
     if found.error_evidence > _OTHERS:
         raise TimeoutError
     return found

@@ -19,9 +19,9 @@ from ifrfit.inference.bootstrap.schemes import Scheme, lot_of, make_scheme
 from ifrfit.inference.bootstrap.sequential_solver import OneByOne
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.distributions.draws import kappa_draws
+from ifrfit.inference.model.noise_prior import noise_label
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior.integral_layout import noise_label
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]

@@ -14,9 +14,9 @@ from scipy import special
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.model.noise_prior import noise_bounds
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import TOLERANCE, log_evidence
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
 

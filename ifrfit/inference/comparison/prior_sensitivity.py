@@ -10,10 +10,10 @@ import numpy as np
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.types import PriorRow
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import log_evidence
-from ifrfit.inference.posterior.free_parameter import Unknown
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
 from ifrfit.inference.result.types import Interval
@@ -29,7 +29,7 @@ def prior_of(problem: Problem) -> dict[str, dict[str, float]]:
     found = {}
     for constant in problem.parameters:
         if constant.fixed is None:
-            unknown = Unknown.of(constant.name, constant)
+            unknown = FreeParameter.of(constant.name, constant)
             found[constant.name] = {"lower": unknown.lower, "upper": unknown.upper}
             if constant.prior is not None:
                 found[constant.name] |= {"mean": constant.prior[0], "sd": constant.prior[1]}
@@ -49,7 +49,7 @@ def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:
     problems = {name: _problem(fit) for name, fit in fits.items()}
     mu = _varied(next(iter(problems.values())), "mu")
     if mu is not None:
-        low, high = mu.lower, Unknown.of("mu", mu).upper
+        low, high = mu.lower, FreeParameter.of("mu", mu).upper
         for width in MU_WIDTHS:
             ends = (low, low + width * (high - low))
             rows.append(
@@ -102,7 +102,7 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
     """
     problem, optimum = fit.problem_and_optimum()
     posterior = posterior_of(fit)
-    old = Unknown.of(name, problem.parameters[name])
+    old = FreeParameter.of(name, problem.parameters[name])
     labels = _labels(problem, name)
     if len(labels) == 1 and old.lower <= ends[0] and ends[1] <= old.upper:
         below, within = (float(x) for x in np.asarray(posterior.cdf(labels[0], np.array(ends))))

@@ -33,7 +33,7 @@ class Evidence(Protocol):
 def sharing(
     problem: Problem,
     log_evidence: float,
-    explore: Callable[[Problem], Evidence],
+    integrate: Callable[[Problem], Evidence],
     names: Collection[str] = (),
 ) -> Fact | None:
     """Weigh constants that are separate for each series against ones that all series share.
@@ -44,7 +44,7 @@ def sharing(
         The question as asked.
     log_evidence : float
         Its evidence.
-    explore : callable
+    integrate : callable
         From a problem to something with a `log_evidence`.
     names : collection of str
         Empty: the separate constants are tried shared, all at once and, where there are several, one by one.
@@ -79,7 +79,7 @@ def sharing(
     for flipped in [tested, *([name] for name in tested[:_MOST] if len(tested) > 1)]:
         try:
             other = _with_separate(problem, now ^ frozenset(flipped))
-            models.append(_Model(now ^ frozenset(flipped), float(explore(other).log_evidence)))
+            models.append(_Model(now ^ frozenset(flipped), float(integrate(other).log_evidence)))
         except DataError:  # too few rows for so many constants
             continue
     models = [model for model in models if math.isfinite(model.log_evidence)]

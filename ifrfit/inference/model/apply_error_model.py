@@ -11,9 +11,9 @@ from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.error_propagation import propagated_sigma
+from ifrfit.inference.model.noise_prior import noise_bounds
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -136,8 +136,8 @@ def _check_errors_of_angles(problem: Problem, error_model: ErrorModel) -> None:
     of_angle = table["sigma_gamma_deg"].fillna(error_model.gamma or 0.0).to_numpy(dtype=float)
     if not (has_angle & ((spins > 0.0).any(axis=1) | (of_angle > 0.0))).any():
         raise DataError(
-            f"--angle-errors {error_model.angles}, but no row states an uncertainty of its angle or spin: add "
-            "a column sigma_gamma_deg (or sigma_spin_y), or give --sigma-gamma DEG."
+            f"--angle-errors {error_model.angles}, but no row states an uncertainty of its angle or spin: "
+            "add a column sigma_gamma_deg (or sigma_spin_y), or give --sigma-gamma DEG."
         )
     if error_model.population is None:
         return

@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.forward import fitted_at
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.latent_quadrature import At
+from ifrfit.inference.model.noise_prior import noise_bounds, noise_label
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta, impacts_of
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.integral_layout import noise_label
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 
 Array = NDArray[np.float64]
 
@@ -41,10 +40,10 @@ class Density:
     problem: Problem
 
     @cached_property
-    def unknowns(self) -> tuple[Unknown, ...]:
+    def unknowns(self) -> tuple[FreeParameter, ...]:
         """Free entries of theta."""
         pairs = zip(self.problem.parameters.names, self.problem.parameters.entries, strict=True)
-        return tuple(Unknown.of(name, constant) for name, constant in pairs if constant.fixed is None)
+        return tuple(FreeParameter.of(name, constant) for name, constant in pairs if constant.fixed is None)
 
     @cached_property
     def noises(self) -> Mapping[str, tuple[float, float]]:

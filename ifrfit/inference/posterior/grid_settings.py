@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.noise_prior import noise_bounds
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ LADDER = np.array([1.5, 4.0, 8.0, 16.0, 40.0, 120.0, 400.0, 2e3, 1e4, 1e5])  # f
 
 
 @dataclass(frozen=True)
-class Setting:
+class GridSettings:
     """What all parts need: the problem, its optimum with the local spread, and the wanted tolerance."""
 
     problem: Problem

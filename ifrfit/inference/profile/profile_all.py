@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
@@ -20,13 +21,12 @@ from ifrfit.inference.summary.estimates import kappa_of_constants
 from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
 from ifrfit.inference.summary.status import KAPPA, Domain, Known, fixed_estimate, linear
-from ifrfit.physics.closures import Coefficients, rotational_share
-from ifrfit.physics.compliance import poisson_ratio
+from ifrfit.physics.closures import Coefficients, Meaning
 from ifrfit.physics.transition import transition_angles
 
 
 def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> dict[str, Profile]:
-    """Profile of every free constant, of kappa, of the restitution in sticking and of the transition angle.
+    """Profile of free constants, of kappa, of what the closure constant stands for, and of transitions.
 
     Parameters
     ----------
@@ -40,7 +40,8 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
     -------
     dict
         Name to `Profile`: the free entries of `Problem.names`; kappa, or kappa[SERIES] where e_n or mu is
-        separate; beta_sticking, or beta_sticking[SERIES] where the closure constant is; and
+        separate; beta_sticking, or beta_sticking[SERIES] where the closure constant is (or another
+        `Closure.meaning` in its place); and
         transition_angle_deg[SERIES] in degrees at the median spin of the series, followed by
         " (first)" and " (second)" where sticking begins and ends.
     """
@@ -58,10 +59,11 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
             scaled = found[name].mapped(label, lambda x: x * factor)
             same = linear(found[name].estimate(), 0.0, factor, Domain.of_kappa(e_n, mu), KAPPA)
             found[label] = replace(scaled, reason=same.reason)
-    own = problem.closure.constant
-    for name in [name for name in found if own and name.split("[")[0] == own]:
-        label = _meaning(problem) + name.removeprefix(own or "")
-        found[label] = found[name].mapped(label, _sticking(problem))
+    own, meaning = problem.closure.constant, problem.closure.meaning
+    if own is not None and meaning is not None:
+        for name in [name for name in found if name.split("[")[0] == own]:
+            label = meaning.name + name.removeprefix(own)
+            found[label] = found[name].mapped(label, partial(_meant, meaning, problem.inertia_factor))
     for number, series in enumerate(problem.series):
         found |= _transitions(misfit, number, series, found, curves)
     return found
@@ -74,17 +76,8 @@ def _profile(misfit: Misfit, quantity: Quantity, known: Known, curves: bool) -> 
     return profile_of(quantity, curve, value, dof, known, fill=curves)
 
 
-def _meaning(problem: Problem) -> str:
-    return "poisson_ratio" if problem.closure.constant == "chi" else "beta_sticking"
-
-
-def _sticking(problem: Problem) -> Any:
-    if _meaning(problem) == "poisson_ratio":
-        return lambda chi: float(poisson_ratio(chi, problem.inertia_factor))
-    linear = problem.closure.coefficients(problem.inertia_factor)
-    share = rotational_share(problem.inertia_factor)
-    offset, slope = (linear.a0 + linear.b0) / share - 1.0, (linear.a1 + linear.b1) / share
-    return lambda c: offset + slope * c
+def _meant(meaning: Meaning, inertia_factor: float, c: float) -> float:
+    return meaning.value(c, inertia_factor)
 
 
 def _transitions(

@@ -240,11 +240,8 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
             f"Scatter: {problem.error_model.words}. chi2, residuals and what is said of misfit and outliers "
             "are those of the reweighted rows."
         )
-    if problem.closure.name == "maw":
-        said.append(
-            "Closure MAW is an elastic solution, scaled to e_n < 1: another rule moves the contact velocity "
-            "by up to 0.09 (e_n = 0.95) or 0.17 (e_n = 0.9) of mu U_n/khat; see docs/compliance.md."
-        )
+    if problem.closure.caveat:
+        said.append(problem.closure.caveat)
     given = int(np.isfinite(problem.sigma).sum())
     if problem.noise == "unknown" and given:
         said.append(

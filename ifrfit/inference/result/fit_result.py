@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,17 +19,27 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.result.display import Display, Renderer
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
 from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, Noise, State
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+
+class FitRenderer(Renderer, Protocol):
+    """What draws fits: tables in three styles, and a report."""
+
+    def summary(self, shown: Any, style: str = "text", /) -> str:
+        """Table of the findings."""
+
+    def write_report(self, result: Any, path: Path, /) -> list[str]:
+        """Write the uncertainty report."""
 
 
 @dataclass(frozen=True)
-class FitResult:
+class FitResult(Display):
     """Everything that a fit found. Frozen; `to_dict` gives exactly result.json.
 
     Attributes
@@ -103,6 +113,7 @@ class FitResult:
     distribution: Distribution = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
     profiles: Mapping[str, Profile] = field(default_factory=dict, repr=False, compare=False)
     files: Mapping[str, Saves] = field(default_factory=dict, repr=False, compare=False)
+    drawn_by: ClassVar[str] = "ifrfit.report"
 
     def __post_init__(self) -> None:
         if cast("Distribution | None", self.distribution) is None:
@@ -234,7 +245,7 @@ class FitResult:
             profiles do not know.
         """
         from ifrfit.inference.diagnostics.interval_comparison import intervals
-        from ifrfit.inference.posterior import Posterior, explore
+        from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
         if self.problem is None:
             raise UsageError(
@@ -247,7 +258,7 @@ class FitResult:
             )
         problem, optimum = self.problem_and_optimum()
         own = self.distribution
-        posterior = own if isinstance(own, Posterior) else explore(problem, start=optimum)
+        posterior = own if isinstance(own, QuadraturePosterior) else integrate(problem, start=optimum)
         return intervals(problem, optimum, posterior, self.profiles or None)
 
     def to_arviz(self) -> Any:
@@ -283,19 +294,9 @@ class FitResult:
 
         save(self, Path(path))
 
-    # The report layer stands after inference; these methods hand the result on and import it only then.
-
     def summary(self, style: str = "text") -> str:
         """Table of the findings as "text", "markdown" or "latex"."""
-        from ifrfit.report import summary
-
-        return summary(self, style)
-
-    def plot(self) -> Figure:
-        """Figure of data, curves with bands, and standardised residuals; one panel an observable."""
-        from ifrfit.report import plot
-
-        return plot(self)
+        return self._renderer().summary(self, style)
 
     def report(self, path: str | Path) -> None:
         """Write the uncertainty report: one self-contained page, by the suffix html, md or pdf.
@@ -312,14 +313,10 @@ class FitResult:
         UsageError
             For another suffix, or where something else lies there.
         """
-        from ifrfit.report.page import write_report
+        self._renderer().write_report(self, Path(path))
 
-        write_report(self, Path(path))
-
-    def _repr_html_(self) -> str:
-        from ifrfit.report import html_table
-
-        return html_table(self)
+    def _renderer(self) -> FitRenderer:
+        return cast("FitRenderer", super()._renderer())
 
     @property
     def lmfit_result(self) -> Any:

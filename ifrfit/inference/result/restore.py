@@ -8,7 +8,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
-from ifrfit.inference.posterior import Posterior
+from ifrfit.inference.posterior import QuadraturePosterior
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import get_closure
 
@@ -51,7 +51,7 @@ def question(result: FitResult) -> tuple[Problem, LeastSquares]:
     return problem, least_squares(problem)
 
 
-def posterior_of(result: FitResult) -> Posterior:
+def posterior_of(result: FitResult) -> QuadraturePosterior:
     """The exact posterior of a fit.
 
     Raises
@@ -59,6 +59,6 @@ def posterior_of(result: FitResult) -> Posterior:
     UsageError
         If the fit was made by another method, or was read from a file.
     """
-    if not isinstance(result.distribution, Posterior):
+    if not isinstance(result.distribution, QuadraturePosterior):
         raise UsageError("The result holds no exact posterior. Fit the data again with --method exact.")
     return result.distribution

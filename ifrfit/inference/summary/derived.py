@@ -12,8 +12,7 @@ from ifrfit.inference.distributions.protocol import LEVELS, Distribution, transi
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.result.types import Constants, Estimate
-from ifrfit.physics.closures import rotational_share
-from ifrfit.physics.compliance import poisson_ratio
+from ifrfit.physics.closures import Meaning
 from ifrfit.physics.transition import transition_angles
 
 Angles = Estimate | list[Estimate] | None
@@ -22,56 +21,51 @@ Angles = Estimate | list[Estimate] | None
 def derived_of(
     problem: Problem, constants: Constants, kappas: Mapping[str, Estimate], transitions: Mapping[str, Angles]
 ) -> dict[str, Any]:
-    """kappa, transition_angle_deg, and beta_sticking or poisson_ratio; by series where they differ."""
+    """kappa, transition_angle_deg, what the closure constant stands for; by series where they differ."""
     separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     return {
         "kappa": dict(kappas) if separate else kappas[problem.series[0]],
         "transition_angle_deg": dict(transitions),
-    } | _meaning(problem, constants)
+    } | meaning_of(problem, constants)
 
 
-def _meaning(problem: Problem, constants: Constants) -> dict[str, Any]:
-    """What the closure constant stands for: beta_sticking; of chi the poisson_ratio of like materials."""
-    name = "poisson_ratio" if problem.closure.constant == "chi" else "beta_sticking"
-    if problem.closure.constant is None:
-        return {name: Estimate(0.0, None, (0.0, 0.0), (0.0, 0.0), "fixed", "zero in closure F")}
-    found = constants[problem.closure.constant]
-    of = poisson_of if name == "poisson_ratio" else beta_sticking
+def meaning_of(problem: Problem, constants: Constants) -> dict[str, Any]:
+    """What the closure constant stands for, see `Closure.meaning`; empty where nothing is known of it."""
+    closure, j = problem.closure, problem.inertia_factor
+    meaning = closure.meaning
+    if meaning is None:
+        return {}
+    if closure.constant is None:
+        value = meaning.value(0.0, j)
+        reason = f"{f'{value:g}' if value else 'zero'} in closure {closure.title}"
+        return {meaning.name: Estimate(value, None, (value, value), (value, value), "fixed", reason)}
+    found = constants[closure.constant]
     if isinstance(found, Estimate):
-        return {name: of(problem, found)}
-    return {name: {series: of(problem, each) for series, each in found.items()}}
+        return {meaning.name: _meant(meaning, found, j)}
+    return {meaning.name: {series: _meant(meaning, each, j) for series, each in found.items()}}
 
 
-def poisson_of(problem: Problem, chi: Estimate) -> Estimate:
-    """Poisson ratio of sphere and wall of one material; it falls as chi rises."""
+def _meant(meaning: Meaning, c: Estimate, j: float) -> Estimate:
+    """The quantity by the estimate of the constant: intervals map, as it is monotone."""
 
-    def nu(value: float) -> float:
-        return float(poisson_ratio(value, problem.inertia_factor))
+    def value(x: float) -> float:
+        return meaning.value(x, j)
 
-    ends = [(nu(high), nu(low)) for low, high in (chi.interval68, chi.interval95)]
-    return Estimate(
-        None if chi.value is None else nu(chi.value),
-        None if chi.stderr is None else 0.5 * (ends[0][1] - ends[0][0]),
-        ends[0],
-        ends[1],
-        chi.status,
-        chi.reason,
+    inner, outer = (
+        (min(ends), max(ends))
+        for ends in ((value(low), value(high)) for low, high in (c.interval68, c.interval95))
     )
-
-
-def beta_sticking(problem: Problem, c: Estimate) -> Estimate:
-    """(a + b)/(J/(1 + J)) - 1, linear in the closure constant."""
-    linear = problem.closure.coefficients(problem.inertia_factor)
-    share = rotational_share(problem.inertia_factor)
-    offset, slope = (linear.a0 + linear.b0) / share - 1.0, (linear.a1 + linear.b1) / share
+    sd = None
+    if c.stderr is not None:
+        sd = abs(value(1.0) - value(0.0)) * c.stderr if meaning.linear else 0.5 * (inner[1] - inner[0])
     return Estimate(
-        None if c.value is None else offset + slope * c.value,
-        None if c.stderr is None else slope * c.stderr,
-        (offset + slope * c.interval68[0], offset + slope * c.interval68[1]),
-        (offset + slope * c.interval95[0], offset + slope * c.interval95[1]),
+        None if c.value is None else value(c.value),
+        sd,
+        inner,
+        outer,
         c.status,
         c.reason,
-        None if c.mean is None else offset + slope * c.mean,
+        value(c.mean) if meaning.linear and c.mean is not None else None,
     )
 
 

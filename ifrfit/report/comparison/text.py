@@ -18,7 +18,7 @@ from ifrfit.report.terminal import WIDTH, finding_lines, source_lines, wrapped
 from ifrfit.text import decimals, fixed, interval_text, joined, sd_text
 
 
-def text(comparison: Comparison) -> str:
+def summary(comparison: Comparison) -> str:
     """The comparison for a terminal, at most 100 columns; ends without a line feed."""
     best = comparison.best
     model = f"{len(comparison.entries)} closures, exact posterior, {noise_words(best)}"

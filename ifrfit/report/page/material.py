@@ -108,14 +108,14 @@ class Material:
 
     @property
     def _posterior(self) -> Any:
-        from ifrfit.inference.posterior import Posterior, explore
+        from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
-        if isinstance(self.result.distribution, Posterior):
+        if isinstance(self.result.distribution, QuadraturePosterior):
             return self.result.distribution
         if self.result.method != "exact" or self.question is None:
             return None
         problem, optimum = self.question
-        return explore(problem, start=optimum)
+        return integrate(problem, start=optimum)
 
     @cached_property
     def draws(self) -> pd.DataFrame:

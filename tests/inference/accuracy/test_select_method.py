@@ -216,7 +216,7 @@ def test_the_page_tells_it_and_repeats_it(lsq, tmp_path):
         (
             Effort(1e-6, 0.005, "lsq", None, None, None, 0.004, "too short"),
             "least squares in 4.0 ms (too short); how far from the posterior is not known; asked: 1e-6, at "
-            "most 5 ms",
+            "most 5.0 ms",
         ),
     ],
 )

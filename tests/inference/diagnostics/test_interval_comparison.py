@@ -135,12 +135,12 @@ def test_the_factor_is_stated() -> None:
 def test_the_exact_posterior_itself(tmp_path: Path) -> None:
     posterior = pytest.importorskip("ifrfit.inference.posterior")
     problem, fit = asked(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
-    found = intervals(problem, fit, posterior.explore(problem, start=fit))
+    found = intervals(problem, fit, posterior.integrate(problem, start=fit))
     assert disagreements(found) == ()
     both = found[["covariance_low", "covariance_high"]].to_numpy()
     width = (both[:, 1] - both[:, 0])[:, None]
     assert (np.abs(found[["exact_low", "exact_high"]].to_numpy() - both) <= 0.01 * width).all()
     # at a bound they part, and the exact one is named
     problem, fit = asked(tmp_path, table(sigma=0.1, seed=1))
-    said = disagreements(intervals(problem, fit, posterior.explore(problem, start=fit)))
+    said = disagreements(intervals(problem, fit, posterior.integrate(problem, start=fit)))
     assert any(one.startswith("e_t: ") and "beyond the bound -1" in one for one in said)

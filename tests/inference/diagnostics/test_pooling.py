@@ -14,7 +14,7 @@ from ifrfit.inference.diagnostics.pooling import sharing
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.physics import get_closure
 
 SIGMA = 0.02
@@ -78,7 +78,7 @@ def test_a_separate_constant_is_tried_shared():
     assert other["log_bayes_factor"] == pytest.approx(math.log(14.0))
     # everything else of the question stays as it was
     [(_, asked)] = fake.asked
-    assert asked.names == ("e_n", "e_t", "mu")
+    assert asked.parameters.names == ("e_n", "e_t", "mu")
     assert (asked.rows, asked.noise, asked.series) == (problem.rows, problem.noise, problem.series)
 
 
@@ -140,7 +140,7 @@ def test_shared_constants_by_name_are_tried_separate():
     fake = Fake({("mu",): 23.0})
     fact = sharing(build(), 0.0, fake, names=("mu",))
     [(_, asked)] = fake.asked
-    assert asked.names == ("e_n", "e_t", "mu[run 1]", "mu[run 2]")
+    assert asked.parameters.names == ("e_n", "e_t", "mu[run 1]", "mu[run 2]")
     assert fact.figures["direction"] == "separate"
     assert not fact.ok
     assert fact.says == (
@@ -177,7 +177,7 @@ def test_a_prior_stays_with_its_constant():
     fake = Fake({("mu",): 0.0})
     sharing(build(prior={"mu": (0.1, 0.02)}), 0.0, fake, names=("mu",))
     [(_, asked)] = fake.asked
-    assert [c.prior for c in asked.constants if c.name == "mu"] == [(0.1, 0.02)]
+    assert [c.prior for c in asked.parameters if c.name == "mu"] == [(0.1, 0.02)]
 
 
 def test_where_there_is_nothing_to_ask_nothing_is_explored():
@@ -240,7 +240,7 @@ def test_evidence_over_a_grid_tells_the_two_apart(mu, preferred):
 def test_the_exact_posterior_tells_the_two_apart(mu, preferred):
     fix = {"e_n": 0.9, "e_t": -0.8}
     problem = build(mu, separate=("mu",), fix=fix)
-    fact = sharing(problem, explore(problem).log_evidence, explore)
+    fact = sharing(problem, integrate(problem).log_evidence, integrate)
     assert fact.figures["preferred"] == preferred
     expected = grid(build(mu, fix=fix)).log_evidence - grid(problem).log_evidence
     assert fact.figures["models"][1]["log_bayes_factor"] == pytest.approx(expected, abs=1e-3)

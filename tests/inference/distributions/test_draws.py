@@ -12,7 +12,7 @@ from scipy import stats
 import ifrfit
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
-from ifrfit.inference.posterior import Posterior
+from ifrfit.inference.posterior import QuadraturePosterior
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Estimate, Fact
@@ -93,7 +93,7 @@ def test_read_like_the_posterior_that_it_was_drawn_from(impacts, choice) -> None
         {"gamma": ANGLES, "noise": 0.05, "series": "b", "mu": 0.16, "seed": 1},
     )
     exact = ifrfit.fit(path, **choice)
-    assert isinstance(exact.distribution, Posterior)
+    assert isinstance(exact.distribution, QuadraturePosterior)
     law = Draws.of(exact.problem, exact.distribution.draws(M, np.random.default_rng(5)))
     assert law.names == exact.distribution.names
     estimation = Estimation("exact", law, {"converged": Fact(True, "", {}, "")}, is_posterior=True)

@@ -13,7 +13,7 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import get_closure
 
@@ -61,7 +61,7 @@ def summed(problem, low, high, n):
 
 
 def check(problem, low, high, n, *, tolerance=1e-3, allowed=0.01):
-    found = explore(problem, tolerance=tolerance)
+    found = integrate(problem, tolerance=tolerance)
     names, mean, sd, evidence = summed(problem, low, high, n)
     assert found.converged
     for name, m, s in zip(names, mean, sd, strict=True):
@@ -112,7 +112,7 @@ def test_an_outlier_moves_student_little():
         value = clean.rows.value.copy()
         value[10] += 0.6
         spoiled = replace(clean, rows=replace(clean.rows, value=value))
-        before, after = explore(clean, tolerance=1e-2), explore(spoiled, tolerance=1e-2)
+        before, after = integrate(clean, tolerance=1e-2), integrate(spoiled, tolerance=1e-2)
         return abs(after.mean("mu") - before.mean("mu")) / before.sd("mu")
 
     assert shift(ErrorModel(dof=4.0)) < 0.5
@@ -129,7 +129,7 @@ def test_least_squares_of_student_is_the_maximum_of_its_likelihood():
     assert (density(around) <= top + 1e-9).all()
     assert not found.optimum.certified
     # the local picture has the size of the posterior, not of the weights
-    post = explore(problem, tolerance=1e-2)
+    post = integrate(problem, tolerance=1e-2)
     local = found.local
     sd = np.sqrt(np.diag(local.to_theta @ local.covariance(capped=True) @ local.to_theta.T))[
         problem.parameters.free
@@ -142,7 +142,7 @@ def test_no_error_of_angle_is_no_scatter():
     table = plain.observations.table.copy()
     table["sigma_gamma_deg"] = 0.0
     exact = replace(plain, observations=replace(plain.observations, table=table), error_model=LAWS["set"])
-    one, other = explore(plain, tolerance=1e-3), explore(exact, tolerance=1e-3)
+    one, other = integrate(plain, tolerance=1e-3), integrate(exact, tolerance=1e-3)
     for name in ("e_t", "mu"):
         assert other.mean(name) == pytest.approx(one.mean(name), abs=2e-3 * one.sd(name))
     assert other.log_evidence == pytest.approx(one.log_evidence, abs=2e-3)

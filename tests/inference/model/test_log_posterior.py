@@ -12,7 +12,7 @@ from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import get_closure
 
@@ -59,7 +59,7 @@ def test_integral_of_the_density_is_the_exact_evidence(choice):
     density = Density(problem)
     points, cell = grid_of(density, 700)
     found = np.log(np.exp(density(points)).sum() * cell)
-    assert found == pytest.approx(explore(problem).log_evidence, abs=2e-3)
+    assert found == pytest.approx(integrate(problem).log_evidence, abs=2e-3)
 
 
 def test_each_noise_of_its_own_is_in_the_exact_evidence():

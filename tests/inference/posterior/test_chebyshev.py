@@ -8,7 +8,7 @@ import pytest
 import ifrfit
 from ifrfit.inference.posterior import chebyshev as smooth
 from ifrfit.inference.posterior import closure_constant as conditional
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.inference.posterior import sum_of_squares as misfit
 
 E_N, X = np.linspace(0.85, 0.95, 60), np.linspace(0.2, 3.0, 7)
@@ -101,7 +101,7 @@ def test_the_posterior_of_rebound_angles_is_the_same(monkeypatch, impacts, closu
     for many in (np.inf, 1):
         for module in (misfit, conditional):
             monkeypatch.setattr(module, "_MANY", many)
-        found.append(explore(start.problem, 1e-2, start.least_squares))
+        found.append(integrate(start.problem, 1e-2, start.least_squares))
     assert any(each is not None for each in offered)
     direct, between_them = found
     # the nodes lie elsewhere, about a mode found at some of them: alike to a tenth of the tolerance

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ifrfit.inference.diagnostics.interval_comparison import disagreements
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
+from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.constants_rows import table_rows
 from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.drawings.intervals import Span, draw_intervals
@@ -94,11 +95,15 @@ def derived(result: FitResult) -> list[tuple[str, Estimate]]:
         whose = f" [{series}]" if len(by_series) > 1 else ""
         for angle in transitions(result, series):
             found.append((f"transition angle, deg{whose}", angle))
-    sticking = result.derived.get("beta_sticking")
-    each = sticking if isinstance(sticking, Mapping) else {"": sticking}
+    closure = CLOSURES.get(result.closure)
+    meaning = None if closure is None or (closure.own and closure.own.meaning) else closure.meaning
+    if meaning is None:
+        return found  # what a closure itself declares stands beside its constant
+    entry = result.derived.get(meaning.name)
+    each = entry if isinstance(entry, Mapping) else {"": entry}
     for series, estimate in each.items():
         if isinstance(estimate, Estimate):
-            found.append((f"beta in sticking [{series}]" if series else "beta in sticking", estimate))
+            found.append((f"{meaning.words} [{series}]" if series else meaning.words, estimate))
     return found
 
 

@@ -17,7 +17,7 @@ _WIDE = 10.0  # sd beyond the mean of a Gaussian prior to which an unbounded dom
 
 
 @dataclass(frozen=True)
-class Unknown:
+class FreeParameter:
     """One free entry of theta.
 
     Attributes
@@ -39,7 +39,7 @@ class Unknown:
     log_scale: float
 
     @classmethod
-    def of(cls, name: str, constant: Parameter) -> Unknown:
+    def of(cls, name: str, constant: Parameter) -> FreeParameter:
         """The unknown behind a constant; an unbounded mu reaches to the end of its default prior."""
         lower, upper = constant.lower, constant.upper
         if math.isinf(upper):
