@@ -98,7 +98,9 @@ def estimation_with_effort(
     return _chains(problem, optimum, wanted, unsuitable, seed, workers, progress)
 
 
-def _exact(problem: Problem, optimum: LeastSquares, posterior: QuadraturePosterior, wanted: Wanted) -> Estimation:
+def _exact(
+    problem: Problem, optimum: LeastSquares, posterior: QuadraturePosterior, wanted: Wanted
+) -> Estimation:
     if wanted.budget is None:
         found = posterior_estimation(problem, optimum, posterior, integrate)
     else:

@@ -23,7 +23,6 @@ from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.apply_error_model import reported_policy
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
 from ifrfit.inference.result.estimation import Estimation
@@ -156,7 +155,7 @@ def build_result(
     noise = Noise(reported_policy(problem), optimum.noise, error_model=problem.error_model)
     drawn = None
     if own is not None:
-        bounds = noise_bounds(problem) if estimation.is_posterior else {}
+        bounds = problem.noise_bounds() if estimation.is_posterior else {}
         noise = noise_of(problem, own, noise, bounds)
         drawn = own.draws(int(min(DRAWS, own.n_draws)), np.random.default_rng(seed))
     return FitResult(
@@ -242,10 +241,10 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
         )
     if problem.closure.caveat:
         said.append(problem.closure.caveat)
-    given = int(np.isfinite(problem.sigma).sum())
-    if problem.noise == "unknown" and given:
+    given = int(np.isfinite(problem.noise.sigma).sum())
+    if problem.noise.is_unknown and given:
         said.append(
-            f"sigma is given in {given} of {problem.sigma.size} rows, and is not used: the noise comes from "
+            f"sigma is given in {given} of {len(problem.rows)} rows, and is not used: the noise comes from "
             "the misfit. Give every row a sigma, or choose --noise."
         )
     return tuple(said)

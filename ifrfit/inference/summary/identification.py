@@ -12,7 +12,6 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.summary.status import KAPPA, Known
-from ifrfit.physics.observables import OBSERVABLES
 
 
 def known_of(problem: Problem, fit: LeastSquares, name: str, sd: float, reasons: Mapping[str, str]) -> Known:
@@ -41,7 +40,7 @@ def known_of(problem: Problem, fit: LeastSquares, name: str, sd: float, reasons:
 
 def too_few(problem: Problem, constant: Parameter) -> bool:
     """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
-    kinds = np.array([OBSERVABLES[name].kind for name in problem.rows.names])[problem.rows.which]
+    kinds = problem.rows.kinds
     oblique = int(np.isin(kinds, ("tangential", "curved")).sum())
     direct = {"e_n": "normal", "mu": "friction"}
     if oblique == 0 or constant.prior is not None or direct.get(constant.name) in kinds:
