@@ -15,10 +15,11 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.mcmc_accuracy import END, check_reachable, halting, reachable, standard_error
 from ifrfit.inference.accuracy.messages import says
 from ifrfit.inference.accuracy.request import make_wanted
-from ifrfit.inference.accuracy.select_method import UNASKED, with_effort
+from ifrfit.inference.accuracy.select_method import UNASKED, estimation_with_effort
 from ifrfit.inference.accuracy.types import Effort
 from ifrfit.inference.io.read_result import from_dict
 from ifrfit.inference.mcmc import Evidence
+from ifrfit.inference.result.build import build_result
 
 SCHEMA = json.loads((Path(ifrfit.__file__).parent / "result.schema.json").read_text(encoding="utf-8"))
 CROSS = {"fix": {"e_n": 0.94}}
@@ -38,6 +39,12 @@ class Ticking:
     def __call__(self):
         self.now += self.step
         return self.now
+
+
+def with_effort(lsq, wanted, unsuitable):
+    """The result with the effort that was wanted, from least squares."""
+    question = lsq.problem_and_optimum()
+    return build_result(*question, estimation_with_effort(*question, wanted, unsuitable))
 
 
 def reached(lsq, *, accuracy=None, budget=None, method=None, step=1e-6, cannot=""):
