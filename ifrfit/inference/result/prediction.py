@@ -30,16 +30,23 @@ _QUANTILES = (0.16, 0.84, 0.025, 0.975)
 
 def draw(result: FitResult, n: int, rng: np.random.Generator) -> pd.DataFrame:
     """Draw constants; see `FitResult.draws`."""
+    return _table(result.state.names, _phi(result, n, rng))
+
+
+def draw_kept(result: FitResult, n: int, rng: np.random.Generator) -> pd.DataFrame:
+    """Draw from what a result keeps in its file: its 2,000 draws, or the Gaussian about the optimum."""
+    return _table(result.state.names, _kept(result.state, n, rng))
+
+
+def _table(names: tuple[str, ...], phi: Array) -> pd.DataFrame:
     import pandas as pd
 
-    state = result.state
-    phi = _phi(result, n, rng)
     columns = {}
-    for name, column in zip(state.names, phi.T, strict=True):
+    for name, column in zip(names, phi.T, strict=True):
         kind, bracket = _split(name)
         columns[name] = column
         if kind == "kappa":
-            e_n = phi[:, state.names.index(_own(state.names, "e_n", bracket))]
+            e_n = phi[:, names.index(_own(names, "e_n", bracket))]
             columns[f"mu{bracket}"] = column / (1.0 + e_n)
     order = sorted(columns, key=lambda name: _split(name)[0] == "kappa")
     return pd.DataFrame({name: columns[name] for name in order})
@@ -47,11 +54,14 @@ def draw(result: FitResult, n: int, rng: np.random.Generator) -> pd.DataFrame:
 
 def _phi(result: FitResult, n: int, rng: np.random.Generator) -> Array:
     """Draws in the coordinates of the state, (n, p): of the law where there is one."""
-    state = result.state
     if result.law is not None:
         from ifrfit.inference.summary.distribution_estimates import in_state_coordinates
 
         return in_state_coordinates(result.problem, result.law.draws(n, rng), n)[1]
+    return _kept(result.state, n, rng)
+
+
+def _kept(state: State, n: int, rng: np.random.Generator) -> Array:
     if state.sample is not None:
         kept = state.sample.shape[0]
         return np.asarray(state.sample[rng.choice(kept, n, replace=n > kept)])

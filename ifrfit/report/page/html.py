@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from ifrfit.report import style
 from ifrfit.report.page.blocks import Download, Report
+from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 from ifrfit.report.page.svg import inline
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 SCRIPTS = ("physics.js", "explorer.js")
-GENERATOR = "ifrfit report"
 
 
 def render(report: Report) -> str:
@@ -101,3 +101,10 @@ def _picture(picture: Any, alone: bool) -> Any:
 
     # our own figure, written by an XML writer that escapes every text
     return Markup(inline(picture, alone=alone))
+
+
+def _files(report: Report, stem: str) -> dict[str, bytes]:
+    return {f"{stem}.html": render(report).encode("utf-8")}
+
+
+FORMAT = ReportFormat("html", _files)
