@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from ifrfit.cli.main import app
 from ifrfit.data import read, template_text
 from ifrfit.data.column_names import COMMON, RAW
-from ifrfit.data.schema import OBSERVABLES
+from ifrfit.physics import OBSERVABLES
 from ifrfit.errors import DataError
 from ifrfit.inference.fit import fit
 
