@@ -91,8 +91,8 @@ def _without_profiles(problem: Problem) -> str:
 
 def _posterior(result: FitResult, problem: Problem, optimum: LeastSquares) -> QuadraturePosterior | None:
     """The exact posterior of an exact fit, as it was left or integrated again; None of other methods."""
-    if isinstance(result.law, QuadraturePosterior):
-        return result.law
+    if isinstance(result.distribution, QuadraturePosterior):
+        return result.distribution
     return integrate(problem, start=optimum) if result.method == "exact" else None
 
 

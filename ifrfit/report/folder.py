@@ -146,9 +146,9 @@ def _fill(result: FitResult, appraisal: Appraisal | None, folder: Path) -> list[
             names.append(name)
         (folder / REPORT).write_text(page(result, appraisal, figure), encoding="utf-8", newline="\n")
         names.append(REPORT)
-    if result.sample is not None:
-        result.sample.save(folder / CHAINS)
-        names.append(CHAINS)
+    for name, own in result.files.items():
+        own.save(folder / name)
+        names.append(name)
     return names
 
 
