@@ -141,14 +141,13 @@ class Rows:
         number[np.argsort(first)] = np.arange(first.size)
         return number[inverse]
 
-    def normal_factor(self, at: Index | NDArray[np.bool_]) -> Array:
+    def normal_factor(self, at: Index | Bool) -> Array:
         """What e_n is multiplied by in rows of the normal kind, of which `at` are some."""
         factor = np.ones(self.which.size)
-        for number, name in enumerate(self.names):
-            by_e_n = OBSERVABLES[name].by_e_n
-            if by_e_n is not None:
+        for number, observable in enumerate(self.observables):
+            if observable.by_e_n is not None:
                 here = self.which == number
-                factor[here] = by_e_n(self.incidence)[here]
+                factor[here] = observable.by_e_n(self.incidence)[here]
         return np.asarray(factor[at])
 
     def take(self, rows: Index) -> Rows:
