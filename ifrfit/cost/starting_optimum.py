@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.estimations import least_squares_estimation
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.apply_error_model import tied_to_e_n, with_error_model
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel, make_error_model
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.least_squares_result import optimum_of
 
 # the choices beside which errors are no longer independent and Gaussian
 _LAWS = ("tails", "dof", "angle_errors", "angle_population", "sigma_gamma")
@@ -44,7 +46,7 @@ def beginning(
         return fit(data, method="lsq", seed=seed, command=command, **choices)
     # `fit` refuses least squares of this scatter as an answer; as a place to begin they are good enough
     plain = fit(data, method="lsq", seed=seed, command=command, **without_laws(choices))
-    problem = with_error_model(plain.problem, error_model, "mcmc")
+    problem = with_error_model(plain.problem_and_optimum()[0], error_model, "mcmc")
     tied = tied_to_e_n(problem, error_model) if posterior else []
     if tied:
         raise UsageError(
@@ -52,7 +54,8 @@ def beginning(
             "tangential constants, so there is no exact posterior to measure errors against. Fix e_n, or "
             "choose --kind physics or arithmetic."
         )
-    return optimum_of(problem, seed, command)
+    optimum = least_squares(problem)
+    return build_result(problem, optimum, least_squares_estimation(optimum), seed=seed, command=command)
 
 
 def error_model_of(choices: Mapping[str, Any]) -> ErrorModel:

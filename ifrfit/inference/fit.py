@@ -10,15 +10,22 @@ from typing import Any
 from ifrfit.data import Observations, Selection, combine, resolve, select
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import Wanted, make_wanted
-from ifrfit.inference.accuracy.select_method import problem_for, with_effort
+from ifrfit.inference.accuracy.select_method import estimation_with_effort, problem_for
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import setting_of
+from ifrfit.inference.estimations import (
+    bootstrap_estimation,
+    chains_estimation,
+    exact_estimation,
+    least_squares_estimation,
+    profile_estimation,
+)
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
 from ifrfit.inference.model.error_model import make_error_model
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.result.build import build_result, summarize_optimum
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.least_squares_result import optimum_of
-from ifrfit.inference.result.method_results import with_chains, with_posterior, with_profiles, with_replicates
 from ifrfit.physics.closures import get_closure
 
 METHODS = ("exact", "lsq", "profile", "mcmc", "bootstrap")
@@ -211,20 +218,46 @@ def fit(
     observations = with_propagated_sigma(observations, error_model)
     setting = setting_of(observations, j, scene)
     problem = make_problem(observations, chosen, j, constants, noise)
+    unsuitable = ""
+    if wanted is None:
+        problem = with_error_model(problem, error_model, method)
+    else:
+        problem, unsuitable = problem_for(problem, error_model, asked)
+    optimum = least_squares(problem)
+    summary = summarize_optimum(problem, optimum, setting)
     if wanted is not None:
-        problem, cannot = problem_for(problem, error_model, asked)
-        result = optimum_of(problem, seed, command, setting)
-        return with_effort(result, wanted, cannot, workers=workers, progress=progress)
-    problem = with_error_model(problem, error_model, method)
-    result = optimum_of(problem, seed, command, setting)
-    if method == "lsq":
-        return result
-    if method == "mcmc":
-        place = None if resume is None else Path(resume)
-        return with_chains(result, max_steps=max_steps, workers=workers, resume=place, progress=progress)
-    if method == "bootstrap":
-        return with_replicates(result, resample, replicates, workers, progress)
-    return with_profiles(result) if method == "profile" else with_posterior(result)
+        estimation = estimation_with_effort(
+            problem, optimum, wanted, unsuitable, seed=seed, workers=workers, progress=progress
+        )
+    elif method == "lsq":
+        estimation = least_squares_estimation(optimum)
+    elif method == "mcmc":
+        estimation, _ = chains_estimation(
+            problem,
+            optimum,
+            seed=seed,
+            max_steps=max_steps,
+            workers=workers,
+            resume=None if resume is None else Path(resume),
+            progress=progress,
+        )
+    elif method == "bootstrap":
+        estimation = bootstrap_estimation(
+            problem,
+            optimum,
+            seed=seed,
+            scheme=resample,
+            replicates=replicates,
+            workers=workers,
+            progress=progress,
+        )
+    elif method == "profile":
+        estimation = profile_estimation(problem, optimum)
+    else:
+        estimation = exact_estimation(problem, optimum)
+    return build_result(
+        problem, optimum, estimation, seed=seed, command=command, conditions=setting, summary=summary
+    )
 
 
 def _check_own(

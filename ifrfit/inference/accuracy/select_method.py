@@ -11,12 +11,17 @@ from ifrfit.inference.accuracy.messages import missed, short
 from ifrfit.inference.accuracy.request import Wanted
 from ifrfit.inference.accuracy.tolerance_ladder import refine
 from ifrfit.inference.accuracy.types import Effort
+from ifrfit.inference.estimations import (
+    chains_estimation,
+    least_squares_estimation,
+    posterior_estimation,
+)
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
-from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.method_results import with_chains, with_explored
+from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact
 
 UNASKED = "Whether the series share their constants was not asked: the time was over."
@@ -42,21 +47,30 @@ def problem_for(problem: Problem, error_model: ErrorModel, method: str | None) -
         return with_error_model(problem, error_model, "mcmc"), str(error)
 
 
-def with_effort(
-    result: FitResult, wanted: Wanted, cannot: str, *, workers: int = 1, progress: Progress | None = None
-) -> FitResult:
-    """Put the posterior in the place of the local picture, as exactly as asked, or as the time allows.
+def estimation_with_effort(
+    problem: Problem,
+    optimum: LeastSquares,
+    wanted: Wanted,
+    unsuitable: str,
+    *,
+    seed: int = 0,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Estimation:
+    """The posterior as exactly as asked, or as the time allows.
 
     The exact posterior where it can do the problem; else chains; least squares as they are where the budget
     is too short for either.
 
     Parameters
     ----------
-    result : FitResult
-        Of least squares.
+    problem : Problem
+    optimum : LeastSquares
     wanted : Wanted
-    cannot : str
+    unsuitable : str
         Why not the exact posterior, where that is known already.
+    seed : int
+        Of chains.
     workers : int
         Processes of chains.
     progress : callable, optional
@@ -68,32 +82,34 @@ def with_effort(
         Where the user insists on exact and the problem is not one for it, or for an accuracy that chains do
         not come to.
     """
-    if wanted.method != "mcmc" and not cannot:
+    if wanted.method != "mcmc" and not unsuitable:
         # least squares do not know true angles that scatter, and are not what the user insists on
-        must = wanted.method == "exact" or result.problem.error_model.integrates
+        must = wanted.method == "exact" or problem.error_model.integrates
         try:
-            posterior = refine(result.problem, result.least_squares, wanted, must=must)
+            posterior = refine(problem, optimum, wanted, must=must)
         except UsageError as error:
             if wanted.method == "exact":
                 raise
-            cannot = str(error)
+            unsuitable = str(error)
         else:
             if posterior is None:
-                return _as_it_is(result, wanted, "too short for the exact posterior")
-            return _with_exact(result, posterior, wanted)
-    return _with_chains(result, wanted, cannot, workers, progress)
+                return _least_squares(optimum, wanted, "too short for the exact posterior")
+            return _exact(problem, optimum, posterior, wanted)
+    return _chains(problem, optimum, wanted, unsuitable, seed, workers, progress)
 
 
-def _with_exact(result: FitResult, posterior: QuadraturePosterior, wanted: Wanted) -> FitResult:
+def _exact(
+    problem: Problem, optimum: LeastSquares, posterior: QuadraturePosterior, wanted: Wanted
+) -> Estimation:
     if wanted.budget is None:
-        found = with_explored(result, posterior, integrate)
+        found = posterior_estimation(problem, optimum, posterior, integrate)
     else:
         try:
-            found = with_explored(result, posterior, lambda problem: _evidence(problem, wanted))
+            found = posterior_estimation(problem, optimum, posterior, lambda other: _evidence(other, wanted))
         except TimeoutError:
-            found = with_explored(result, posterior, None)
+            found = posterior_estimation(problem, optimum, posterior, None)
             found = replace(found, warnings=(*found.warnings, UNASKED))
-    return _told(found, wanted, "exact", "", tolerance=posterior.tolerance, reached=posterior.error)
+    return _with_effort(found, wanted, "", tolerance=posterior.tolerance, reached=posterior.error)
 
 
 def _evidence(problem: Problem, wanted: Wanted) -> QuadraturePosterior:
@@ -112,52 +128,59 @@ def _evidence(problem: Problem, wanted: Wanted) -> QuadraturePosterior:
     return found
 
 
-def _with_chains(
-    result: FitResult, wanted: Wanted, cannot: str, workers: int, progress: Progress | None
-) -> FitResult:
+def _chains(
+    problem: Problem,
+    optimum: LeastSquares,
+    wanted: Wanted,
+    unsuitable: str,
+    seed: int,
+    workers: int,
+    progress: Progress | None,
+) -> Estimation:
     from ifrfit.inference import mcmc
     from ifrfit.inference.accuracy import mcmc_accuracy as of_chains
     from ifrfit.inference.mcmc.stopping import is_met
     from ifrfit.inference.model.log_posterior import Density
 
-    problem, start = result.problem, result.least_squares
-    of_chains.check_reachable(wanted, cannot)
-    why = f"exact is out of the question: {short(cannot)}" if cannot else ""
+    of_chains.check_reachable(wanted, unsuitable)
+    why = f"exact is out of the question: {short(unsuitable)}" if unsuitable else ""
     coordinates = mcmc.Coordinates(Density(problem))
     most = None
     if coordinates.dimensions:
-        steps = of_chains.steps_within(coordinates, mcmc.fresh(coordinates, start, result.seed), wanted)
+        steps = of_chains.steps_within(coordinates, mcmc.fresh(coordinates, optimum, seed), wanted)
         short_of = steps < of_chains.FIRST and wanted.method is None
         if short_of and not problem.error_model.integrates:
-            return _as_it_is(result, wanted, f"{why}, and too short for chains".removeprefix(", and "))
+            return _least_squares(optimum, wanted, f"{why}, and too short for chains".removeprefix(", and "))
         most = max(steps, of_chains.FEWEST)
     halt = of_chains.halting(wanted, is_met)
-    found = with_chains(result, max_steps=most, workers=workers, progress=progress, halt=halt)
-    drawn = found.sample
+    found, drawn = chains_estimation(
+        problem, optimum, seed=seed, max_steps=most, workers=workers, progress=progress, halt=halt
+    )
     error = of_chains.standard_error(drawn.evidence)
     reached = error if math.isfinite(error) else None
-    return _told(found, wanted, "mcmc", why, steps=drawn.chains.steps, reached=reached)
+    return _with_effort(found, wanted, why, steps=drawn.chains.steps, reached=reached)
 
 
-def _as_it_is(result: FitResult, wanted: Wanted, why: str) -> FitResult:
-    return _told(result, wanted, "lsq", why)
+def _least_squares(optimum: LeastSquares, wanted: Wanted, why: str) -> Estimation:
+    return _with_effort(least_squares_estimation(optimum), wanted, why)
 
 
-def _told(
-    found: FitResult,
+def _with_effort(
+    found: Estimation,
     wanted: Wanted,
-    method: str,
     why: str,
     *,
     tolerance: float | None = None,
     steps: int | None = None,
     reached: float | None = None,
-) -> FitResult:
-    """The result with its effort; not converged where the asked accuracy was not reached."""
-    effort = Effort(wanted.accuracy, wanted.budget, method, tolerance, steps, reached, wanted.seconds, why)
+) -> Estimation:
+    """The estimation with its effort; not converged where the asked accuracy was not reached."""
+    effort = Effort(
+        wanted.accuracy, wanted.budget, found.method, tolerance, steps, reached, wanted.seconds, why
+    )
     if effort.met:
         return replace(found, effort=effort)
-    converged = found.facts["converged"]
+    converged = found.diagnostics["converged"]
     figures = dict(converged.figures) | {"reached": reached, "asked": wanted.accuracy}
     fact = Fact(False, missed(effort), figures, converged.threshold)
-    return replace(found, effort=effort, facts={**found.facts, "converged": fact})
+    return replace(found, effort=effort, diagnostics={**found.diagnostics, "converged": fact})

@@ -8,12 +8,13 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.closure_questions import known_to
 from ifrfit.inference.comparison.compare import weighed
 from ifrfit.inference.comparison.result import Comparison
+from ifrfit.inference.estimations import exact_estimation
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.parameters import Parameter, make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.least_squares_result import optimum_of
-from ifrfit.inference.result.method_results import with_posterior
 from ifrfit.inference.result.restore import question
 from ifrfit.physics.closures import Closure
 
@@ -54,7 +55,9 @@ def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
     try:
         other = make_problem(problem.observations, closure, j, constants, result.noise.policy)
         other = with_error_model(other, problem.error_model, "exact")
-        return with_posterior(optimum_of(other, result.seed, brief=True), _TOLERANCE)
+        optimum = least_squares(other)
+        estimation = exact_estimation(other, optimum, _TOLERANCE)
+        return build_result(other, optimum, estimation, seed=result.seed, brief=True)
     except (UsageError, DataError) as error:
         raise type(error)(f"Closure {closure.title}: {error}") from None
 
