@@ -37,7 +37,7 @@ def facts_of(
     # microslip is no remedy where the residuals call for something else
     remedy = not brief and (not called or "compliance" in called)
     facts = {
-        "converged": _converged(found),
+        "converged": noise_converged(found),
         "global_optimum": _global_optimum(found, bilinear=problem.closure.bilinear),
         "identifiable": identifiable(problem, found, constants, statistics.n_sticking, statistics.n_sliding),
         "at_bound": at_bound(constants),
@@ -50,7 +50,8 @@ def facts_of(
     return facts
 
 
-def _converged(found: LeastSquares) -> Fact:
+def noise_converged(found: LeastSquares) -> Fact:
+    """Whether the iteration over the noise of least squares came to rest."""
     if math.isinf(found.noise_dof):
         says = "least squares converged"
     else:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
-from ifrfit.inference.model.parameters import Parameter, ParameterSet
+from ifrfit.inference.model.parameters import Parameter, ParameterSet, make_parameters
 from ifrfit.inference.model.rows import Array, Index, Rows
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import Closure
@@ -111,6 +111,36 @@ class Problem:
     def with_fixed(self, values: Mapping[str, float]) -> Problem:
         """The same question with parameters, or single entries of theta, fixed at values by name."""
         return replace(self, parameters=self.parameters.with_fixed(values))
+
+    def with_closure(self, closure: Closure, parameters: Iterable[Parameter] | None = None) -> Problem:
+        """The same question for another closure.
+
+        Parameters
+        ----------
+        closure : Closure
+        parameters : iterable of Parameter, optional
+            Of that closure. By default each constant that both closures have is fixed, known before, bounded
+            and separate as it is here; bounds that are the domain of this closure become those of the other.
+
+        Raises
+        ------
+        UsageError
+            If the closure does not know the error model, or has an empty domain.
+        """
+        self.error_model.check_closure(closure)
+        made = self._parameters_of(closure) if parameters is None else tuple(parameters)
+        return replace(self, closure=closure, parameters=ParameterSet(made, self.series))
+
+    def _parameters_of(self, closure: Closure) -> tuple[Parameter, ...]:
+        domains = {each.name: each for each in make_parameters(self.closure, self.inertia_factor)}
+        found = []
+        for own in make_parameters(closure, self.inertia_factor):
+            each = self.parameters[own.name] if own.name in self.parameters else own
+            before = domains.get(own.name, own)
+            if (each.lower, each.upper) == (before.lower, before.upper):
+                each = replace(each, lower=own.lower, upper=own.upper)
+            found.append(each)
+        return tuple(found)
 
     def with_rows(self, rows: Index) -> Problem:
         """The same question of some of the rows."""

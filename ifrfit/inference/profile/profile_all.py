@@ -131,12 +131,22 @@ def _transitions(
 def profiled_estimates(
     problem: Problem, fit: LeastSquares
 ) -> tuple[ConstantsMap, dict[str, Any], dict[str, Profile]]:
+    """Profiles of a fit, and the constants and derived quantities that follow; the profiles come last."""
+    profiles = profile_all(problem, fit)
+    return *estimates_of_profiles(problem, fit, profiles), profiles
+
+
+def estimates_of_profiles(
+    problem: Problem, fit: LeastSquares, profiles: Mapping[str, Profile]
+) -> tuple[ConstantsMap, dict[str, Any]]:
     """Constants and derived quantities by their profiles.
 
     Parameters
     ----------
     problem : Problem
     fit : LeastSquares
+    profiles : mapping of str to Profile
+        As `profile_all` gives them.
 
     Returns
     -------
@@ -144,10 +154,7 @@ def profiled_estimates(
         As `ifrfit.inference.summary.estimates.constants_of`: name to `Estimate`, or to a mapping by series.
     derived : dict
         As `ifrfit.inference.summary.derived.derived_of`: kappa, transition_angle_deg, beta_sticking.
-    profiles : dict
-        Name to `Profile`.
     """
-    profiles = profile_all(problem, fit)
     constants: ConstantsMap = {}
     places = problem.parameters.positions
     for constant in problem.parameters:
@@ -161,7 +168,7 @@ def profiled_estimates(
                 value = float(fit.optimum.theta[place])
                 each[series] = Estimate(value, None, (value, value), (value, value), "fixed", "fixed by you")
         constants[constant.name] = each if constant.separate else each[problem.series[0]]
-    return constants, _derived(problem, fit, constants, profiles), profiles
+    return constants, _derived(problem, fit, constants, profiles)
 
 
 def _derived(

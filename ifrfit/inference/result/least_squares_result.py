@@ -14,7 +14,7 @@ from ifrfit.inference.diagnostics.omitted_effects.assess import effects_of
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.model.apply_error_model import reported_policy
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.fit_statistics import state_of, statistics_of
 from ifrfit.inference.result.types import Noise
@@ -29,6 +29,7 @@ def optimum_of(
     setting: Setting | None = None,
     *,
     brief: bool = False,
+    found: LeastSquares | None = None,
 ) -> FitResult:
     """Least squares with everything that is said of an optimum; other methods begin with it.
 
@@ -43,10 +44,12 @@ def optimum_of(
         The scene of the data, for the effects' criteria.
     brief : bool
         Leave out what takes further fits and serves readers of this one alone: outliers, remedies, effects.
+    found : LeastSquares, optional
+        Of the problem, where it is known already.
     """
     import pandas as pd
 
-    found = least_squares(problem)
+    found = found or least_squares(problem)
     theta = found.optimum.theta
     e_n, c, mu = problem.per_row(theta)
     _, sticks = problem.impulse(e_n, c, mu)

@@ -1,25 +1,27 @@
-"""What a method adds to the certified optimum that every fit starts from."""
+"""From a problem, its optimum and an estimation to the result of a fit."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from ifrfit.inference.diagnostics.collect import at_bound
 from ifrfit.inference.diagnostics.identifiability import identifiable
-from ifrfit.inference.diagnostics.pooling import sharing
+from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.predictive_checks import predictive
-from ifrfit.inference.diagnostics.quadrature_convergence import quadrature_convergence
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.model.noise_prior import noise_bounds
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.posterior import TOLERANCE, QuadraturePosterior, integrate
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.profile.profile_all import estimates_of_profiles
+from ifrfit.inference.result.estimation import Estimation, Unresolved
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Fact
+from ifrfit.inference.result.least_squares_result import optimum_of
+from ifrfit.inference.result.types import Estimate, Fact, Interval
 from ifrfit.inference.summary.distribution_estimates import (
     DRAWS,
     constants_from_law,
@@ -28,36 +30,107 @@ from ifrfit.inference.summary.distribution_estimates import (
     noise_from_law,
     state_from_law,
 )
+from ifrfit.inference.summary.kappa import kappa_bounds
 
-if TYPE_CHECKING:
-    from ifrfit.inference.mcmc import Evidence
-
-COARSE = 1e-3  # tolerance where the scatter is not plain: every node costs all rows
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
-def with_posterior(result: FitResult, tolerance: float | None = None) -> FitResult:
-    """Put the exact posterior in the place of the local picture; the facts about the optimum stay."""
-    problem = result.problem
-    if tolerance is None:
-        tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
-    posterior = integrate(problem, start=result.least_squares, tolerance=tolerance)
-    return with_explored(result, posterior, integrate)
-
-
-def with_explored(
-    result: FitResult,
-    posterior: QuadraturePosterior,
-    integrate: Callable[[Problem], QuadraturePosterior] | None,
+def build_result(
+    problem: Problem,
+    optimum: LeastSquares,
+    estimation: Estimation,
+    *,
+    seed: int = 0,
+    command: str = "",
+    conditions: Setting | None = None,
+    brief: bool = False,
 ) -> FitResult:
-    """The same with this posterior; other questions about sharing are put to `integrate`, if there is one."""
-    converged = quadrature_convergence(posterior, result.facts["converged"])
-    found = with_law(result, "exact", posterior, converged)
-    facts = dict(found.facts)
-    shared = None if integrate is None else sharing(result.problem, posterior.log_evidence, integrate)
-    if shared is not None:
-        facts["sharing"] = shared
-    return replace(found, fit=replace(found.fit, log_evidence=posterior.log_evidence), facts=facts)
+    """The result of a fit.
+
+    Parameters
+    ----------
+    problem : Problem
+    optimum : LeastSquares
+        Of the problem.
+    estimation : Estimation
+        What the method found beyond the optimum.
+    seed : int
+        Of the draws and bands.
+    command : str
+        The command line, for the record.
+    conditions : Setting, optional
+        The scene of the data, for the effects' criteria.
+    brief : bool
+        Leave out what takes further fits and serves readers of this one alone: outliers, remedies, effects.
+    """
+    result = optimum_of(problem, seed, command, conditions, brief=brief, found=optimum)
+    return with_estimation(result, estimation)
+
+
+def with_estimation(result: FitResult, estimation: Estimation) -> FitResult:
+    """Put what a method found in the place of the local picture; the facts about the optimum stay."""
+    problem, converged = result.problem, estimation.diagnostics["converged"]
+    local = result
+    if estimation.profiles:
+        result = _with_profiles(result, estimation)
+    if estimation.unresolved:
+        result = _with_unresolved(result, estimation.unresolved)
+    own = estimation.distribution
+    if own is not None:
+        result = with_law(result, estimation.method, own, converged, posterior=estimation.is_posterior)
+    if not estimation.predicts:
+        result = replace(result, law=None, state=local.state)
+    return replace(
+        result,
+        method=estimation.method,
+        fit=replace(result.fit, log_evidence=estimation.log_evidence),
+        facts={**result.facts, **estimation.diagnostics},
+        warnings=(*result.warnings, *estimation.warnings),
+        effort=estimation.effort,
+        versions={**result.versions, **estimation.versions},
+        sample=estimation.files.get("chains.npz"),
+    )
+
+
+def _with_profiles(result: FitResult, estimation: Estimation) -> FitResult:
+    problem, found = result.problem, result.least_squares
+    constants, derived = estimates_of_profiles(problem, found, estimation.profiles)
+    counts = result.fit
+    facts = dict(result.facts)
+    facts["identifiable"] = identifiable(problem, found, constants, counts.n_sticking, counts.n_sliding)
+    facts["at_bound"] = at_bound(constants)
+    return replace(result, constants=constants, derived=derived, facts=facts, profiles=estimation.profiles)
+
+
+def _with_unresolved(result: FitResult, unresolved: Mapping[str, Unresolved]) -> FitResult:
+    """The local estimates, without values for what the method leaves open."""
+    problem = result.problem
+    parameters = problem.parameters
+
+    def each_of(name: str, entry: Estimate | Mapping[str, Estimate], whole: Callable[[int], Interval]) -> Any:
+        def opened(number: int, series: str, estimate: Estimate) -> Estimate:
+            why = unresolved.get(f"{name}[{series}]", unresolved.get(name))
+            return estimate if why is None else _open(estimate, why, whole(number))
+
+        if isinstance(entry, Estimate):
+            return opened(0, "", entry)
+        return {series: opened(i, series, entry[series]) for i, series in enumerate(problem.series)}
+
+    constants = {
+        name: each_of(name, entry, lambda _, name=name: (parameters[name].lower, parameters[name].upper))
+        for name, entry in result.constants.items()
+    }
+    kappa = each_of("kappa", result.derived["kappa"], lambda number: kappa_bounds(problem, number))
+    return replace(result, constants=constants, derived={**result.derived, "kappa": kappa})
+
+
+def _open(local: Estimate, why: Unresolved, whole: Interval) -> Estimate:
+    if local.value is None or local.status == "fixed":
+        return local
+    if why.lower68 is None or why.lower95 is None:
+        return Estimate(None, None, whole, whole, "not_determined", why.reason)
+    ends = (why.lower68, math.inf), (why.lower95, math.inf)
+    return Estimate(None, None, *ends, "one_sided", f"only a lower limit: {why.reason}")
 
 
 def with_law(
@@ -100,74 +173,4 @@ def with_law(
         facts=facts,
         state=state,
         law=law,
-    )
-
-
-def with_chains(
-    result: FitResult,
-    *,
-    max_steps: int | None = None,
-    workers: int = 1,
-    resume: Path | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    halt: Callable[[Evidence], bool] | None = None,
-) -> FitResult:
-    """Put a sample of the posterior in the place of the local picture; see `ifrfit.inference.mcmc.sample`."""
-    from importlib.metadata import version
-
-    from ifrfit.inference import mcmc
-
-    drawn = mcmc.sample(
-        result.problem,
-        result.least_squares,
-        result.seed,
-        max_steps=mcmc.MAX_STEPS if max_steps is None else max_steps,
-        workers=workers,
-        resume=resume,
-        progress=progress,
-        halt=halt,
-    )
-    converged = mcmc.sample_converged(drawn, result.facts["converged"])
-    versions = dict(result.versions) | {name: version(name) for name in ("emcee", "arviz-stats")}
-    return replace(with_law(result, "mcmc", drawn.law, converged), sample=drawn, versions=versions)
-
-
-def with_replicates(
-    result: FitResult,
-    scheme: str | None,
-    replicates: int | None,
-    workers: int,
-    progress: Callable[[int, int], None] | None,
-) -> FitResult:
-    """Put the law of the bootstrap in the place of the local picture."""
-    from ifrfit.inference.bootstrap import REPLICATES, bootstrap
-    from ifrfit.inference.bootstrap.summary import with_draws
-
-    found = bootstrap(
-        result.problem,
-        result.least_squares,
-        scheme="cases" if scheme is None else scheme,
-        replicates=REPLICATES if replicates is None else replicates,
-        seed=result.seed,
-        workers=workers,
-        progress=progress,
-    )
-    return with_draws(result, found)
-
-
-def with_profiles(result: FitResult) -> FitResult:
-    """Put profile intervals in the place of the local ones."""
-    from ifrfit.inference.profile.convergence_fact import profile_converged
-    from ifrfit.inference.profile.profile_all import profiled_estimates
-
-    problem, found = result.problem, result.least_squares
-    constants, derived, profiles = profiled_estimates(problem, found)
-    facts = dict(result.facts)
-    facts["identifiable"] = identifiable(
-        problem, found, constants, result.fit.n_sticking, result.fit.n_sliding
-    )
-    facts["at_bound"] = at_bound(constants)
-    facts["converged"] = profile_converged(profiles, facts["converged"])
-    return replace(
-        result, method="profile", constants=constants, derived=derived, facts=facts, profiles=profiles
     )
