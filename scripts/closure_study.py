@@ -97,7 +97,9 @@ def run(task: Task) -> Outcome:
     wrong = None
     if task.control:
         wrong = {
-            name: log_evidence(replace(problem, sigma=FACTOR * problem.sigma), TOLERANCE)
+            name: log_evidence(
+                problem.with_noise(replace(problem.noise, sigma=FACTOR * problem.noise.sigma)), TOLERANCE
+            )
             for name, problem in problems.items()
         }
     return Outcome(task, evidence, wrong)

@@ -28,7 +28,7 @@ LAYERS = (
     ("errors", "text", "_version"),
 )
 # the places that look a module up by its name: the package that draws a result, the homes of registries
-LATE = {"ifrfit.inference.result.display", "ifrfit.registry"}
+LATE = {"ifrfit.inference.result.display", "ifrfit.physics.closures", "ifrfit.registry"}
 # circles that are left: none may be added or grow
 KNOWN_CIRCLES = tuple(
     {f"ifrfit.inference.{module}" for module in circle.split()}

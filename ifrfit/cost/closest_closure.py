@@ -46,5 +46,7 @@ def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> 
     table = make_table(columns | {"value": beta, "sigma": 1.0, "provenance": "simulated"})
     constants = make_parameters(closure, 0.4, fix={"e_n": e_n})
     problem = make_problem(Observations(table), closure, 0.4, constants, "known")
-    theta = dict(zip(problem.parameters.names, solve(problem, problem.sigma).theta.tolist(), strict=True))
+    theta = dict(
+        zip(problem.parameters.names, solve(problem, problem.noise.sigma).theta.tolist(), strict=True)
+    )
     return Constants(theta["e_n"], theta.get(closure.constant or "", 0.0), theta["mu"])

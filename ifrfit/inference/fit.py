@@ -108,8 +108,9 @@ def fit(
     check_keywords("fit", FitKeywords, keywords)
     chosen = model_of(model, keywords)
     estimator = estimator_of(method, keywords)
+    closure = get_closure(chosen.closure)
     question = make_question(data, chosen, noise_of(noise, keywords), seed, scene, keywords)
-    problem = question.problem(get_closure(chosen.closure), chosen.parameters(question.inertia_factor))
+    problem = question.problem(closure, chosen.parameters(question.inertia_factor))
     return fit_problem(
         problem,
         estimator,

@@ -163,5 +163,5 @@ def _labelled(result: FitResult, labels: NDArray[Any]) -> Problem:
     problem: Problem = result.problem
     observations = replace(problem.observations, table=problem.observations.table.assign(series=labels))
     return make_problem(
-        observations, problem.closure, problem.inertia_factor, problem.parameters, problem.noise
+        observations, problem.closure, problem.inertia_factor, problem.parameters, problem.noise.policy
     )

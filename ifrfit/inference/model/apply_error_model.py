@@ -11,11 +11,11 @@ from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.error_propagation import propagated_sigma
-from ifrfit.inference.model.noise_prior import noise_bounds
+from ifrfit.inference.model.noise import NoiseModel, Policy
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.physics.observables import Observable
 
 
 def with_propagated_sigma(observations: Observations, error_model: ErrorModel) -> Observations:
@@ -62,35 +62,34 @@ def with_error_model(problem: Problem, error_model: ErrorModel) -> Problem:
         _check_errors_of_angles(problem, error_model)
     if error_model.is_plain:
         return replace(problem, error_model=error_model)
-    if problem.noise == "unknown":
+    if problem.noise.is_unknown:
         groups = problem.groups()
         if len(groups) > 1:
             raise DataError(
                 f"{len(groups)} unknown noises ({', '.join(groups)}) beside {error_model.option}: give a "
                 "sigma in every row and --noise scaled, or fit one observable of one series at a time."
             )
-        (ends,) = noise_bounds(problem).values()
-        ones = np.ones(problem.sigma.size)
-        problem = replace(problem, noise="scaled", sigma=ones, noise_bounds={"": ends})
+        (ends,) = problem.noise_bounds().values()
+        problem = problem.with_noise(NoiseModel("scaled", np.ones(len(problem.rows)), {"": ends}))
     return replace(problem, error_model=error_model)
 
 
-def reported_policy(problem: Problem) -> str:
+def reported_policy(problem: Problem) -> Policy:
     """Noise policy as the user knows it: an unknown noise that became a factor is unknown all the same."""
-    if problem.noise == "scaled" and not np.isfinite(problem.observations.table["sigma"]).all():
+    if problem.noise.is_scaled and not np.isfinite(problem.observations.table["sigma"]).all():
         return "unknown"
-    return problem.noise
+    return problem.noise.policy
 
 
 def tied_to_e_n(problem: Problem, error_model: ErrorModel) -> list[str]:
     """Observables whose true angle, integrated out, ties a free e_n to the tangential constants."""
-    free = any(c.name == "e_n" and c.fixed is None for c in problem.parameters)
-    return [name for name in problem.rows.names if _couples(name)] if error_model.integrates and free else []
+    if not error_model.integrates or problem.parameters["e_n"].fixed is not None:
+        return []
+    return [o.name for o in problem.rows.observables if _couples(o)]
 
 
-def _couples(name: str) -> bool:
+def _couples(o: Observable) -> bool:
     """Whether a row sees e_n together with the true angle."""
-    o = OBSERVABLES[name]
     if o.kind == "normal":
         return o.name != "e_n"
     return (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n)
@@ -99,7 +98,7 @@ def _couples(name: str) -> bool:
 def _check_errors_of_angles(problem: Problem, error_model: ErrorModel) -> None:
     """Refuse data that do not say how uncertain any angle or spin is, and angles outside their population."""
     table = problem.observations.table
-    has_angle = np.array([OBSERVABLES[n].has_angle for n in problem.rows.names])[problem.rows.which]
+    has_angle = problem.rows.has_angle
     spins = table[["sigma_spin_x", "sigma_spin_y"]].fillna(0.0).to_numpy(dtype=float)
     of_angle = table["sigma_gamma_deg"].fillna(error_model.gamma or 0.0).to_numpy(dtype=float)
     if not (has_angle & ((spins > 0.0).any(axis=1) | (of_angle > 0.0))).any():

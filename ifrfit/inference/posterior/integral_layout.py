@@ -100,7 +100,7 @@ def make_layout(problem: Problem, start: LeastSquares, tolerance: float, *, apar
 
 def _serious(unknown: FreeParameter, constant: Parameter, problem: Problem) -> FreeParameter:
     """The unknown; e_n not below what is meant seriously where values are over the outgoing velocity."""
-    if constant.name == "e_n" and any(OBSERVABLES[name].scale == "rebound" for name in problem.rows.names):
+    if constant.name == "e_n" and problem.rows.has_rebound_scale:
         return replace(unknown, lower=max(unknown.lower, LOWEST))
     return unknown
 
@@ -205,9 +205,9 @@ def _shared(
     """Unknowns outside the series: what these share, and a common factor of the noise."""
     found = []
     problem = setting.problem
-    if problem.noise == "scaled" and not any(one.noise for one in series):
+    if problem.noise.is_scaled and not any(one.noise for one in series):
         low, high = setting.bounds[""]
-        factor = float(np.median(setting.start.sigma / problem.sigma))
+        factor = float(np.median(setting.start.sigma / problem.noise.sigma))
         relative = 1.0 / math.sqrt(2.0 * max(problem.rows.value.size - 3, 1))
         unknown = FreeParameter("noise", low, high, None, -math.log(math.log(high / low)))
         edges = ladder(math.log(factor), relative, math.log(low), math.log(high))

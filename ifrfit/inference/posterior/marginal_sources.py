@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.noise_prior import noise_label
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.posterior import marginals as of
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.joint_grid import JointDensity
@@ -44,7 +44,7 @@ def marginals_of(plan: IntegralLayout, grid: JointDensity) -> dict[str, Marginal
         found["noise"] = of.shared(grid, shared["noise"], "noise")
     for number, names in enumerate(plan.groups):
         for group, name in enumerate(names):
-            label = noise_label(name)
+            label = noise_name(name)
             found[label] = noise(grid, number, group, label)
     return found
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.noise_prior import noise_label
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.posterior.density_grid import DensityGrid
 from ifrfit.inference.posterior.inverse_cdf import InverseCdfTable, table_points
 from ifrfit.inference.posterior.joint_grid import JointDensity
@@ -46,7 +46,7 @@ def draw(posterior: QuadraturePosterior, n: int, rng: np.random.Generator) -> di
         found["noise"] = shared["noise"]
     for tensor, names_, own in zip(grid.tensors, plan.groups, parts, strict=True):
         for group, name in enumerate(names_):
-            found[noise_label(name)] = _noise(tensor, group, own, rng)
+            found[noise_name(name)] = _noise(tensor, group, own, rng)
     return {name: found[name] for name in posterior.names}
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.optimize.solve import solve
-from ifrfit.physics.observables import OBSERVABLES
 
 CENTRAL = {0.68: 0.98894, 0.95: 3.84146}  # chi2 of one degree of freedom
 ONE_SIDED = {0.68: 0.21874, 0.95: 2.70554}  # the same for 36 and 90 %: one tail of 32 and 5 %
@@ -23,7 +22,7 @@ def profile_function(problem: Problem, sigma: Array, name: str, near: Array) -> 
     """Objective with the constant held at a value and everything else at its best; `near` is the optimum."""
     own = problem.parameters[name]
     place = problem.parameters.names.index(name)
-    rebound = name == "e_n" and any(OBSERVABLES[each].scale == "rebound" for each in problem.rows.names)
+    rebound = name == "e_n" and problem.rows.has_rebound_scale
 
     def value(x: float) -> float:
         if rebound:  # a value over the outgoing normal velocity has no limit at e_n = 0

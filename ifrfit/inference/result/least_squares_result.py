@@ -115,10 +115,10 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
         )
     if problem.closure.caveat:
         said.append(problem.closure.caveat)
-    given = int(np.isfinite(problem.sigma).sum())
-    if problem.noise == "unknown" and given:
+    given = int(np.isfinite(problem.noise.sigma).sum())
+    if problem.noise.is_unknown and given:
         said.append(
-            f"sigma is given in {given} of {problem.sigma.size} rows, and is not used: the noise comes from "
+            f"sigma is given in {given} of {len(problem.rows)} rows, and is not used: the noise comes from "
             "the misfit. Give every row a sigma, or choose --noise."
         )
     return tuple(said)

@@ -14,7 +14,6 @@ from ifrfit.inference.diagnostics.identifiability import identifiable
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.distributions.protocol import Distribution
-from ifrfit.inference.model.noise_prior import noise_bounds
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
@@ -166,7 +165,7 @@ def with_law(
     return replace(
         result,
         method=method,
-        noise=noise_from_law(problem, law, result.noise, noise_bounds(problem) if posterior else {}),
+        noise=noise_from_law(problem, law, result.noise, problem.noise_bounds() if posterior else {}),
         constants=constants,
         derived=derived_from_law(problem, law, result.derived, constants),
         correlation=(names, correlation_from_law(law, names)),

@@ -187,12 +187,12 @@ def noise_from_law(
             law.mean(name),
         )
     sigma = dict(local.sigma)
-    if problem.noise == "unknown":
+    if problem.noise.is_unknown:
         sigma |= {name: float(e.value) for name, e in estimates.items() if e.value is not None}
     elif "" in estimates and (factor := estimates[""].value) is not None:
         for name, rows in problem.groups().items():
-            sigma[name] = factor * float(np.sqrt((problem.sigma[rows] ** 2).mean()))
-    if problem.noise == "scaled" and local.policy == "unknown":  # the factor is on a sigma of 1
+            sigma[name] = factor * float(np.sqrt((problem.noise.sigma[rows] ** 2).mean()))
+    if problem.noise.is_scaled and local.policy == "unknown":  # the factor is on a sigma of 1
         (group,) = problem.groups()
         estimates, bounds = {group: estimates[""]}, {group: bounds[""]}
     return Noise(local.policy, sigma, estimates, dict(bounds), local.error_model)

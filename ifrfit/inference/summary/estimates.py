@@ -17,7 +17,6 @@ from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.profile.open_estimates import is_local, open_estimate, outlying
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.inference.summary.kappa import kappa_of
-from ifrfit.physics.observables import OBSERVABLES
 
 _AT_BOUND = 1e-9
 
@@ -97,7 +96,7 @@ def _through_kappa(problem: Problem, fit: LeastSquares, constant: Parameter, ser
 
 def too_few(problem: Problem, constant: Parameter) -> bool:
     """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
-    kinds = np.array([OBSERVABLES[name].kind for name in problem.rows.names])[problem.rows.which]
+    kinds = problem.rows.kinds
     oblique = int(np.isin(kinds, ("tangential", "curved")).sum())
     direct = {"e_n": "normal", "mu": "friction"}
     if oblique == 0 or constant.prior is not None or direct.get(constant.name) in kinds:

@@ -128,7 +128,7 @@ def _counted(problem, **only: object) -> Lot:
         keep &= names != only["without"]
     if "first" in only:
         keep &= (np.arange(keep.size) < only["first"]) | (names == "e_n")
-    exact = problem.fitted(np.array(only["exact"])) - problem.rows.value if "exact" in only else 0.0 * tau
+    exact = problem.predict(np.array(only["exact"])) - problem.rows.value if "exact" in only else 0.0 * tau
     return Lot(keep[None].astype(float), exact[None], np.full((1, len(problem.parameters)), np.nan))
 
 
