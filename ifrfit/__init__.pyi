@@ -17,10 +17,10 @@ from .inference.estimators import Profile as Profile
 from .inference.fit import fit as fit
 from .inference.io.lmfit import lmfit_model as lmfit_model
 from .inference.io.read_result import load_result as load_result
-from .inference.result.fit_result import FitResult as FitResult
 from .inference.options import AngleErrors as AngleErrors
 from .inference.options import Model as Model
 from .inference.options import Noise as Noise
+from .inference.result.fit_result import FitResult as FitResult
 from .physics import Rebound as Rebound
 from .physics import rebound as rebound
 from .physics import transition_angles as transition_angles

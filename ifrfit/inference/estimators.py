@@ -260,9 +260,7 @@ class MCMC(Options):
     title: ClassVar[str] = "Markov chain Monte Carlo"
     label: ClassVar[str] = "MCMC"
     summary: ClassVar[str] = "Markov chains"
-    max_steps: int | None = option(
-        None, "mcmc: most steps, 10000 by default.", form="integer", metavar="N"
-    )
+    max_steps: int | None = option(None, "mcmc: most steps, 10000 by default.", form="integer", metavar="N")
     resume: str | Path | None = option(
         None, "mcmc: walk on with the chains in DIR, and replace its result.", form="path", metavar="DIR"
     )
@@ -448,6 +446,18 @@ ESTIMATORS: Registry[Estimator] = Registry(
 )
 
 
+def title_of(method: str) -> str:
+    """Title of a method by its name; the name where there is none, as of a package that is not installed."""
+    found = ESTIMATORS.get(method)
+    return method if found is None else found.title
+
+
+def label_of(method: str) -> str:
+    """Label of a method by its name; as `title_of`."""
+    found = ESTIMATORS.get(method)
+    return method if found is None else found.label
+
+
 def make_estimator(method: str | None, values: Mapping[str, Any]) -> Estimator:
     """An estimator by its name and by keywords, of which those that are no option of any method do not count.
 
@@ -475,7 +485,6 @@ def make_estimator(method: str | None, values: Mapping[str, Any]) -> Estimator:
         if owner is Automatic:
             raise UsageError(_picked(keyword))
         owners = [name for name, each in every.items() if keyword in options_of(each)]
-        raise UsageError(
-            f"{options[keyword].flag} belongs to --method {' or '.join(owners)}, not to --method {owner.name}."
-        )
+        flag, those = options[keyword].flag, " or ".join(owners)
+        raise UsageError(f"{flag} belongs to --method {those}, not to --method {owner.name}.")
     return build(owner, said)

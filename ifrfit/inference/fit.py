@@ -149,9 +149,7 @@ class Question:
         UsageError, DataError
             As `make_problem` and `with_error_model`.
         """
-        made = make_problem(
-            self.observations, closure, self.inertia_factor, parameters, self.noise.policy
-        )
+        made = make_problem(self.observations, closure, self.inertia_factor, parameters, self.noise.policy)
         return with_error_model(made, self.noise.error_model)
 
 

@@ -57,7 +57,7 @@ class Option:
 
 def option(
     default: Any,
-    help: str,  # noqa: A002 the word of every library of command lines
+    help: str,
     *,
     form: Form = "text",
     metavar: str | None = None,

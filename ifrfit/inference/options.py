@@ -47,9 +47,7 @@ class Model(Options):
 
     closure: str = option("ifr", "ifr, fr, f, ifr-contact or maw.")
     _: KW_ONLY
-    fix: Mapping[str, float] = option(
-        {}, "A constant that you know.", form="values", metavar="NAME=VALUE"
-    )
+    fix: Mapping[str, float] = option({}, "A constant that you know.", form="values", metavar="NAME=VALUE")
     prior: Mapping[str, Range] = option(
         {}, "A constant that you measured before.", form="pairs", metavar="NAME=MEAN,SD"
     )
@@ -100,12 +98,14 @@ class Model(Options):
     def with_closure(self, closure: Closure) -> Model:
         """The same with another closure, and of the choices those for constants that it has."""
         own = closure.constants
-        kept = {
-            key: {name: value for name, value in getattr(self, key).items() if name in own}
-            for key in ("fix", "prior", "bounds")
-        }
-        separate = tuple(name for name in self.separate if name in own)
-        return replace(self, closure=closure.name, separate=separate, **kept)
+        return replace(
+            self,
+            closure=closure.name,
+            fix={name: value for name, value in self.fix.items() if name in own},
+            prior={name: value for name, value in self.prior.items() if name in own},
+            bounds={name: value for name, value in self.bounds.items() if name in own},
+            separate=tuple(name for name in self.separate if name in own),
+        )
 
     def named_constants(self) -> Mapping[str, Iterable[str]]:
         """Constants that each of the choices names."""

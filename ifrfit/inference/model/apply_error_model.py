@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ifrfit.data import Observations
-from ifrfit.errors import DataError, UsageError
+from ifrfit.errors import DataError
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.error_propagation import propagated_sigma
 from ifrfit.inference.model.noise import NoiseModel, Policy

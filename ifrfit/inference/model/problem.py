@@ -192,10 +192,11 @@ class Problem:
         return replace(self, closure=closure, parameters=ParameterSet(made, self.series))
 
     def _parameters_of(self, closure: Closure) -> tuple[Parameter, ...]:
+        here = {each.name: each for each in self.parameters}
         domains = {each.name: each for each in make_parameters(self.closure, self.inertia_factor)}
         found = []
         for own in make_parameters(closure, self.inertia_factor):
-            each = self.parameters[own.name] if own.name in self.parameters else own
+            each = here.get(own.name, own)
             before = domains.get(own.name, own)
             if (each.lower, each.upper) == (before.lower, before.upper):
                 each = replace(each, lower=own.lower, upper=own.upper)

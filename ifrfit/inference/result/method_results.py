@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -68,8 +68,7 @@ def build_result(
 
 def with_estimation(result: FitResult, estimation: Estimation) -> FitResult:
     """Put what a method found in the place of the local picture; the facts about the optimum stay."""
-    problem, converged = result.problem, estimation.diagnostics["converged"]
-    local = result
+    local, converged = result, estimation.diagnostics["converged"]
     if estimation.profiles:
         result = _with_profiles(result, estimation)
     if estimation.unresolved:
@@ -106,20 +105,21 @@ def _with_unresolved(result: FitResult, unresolved: Mapping[str, Unresolved]) ->
     problem = result.problem
     parameters = problem.parameters
 
-    def each_of(name: str, entry: Estimate | Mapping[str, Estimate], whole: Callable[[int], Interval]) -> Any:
+    def each_of(name: str, entry: Estimate | Mapping[str, Estimate], whole: Sequence[Interval]) -> Any:
         def opened(number: int, series: str, estimate: Estimate) -> Estimate:
             why = unresolved.get(f"{name}[{series}]", unresolved.get(name))
-            return estimate if why is None else _open(estimate, why, whole(number))
+            return estimate if why is None else _open(estimate, why, whole[number])
 
         if isinstance(entry, Estimate):
             return opened(0, "", entry)
         return {series: opened(i, series, entry[series]) for i, series in enumerate(problem.series)}
 
-    constants = {
-        name: each_of(name, entry, lambda _, name=name: (parameters[name].lower, parameters[name].upper))
-        for name, entry in result.constants.items()
-    }
-    kappa = each_of("kappa", result.derived["kappa"], lambda number: kappa_bounds(problem, number))
+    constants = {}
+    for name, entry in result.constants.items():
+        domain = parameters[name].lower, parameters[name].upper
+        constants[name] = each_of(name, entry, [domain] * len(problem.series))
+    bounds = [kappa_bounds(problem, number) for number in range(len(problem.series))]
+    kappa = each_of("kappa", result.derived["kappa"], bounds)
     return replace(result, constants=constants, derived={**result.derived, "kappa": kappa})
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.interval_comparison import disagreements
+from ifrfit.inference.estimators import label_of, title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.physics.closures import CLOSURES
@@ -17,7 +18,7 @@ from ifrfit.report.page.drawings.intervals import Span, draw_intervals
 from ifrfit.report.page.material import Material
 from ifrfit.report.regimes import transitions
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import METHODS, status_words
+from ifrfit.report.sentences import status_words
 from ifrfit.text import interval_text, sd_text
 
 if TYPE_CHECKING:
@@ -25,13 +26,6 @@ if TYPE_CHECKING:
 
 HEAD = ("constant", "value", "sd", "68 % interval", "95 % interval", "status")
 MOST_PICTURES = 8
-SHORT = {
-    "lsq": "least squares",
-    "exact": "exact",
-    "mcmc": "MCMC",
-    "bootstrap": "bootstrap",
-    "profile": "profile",
-}
 
 
 def section(material: Material) -> Section:
@@ -39,7 +33,7 @@ def section(material: Material) -> Section:
     blocks: list[Block] = [
         Table(
             "Constants, what follows from them, and the noise. Values and standard deviations as the "
-            f"{METHODS.get(material.result.method, material.result.method)} gives them.",
+            f"{title_of(material.result.method)} gives them.",
             HEAD,
             tuple(_rows(material.result)),
             frozenset({1, 2, 3, 4}),
@@ -129,7 +123,7 @@ def _pictures(material: Material) -> list[Picture]:
 
 
 def _spans(material: Material, name: str, estimate: Estimate) -> tuple[Span, ...]:
-    method = SHORT.get(material.result.method, material.result.method)
+    method = label_of(material.result.method)
     spans = [Span(f"this fit ({method})", estimate.value, estimate.interval68, estimate.interval95)]
     table = material.intervals
     if table is None or name not in table.index:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from ifrfit.inference.estimators import title_of
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.drawings.corner import draw_corner
 from ifrfit.report.page.material import Material
-from ifrfit.report.sentences import METHODS
 
 MOST = 6
 
@@ -26,7 +26,7 @@ def section(material: Material) -> Section | None:
     if result.state.sample is None:
         law = "the Gaussian around the optimum, cut at the bounds"
     else:
-        law = f"the {METHODS.get(result.method, result.method)}"
+        law = f"the {title_of(result.method)}"
     left_out = f" Not shown: {', '.join(names[MOST:])}." if len(names) > MOST else ""
     described = "; ".join(
         f"{name}: mean {column.mean():.4g}, sd {column.std():.2g}" for name, column in columns.items()
