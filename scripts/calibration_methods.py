@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 from calibration_scenes import Experiment, understated_sigma, walton, without_kink
+from ifrfit.inference.summary.kappa import kappa_of
 from numpy.typing import NDArray
 from scipy import special
 
@@ -16,7 +17,6 @@ from ifrfit.inference.posterior import TOLERANCE, integrate
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.inference.summary.estimates import constants_of
-from ifrfit.inference.summary.kappa import kappa_of
 
 Array = NDArray[np.float64]
 Score = tuple[float, float, float, float]  # rank of the truth, whether it is in the 50, 68, 95 % interval

@@ -130,7 +130,7 @@ def _fitted(name: str, question: Question, model: Model) -> FitResult:
 
 def _optimum(found: FitResult) -> dict[str, float]:
     """Constants in the first series; where the data leave one open, at the end of its default prior."""
-    entries = found.problem.parameters.entries
-    theta = found.least_squares.optimum.theta
-    places = found.problem.parameters.positions
+    problem, optimum = found.problem_and_optimum()
+    entries, theta = problem.parameters.entries, optimum.optimum.theta
+    places = problem.parameters.positions
     return {name: float(min(theta[at[0]], entries[at[0]].prior_upper)) for name, at in places.items()}

@@ -83,7 +83,9 @@ def measure_costs(
     setting = setting_of(found, question, chosen) if others else None
     if "inference" in wanted:
         extent = QUICK if quick else FULL
-        measured = inference_costs(found.problem, extent=extent, seed=seed, progress=progress)
+        measured = inference_costs(
+            found.problem_and_optimum()[0], extent=extent, seed=seed, progress=progress
+        )
         costs += measured.costs
         reference = measured.reference
         notes += measured.notes

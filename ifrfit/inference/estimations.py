@@ -78,7 +78,7 @@ def chains_estimation(
     )
     estimation = Estimation(
         "mcmc",
-        sample.law,
+        sample.distribution,
         {"converged": mcmc.sample_converged(sample, noise_converged(optimum))},
         is_posterior=True,
         versions={name: version(name) for name in ("emcee", "arviz-stats")},

@@ -27,7 +27,7 @@ from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.method_results import build_result
+from ifrfit.inference.result.build import build_result, summarize_optimum
 from ifrfit.physics.closures import Closure, get_closure
 
 Data = str | Path | Observations
@@ -201,8 +201,11 @@ def fit_problem(
     if reason:
         raise UsageError(reason)
     optimum = least_squares(problem)
+    summary = summarize_optimum(problem, optimum, conditions)
     estimation = estimator.run(problem, optimum, seed=seed, progress=progress, started=started)
-    return build_result(problem, optimum, estimation, seed=seed, command=command, conditions=conditions)
+    return build_result(
+        problem, optimum, estimation, seed=seed, command=command, conditions=conditions, summary=summary
+    )
 
 
 def gather(

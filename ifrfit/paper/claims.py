@@ -160,7 +160,7 @@ def _by_evidence(
 
 def _labelled(result: FitResult, labels: NDArray[Any]) -> Problem:
     """The same question with the rows labelled anew: labels take the place of series."""
-    problem: Problem = result.problem
+    problem, _ = result.problem_and_optimum()
     observations = replace(problem.observations, table=problem.observations.table.assign(series=labels))
     return make_problem(
         observations, problem.closure, problem.inertia_factor, problem.parameters, problem.noise.policy

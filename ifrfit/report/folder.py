@@ -145,9 +145,9 @@ def _fill(result: FitResult, folder: Path, *, figures: bool) -> list[str]:
             names.append(name)
         (folder / REPORT).write_text(page(result, figure=figure), encoding="utf-8", newline="\n")
         names.append(REPORT)
-    if result.sample is not None:
-        result.sample.save(folder / CHAINS)
-        names.append(CHAINS)
+    for name, own in result.files.items():
+        own.save(folder / name)
+        names.append(name)
     return names
 
 

@@ -65,7 +65,7 @@ def heading(costs: Costs, kind: Kind) -> str:
     if kind == "inference":
         reference = costs.reference
         assert reference is not None
-        names = joined(free_names(costs.fit.problem))
+        names = joined(free_names(costs.fit.problem_and_optimum()[0]))
         return (
             f"inference: from data in memory to mean, sd and 95 % interval of {names}; errors in posterior "
             f"sd, against {reference_words(reference)}; of draws the root mean square over seeds"

@@ -11,7 +11,7 @@ from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING
 from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import FACTS, FAILED
-from ifrfit.inference.distributions.draws import Draws
+from ifrfit.inference.distributions.draws import Draws, kappa_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import Local
 from ifrfit.inference.optimize.least_squares import LeastSquares
@@ -92,8 +92,7 @@ def _unresolved(found: Bootstrap) -> dict[str, Unresolved]:
     for number in range(len(problem.series)):
         mu = problem.parameters.names[int(problem.parameters.positions["mu"][number])]
         lost = {why: n for why, n in found.open.get(mu, {}).items() if why != NO_E_N}
-        own = f"kappa[{problem.series[number]}]"
-        reasons[own if own in found.kappas else "kappa"] = lost
+        reasons[kappa_name(problem, number)] = lost
     draws = {**found.draws, **found.kappas}
     return {
         name: _open(found, counts, draws[name])

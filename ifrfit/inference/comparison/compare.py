@@ -25,6 +25,7 @@ from ifrfit.inference.fit import Data, make_question
 from ifrfit.inference.keywords import QuestionKeywords, check_keywords, model_of, noise_of
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.restore import posterior_of
 
 
 def compare(
@@ -97,7 +98,7 @@ def weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed:
     found = _cross_validated(fits, seed) if loo else {}
     if loo and not found:
         notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
-    problems = [fit.problem for fit in fits.values()]
+    problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
     if not problems[0].has_oblique:
         notes += ("No row is of an oblique impact: e_n and mu alone say nothing of a closure.",)
     entries = _entries(fits, found)
@@ -117,17 +118,17 @@ def _cross_validated(fits: dict[str, FitResult], seed: int) -> dict[str, Loo]:
 
 
 def _entries(fits: dict[str, FitResult], loo: dict[str, Loo]) -> dict[str, Entry]:
-    evidence = {name: float(fit.law.log_evidence) for name, fit in fits.items()}
+    evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
     chance = probabilities(evidence)
     top = max(evidence.values())
     return {
         name: Entry(
             fit=fit,
-            free=int(fit.problem.parameters.free.sum()),
+            free=int(fit.problem_and_optimum()[0].parameters.free.sum()),
             aicc=aicc(fit),
             log_bayes_factor=evidence[name] - top,
             probability=chance[name],
-            prior=prior_of(fit.problem),
+            prior=prior_of(fit.problem_and_optimum()[0]),
             loo=loo.get(name),
         )
         for name, fit in fits.items()

@@ -11,10 +11,9 @@ import numpy as np
 
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.result.types import Estimate, Interval, Status
+from ifrfit.inference.summary.status import AT_BOUND
 
 Shape = Literal["bounded", "one_sided", "flat", "multimodal"]
-
-AT_BOUND = 1e-9
 
 
 @dataclass(frozen=True)
@@ -140,11 +139,11 @@ def hull(pieces: tuple[Interval, ...]) -> Interval:
 def closed(interval: Interval, lower: float, upper: float) -> tuple[bool, bool]:
     """Whether the interval ends before the domain does, below and above."""
 
-    def apart(end: float, bound: float) -> bool:
+    def differs(end: float, bound: float) -> bool:
         return math.isinf(bound) or abs(end - bound) > AT_BOUND * max(1.0, abs(bound))
 
-    return apart(interval[0], lower) and not math.isinf(interval[0]), (
-        apart(interval[1], upper) and not math.isinf(interval[1])
+    return differs(interval[0], lower) and not math.isinf(interval[0]), (
+        differs(interval[1], upper) and not math.isinf(interval[1])
     )
 
 

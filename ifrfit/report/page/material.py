@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.prediction import draw_kept
 from ifrfit.inference.result.restore import question
 from ifrfit.inference.result.types import Estimate
 
@@ -109,8 +110,8 @@ class Material:
     def _posterior(self) -> Any:
         from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
-        if isinstance(self.result.law, QuadraturePosterior):
-            return self.result.law
+        if isinstance(self.result.distribution, QuadraturePosterior):
+            return self.result.distribution
         if self.result.method != "exact" or self.question is None:
             return None
         problem, optimum = self.question
@@ -120,7 +121,7 @@ class Material:
     def draws(self) -> pd.DataFrame:
         """Draws of the constants and of kappa: the ones that the result keeps, live or read from a file."""
         rng = np.random.default_rng(self.result.seed)
-        return replace(self.result, law=None).draws(DRAWS, rng)
+        return draw_kept(self.result, DRAWS, rng)
 
     @cached_property
     def free(self) -> dict[str, Estimate]:

@@ -175,7 +175,7 @@ def references():
 def test_the_accuracy_that_was_asked_for_is_reached(references, name, accuracy):
     problem, choices, reference = references[name]
     fit = ifrfit.fit(name, accuracy=accuracy, **choices)
-    off = max(largest_errors([of_law(problem, fit.law)], reference).values())
+    off = max(largest_errors([of_law(problem, fit.distribution)], reference).values())
     assert off <= accuracy
     assert fit.effort.method == "exact"
     assert fit.effort.reached <= accuracy

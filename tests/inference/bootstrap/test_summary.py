@@ -12,6 +12,7 @@ import pytest
 
 import ifrfit
 from ifrfit import UsageError
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.io.read_result import from_dict
 from ifrfit.inference.io.write_result import dumps
 
@@ -26,7 +27,7 @@ def both(impacts):
 
 def test_values_are_medians_and_stderr_the_sd_of_the_draws(both) -> None:
     for name in ("e_n", "e_t", "mu"):
-        found, draws = both.constants[name], both.law.values[name]
+        found, draws = both.constants[name], both.distribution.values[name]
         assert found.status == "determined"
         assert found.value == pytest.approx(np.median(draws))
         assert found.mean == pytest.approx(draws.mean())
@@ -59,7 +60,7 @@ def test_the_file_fits_the_schema_and_comes_back_the_same(both, tmp_path) -> Non
 
 def test_bands_and_draws_are_those_of_the_replicates(both) -> None:
     table = both.predict([10.0, 70.0])
-    e_t = both.law.values["e_t"]
+    e_t = both.distribution.values["e_t"]
     assert table["value"][0] == pytest.approx(np.median(e_t) + 1.4)
     assert (table["lo95"][0], table["hi95"][0]) == pytest.approx(
         tuple(np.quantile(e_t + 1.4, (0.025, 0.975)))
@@ -77,7 +78,7 @@ def test_beta_alone_has_kappa_and_no_values_of_e_n_and_mu(impacts) -> None:
     assert found.constants["mu"].value is None
     assert found.derived["kappa"].status == found.constants["e_t"].status == "determined"
     assert not any("Gaussian" in says for says in found.warnings)
-    assert found.law is not None
+    assert isinstance(found.distribution, Draws)
 
 
 @pytest.mark.parametrize("seed", [1, 3])  # the best fit has all nine impacts stick; it has the last one slide
