@@ -8,8 +8,8 @@ from ifrfit.inference.fit import Question
 from ifrfit.inference.model.apply_error_model import tied_to_e_n
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model
-from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.build import build_result
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import get_closure
 
 

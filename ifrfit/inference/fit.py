@@ -26,8 +26,8 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
-from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.build import build_result, summarize_optimum
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import Closure, get_closure
 
 Data = str | Path | Observations

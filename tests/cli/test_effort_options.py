@@ -19,8 +19,7 @@ FIT = ("fit", "cross-2019", "--fix", "e_n=0.94")
         (("--accuracy", "7"), "--accuracy 7: choose from 1e-9 to 0.5 of a posterior standard deviation."),
         (
             ("--accuracy", "1e-3", "--method", "lsq"),
-            "--accuracy picks the settings of exact or mcmc; --method lsq has none that make it more exact. "
-            "Leave one of the two out.",
+            "--accuracy belongs to --method exact or mcmc, not to --method lsq.",
         ),
         (
             ("--budget", "2s", "--method", "mcmc", "--max-steps", "100"),

@@ -10,8 +10,8 @@ from ifrfit.inference.estimations import exact_estimation
 from ifrfit.inference.estimators import Exact
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.build import build_result
+from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import question
 from ifrfit.physics.closures import Closure
 
