@@ -73,9 +73,10 @@ def fit(
 def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:
     if out is None:
         return []
+    from ifrfit.inference.appraise import appraise
     from ifrfit.report import write_folder
 
-    return write_folder(result, out, force=force)
+    return write_folder(result, appraise(result), out, force=force)
 
 
 def _insist(result: FitResult) -> None:

@@ -13,7 +13,7 @@ from ifrfit.paper.drawing import draw
 from ifrfit.paper.figure import PaperFigure
 from ifrfit.paper.kharaz import kharaz
 from ifrfit.paper.recovered_constants import Done
-from ifrfit.paper.scene import Row, Scene, rows_of
+from ifrfit.paper.scene import Row, Scene, rounded, rows_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,7 +47,10 @@ def make(figure: PaperFigure, done: dict[str, Done]) -> Made | None:
     if figure.kind == "scheme":
         return _scheme(figure)
     scene = scene_of(figure, done)
-    return None if scene is None else Made(figure.stem, draw(scene), tuple(rows_of(scene)))
+    if scene is None:
+        return None
+    scene = rounded(scene)
+    return Made(figure.stem, draw(scene), tuple(rows_of(scene)))
 
 
 def scene_of(figure: PaperFigure, done: dict[str, Done]) -> Scene | None:

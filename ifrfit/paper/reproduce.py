@@ -7,7 +7,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
 from pathlib import Path
 
 from ifrfit.errors import UsageError
@@ -17,7 +16,7 @@ from ifrfit.paper.constants_table import table_text
 from ifrfit.paper.figure_selection import Choice, chosen
 from ifrfit.paper.figures import FIGURES
 from ifrfit.paper.make_figure import Made, make
-from ifrfit.paper.recovered_constants import Done, Line
+from ifrfit.paper.recovered_constants import COLUMNS, Done
 from ifrfit.paper.scene import write_rows
 from ifrfit.report.style import save_figure
 
@@ -88,13 +87,9 @@ def _check_free(out: Path, whole: bool) -> None:
     table = out / TABLE
     if whole and table.is_file():
         with table.open(encoding="utf-8", errors="replace") as file:
-            ours = file.readline().startswith(",".join(_header()[:4]))
+            ours = file.readline().startswith(",".join(COLUMNS[:4]))
         if not ours:
             raise UsageError(f"{table} is not a table of this command. Choose another folder with --out.")
-
-
-def _header() -> list[str]:
-    return [field.name for field in fields(Line)]
 
 
 def _run(folder: Path, choice: Choice, whole: bool, progress: bool) -> dict[str, Done]:
@@ -140,14 +135,8 @@ def _telling(progress: bool) -> Iterator[Callable[[str], object]]:
 def _write_table(path: Path, done: Sequence[Done]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(_header())
-        writer.writerows([_cell(getattr(line, name)) for name in _header()] for d in done for line in d.lines)
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return ""
-    return str(value).lower() if isinstance(value, bool) else str(value)
+        writer.writerow(COLUMNS)
+        writer.writerows(line.cells() for d in done for line in d.lines)
 
 
 def _move(scratch: Path, out: Path, choice: Choice, whole: bool) -> list[str]:

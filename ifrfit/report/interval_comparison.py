@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.diagnostics.interval_comparison import disagreements
+from ifrfit.inference.diagnostics.interval_disagreements import disagreements
 from ifrfit.text import decimals, interval_ends, interval_text
 
 if TYPE_CHECKING:

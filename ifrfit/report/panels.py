@@ -131,7 +131,7 @@ def axis_label(observable: str) -> str:
     # a symbol on a line of its own if it would not fit beside the words
     last = meaning.rpartition("\n")[2]
     gap = " " if len(last) + 12 <= LONGEST_LABEL else "\n"
-    return f"{meaning}{gap}{known.symbol} ({known.unit or '–'})"
+    return f"{meaning}{gap}{known.symbol} ({known.unit_text})"
 
 
 def marker_size(count: int) -> float:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ifrfit._version import __version__
 from ifrfit.data.observations import SCHEMA
-from ifrfit.data.schema import OBSERVABLES as COMMON
 from ifrfit.data.schema import TINY
 from ifrfit.data.validate import without_value
 from ifrfit.inference.result.display import Display
@@ -93,7 +92,7 @@ def observed(simulation: Simulation, name: str) -> Array:
     outcome, given = simulation.outcome, conditions(simulation)
     value = np.array(OBSERVABLES[name].value(outcome, simulation.impacts.mu), dtype=float)
     where = without_value(given["gamma_deg"], given["spin_x"], given["spin_y"])
-    for reason in COMMON[name].undefined:
+    for reason in OBSERVABLES[name].undefined:
         value[where[reason]] = math.nan
     if name != "e_n":
         value[outcome.captured] = math.nan

@@ -52,4 +52,4 @@ def test_strict_insists_on_the_accuracy(cli, monkeypatch):
     monkeypatch.setattr("ifrfit.inference.accuracy.request.CLOCK", lambda: float(next(now)))
     found = cli(*FIT, "--accuracy", "1e-6", "--budget", "0.5", "--strict")
     assert found.returncode == 4
-    assert "the asked accuracy of 1e-6 of an sd was not reached within 0.5 s" in found.stderr
+    assert "the asked accuracy of 1e-6 of an sd was not reached within 500 ms" in found.stderr

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ifrfit.data.catalogue import dataset_names, install, printed_constants
+from ifrfit.data.catalogue import dataset_names, install, load_dataset, printed_constants
 from ifrfit.errors import UsageError
 from ifrfit.paper import cases, reproduce
 from ifrfit.paper.figure_selection import chosen
@@ -91,6 +91,20 @@ def test_the_table_has_its_columns_and_says_where_everything_comes_from(whole):
             assert row["stderr"] == ""
         if row["status"] == "not_determined":
             assert row["value"] == ""
+
+
+def test_constants_have_the_digits_that_are_known(whole):
+    mu = of(rows_of(whole[0]), "netl-glass-acrylic", "mu")
+    table = load_dataset("netl-glass-acrylic").table
+    assert mu["value"] == f"{table.loc[table['observable'] == 'mu', 'value'].mean():.5f}"
+    # four digits of the standard deviation, and the same places for all four numbers
+    for row in rows_of(whole[0]):
+        if row["stderr"]:
+            assert len(row["stderr"].replace(".", "").lstrip("0")) == 4
+            places = {
+                len(row[name].partition(".")[2]) for name in ("value", "stderr", "lo95", "hi95") if row[name]
+            }
+            assert len(places) == 1
 
 
 def test_each_figure_has_the_friction_that_is_printed_for_it(whole):

@@ -91,7 +91,7 @@ def tied_to_e_n(problem: Problem, error_model: ErrorModel) -> list[str]:
 def _couples(o: Observable) -> bool:
     """Whether a row sees e_n together with the true angle."""
     if o.kind == "normal":
-        return o.name != "e_n"
+        return o.has_angle
     return (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n)
 
 

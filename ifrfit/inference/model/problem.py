@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,12 +14,14 @@ from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.digest import EXCLUDED, digest
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.noise import POLICIES, NoiseModel, Policy
 from ifrfit.inference.model.parameters import Parameter, ParameterSet, make_parameters
 from ifrfit.inference.model.rows import OBLIQUE, Array, Index, Rows
 from ifrfit.physics.closures import Closure, Coefficients
 from ifrfit.physics.rebound import rebound_with
 
+_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 _STEP = 1e-6  # of central differences of the curved observables: error about 1e-11
 
 
@@ -146,6 +149,63 @@ class Problem:
         up = self.values_with(k + _STEP * dk, e_n + _STEP * de, mu)
         down = self.values_with(k - _STEP * dk, e_n - _STEP * de, mu)
         return (up - down) / (2.0 * _STEP)
+
+    @cached_property
+    def free_parameters(self) -> tuple[FreeParameter, ...]:
+        """Domain and prior of each free entry of theta."""
+        pairs = zip(self.parameters.names, self.parameters.entries, strict=True)
+        return tuple(FreeParameter.of(name, each) for name, each in pairs if each.fixed is None)
+
+    def log_posterior(self, theta: Array, noise: Array | None = None) -> Array:
+        """Log of the normalised prior times the likelihood, for who brings a sampler.
+
+        Parameters
+        ----------
+        theta : ndarray, (..., p)
+            Entries as in `parameters.names`, fixed ones included.
+        noise : ndarray, (..., k), optional
+            Unknown noises as in `noise_bounds`; needed where there are any. Their prior is uniform in the
+            logarithm: the density is one over the free entries of theta and the logarithms of the noises.
+
+        Returns
+        -------
+        ndarray, (...)
+            -inf outside the domain.
+
+        Raises
+        ------
+        UsageError
+            If unknown noises are missing, or errors are other than independent and Gaussian: those need nodes
+            about an optimum, as `ifrfit.inference.model.log_posterior.Density` has them.
+        """
+        if not self.error_model.is_plain:
+            raise UsageError(
+                f"{self.error_model.option} has no density by rows. Take "
+                "ifrfit.inference.model.log_posterior.Density(problem)."
+            )
+        bounds = list(self.noise_bounds().values())
+        if noise is None and bounds:
+            names = ", ".join(name or "a common factor" for name in self.noise_bounds())
+            raise UsageError(f"The noise is unknown ({names}): give log_posterior the noises, too.")
+        theta = np.asarray(theta, dtype=float)
+        flat = theta.reshape(-1, theta.shape[-1])
+        noises = np.ones((len(flat), 0)) if noise is None else np.reshape(noise, (-1, len(bounds)))
+        total = np.zeros(len(flat))
+        for each, value in zip(self.free_parameters, flat[:, self.parameters.free].T, strict=True):
+            inside = (value >= each.lower) & (value <= each.upper)
+            total = total + np.where(inside, each.log_prior(value), -np.inf)
+        for (low, high), value in zip(bounds, noises.T, strict=True):
+            inside = (value >= low) & (value <= high)
+            total = total + np.where(inside, -math.log(math.log(high / low)), -np.inf)
+        inside = np.isfinite(total)
+        total[inside] += self.row_log_likelihood(flat[inside], noises[inside]).sum(axis=1)
+        return total.reshape(theta.shape[:-1])
+
+    def row_log_likelihood(self, theta: Array, noise: Array) -> Array:
+        """Log likelihood of each row under Gaussian errors, (m, n), at theta, (m, p), and noises, (m, k)."""
+        sigma = self.noise.sigma_at(noise, self.noise_groups().values())
+        z = (self.rows.value - self.predict(theta)) / sigma
+        return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
 
     def groups(self) -> Mapping[str, Index]:
         """Rows of each "series/observable"."""

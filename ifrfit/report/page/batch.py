@@ -7,7 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ifrfit.errors import UsageError
+<<<<<<< HEAD
 from ifrfit.inference.estimators import title_of
+=======
+from ifrfit.inference.appraisal import Appraisal
+>>>>>>> main
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
@@ -46,6 +50,7 @@ class Cell:
 
 def write_batch(
     results: Sequence[tuple[Path, FitResult]],
+    appraise: Callable[[FitResult], Appraisal],
     folder: Path,
     *,
     suffix: str = "html",
@@ -58,9 +63,11 @@ def write_batch(
     ----------
     results : sequence of (Path, FitResult)
         Each with the file it was read from, which gives it its name.
+    appraise : callable
+        Gives the appraisal of a result when its turn comes, and no appraisal is kept: they are large.
     folder : Path
-    suffix : {"html", "md", "pdf"}
-        Form of the single reports; the index is a page.
+    suffix : str
+        Format of the single reports, see `ifrfit.report.page.registries.FORMATS`; the index is a page.
     force : bool
         Replace files that are not reports, too.
     progress : callable
@@ -84,7 +91,7 @@ def write_batch(
     files = {INDEX: index(entries).encode("utf-8")}
     for entry in entries:
         progress(entry.name)
-        files |= report_files(entry.result, entry.file)
+        files |= report_files(entry.result, appraise(entry.result), entry.file)
     put(folder, files, force=force)
     return [INDEX, *(entry.file for entry in entries)]
 

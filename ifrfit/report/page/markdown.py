@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 
 from ifrfit.report.page.blocks import Block, Code, Findings, Pairs, Paragraph, Pictures, Report, Table
-from ifrfit.report.page.html import GENERATOR
+from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 from ifrfit.report.style import drawing
 
 _SPECIAL = "\\`*_{}[]<>|#"
@@ -74,3 +74,6 @@ def _png(figure: object) -> bytes:
     with drawing():
         figure.savefig(buffer, format="png", metadata={"Software": "ifrfit"})
     return buffer.getvalue()
+
+
+FORMAT = ReportFormat("md", markdown_files)

@@ -13,6 +13,8 @@ from ifrfit.inference.model.error_model import DOF, PLAIN, make_error_model
 from ifrfit.inference.result.restore import question
 from ifrfit.physics import rebound
 
+SET = Noise(angles=AngleErrors("set"))
+
 
 def table_of(tmp_path, observables=("beta",), *, sigma=0.05, sigma_gamma=1.5, n=24, name="a.csv"):
     rng = np.random.default_rng(2)
@@ -151,9 +153,7 @@ def test_several_unknown_noises_are_refused(tmp_path):
 
 def test_data_without_errors_of_angles_are_refused(tmp_path):
     path = table_of(tmp_path, sigma_gamma=None)
-    assert "no row states an uncertainty of its angle" in said(
-        lambda: ifrfit.fit(path, noise=Noise(angles=AngleErrors("set")))
-    )
+    assert "no row states an uncertainty of its angle" in said(lambda: ifrfit.fit(path, noise=SET))
     assert (
         ifrfit.fit(path, noise=Noise(angles=AngleErrors("set", sigma_deg=1.5)), fix={"e_n": 0.9}).method
         == "exact"
@@ -161,19 +161,15 @@ def test_data_without_errors_of_angles_are_refused(tmp_path):
 
 
 def test_angles_outside_their_population_are_refused(tmp_path):
-    words = said(
-        lambda: ifrfit.fit(
-            table_of(tmp_path), noise=Noise(angles=AngleErrors("measured", population=(40.0, 80.0)))
-        )
-    )
+    words = said(lambda: ifrfit.fit(table_of(tmp_path), noise=narrow))
     assert "line 2: the angle 10 lies more than five of its standard uncertainties outside" in words
 
 
 def test_angles_that_tie_e_n_are_left_to_mcmc(tmp_path):
     path = table_of(tmp_path, ("mu_app",))
-    words = said(lambda: ifrfit.fit(path, noise=Noise(angles=AngleErrors("set"))))
+    words = said(lambda: ifrfit.fit(path, noise=SET))
     assert "--angle-errors set with mu_app: the true angle ties e_n" in words
-    assert ifrfit.fit(path, noise=Noise(angles=AngleErrors("set")), fix={"e_n": 0.9}).method == "exact"
+    assert ifrfit.fit(path, noise=SET, fix={"e_n": 0.9}).method == "exact"
 
 
 def test_errors_propagate_from_velocities(tmp_path):

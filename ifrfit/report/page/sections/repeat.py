@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,10 +11,11 @@ from ifrfit.data.observations import SCHEMA
 from ifrfit.inference.accuracy.messages import says
 from ifrfit.inference.io.write_result import dumps
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Section, Table
-from ifrfit.report.page.material import Material
+from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Table
 from ifrfit.report.page.phrases import stand_in_words
+from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.repeat_command import from_points
+from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.provenance import kinds_of, left_out, provenance_words
 
 if TYPE_CHECKING:
@@ -27,15 +29,15 @@ JUDGED = ("fitted", "standardised")
 FOLDED = 40
 
 
-def section(material: Material) -> Section:
+def build(given: ReportInput) -> Sequence[Block]:
     """Command, seed, versions, inputs; the data as a table and as files inside the page."""
-    result = material.result
+    result = given.result
     blocks: list[Block] = [Pairs(tuple(_facts(result)))]
     if result.command:
         blocks.append(Code("The command that made this fit:", result.command))
     if not len(result.points):
         blocks.append(Paragraph("The result holds no points, so this report holds none either.", "note"))
-        return Section("repeat", "To repeat it", tuple(blocks))
+        return blocks
     text = points_csv(result)
     kept = len(text) <= MOST_INSIDE
     if kept:
@@ -51,7 +53,7 @@ def section(material: Material) -> Section:
     if not kept:
         blocks.append(Paragraph(f"The data ({len(result.points)} rows) are too large for this page.", "note"))
     blocks.append(_table(result))
-    return Section("repeat", "To repeat it", tuple(blocks))
+    return blocks
 
 
 def points_csv(result: FitResult) -> str:
@@ -117,3 +119,6 @@ def _table(result: FitResult) -> Table:
 
 def _number(value: float) -> str:
     return "" if np.isnan(value) else f"{value:.6g}"
+
+
+SECTION = ReportSection("repeat", "To repeat it", build)

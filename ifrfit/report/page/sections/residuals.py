@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ifrfit.report import style
-from ifrfit.report.page.blocks import Picture, Pictures, Section
+from ifrfit.report.page.blocks import Block, Picture, Pictures
 from ifrfit.report.page.drawings.residuals import draw_against, draw_quantiles
-from ifrfit.report.page.material import Material
 from ifrfit.report.page.phrases import stand_in_words
+from ifrfit.report.page.plugins import ReportSection
+from ifrfit.report.page.report_input import ReportInput
 
 
-def section(material: Material) -> Section | None:
+def build(given: ReportInput) -> Sequence[Block] | None:
     """Standardised residuals against angle, order and normal quantiles; None without points."""
-    result = material.result
+    result = given.result
     points = result.points
     if not len(points):
         return None
@@ -55,4 +58,7 @@ def section(material: Material) -> Section | None:
         "sticking; filled: sliding; ringed: outlier. Dashed: ±2 σ. Grey: where 95 % of each ordered residual "
         f"lies, one by one, if the noise is normal. {beyond} {worst}"
     )
-    return Section("residuals", "Residuals", (Pictures(tuple(pictures), caption),))
+    return (Pictures(tuple(pictures), caption),)
+
+
+SECTION = ReportSection("residuals", "Residuals", build)
