@@ -25,11 +25,8 @@ _HOMES = (
     "ifrfit.physics.closures",
     "ifrfit.physics.observables",
     "ifrfit.physics.effects.registry",
-<<<<<<< HEAD
     "ifrfit.inference.estimators",
-=======
     "ifrfit.report.page.registries",
->>>>>>> main
 )
 
 

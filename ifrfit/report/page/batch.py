@@ -7,11 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ifrfit.errors import UsageError
-<<<<<<< HEAD
-from ifrfit.inference.estimators import title_of
-=======
 from ifrfit.inference.appraisal import Appraisal
->>>>>>> main
+from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES

@@ -161,6 +161,7 @@ def test_data_without_errors_of_angles_are_refused(tmp_path):
 
 
 def test_angles_outside_their_population_are_refused(tmp_path):
+    narrow = Noise(angles=AngleErrors("measured", population=(40.0, 80.0)))
     words = said(lambda: ifrfit.fit(table_of(tmp_path), noise=narrow))
     assert "line 2: the angle 10 lies more than five of its standard uncertainties outside" in words
 

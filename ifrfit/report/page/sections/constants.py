@@ -7,12 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-<<<<<<< HEAD
-from ifrfit.inference.diagnostics.interval_comparison import disagreements
-from ifrfit.inference.estimators import label_of, title_of
-=======
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
->>>>>>> main
+from ifrfit.inference.estimators import label_of, title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.physics.closures import CLOSURES
@@ -38,11 +34,7 @@ def build(given: ReportInput) -> Sequence[Block]:
     blocks: list[Block] = [
         Table(
             "Constants, what follows from them, and the noise. Values and standard deviations as the "
-<<<<<<< HEAD
-            f"{title_of(material.result.method)} gives them.",
-=======
             f"{title_of(given.result.method)} gives them.",
->>>>>>> main
             HEAD,
             tuple(_rows(given.result)),
             frozenset({1, 2, 3, 4}),
@@ -133,13 +125,8 @@ def _pictures(given: ReportInput) -> list[Picture]:
     return found[:MOST_PICTURES]
 
 
-<<<<<<< HEAD
-def _spans(material: Material, name: str, estimate: Estimate) -> tuple[Span, ...]:
-    method = label_of(material.result.method)
-=======
 def _spans(given: ReportInput, name: str, estimate: Estimate) -> tuple[Span, ...]:
     method = label_of(given.result.method)
->>>>>>> main
     spans = [Span(f"this fit ({method})", estimate.value, estimate.interval68, estimate.interval95)]
     table = given.appraisal.intervals
     if table is None or name not in table.index:
