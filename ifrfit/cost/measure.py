@@ -59,16 +59,16 @@ def measure_costs(
     DataError
         As `ifrfit.fit`.
     """
-    wanted = _kinds(kinds)
-    found = beginning(data, posterior="inference" in wanted, seed=seed, command=command, **choices)
+    requested = _kinds(kinds)
+    found = beginning(data, posterior="inference" in requested, seed=seed, command=command, **choices)
     costs: list[Cost] = []
     about: dict[str, str] = {}
     notes: list[str] = []
     reference: Reference | None = None
-    others = [kind for kind in wanted if kind != "inference"]
+    others = [kind for kind in requested if kind != "inference"]
     # before anything is measured: it may refuse
     setting = setting_of(found, data, choices) if others else None
-    if "inference" in wanted:
+    if "inference" in requested:
         extent = QUICK if quick else FULL
         measured = inference_costs(
             found.problem_and_optimum()[0], extent=extent, seed=seed, progress=progress
@@ -81,7 +81,7 @@ def measure_costs(
             costs += _OTHERS[kind](setting, quick)
             about[kind] = setting.words(kind)
         notes += setting.notes
-        if "physics" in wanted and setting.constants["e_n"] < 1.0:
+        if "physics" in requested and setting.constants["e_n"] < 1.0:
             notes.append(_doubt(setting))
     return Costs(tuple(costs), found, reference, about, tuple(notes))
 
