@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.inference.optimize.optimum import Array
+from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.result.types import Estimate, Interval, Status
 from ifrfit.inference.summary.status import AT_BOUND
 
@@ -87,6 +88,10 @@ class Profile:
             array = np.array(getattr(self, name), dtype=float)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+
+    def cut(self, level: float) -> float:
+        """Rise at the ends of the central interval of this level."""
+        return limit(level, self.dof)
 
     def estimate(self) -> Estimate:
         """The same as an `Estimate`, for results."""

@@ -19,7 +19,7 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.profile.types import Profile
-from ifrfit.inference.result.display import Display, Renderer
+from ifrfit.inference.result.display import Display, Renderer, appraisal_of
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
 from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, Noise, State
@@ -34,7 +34,10 @@ class FitRenderer(Renderer, Protocol):
     def summary(self, shown: Any, style: str = "text", /) -> str:
         """Table of the findings."""
 
-    def write_report(self, result: Any, path: Path, /) -> list[str]:
+    def check_report(self, path: Path, /) -> None:
+        """Refuse a path where no report can be written."""
+
+    def write_report(self, result: Any, appraisal: Any, path: Path, /) -> list[str]:
         """Write the uncertainty report."""
 
 
@@ -235,8 +238,8 @@ class FitResult(Display):
         Returns
         -------
         DataFrame
-            See `ifrfit.inference.diagnostics.interval_comparison`; `disagreements` says where they differ
-            and which to believe.
+            See `ifrfit.inference.diagnostics.interval_comparison`; `interval_disagreements` beside it says
+            where they differ and which to believe.
 
         Raises
         ------
@@ -313,7 +316,9 @@ class FitResult(Display):
         UsageError
             For another suffix, or where something else lies there.
         """
-        self._renderer().write_report(self, Path(path))
+        renderer, path = self._renderer(), Path(path)
+        renderer.check_report(path)
+        renderer.write_report(self, appraisal_of(self), path)
 
     def _renderer(self) -> FitRenderer:
         return cast("FitRenderer", super()._renderer())

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.report import style
 from ifrfit.report.page.blocks import Download, Report
+from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 from ifrfit.report.page.svg import inline
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 _OBSERVABLES = "/* observables */"  # where physics.js takes them
-GENERATOR = "ifrfit report"
 
 
 def render(report: Report) -> str:
@@ -54,16 +54,16 @@ def environment() -> Environment:
     """Jinja2 with escaping on and undefined names refused."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    made = Environment(
+    found = Environment(
         loader=PackageLoader("ifrfit.report.page"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["data_uri"] = data_uri
-    made.filters["picture"] = _picture
-    return made
+    found.filters["data_uri"] = data_uri
+    found.filters["picture"] = _picture
+    return found
 
 
 def asset(*names: str) -> str:
@@ -113,3 +113,10 @@ def _picture(picture: Any, alone: bool) -> Any:
 
     # our own figure, written by an XML writer that escapes every text
     return Markup(inline(picture, alone=alone))
+
+
+def _files(report: Report, stem: str) -> dict[str, bytes]:
+    return {f"{stem}.html": render(report).encode("utf-8")}
+
+
+FORMAT = ReportFormat("html", _files)

@@ -99,7 +99,7 @@ def test_no_replicate_of_random_problems_lies_above_the_certified_optimum() -> N
         for number in range(lot.size):
             one = replicate(problem, lot, number)
             best = least_squares(one).optimum
-            ours = objective_at(one, one.sigma, solved.theta[number])
+            ours = objective_at(one, one.noise.sigma, solved.theta[number])
             assert ours == pytest.approx(best.objective, rel=1e-9, abs=1e-9)
             n += 1
     assert n > 20
