@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ifrfit.cost.compared_estimates import largest_errors, of_law
+from ifrfit.cost.compared_estimates import largest_errors, of_distribution
 from ifrfit.cost.conditions import setting_of
 from ifrfit.cost.inference_costs import QUICK, Extent, inference_costs
 from ifrfit.cost.measure import measure_costs
@@ -58,11 +58,11 @@ def test_the_reference_under_a_scatter_that_hardly_differs_is_the_plain_one(impa
     right, _, _ = closed_form(fit(path, method="lsq", fix=fix).problem)
     for error_model in ({"angle_errors": "set", "sigma_gamma": 0.1}, {"tails": "student-t", "dof": 1e6}):
         problem = beginning(path, fix=fix, **error_model).problem
-        found = of_law(problem, integrate(problem, 1e-3))
+        found = of_distribution(problem, integrate(problem, 1e-3))
         assert max(largest_errors([found], right).values()) < 2e-3
     # the control: heavy tails make another posterior
     problem = beginning(path, fix=fix, tails="student-t").problem
-    assert max(largest_errors([of_law(problem, integrate(problem, 1e-3))], right).values()) > 0.1
+    assert max(largest_errors([of_distribution(problem, integrate(problem, 1e-3))], right).values()) > 0.1
 
 
 def test_the_noise_of_an_integrated_scatter_is_as_in_a_fit(impacts):
