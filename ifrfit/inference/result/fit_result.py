@@ -22,7 +22,16 @@ from ifrfit.inference.profile.types import Profile
 from ifrfit.inference.result.display import Display, Renderer, appraisal_of
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
-from ifrfit.inference.result.types import Angles, Constants, Derived, Estimate, Fact, FitStatistics, Noise, State
+from ifrfit.inference.result.types import (
+    Angles,
+    Constants,
+    Derived,
+    Estimate,
+    Fact,
+    FitStatistics,
+    Noise,
+    State,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
