@@ -70,9 +70,9 @@ def test_the_noise_of_an_integrated_scatter_is_as_in_a_fit(impacts):
     path = impacts(gamma=np.linspace(5.0, 80.0, 12), noise=0.05, sigma=None, seed=3)
     own = start_of(path, fix=FIX, angle_errors="set", sigma_gamma=1.0).problem
     through_fit = fit(path, method="lsq", fix=FIX, noise=EFFECTIVE).problem
-    assert own.noise == through_fit.noise == "scaled"
-    assert own.noise_bounds == through_fit.noise_bounds
-    assert own.sigma.tolist() == through_fit.sigma.tolist()
+    assert own.noise.policy == through_fit.noise.policy == "scaled"
+    assert own.noise_bounds() == through_fit.noise_bounds()
+    assert own.noise.sigma.tolist() == through_fit.noise.sigma.tolist()
 
 
 def test_angles_that_tie_e_n_leave_no_reference(impacts):
