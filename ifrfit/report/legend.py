@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.outlier_marks import ringed
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import does, regime_name
-from ifrfit.report.sentences import METHODS
 from ifrfit.report.shading import regime_key
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look
 
@@ -134,5 +134,5 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
 def _bands(result: FitResult) -> str:
     """Only a posterior has credible bands; without draws they are of the Gaussian around the optimum."""
     if result.state.sample is None:
-        return f"bands ({METHODS['lsq']})"
-    return "credible bands" if result.method in ("exact", "mcmc") else f"bands ({METHODS[result.method]})"
+        return f"bands ({title_of('lsq')})"
+    return "credible bands" if result.method in ("exact", "mcmc") else f"bands ({title_of(result.method)})"

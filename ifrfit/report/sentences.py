@@ -5,19 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ifrfit.inference.accuracy.messages import says as effort_says
+from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.text import fixed, joined, p_text
 
-METHODS = {
-    "lsq": "least squares",
-    "exact": "exact posterior",
-    "mcmc": "Markov chain Monte Carlo",
-    "bootstrap": "bootstrap",
-    "profile": "profile likelihood",
-}
 HEADLINES = {
     "converged": "the estimator did not converge",
     "global_optimum": "the optimum is not proven to be the best",
@@ -66,7 +60,7 @@ def model_line(result: FitResult) -> str:
 
 def _method_words(result: FitResult) -> str:
     """The method; of a bootstrap also what was drawn anew, and how often."""
-    words = METHODS.get(result.method, result.method)
+    words = title_of(result.method)
     figures = result.facts["converged"].figures if "converged" in result.facts else {}
     if result.method != "bootstrap" or "replicates" not in figures:
         return words

@@ -9,7 +9,7 @@ from ifrfit.cost.inference_costs import BOOTSTRAP, LSQ, OTHER_QUESTION, PROFILE
 from ifrfit.cost.pareto_front import Choice, best_for, cheapest
 from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import Kind
-from ifrfit.report.sentences import METHODS
+from ifrfit.inference.estimators import title_of
 from ifrfit.text import duration, joined, power_of_ten
 
 TARGETS = tuple(10.0**-k for k in range(1, 17))
@@ -50,7 +50,7 @@ def named(choice: Choice) -> str:
 
 def method_name(method: str) -> str:
     """A method in words; those that approach the posterior by their short names."""
-    return METHODS.get(method, method) if method in OTHER_QUESTION else method
+    return title_of(method) if method in OTHER_QUESTION else method
 
 
 def error_text(error: float) -> str:
@@ -94,7 +94,7 @@ def _other_question(choices: Sequence[Choice]) -> list[str]:
         own = [c for c in choices if c.method == method and not math.isnan(c.error)]
         if own:
             last = own[-1]  # the longest: what is left there is not chance
-            found[method] = f"{last.error:.2g} sd ({METHODS[method]}, {duration(last.time.median)})"
+            found[method] = f"{last.error:.2g} sd ({title_of(method)}, {duration(last.time.median)})"
     if not found:
         return []
     names = joined([_ASIDE[method] for method in found]).capitalize()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.appraisal import Appraisal
+from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
@@ -19,7 +20,7 @@ from ifrfit.report.page.verdict import verdict
 from ifrfit.report.page.writing import check_free, put, report_files
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import METHODS, headline
+from ifrfit.report.sentences import headline
 from ifrfit.text import fixed, interval_text, sd_text
 
 INDEX = "index.html"
@@ -152,7 +153,7 @@ def _row(entry: Entry, constants: Sequence[str]) -> list[Cell]:
         data,
         provenance_words(tuple(kinds)),
         closure,
-        METHODS.get(result.method, result.method),
+        title_of(result.method),
     )
     return [
         *(Cell(text, text) for text in texts),

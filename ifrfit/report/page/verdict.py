@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
@@ -9,7 +10,7 @@ from ifrfit.report.page.blocks import Badge
 from ifrfit.report.provenance import STAND_IN, is_stand_in, kinds_of, provenance_words
 from ifrfit.report.regimes import count_impacts, has_angle
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import HEADLINES, METHODS, QUIET_FACTS, headline, undetermined
+from ifrfit.report.sentences import HEADLINES, QUIET_FACTS, headline, undetermined
 from ifrfit.text import interval_text, joined, sd_text
 
 MOST_NAMED = 6
@@ -33,7 +34,7 @@ def badges(result: FitResult) -> tuple[Badge, ...]:
         for kind in kinds
     ]
     closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
-    found = [*tones, Badge(f"closure {closure}"), Badge(METHODS.get(result.method, result.method))]
+    found = [*tones, Badge(f"closure {closure}"), Badge(title_of(result.method))]
     if headline(result):
         found.append(Badge("needs attention", "look"))
     return tuple(found)

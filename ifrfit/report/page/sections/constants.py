@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
+from ifrfit.inference.estimators import label_of, title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.physics.closures import CLOSURES
@@ -18,7 +19,7 @@ from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.regimes import transitions
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import METHODS, status_words
+from ifrfit.report.sentences import status_words
 from ifrfit.text import interval_text, sd_text
 
 if TYPE_CHECKING:
@@ -26,13 +27,6 @@ if TYPE_CHECKING:
 
 HEAD = ("constant", "value", "sd", "68 % interval", "95 % interval", "status")
 MOST_PICTURES = 8
-SHORT = {
-    "lsq": "least squares",
-    "exact": "exact",
-    "mcmc": "MCMC",
-    "bootstrap": "bootstrap",
-    "profile": "profile",
-}
 
 
 def build(given: ReportInput) -> Sequence[Block]:
@@ -40,7 +34,7 @@ def build(given: ReportInput) -> Sequence[Block]:
     blocks: list[Block] = [
         Table(
             "Constants, what follows from them, and the noise. Values and standard deviations as the "
-            f"{METHODS.get(given.result.method, given.result.method)} gives them.",
+            f"{title_of(given.result.method)} gives them.",
             HEAD,
             tuple(_rows(given.result)),
             frozenset({1, 2, 3, 4}),
@@ -132,7 +126,7 @@ def _pictures(given: ReportInput) -> list[Picture]:
 
 
 def _spans(given: ReportInput, name: str, estimate: Estimate) -> tuple[Span, ...]:
-    method = SHORT.get(given.result.method, given.result.method)
+    method = label_of(given.result.method)
     spans = [Span(f"this fit ({method})", estimate.value, estimate.interval68, estimate.interval95)]
     table = given.appraisal.intervals
     if table is None or name not in table.index:
