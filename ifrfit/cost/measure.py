@@ -70,18 +70,18 @@ def measure_costs(
         As `ifrfit.fit`.
     """
     check_keywords("measure_costs", CostKeywords, keywords)
-    wanted = _kinds(kinds)
+    requested = _kinds(kinds)
     chosen = model_of(model, keywords)
     question = make_question(data, chosen, noise_of(noise, keywords), seed, scene, keywords)
-    found = beginning(question, chosen, posterior="inference" in wanted, seed=seed, command=command)
+    found = beginning(question, chosen, posterior="inference" in requested, seed=seed, command=command)
     costs: list[Cost] = []
     about: dict[str, str] = {}
     notes: list[str] = []
     reference: Reference | None = None
-    others = [kind for kind in wanted if kind != "inference"]
+    others = [kind for kind in requested if kind != "inference"]
     # before anything is measured: it may refuse
     setting = setting_of(found, question, chosen) if others else None
-    if "inference" in wanted:
+    if "inference" in requested:
         extent = QUICK if quick else FULL
         measured = inference_costs(
             found.problem_and_optimum()[0], extent=extent, seed=seed, progress=progress
@@ -94,7 +94,7 @@ def measure_costs(
             costs += _OTHERS[kind](setting, quick)
             about[kind] = setting.words(kind)
         notes += setting.notes
-        if "physics" in wanted and setting.constants["e_n"] < 1.0:
+        if "physics" in requested and setting.constants["e_n"] < 1.0:
             notes.append(_doubt(setting))
     return Costs(tuple(costs), found, reference, about, tuple(notes))
 

@@ -80,7 +80,7 @@ def write_batch(
     UsageError
         If something else lies there, or nothing can be written.
     """
-    entries = named(results, suffix)
+    entries = named_entries(results, suffix)
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file. Name a folder with --out.")
     for name in (INDEX, *(entry.file for entry in entries)):
@@ -93,7 +93,7 @@ def write_batch(
     return [INDEX, *(entry.file for entry in entries)]
 
 
-def named(results: Sequence[tuple[Path, FitResult]], suffix: str) -> list[Entry]:
+def named_entries(results: Sequence[tuple[Path, FitResult]], suffix: str) -> list[Entry]:
     """Short names: the stem of the file, or its folder's name for a result.json; numbered if they repeat."""
     entries: list[Entry] = []
     taken = {"index"}

@@ -55,9 +55,9 @@ def build(given: ReportInput) -> Sequence[Block]:
             Paragraph(f"Other methods are not shown here. {given.appraisal.without_profiles}", "note")
         )
     else:
-        said = [("note", sentence) for sentence in disagreements(given.appraisal.intervals)]
+        notes = [("note", sentence) for sentence in disagreements(given.appraisal.intervals)]
         if "exact" in _methods(given.appraisal.intervals):
-            blocks.append(Findings(tuple(said or [("ok", "the methods agree")])))
+            blocks.append(Findings(tuple(notes or [("ok", "the methods agree")])))
     return blocks
 
 
