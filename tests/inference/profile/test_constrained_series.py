@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hard_cases.synthetic import FAN, HEADER, noise, rows, values
 
 import ifrfit
 from ifrfit.inference.model.problem import Problem
@@ -16,10 +16,6 @@ from ifrfit.inference.optimize.optimum import objective_at
 from ifrfit.inference.profile.constrained_fit import best_with
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import Profile
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from hard_cases.synthetic import FAN, HEADER, noise, rows, values
 
 DROPS = (5.0, 10.0)
 
