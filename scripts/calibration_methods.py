@@ -106,7 +106,7 @@ def score_covariance(experiment: Experiment, fit: LeastSquares) -> dict[str, Sco
     cdf, inverse = _law(fit.noise_dof)
     found = {}
     for name, (value, functional, prior_sd) in _functionals(experiment, fit).items():
-        sd = math.sqrt(fit.local.variance(functional, prior_sd))
+        sd = math.sqrt(fit.gaussian.variance(functional, prior_sd))
         if not (math.isfinite(sd) and sd > 0.0):
             continue
         ends = [(value + sd * inverse(low), value + sd * inverse(high)) for low, high in TAILS.tolist()]
@@ -141,7 +141,7 @@ def score_profile(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]
 
 def _functionals(experiment: Experiment, fit: LeastSquares) -> dict[str, tuple[float, Array, float]]:
     """Value of each constant and kappa, its derivative by the local coordinates, and its prior sd."""
-    problem, theta, to_theta = experiment.problem, fit.optimum.theta, fit.local.to_theta
+    problem, theta, to_theta = experiment.problem, fit.optimum.theta, fit.gaussian.to_theta
     entries = problem.entries()
     found = {
         name: (float(theta[i]), to_theta[i], entries[i].prior_sd) for i, name in enumerate(problem.names)

@@ -15,7 +15,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.bootstrap.parameter_groups import Part, PartSolved, leverage_of, make_part, solve_part
+from ifrfit.inference.bootstrap.parameter_groups import (
+    GroupFits,
+    Part,
+    leverage_of,
+    make_batched_group,
+    solve_batched_group,
+)
 from ifrfit.inference.bootstrap.replicate_fits import (
     NO_E_N,
     NO_NOISE,
@@ -29,8 +35,9 @@ from ifrfit.inference.bootstrap.schemes import Lot
 from ifrfit.inference.diagnostics.thresholds import AT_REST
 from ifrfit.inference.model.forward import fitted_at
 from ifrfit.inference.model.problem import Index, Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares, inputs_of, n_taken
-from ifrfit.inference.optimize.solve import series_blocks, whole_block
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.noise_identifiability import inputs_of_rows, n_parameters_seen
+from ifrfit.inference.optimize.solve import series_groups, whole_group
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -40,7 +47,7 @@ _CONVERGED = 1e-10
 
 
 @dataclass(frozen=True)
-class Together:
+class BatchedSolver:
     """A problem whose replicates are solved together.
 
     Attributes
@@ -60,7 +67,7 @@ class Together:
     groups: Mapping[str, Index]
 
     @classmethod
-    def of(cls, problem: Problem, found: LeastSquares) -> Together | None:
+    def of(cls, problem: Problem, found: LeastSquares) -> BatchedSolver | None:
         """Restate a problem; None if its replicates have to be fitted one by one."""
         if not problem.closure.bilinear:
             return None
@@ -73,10 +80,10 @@ class Together:
             if whole
             else [np.flatnonzero(problem.rows.series == i) for i in range(len(problem.series))]
         )
-        blocks = [whole_block(problem, found.sigma)] if whole else series_blocks(problem, found.sigma)
+        blocks = [whole_group(problem, found.sigma)] if whole else series_groups(problem, found.sigma)
         parts = []
         for block, rows in zip(blocks, series, strict=True):
-            part = make_part(block, rows, found.sigma)
+            part = make_batched_group(block, rows, found.sigma)
             if part is None:
                 return None
             parts.append(part)
@@ -151,7 +158,7 @@ class Together:
             return base[None]
         return np.asarray(base * noise[:, _codes(self.groups, base.size)])
 
-    def _solve_parts(self, lot: Lot, noise: Array) -> list[PartSolved]:
+    def _solve_parts(self, lot: Lot, noise: Array) -> list[GroupFits]:
         """Solve every part at the given noise."""
         weight = 1.0 / self._sigma(noise) ** 2
         weight = (
@@ -162,9 +169,9 @@ class Together:
         index = {c.name: i for i, c in enumerate(self.problem.constants)}
         own = [index["e_n"], index.get(self.problem.closure.constant or "", -1), index["mu"]]
         prior = np.column_stack((lot.prior, np.full(lot.size, np.nan)))[:, own]
-        return [solve_part(part, weight, lot.shift, prior) for part in self.parts]
+        return [solve_batched_group(part, weight, lot.shift, prior) for part in self.parts]
 
-    def _theta(self, solved: Sequence[PartSolved]) -> Array:
+    def _theta(self, solved: Sequence[GroupFits]) -> Array:
         """The constants of all parts in one vector each."""
         theta = np.zeros((solved[0].constants.shape[0], len(self.problem.names)))
         for places, part in zip(self.places, solved, strict=True):
@@ -173,9 +180,7 @@ class Together:
                     theta[:, place] = column
         return theta
 
-    def _noise(
-        self, lot: Lot, noise: Array, solved: Sequence[PartSolved], theta: Array
-    ) -> tuple[Array, Bool]:
+    def _noise(self, lot: Lot, noise: Array, solved: Sequence[GroupFits], theta: Array) -> tuple[Array, Bool]:
         """Noise from each group's misfit over its degrees of freedom; and whether the misfit tells it."""
         n = self.problem.rows.value.size
         counts = np.ones((lot.size, n)) if lot.counts is None else lot.counts
@@ -203,15 +208,15 @@ class Together:
         if lot.counts is None:
             return refused
         for rows in self.groups.values():
-            inputs = inputs_of(self.problem, rows)
+            inputs = inputs_of_rows(self.problem, rows)
             points = _different(inputs, lot.counts[:, rows])
-            few = points <= n_taken(self.problem, rows)
+            few = points <= n_parameters_seen(self.problem, rows)
             if few.any():
                 values = np.column_stack((inputs, self.problem.rows.value[rows]))
                 refused |= few & (_different(values, lot.counts[:, rows]) <= points)
         return refused
 
-    def _lost(self, lot: Lot, solved: Sequence[PartSolved]) -> tuple[NDArray[np.object_], Bool]:
+    def _lost(self, lot: Lot, solved: Sequence[GroupFits]) -> tuple[NDArray[np.object_], Bool]:
         """What replicates leave open that the data do not, and why."""
         reason = np.full(lot.size, "", dtype=object)
         is_open = np.zeros((lot.size, len(self.problem.names)), dtype=bool)
@@ -232,7 +237,7 @@ class Together:
                 is_open[number, which[which >= 0]] = True
         return reason, is_open & self.problem.free
 
-    def _regimes(self, lot: Lot, part: Part, solved: PartSolved, number: int) -> tuple[bool, bool]:
+    def _regimes(self, lot: Lot, part: Part, solved: GroupFits, number: int) -> tuple[bool, bool]:
         """Whether a row that is left slides, and whether one sticks."""
         n_stick = int(solved.minima.n_stick[number])
         left = np.ones(self.problem.rows.value.size) if lot.counts is None else lot.counts[number]

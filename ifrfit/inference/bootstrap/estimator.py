@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.bootstrap.batched_solver import Together, noise_groups
+from ifrfit.inference.bootstrap.batched_solver import BatchedSolver, noise_groups
 from ifrfit.inference.bootstrap.replicate_fits import Solved, joined
 from ifrfit.inference.bootstrap.schemes import Scheme, lot_of, make_scheme
-from ifrfit.inference.bootstrap.sequential_solver import OneByOne
+from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.distributions.draws import kappas_of
 from ifrfit.inference.model.problem import Problem
@@ -138,8 +138,8 @@ def bootstrap(
     if workers < 1:
         raise UsageError(f"--workers {workers}: at least one.")
     chosen = make_scheme(scheme, problem, found) if isinstance(scheme, str) else scheme
-    solver = Together.of(problem, found) or OneByOne.of(problem, found)
-    together = isinstance(solver, Together)
+    solver = BatchedSolver.of(problem, found) or SequentialSolver.of(problem, found)
+    together = isinstance(solver, BatchedSolver)
     size = max(1, at_once // problem.rows.value.size) if together else _LOT
     seeds = np.random.SeedSequence(seed).spawn(replicates)
     lots = [seeds[start : start + size] for start in range(0, replicates, size)]
@@ -158,7 +158,7 @@ class Task:
 
     problem: Problem
     scheme: Scheme
-    solver: Together | OneByOne
+    solver: BatchedSolver | SequentialSolver
 
     def __call__(self, seeds: list[np.random.SeedSequence]) -> Solved:
         """Draw one replicate a seed, and fit them."""

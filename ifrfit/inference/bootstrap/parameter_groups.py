@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ifrfit.inference.bootstrap.batched_minima import Minima, Replicated, minimise_all
 from ifrfit.inference.model.problem import Index
 from ifrfit.inference.optimize.design import LinearForm
-from ifrfit.inference.optimize.group_optimum import middle_of_loose
+from ifrfit.inference.optimize.group_optimum import center_free_e_n
 from ifrfit.inference.optimize.linear_families import linear_form
-from ifrfit.inference.optimize.parameter_group import Block, is_separable, without_normal
+from ifrfit.inference.optimize.parameter_group import ParameterGroup, is_separable, without_normal_rows
 from ifrfit.inference.optimize.piecewise import PiecewiseProblem, about, minimise
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ class Part:
 
     Attributes
     ----------
-    block : Block
+    block : ParameterGroup
         With rows of weight 1.
     rows : ndarray of int
         The problem's row behind each row of the block.
@@ -45,7 +45,7 @@ class Part:
         Unknowns of the form that the data know.
     """
 
-    block: Block
+    block: ParameterGroup
     rows: Index
     form: LinearForm
     piecewise: PiecewiseProblem
@@ -62,7 +62,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class PartSolved:
+class GroupFits:
     """Constants (e_n, c, mu) of each replicate, (m, 3); its minimum; whether it lost all of e_n."""
 
     constants: Array
@@ -70,12 +70,12 @@ class PartSolved:
     without_e_n: Bool
 
 
-def make_part(block: Block, rows: Index, sigma: Array) -> Part | None:
+def make_batched_group(block: ParameterGroup, rows: Index, sigma: Array) -> Part | None:
     """Restate a block; None where it is not linear once the regimes are known.
 
     Parameters
     ----------
-    block : Block
+    block : ParameterGroup
         Its weights are not used.
     rows : ndarray of int
         The problem's rows of the block.
@@ -88,7 +88,7 @@ def make_part(block: Block, rows: Index, sigma: Array) -> Part | None:
     held, rest, own = None, block, rows
     if block.e_n.fixed is None and is_separable(block):
         held = 0.5 * (block.e_n.lower + block.e_n.upper)
-        rest, own = without_normal(block, held), rows[~block.of_kind("normal")]
+        rest, own = without_normal_rows(block, held), rows[~block.of_kind("normal")]
     form = linear_form(rest)
     if form is None:
         return None
@@ -115,7 +115,7 @@ def _with_priors(weight: Array, fill: float | Array = 1.0) -> Array:
     return np.concatenate((weight, last), axis=1)
 
 
-def solve_part(part: Part, weight: Array, shift: Array | None, prior: Array) -> PartSolved:
+def solve_batched_group(part: Part, weight: Array, shift: Array | None, prior: Array) -> GroupFits:
     """Certified optimum of every replicate.
 
     Parameters
@@ -153,9 +153,9 @@ def solve_part(part: Part, weight: Array, shift: Array | None, prior: Array) -> 
         found[:, 2] *= (1.0 + part.held) / (1.0 + e_n)
         found[:, 0] = e_n
     else:
-        found = np.array([middle_of_loose(part.block, (e, c, mu)) for e, c, mu in found]).reshape(-1, 3)
+        found = np.array([center_free_e_n(part.block, (e, c, mu)) for e, c, mu in found]).reshape(-1, 3)
     low, high = (np.array([getattr(c, end) for c in constants]) for end in ("lower", "upper"))
-    return PartSolved(np.clip(found, low, high), minima, without)
+    return GroupFits(np.clip(found, low, high), minima, without)
 
 
 def _normal(part: Part, weight: Array, shift: Array | None, mean: Array) -> tuple[Array, Bool]:
@@ -181,7 +181,7 @@ def _normal_factor(part: Part) -> Array:
     return np.asarray(np.where(is_e_n, 1.0, rows.incidence.cosine[at]))
 
 
-def leverage_of(part: Part, weight: Array, solved: PartSolved) -> Array:
+def leverage_of(part: Part, weight: Array, solved: GroupFits) -> Array:
     """How much of its own value each row fits, times how often it occurs, (m, n); 0 in other parts."""
     found = np.zeros(weight.shape)
     p, u = part.piecewise, solved.minima.points

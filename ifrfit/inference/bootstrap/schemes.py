@@ -206,7 +206,7 @@ class Residuals:
         groups = problem.groups() if problem.noise == "unknown" else {"all": np.arange(residual.size)}
         pools, few = [], []
         for name, rows in groups.items():
-            own = residual[rows][1.0 - found.local.leverage[rows] > _OWN]
+            own = residual[rows][1.0 - found.gaussian.leverage[rows] > _OWN]
             pools.append((rows, own - own.mean() if own.size else np.zeros(1)))
             if own.size < FEWEST:
                 few.append(f"{own.size} in {name}")
@@ -252,7 +252,7 @@ class Wild:
         root = math.sqrt(5.0)
         mammen = (0.5 * (1.0 - root), 0.5 * (1.0 + root)), (5.0 + root) / 10.0
         weights, chance = mammen if name == "wild-mammen" else ((-1.0, 1.0), 0.5)
-        own = int((1.0 - found.local.leverage <= _OWN).sum())
+        own = int((1.0 - found.gaussian.leverage <= _OWN).sum())
         scarce = (
             f"{own} row{'s' if own > 1 else ''} met exactly whatever the value, without a residual to weigh: "
             "use --method exact"
@@ -277,7 +277,7 @@ class Wild:
 def corrected(problem: Problem, found: LeastSquares) -> Array:
     """Residuals over sqrt(1 - leverage), with the variance of their noise; 0 where a row fits itself."""
     raw = problem.rows.value - problem.fitted(found.optimum.theta)
-    left = 1.0 - found.local.leverage
+    left = 1.0 - found.gaussian.leverage
     return np.asarray(np.where(left > _OWN, raw / np.sqrt(np.maximum(left, _OWN)), 0.0))
 
 

@@ -20,7 +20,7 @@ from ifrfit.inference.bootstrap.replicate_fits import (
 )
 from ifrfit.inference.bootstrap.schemes import Lot
 from ifrfit.inference.model.problem import Index, Problem
-from ifrfit.inference.optimize.laplace import Local
+from ifrfit.inference.optimize.laplace import GaussianApproximation
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -31,7 +31,7 @@ _LOADED = 1e-6  # share of the prior sd from which on a constant takes part in a
 
 
 @dataclass(frozen=True)
-class OneByOne:
+class SequentialSolver:
     """A problem whose replicates are fitted one by one.
 
     Attributes
@@ -45,9 +45,9 @@ class OneByOne:
     seen: Bool
 
     @classmethod
-    def of(cls, problem: Problem, found: LeastSquares) -> OneByOne:
+    def of(cls, problem: Problem, found: LeastSquares) -> SequentialSolver:
         """From the fit to the data as they are."""
-        return cls(problem, problem.free & ~_loose(problem, found.local))
+        return cls(problem, problem.free & ~_loose(problem, found.gaussian))
 
     def solve(self, lot: Lot) -> Solved:
         """Fit every replicate of a lot."""
@@ -70,7 +70,7 @@ class OneByOne:
         except DataError:
             theta, nothing = np.zeros((1, self.seen.size)), np.zeros(1, dtype=bool)
             return Solved(theta, noise[None], (NO_NOISE,), self.problem.free[None], nothing)
-        is_open = self.seen & _loose(drawn, found.local)
+        is_open = self.seen & _loose(drawn, found.gaussian)
         why = RESTLESS if not found.converged else _why(drawn, found) if is_open.any() else ""
         certified = np.array([found.optimum.certified])
         return Solved(found.optimum.theta[None], noise[None], (why,), is_open[None], certified)
@@ -94,7 +94,7 @@ def replicate(problem: Problem, lot: Lot, number: int) -> Problem:
     return problem if lot.counts is None else problem.with_rows(drawn_rows(problem, lot, number))
 
 
-def _loose(problem: Problem, local: Local) -> Bool:
+def _loose(problem: Problem, local: GaussianApproximation) -> Bool:
     """Entries of theta that take part in a direction that the rows do not see."""
     share = np.abs(local.to_theta @ local.vectors[:, ~local.seen])
     prior_sd = np.array([c.prior_sd for c in problem.entries()])

@@ -15,7 +15,7 @@ from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import FACTS, FAILED
 from ifrfit.inference.distributions.draws import Sampled
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.laplace import Local
+from ifrfit.inference.optimize.laplace import GaussianApproximation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.method_results import with_law
 from ifrfit.inference.result.types import Estimate, Fact, Interval
@@ -50,7 +50,7 @@ def with_draws(result: FitResult, found: Bootstrap) -> FitResult:
     law = Sampled.of(problem, found.draws) if found.answered >= _FEWEST else None
     if law is not None:
         told = with_law(told, "bootstrap", law, converged, posterior=False)
-    if law is None or _leaves_open(problem, result.least_squares.local):
+    if law is None or _leaves_open(problem, result.least_squares.gaussian):
         told = replace(told, method="bootstrap", law=None, state=result.state)
         warnings = (*warnings, GAUSSIAN)
     elif found.failed > FAILED * found.replicates:
@@ -137,7 +137,7 @@ def _open(
     return Estimate(None, None, whole, whole, "not_determined", reason)
 
 
-def _leaves_open(problem: Problem, local: Local) -> bool:
+def _leaves_open(problem: Problem, local: GaussianApproximation) -> bool:
     """Whether the data leave anything loose, but e_n and mu that only share kappa."""
     prior_sd = np.array([c.prior_sd for c in problem.entries()])
     loose = np.abs(local.vectors[:, ~local.seen]) > _LOADED * prior_sd[:, None]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Constant
 from ifrfit.inference.model.problem import Index
-from ifrfit.inference.optimize.parameter_group import Array, Block, Bool, Constants
+from ifrfit.inference.optimize.parameter_group import Array, Bool, Constants, ParameterGroup
 from ifrfit.inference.optimize.piecewise import PiecewiseProblem, Rows
 
 _PRIORS = {"e_n": -1, "mu": -3}  # in `LinearForm.always`; the closure constant has -2
@@ -100,7 +100,7 @@ class Domain:
 class Forms:
     """Collects the weighted rows of a block in three unknowns, then reduces them to the free ones."""
 
-    def __init__(self, block: Block, switching: Bool) -> None:
+    def __init__(self, block: ParameterGroup, switching: Bool) -> None:
         self.block = block
         self.switching = switching
         self.all = bool(switching.all())

@@ -9,34 +9,34 @@ from ifrfit.inference.optimize.design import LinearForm
 from ifrfit.inference.optimize.linear_families import linear_form
 from ifrfit.inference.optimize.normal_and_friction import solve_coupled
 from ifrfit.inference.optimize.parameter_group import (
-    Block,
-    BlockOptimum,
     Constants,
+    GroupOptimum,
+    ParameterGroup,
     is_separable,
-    normal_part,
-    without_normal,
+    restitution_optimum,
+    without_normal_rows,
 )
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, minimise
 
 
-def solve_block(block: Block) -> BlockOptimum | None:
+def solve_group(block: ParameterGroup) -> GroupOptimum | None:
     """Optimum of rows that share one set of constants; None where only a search can find it."""
     if block.of_kind("curved").any():
         return None
     if block.e_n.fixed is None and is_separable(block):
-        e_n, objective = normal_part(block)
-        rest = without_normal(block, e_n)
-        found = solve_block(rest)
+        e_n, objective = restitution_optimum(block)
+        rest = without_normal_rows(block, e_n)
+        found = solve_group(rest)
         return None if found is None else raised(found, objective)
     form = linear_form(block)
     if form is None:
         return solve_coupled(block)
     optimum = minimise(form.problem)
-    minima = tuple((value, middle_of_loose(block, form.to_constants(t))) for value, t in optimum.optima)
-    return BlockOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(block, form, optimum))
+    minima = tuple((value, center_free_e_n(block, form.to_constants(t))) for value, t in optimum.optima)
+    return GroupOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(block, form, optimum))
 
 
-def _extremes(block: Block, form: LinearForm, optimum: PiecewiseOptimum) -> tuple[Constants, ...]:
+def _extremes(block: ParameterGroup, form: LinearForm, optimum: PiecewiseOptimum) -> tuple[Constants, ...]:
     """Outlying constants that describe the data as well; infinite where no oblique row sets a limit."""
     found = [form.to_constants(t) for t in optimum.extremes]
     if not block.of_kind("tangential").any():
@@ -49,13 +49,13 @@ def _extremes(block: Block, form: LinearForm, optimum: PiecewiseOptimum) -> tupl
     return tuple(found)
 
 
-def raised(found: BlockOptimum, by: float) -> BlockOptimum:
+def raised(found: GroupOptimum, by: float) -> GroupOptimum:
     """The same optimum with something added to every objective."""
     minima = tuple((value + by, constants) for value, constants in found.minima)
     return replace(found, objective=found.objective + by, minima=minima)
 
 
-def middle_of_loose(block: Block, constants: Constants) -> Constants:
+def center_free_e_n(block: ParameterGroup, constants: Constants) -> Constants:
     """Put e_n into the middle of what bounds of mu allow, where nothing measures it."""
     e_n, c, mu = constants
     touched = (

@@ -15,7 +15,7 @@ import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import GAP
 from ifrfit.inference.optimize.linear_families import kappa_form
-from ifrfit.inference.optimize.parameter_group import Array, Block, Constants
+from ifrfit.inference.optimize.parameter_group import Array, Constants, ParameterGroup
 from ifrfit.inference.optimize.piecewise import minimise
 from ifrfit.inference.optimize.series_profile import Along
 
@@ -31,7 +31,7 @@ Dip = tuple[float, float]  # value, place
 class Shared:
     """Series with e_n held, the shared value's place, and what is known of it before (mean, sd)."""
 
-    blocks: tuple[Block, ...]
+    blocks: tuple[ParameterGroup, ...]
     place: int
     prior: tuple[float, float] | None
 
@@ -111,24 +111,24 @@ def prove(shared: Shared, best: Dip, limits: tuple[float, float]) -> tuple[Dip, 
     return best, float(proven)
 
 
-def constants_at(block: Block, place: int, x: float) -> Constants:
+def constants_at(block: ParameterGroup, place: int, x: float) -> Constants:
     """Best constants of a series at a shared value."""
     form = kappa_form(_at(block, place, x))
     return form.to_constants(minimise(form.problem).t)
 
 
-def _at(block: Block, place: int, x: float) -> Block:
+def _at(block: ParameterGroup, place: int, x: float) -> ParameterGroup:
     if place == C:
         return replace(block, c=replace(block.c, fixed=x, prior=None))
     return replace(block, mu=replace(block.mu, fixed=x / (1.0 + (block.e_n.fixed or 0.0)), prior=None))
 
 
-def _within(block: Block, place: int, low: float, high: float) -> Block:
+def _within(block: ParameterGroup, place: int, low: float, high: float) -> ParameterGroup:
     if place == C:
         return replace(block, c=replace(block.c, lower=low, upper=high))
     factor = 1.0 + (block.e_n.fixed or 0.0)
     return replace(block, mu=replace(block.mu, lower=low / factor, upper=high / factor))
 
 
-def _free_index(block: Block, place: int) -> int:
+def _free_index(block: ParameterGroup, place: int) -> int:
     return sum(x.fixed is None for x in (block.e_n, block.c, block.mu)[:place])

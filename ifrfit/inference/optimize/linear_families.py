@@ -23,13 +23,13 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Constant
 from ifrfit.inference.optimize.design import Domain, Forms, Frame, LinearForm
-from ifrfit.inference.optimize.parameter_group import Array, Block, Constants
+from ifrfit.inference.optimize.parameter_group import Array, Constants, ParameterGroup
 
 _TINY = 1e-300
 LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
 
 
-def linear_form(block: Block) -> LinearForm | None:
+def linear_form(block: ParameterGroup) -> LinearForm | None:
     """Restate the block in the family that takes its rows; None if it is not linear in any."""
     scaled = block.of_scale("impulse"), block.of_scale("rebound")
     friction = bool(block.of_kind("friction").any()) or block.mu.prior is not None
@@ -51,7 +51,7 @@ def linear_form(block: Block) -> LinearForm | None:
     return None
 
 
-def kappa_form(block: Block) -> LinearForm:
+def kappa_form(block: ParameterGroup) -> LinearForm:
     """Restate in e_n, c and kappa: any block without curved rows whose e_n is fixed, and some others."""
     e = block.e_n.fixed
     factor = np.ones(block.rows.tau.size)
@@ -89,7 +89,7 @@ def kappa_form(block: Block) -> LinearForm:
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, k.b1, 0.0], k.b0, back)
 
 
-def _friction_family(block: Block) -> LinearForm:
+def _friction_family(block: ParameterGroup) -> LinearForm:
     """Unknowns mu, c, kappa; e_n = kappa/mu - 1."""
     offset, slope = block.linear_parts()
     k = block.coefficients
@@ -118,7 +118,7 @@ def _friction_family(block: Block) -> LinearForm:
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, k.b1, 0.0], k.b0, back)
 
 
-def _impulse_family(block: Block) -> LinearForm:
+def _impulse_family(block: ParameterGroup) -> LinearForm:
     """Unknowns w = 1/(1 + e_n), c w, mu."""
     _, slope = block.linear_parts()
     tangential = block.of_kind("tangential")
@@ -146,7 +146,7 @@ def _impulse_family(block: Block) -> LinearForm:
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
 
 
-def _rebound_family(block: Block) -> LinearForm:
+def _rebound_family(block: ParameterGroup) -> LinearForm:
     """Unknowns w = 1/e_n, c w, kappa w."""
     offset, slope = block.linear_parts()
     forms = Forms(block, np.ones(block.rows.tau.size, dtype=bool))
@@ -175,7 +175,7 @@ def _rebound_family(block: Block) -> LinearForm:
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
 
 
-def _direct_family(block: Block) -> LinearForm:
+def _direct_family(block: ParameterGroup) -> LinearForm:
     """Unknowns e_n, c, mu: without oblique rows nothing ties one to another."""
     forms = Forms(block, np.zeros(block.rows.tau.size, dtype=bool))
     domain = Domain()

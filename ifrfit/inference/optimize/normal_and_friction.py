@@ -15,12 +15,12 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Constant
 from ifrfit.inference.optimize.linear_families import kappa_form, linear_form
-from ifrfit.inference.optimize.parameter_group import Block, BlockOptimum, normal_sums
+from ifrfit.inference.optimize.parameter_group import GroupOptimum, ParameterGroup, restitution_sums
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, minimise
 from ifrfit.inference.optimize.scalar_search import dips
 
 
-def solve_coupled(block: Block) -> BlockOptimum:
+def solve_coupled(block: ParameterGroup) -> GroupOptimum:
     """Optimum over e_n of the certified optima at given e_n, and the dual bound where there is one."""
     low, high = _range_of_e_n(block)
 
@@ -40,10 +40,10 @@ def solve_coupled(block: Block) -> BlockOptimum:
     constants = minima[0][1]
     bound = _dual_bound(block, constants)
     gap = None if bound is None else max(0.0, objective - bound)
-    return BlockOptimum(constants, objective, gap, minima, road="all partitions at each e_n")
+    return GroupOptimum(constants, objective, gap, minima, method="all partitions at each e_n")
 
 
-def _range_of_e_n(block: Block) -> tuple[float, float]:
+def _range_of_e_n(block: ParameterGroup) -> tuple[float, float]:
     lower = block.e_n.lower
     if block.of_scale("rebound").any():
         lower = max(lower, 1e-3)  # tan_psi_out has no value at e_n = 0
@@ -52,18 +52,18 @@ def _range_of_e_n(block: Block) -> tuple[float, float]:
     return lower, max(1.0, 2.0 * lower)
 
 
-def _held(block: Block, e_n: float) -> Block:
+def _held(block: ParameterGroup, e_n: float) -> ParameterGroup:
     return replace(block, e_n=replace(block.e_n, fixed=e_n, prior=None))
 
 
-def _prior(block: Block, e_n: float) -> float:
+def _prior(block: ParameterGroup, e_n: float) -> float:
     return 0.0 if block.e_n.prior is None else ((e_n - block.e_n.prior[0]) / block.e_n.prior[1]) ** 2
 
 
-def _dual_bound(block: Block, constants: tuple[float, float, float]) -> float | None:
+def _dual_bound(block: ParameterGroup, constants: tuple[float, float, float]) -> float | None:
     """Lower bound over everything, where the rows split into two sides; None where they do not."""
     impulse, rebound = block.of_scale("impulse"), block.of_scale("rebound")
-    weight, product, square = normal_sums(block)
+    weight, product, square = restitution_sums(block)
     plain = replace(block.e_n, prior=None)
     if not (impulse.any() or rebound.any()):
         return _friction_bound(replace(block, e_n=plain), constants, (weight, product, square))
@@ -74,7 +74,7 @@ def _dual_bound(block: Block, constants: tuple[float, float, float]) -> float | 
 
 
 def _friction_bound(
-    block: Block, constants: tuple[float, float, float], normal: tuple[float, float, float]
+    block: ParameterGroup, constants: tuple[float, float, float], normal: tuple[float, float, float]
 ) -> float | None:
     """Tangential rows know (c, kappa), the others (e_n, mu); they meet in kappa = mu (1 + e_n)."""
     e_n, _, mu = constants
@@ -105,7 +105,10 @@ def _friction_bound(
 
 
 def _bilinear_minimum(
-    block: Block, normal: tuple[float, float, float], friction: tuple[float, float, float], pull: float
+    block: ParameterGroup,
+    normal: tuple[float, float, float],
+    friction: tuple[float, float, float],
+    pull: float,
 ) -> float | None:
     """Least value of N(e_n) + M(mu) - pull mu (1 + e_n) over the domain, where it is convex."""
     (a, b, s), (p, q, r) = normal, friction
@@ -134,7 +137,7 @@ def _bilinear_minimum(
 
 
 def _impulse_bound(
-    block: Block, constants: tuple[float, float, float], normal: tuple[float, float, float]
+    block: ParameterGroup, constants: tuple[float, float, float], normal: tuple[float, float, float]
 ) -> float | None:
     """mu_app and mu know (w, c w, mu), the others e_n; they meet in w = 1/(1 + e_n)."""
     e_n = constants[0]

@@ -30,8 +30,8 @@ class Optimum:
         Objective and theta of the distinct local minima within 4, best first.
     extremes : tuple of ndarray
         theta at outlying places whose objective lies within 3.84, infinite entries where nothing limits them;
-        empty where the road does not tell.
-    road : str
+        empty where the method does not tell.
+    method : str
         How it was found.
     """
 
@@ -39,7 +39,7 @@ class Optimum:
     objective: float
     gap: float | None
     minima: tuple[tuple[float, Array], ...]
-    road: str
+    method: str
     extremes: tuple[Array, ...] = ()
 
     @property

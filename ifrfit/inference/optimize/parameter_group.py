@@ -19,7 +19,7 @@ Constants = tuple[float, float, float]  # e_n, c, mu
 
 
 @dataclass(frozen=True)
-class Block:
+class ParameterGroup:
     """Rows that share one set of constants, with the weights (1/sigma) they have in the sum of squares."""
 
     rows: RowModel
@@ -59,7 +59,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class BlockOptimum:
+class GroupOptimum:
     """Best constants (e_n, c, mu) of a block, and what is proven; see `Optimum`."""
 
     constants: Constants
@@ -67,10 +67,10 @@ class BlockOptimum:
     gap: float | None
     minima: tuple[tuple[float, Constants], ...]
     extremes: tuple[Constants, ...] = ()
-    road: str = "all partitions"
+    method: str = "all partitions"
 
 
-def is_separable(block: Block) -> bool:
+def is_separable(block: ParameterGroup) -> bool:
     """Whether e_n can be found apart: nothing ties it to the tangential constants but kappa itself."""
     tied = (
         block.of_scale("impulse").any() or block.of_scale("rebound").any() or block.of_kind("friction").any()
@@ -79,7 +79,7 @@ def is_separable(block: Block) -> bool:
     return not tied and free_mu and block.mu.lower == 0.0 and math.isinf(block.mu.upper)
 
 
-def normal_sums(block: Block) -> tuple[float, float, float]:
+def restitution_sums(block: ParameterGroup) -> tuple[float, float, float]:
     """Sums (w, w y, w y^2) of everything that measures e_n directly: rows of e_n and v_n, and its prior."""
     at = block.of_kind("normal")
     is_e_n = np.array([name == "e_n" for name in block.rows.names])[block.rows.which[at]]
@@ -91,13 +91,13 @@ def normal_sums(block: Block) -> tuple[float, float, float]:
     return float(factor @ factor), float(factor @ value), float(value @ value)
 
 
-def normal_part(block: Block) -> tuple[float, float]:
+def restitution_optimum(block: ParameterGroup) -> tuple[float, float]:
     """Best e_n from the rows and the prior that measure it, and its share of the objective.
 
     The middle of the domain where nothing measures it.
     """
     at = block.of_kind("normal")
-    weight, product, _ = normal_sums(block)
+    weight, product, _ = restitution_sums(block)
     if weight == 0.0:
         return 0.5 * (block.e_n.lower + block.e_n.upper), 0.0
     e_n = min(max(product / weight, block.e_n.lower), block.e_n.upper)
@@ -110,7 +110,7 @@ def normal_part(block: Block) -> tuple[float, float]:
     return e_n, objective
 
 
-def without_normal(block: Block, e_n: float) -> Block:
+def without_normal_rows(block: ParameterGroup, e_n: float) -> ParameterGroup:
     """The block less what measures e_n, with e_n held."""
     rest = np.flatnonzero(~block.of_kind("normal"))
     held = replace(block.e_n, fixed=e_n, prior=None)

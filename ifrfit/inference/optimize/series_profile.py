@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.optimize.linear_families import kappa_form
-from ifrfit.inference.optimize.parameter_group import Block
+from ifrfit.inference.optimize.parameter_group import ParameterGroup
 from ifrfit.inference.optimize.piecewise import Array, about, in_order, minimise
 from ifrfit.inference.optimize.regime_sums import build, constraints
 
@@ -24,13 +24,13 @@ class Along:
 
     Parameters
     ----------
-    block : Block
+    block : ParameterGroup
         With e_n held, and the shared constant free.
     free : int
         Place of the shared value among the free unknowns of the block.
     """
 
-    def __init__(self, block: Block, free: int) -> None:
+    def __init__(self, block: ParameterGroup, free: int) -> None:
         form = kappa_form(block)
         own = minimise(form.problem)
         self.optima = [form.to_constants(t) for _, t in own.optima]

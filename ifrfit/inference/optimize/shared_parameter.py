@@ -13,19 +13,24 @@ import numpy as np
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.lagrangian_bound import KAPPA, C, Shared, constants_at, prove
 from ifrfit.inference.optimize.optimum import Optimum, theta_of
-from ifrfit.inference.optimize.parameter_group import Block, is_separable, normal_part, without_normal
+from ifrfit.inference.optimize.parameter_group import (
+    ParameterGroup,
+    is_separable,
+    restitution_optimum,
+    without_normal_rows,
+)
 from ifrfit.inference.optimize.scalar_search import dips
 
 
-def solve_shared(problem: Problem, blocks: list[Block], whole: Block) -> Optimum | None:
+def solve_shared(problem: Problem, blocks: list[ParameterGroup], whole: ParameterGroup) -> Optimum | None:
     """Optimum of series under one shared constant; None if more than one ties them together.
 
     Parameters
     ----------
     problem : Problem
-    blocks : list of Block
+    blocks : list of ParameterGroup
         One a series, without the priors of shared constants.
-    whole : Block
+    whole : ParameterGroup
         All rows, with all priors.
     """
     if any(block.of_kind("curved").any() for block in blocks):
@@ -43,22 +48,24 @@ def solve_shared(problem: Problem, blocks: list[Block], whole: Block) -> Optimum
     return _outer(problem, blocks, shared[0].prior, place, base)
 
 
-def _settle_e_n(problem: Problem, blocks: list[Block], whole: Block) -> tuple[list[Block], float] | None:
+def _settle_e_n(
+    problem: Problem, blocks: list[ParameterGroup], whole: ParameterGroup
+) -> tuple[list[ParameterGroup], float] | None:
     """Hold e_n where the user or the normal rows alone decide it; None where the rest has a say."""
     if whole.e_n.fixed is not None:
         return blocks, 0.0
     if not is_separable(whole) or (whole.e_n.separate and not whole.mu.separate):
         return None
     if whole.e_n.separate:
-        parts = [normal_part(block) for block in blocks]
-        held = [without_normal(block, e) for block, (e, _) in zip(blocks, parts, strict=True)]
+        parts = [restitution_optimum(block) for block in blocks]
+        held = [without_normal_rows(block, e) for block, (e, _) in zip(blocks, parts, strict=True)]
         return held, sum(objective for _, objective in parts)
-    e_n, objective = normal_part(whole)
-    return [without_normal(block, e_n) for block in blocks], objective
+    e_n, objective = restitution_optimum(whole)
+    return [without_normal_rows(block, e_n) for block in blocks], objective
 
 
 def _outer(
-    problem: Problem, blocks: list[Block], prior: tuple[float, float] | None, place: int, base: float
+    problem: Problem, blocks: list[ParameterGroup], prior: tuple[float, float] | None, place: int, base: float
 ) -> Optimum:
     """Search over the shared value, then bound everything else."""
     limits = _range(blocks, place)
@@ -89,7 +96,7 @@ def _seeds(shared: Shared) -> list[float]:
     return [c if shared.place == C else mu * (1.0 + e_n) for e_n, c, mu in optima]
 
 
-def _range(blocks: list[Block], place: int) -> tuple[float, float]:
+def _range(blocks: list[ParameterGroup], place: int) -> tuple[float, float]:
     """Domain of the shared value; kappa ends where every row sticks."""
     first = blocks[0]
     if place == C:

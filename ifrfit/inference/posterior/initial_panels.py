@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 _KINKS_NEAR, _KINKS_FAR = 48, 12  # kinks at which panels are split from the start
 
 
-def make_part(
+def make_batched_group(
     setting: Setting,
     block: int,
     at: Index,

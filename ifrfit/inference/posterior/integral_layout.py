@@ -16,7 +16,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.optimize.linear_families import LOWEST
 from ifrfit.inference.posterior.free_parameter import Unknown
 from ifrfit.inference.posterior.grid_settings import Setting, ladder
-from ifrfit.inference.posterior.initial_panels import make_part, thinned
+from ifrfit.inference.posterior.initial_panels import make_batched_group, thinned
 from ifrfit.inference.posterior.joint_grid import Joint, Shared
 from ifrfit.inference.posterior.quadrature_axis import Axis
 from ifrfit.inference.posterior.series_integrand import Series
@@ -176,7 +176,7 @@ def _assemble(
             if not (apart and kind == "e_n"):
                 known[kind] = None
         tangential.append(len(series))
-        made, names = make_part(setting, block, rows, known, whole=whole)
+        made, names = make_batched_group(setting, block, rows, known, whole=whole)
         series.append(made)
         groups.append(names)
     if apart:
@@ -186,7 +186,7 @@ def _assemble(
             count = len(blocks) if setting.constant("mu").separate and not own else 1
             known = {"e_n": unknowns["e_n", block], "c": 0.0, "mu": 0.0}
             normal.append(len(series))
-            made, names = make_part(setting, block, rows[direct[rows]], known, count)
+            made, names = make_batched_group(setting, block, rows[direct[rows]], known, count)
             series.append(made)
             groups.append(names)
         if not own:

@@ -12,8 +12,8 @@ from ifrfit.inference.model.parameters import Constant
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.multistart import multistart
 from ifrfit.inference.optimize.optimum import Array, objective_at
-from ifrfit.inference.optimize.parameter_group import is_separable, normal_part
-from ifrfit.inference.optimize.solve import series_blocks, solve, whole_block
+from ifrfit.inference.optimize.parameter_group import is_separable, restitution_optimum
+from ifrfit.inference.optimize.solve import series_groups, solve, whole_group
 from ifrfit.inference.profile.constrained_series import best_of_series
 from ifrfit.inference.profile.scalar_profile import series_problem
 from ifrfit.physics.observables import OBSERVABLES
@@ -104,10 +104,10 @@ def settled_e_n(problem: Problem, sigma: Array, series: int) -> float | None:
     e_n, mu = problem.constants[0], problem.constants[-1]
     if e_n.fixed is not None:
         return e_n.fixed
-    whole = whole_block(problem, sigma)
+    whole = whole_group(problem, sigma)
     if not is_separable(whole) or whole.of_kind("curved").any() or (e_n.separate and not mu.separate):
         return None
-    return normal_part(series_blocks(problem, sigma)[series] if e_n.separate else whole)[0]
+    return restitution_optimum(series_groups(problem, sigma)[series] if e_n.separate else whole)[0]
 
 
 def best_over_e_n(
@@ -119,7 +119,7 @@ def best_over_e_n(
     """
     from scipy.optimize import minimize_scalar
 
-    if any(c.separate for c in problem.constants) or whole_block(problem, sigma).of_kind("curved").any():
+    if any(c.separate for c in problem.constants) or whole_group(problem, sigma).of_kind("curved").any():
         return None
     e_n = problem.constants[0]
     i_e, i_mu = 0, len(problem.names) - 1

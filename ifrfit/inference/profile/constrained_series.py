@@ -13,15 +13,15 @@ from ifrfit.inference.optimize.lagrangian_bound import KAPPA, C, constants_at
 from ifrfit.inference.optimize.linear_families import kappa_form
 from ifrfit.inference.optimize.optimum import Array, theta_of
 from ifrfit.inference.optimize.parameter_group import (
-    Block,
     Constants,
+    ParameterGroup,
     is_separable,
-    normal_part,
-    normal_sums,
-    without_normal,
+    restitution_optimum,
+    restitution_sums,
+    without_normal_rows,
 )
 from ifrfit.inference.optimize.piecewise import minimise
-from ifrfit.inference.optimize.solve import series_blocks, whole_block
+from ifrfit.inference.optimize.solve import series_groups, whole_group
 
 _REACH = 0.02  # of the domain about the neighbour's shared value, where the best one is sought first
 _GRID = 9  # values over the whole domain that are looked at where it is not there
@@ -40,15 +40,15 @@ def best_of_series(problem: Problem, sigma: Array, at: Mapping[int, float], near
     near : ndarray
         theta nearby.
     """
-    whole = whole_block(problem, sigma)
+    whole = whole_group(problem, sigma)
     if not problem.closure.bilinear or whole.of_kind("curved").any():
         return None
-    blocks = _settled(problem, series_blocks(problem, sigma), whole, at)
+    blocks = _settled(problem, series_groups(problem, sigma), whole, at)
     if blocks is None:
         return None
     leads = _leads(problem, whole, at)
     for number, mu in leads.items():
-        own = series_blocks(problem, sigma)[number] if whole.e_n.separate else whole
+        own = series_groups(problem, sigma)[number] if whole.e_n.separate else whole
         blocks[number] = _led(blocks[number], own, mu)
     found = _best(problem, whole, blocks, at, leads, near)
     if found is None:
@@ -61,8 +61,8 @@ def best_of_series(problem: Problem, sigma: Array, at: Mapping[int, float], near
 
 def _best(
     problem: Problem,
-    whole: Block,
-    blocks: list[Block],
+    whole: ParameterGroup,
+    blocks: list[ParameterGroup],
     at: Mapping[int, float],
     leads: Mapping[int, float],
     near: Array,
@@ -83,7 +83,7 @@ def _best(
     return [constants_at(block, place, x) for block in blocks]
 
 
-def _leads(problem: Problem, whole: Block, at: Mapping[int, float]) -> dict[int, float]:
+def _leads(problem: Problem, whole: ParameterGroup, at: Mapping[int, float]) -> dict[int, float]:
     """Series whose mu is held while e_n is free: there e_n is no longer settled apart, kappa leads it."""
     places = problem.positions()
     if whole.e_n.fixed is not None:
@@ -95,20 +95,20 @@ def _leads(problem: Problem, whole: Block, at: Mapping[int, float]) -> dict[int,
     }
 
 
-def _led(block: Block, own: Block, mu: float) -> Block:
+def _led(block: ParameterGroup, own: ParameterGroup, mu: float) -> ParameterGroup:
     """The block with kappa = mu (1 + e_n) free in the place of e_n.
 
     e_n stays where it was settled, and a stand-in for mu moves kappa: over the domain of e_n, and with what
     measures e_n directly (`own` has it) as its prior, which leaves the same sum of squares.
     """
     factor = mu / (1.0 + (block.e_n.fixed or 0.0))
-    weight, product, _ = normal_sums(own)
+    weight, product, _ = restitution_sums(own)
     prior = None if weight == 0.0 else (factor * (1.0 + product / weight), factor / math.sqrt(weight))
     low, high = (factor * (1.0 + end) for end in (own.e_n.lower, own.e_n.upper))
     return replace(block, mu=replace(block.mu, lower=low, upper=high, fixed=None, prior=prior))
 
 
-def _unled(whole: Block, found: list[Constants], leads: Mapping[int, float]) -> list[Constants]:
+def _unled(whole: ParameterGroup, found: list[Constants], leads: Mapping[int, float]) -> list[Constants]:
     """Constants with e_n where kappa has led it, and kappa kept in every series that shares it."""
     out = list(found)
     for number, held in leads.items():
@@ -121,18 +121,18 @@ def _unled(whole: Block, found: list[Constants], leads: Mapping[int, float]) -> 
 
 
 def _settled(
-    problem: Problem, blocks: list[Block], whole: Block, at: Mapping[int, float]
-) -> list[Block] | None:
+    problem: Problem, blocks: list[ParameterGroup], whole: ParameterGroup, at: Mapping[int, float]
+) -> list[ParameterGroup] | None:
     """The blocks with e_n settled by what measures it directly, and with what is held fixed."""
     places = problem.positions()
     if whole.e_n.fixed is None:
         if not is_separable(whole) or (whole.e_n.separate and not whole.mu.separate):
             return None
-        common = normal_part(whole)[0]
+        common = restitution_optimum(whole)[0]
         settled = []
         for number, block in enumerate(blocks):
-            e_n = normal_part(block)[0] if whole.e_n.separate else common
-            settled.append(without_normal(block, at.get(int(places["e_n"][number]), e_n)))
+            e_n = restitution_optimum(block)[0] if whole.e_n.separate else common
+            settled.append(without_normal_rows(block, at.get(int(places["e_n"][number]), e_n)))
         blocks = settled
     out = []
     for number, block in enumerate(blocks):
@@ -145,19 +145,19 @@ def _settled(
     return out
 
 
-def _alone(block: Block) -> Constants:
+def _alone(block: ParameterGroup) -> Constants:
     form = kappa_form(block)
     return form.to_constants(minimise(form.problem).t)
 
 
-def _held(block: Block, place: int, x: float) -> Block:
+def _held(block: ParameterGroup, place: int, x: float) -> ParameterGroup:
     if place == C:
         return replace(block, c=replace(block.c, fixed=x, prior=None))
     return replace(block, mu=replace(block.mu, fixed=x / (1.0 + (block.e_n.fixed or 0.0)), prior=None))
 
 
 def _shared_value(
-    problem: Problem, blocks: list[Block], place: int, prior: tuple[float, float] | None, near: Array
+    problem: Problem, blocks: list[ParameterGroup], place: int, prior: tuple[float, float] | None, near: Array
 ) -> float:
     """The shared constant, or kappa in the place of mu, at which the series together are best."""
     from scipy.optimize import minimize_scalar
@@ -185,7 +185,7 @@ def _shared_value(
     return min((float(found.fun), float(found.x)), (values[i], float(grid[i])))[1]
 
 
-def _range(blocks: list[Block], place: int, start: float) -> tuple[float, float]:
+def _range(blocks: list[ParameterGroup], place: int, start: float) -> tuple[float, float]:
     """Domain of the shared value; kappa ends where every row sticks."""
     first = blocks[0]
     if place == C:

@@ -75,7 +75,7 @@ def _profile(misfit: Misfit, quantity: Quantity, known: Known, curves: bool) -> 
 
 def _known(problem: Problem, fit: LeastSquares, quantity: Quantity) -> Known:
     """What the rules of statuses ask beside the profile itself."""
-    sd = math.sqrt(fit.local.variance(quantity.functional, quantity.domain.prior_sd))
+    sd = math.sqrt(fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd))
     unique = fit.optimum.n_same == 1
     if quantity.name not in problem.names:
         return Known(math.isfinite(sd), unique, plain="mu (1 + e_n)")

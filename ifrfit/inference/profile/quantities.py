@@ -72,7 +72,7 @@ def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
         lambda theta: float(theta[place]),
         lambda x, sigma, near: best_with(problem, sigma, {place: x}, near),
         Constant(constant.name, lower, constant.upper, prior=constant.prior),
-        fit.local.to_theta[place],
+        fit.gaussian.to_theta[place],
         far,
     )
 
@@ -106,7 +106,7 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
     low_e = max(low_e, min(lowest_e_n(problem), high_e))
     low_mu, high_mu = (mu.fixed, mu.fixed) if mu.fixed is not None else (mu.lower, mu.upper)
     theta = fit.optimum.theta
-    functional = (1.0 + theta[i_e]) * fit.local.to_theta[i_mu] + theta[i_mu] * fit.local.to_theta[i_e]
+    functional = (1.0 + theta[i_e]) * fit.gaussian.to_theta[i_mu] + theta[i_mu] * fit.gaussian.to_theta[i_e]
     far = _level(problem, i_mu)
     return Quantity(
         name,
@@ -141,7 +141,7 @@ def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity
         tie = lambda e, c: x * float(law.bound(c)) / (1.0 + e)  # noqa: E731
         return best_tied(problem, sigma, series, tie, (-math.inf, math.inf), _distinct(starts))
 
-    to_theta = fit.local.to_theta
+    to_theta = fit.gaussian.to_theta
     functional = ((1.0 + theta[i_e]) * to_theta[i_mu] + theta[i_mu] * to_theta[i_e]) / bound
     functional = functional - of(theta) * float(law.bound_slope(theta[i_c])) / bound * to_theta[i_c]
     at = problem.rows.series == series
@@ -192,7 +192,7 @@ def follow(misfit: Misfit, quantity: Quantity, dof: float) -> Trace:
             trace.restless.append(x)
         return found.rise
 
-    variance = fit.local.variance(quantity.functional, quantity.domain.prior_sd)
+    variance = fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd)
     sd = math.sqrt(variance)
     step = sd if 0.0 < sd < 0.2 * quantity.domain.prior_sd else 0.05 * quantity.domain.prior_sd
     trace = Trace(rise, quantity.domain.lower, quantity.domain.upper, quantity.far)

@@ -21,7 +21,7 @@ def statistics_of(
     """Count rows and sum up the misfit; the most likely noise goes into the likelihood."""
     r = residuals.raw
     n = r.size
-    dof = n - round(float(found.local.leverage.sum()))
+    dof = n - round(float(found.gaussian.leverage.sum()))
     yardstick = problem.sigma if problem.noise == "scaled" else found.sigma
     chi2 = float(((r / yardstick) ** 2).sum())
     is_chi2 = problem.noise == "known" and problem.scatter.is_plain
@@ -36,14 +36,14 @@ def statistics_of(
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
     if not problem.scatter.is_plain:
         log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
-    k = found.local.rank + n_noise
+    k = found.gaussian.rank + n_noise
     oblique = np.array([OBSERVABLES[x].kind in ("tangential", "curved") for x in problem.rows.names])
     regime = oblique[problem.rows.which]
     return FitStatistics(
         n=n,
         n_sliding=int((regime & ~sticks).sum()),
         n_sticking=int((regime & sticks).sum()),
-        rank=found.local.rank,
+        rank=found.gaussian.rank,
         prior_chi2=float(prior @ prior),
         chi2=chi2,
         dof=dof,
@@ -58,7 +58,7 @@ def statistics_of(
 
 def state_of(problem: Problem, found: LeastSquares) -> State:
     """Coordinates for predictions; a centre beyond a bound only where the bound holds the optimum back."""
-    local = found.local
+    local = found.gaussian
     covariance = local.covariance(capped=True)
     lower, upper = problem.bounds()
     entries = problem.entries()

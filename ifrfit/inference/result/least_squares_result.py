@@ -54,7 +54,7 @@ def optimum_of(
     statistics = statistics_of(problem, found, residuals, sticks)
     constants = constants_of(problem, found)
     free = problem.free
-    capped = found.local.to_theta @ found.local.covariance(capped=True) @ found.local.to_theta.T
+    capped = found.gaussian.to_theta @ found.gaussian.covariance(capped=True) @ found.gaussian.to_theta.T
     size = np.sqrt(np.diag(capped))[free]
     names = tuple(n for n, is_free in zip(problem.names, free, strict=True) if is_free)
     table = problem.observations.table

@@ -108,12 +108,12 @@ def transition(
         return None
     i_e, i_mu = places["e_n"][series], places["mu"][series]
     e_n, mu = fit.optimum.theta[i_e], fit.optimum.theta[i_mu]
-    functional = ((1.0 + e_n) * fit.local.to_theta[i_mu] + mu * fit.local.to_theta[i_e]) / bound
+    functional = ((1.0 + e_n) * fit.gaussian.to_theta[i_mu] + mu * fit.gaussian.to_theta[i_e]) / bound
     if own:
         functional = (
-            functional - tau * float(law.bound_slope(c)) / bound * fit.local.to_theta[places[own][series]]
+            functional - tau * float(law.bound_slope(c)) / bound * fit.gaussian.to_theta[places[own][series]]
         )
-    sd = math.sqrt(fit.local.variance(functional, 1.0))
+    sd = math.sqrt(fit.gaussian.variance(functional, 1.0))
     found = []
     for number, angle in enumerate(angles):
         ends = []

@@ -12,7 +12,7 @@ from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.truncated_normal import half_width, quantile
 from ifrfit.inference.model.parameters import Constant
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.laplace import local_picture
+from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.profile.open_estimates import is_local, open_estimate, outlying
 from ifrfit.inference.result.types import Estimate, Interval
@@ -57,8 +57,8 @@ def estimate(
     value = float(fit.optimum.theta[position])
     if constant.fixed is not None:
         return Estimate(value, None, (value, value), (value, value), "fixed", "fixed by you")
-    functional = fit.local.to_theta[position]
-    sd = math.sqrt(fit.local.variance(functional, constant.prior_sd))
+    functional = fit.gaussian.to_theta[position]
+    sd = math.sqrt(fit.gaussian.variance(functional, constant.prior_sd))
     half = HALF * constant.prior_sd
     rivals = [float(theta[position]) for theta in outlying(fit.optimum)]
     leans = leans_on_prior(problem, fit, position, constant, sd)
@@ -133,7 +133,7 @@ def _one_sided(fit: LeastSquares, constant: Constant, position: int, side: int, 
     value = float(fit.optimum.theta[position])
     bound = constant.lower if side < 0 else constant.upper
     held = abs(value - bound) <= _AT_BOUND * max(1.0, abs(bound))
-    center = value - 0.5 * sd * sd * float(fit.local.gradient[position]) if held else value
+    center = value - 0.5 * sd * sd * float(fit.gaussian.gradient[position]) if held else value
 
     def edge(p: float) -> float:
         at = p if side < 0 else 1.0 - p
@@ -149,7 +149,7 @@ def leans_on_prior(problem: Problem, fit: LeastSquares, position: int, constant:
     named = [c.name for c in problem.constants if c.prior is not None]
     if not named:
         return ""
-    bare = local_picture(problem, fit.sigma, fit.optimum.theta, with_priors=False)
+    bare = gaussian_approximation(problem, fit.sigma, fit.optimum.theta, with_priors=False)
     without = math.sqrt(bare.variance(bare.to_theta[position], constant.prior_sd))
     if sd < HALF * without:
         return f"rests on your prior of {' and '.join(named)}"

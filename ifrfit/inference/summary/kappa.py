@@ -28,9 +28,9 @@ def kappa_of(problem: Problem, fit: LeastSquares, series: int) -> Estimate:
         return Estimate(value, None, (value, value), (value, value), "fixed", "mu (1 + e_n)")
     value = float(theta[i_mu]) * (1.0 + e_n)
     # d kappa/d phi: the coordinate itself, or by the product rule where mu is the coordinate
-    functional = (1.0 + e_n) * fit.local.to_theta[i_mu] + theta[i_mu] * fit.local.to_theta[i_e]
+    functional = (1.0 + e_n) * fit.gaussian.to_theta[i_mu] + theta[i_mu] * fit.gaussian.to_theta[i_e]
     constant = Constant("kappa", *kappa_bounds(problem, series))
-    sd = math.sqrt(fit.local.variance(functional, constant.prior_sd))
+    sd = math.sqrt(fit.gaussian.variance(functional, constant.prior_sd))
     rivals = [float(theta[i_mu] * (1.0 + theta[i_e])) for theta in outlying(fit.optimum)]
     reach = half_width(0.95, fit.noise_dof) * sd
     if sd < HALF * constant.prior_sd and is_local(value, reach, rivals):

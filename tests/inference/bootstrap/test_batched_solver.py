@@ -8,10 +8,10 @@ from random_problems import random_problem
 from scenes import fitted, scene
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.bootstrap.batched_solver import Together
+from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_NOISE, NO_SLIDING, NO_STICKING, TOO_FEW
 from ifrfit.inference.bootstrap.schemes import Lot, lot_of, make_scheme
-from ifrfit.inference.bootstrap.sequential_solver import OneByOne, replicate
+from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver, replicate
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.optimize.optimum import objective_at
@@ -43,7 +43,7 @@ QUESTIONS = {
 @pytest.mark.parametrize("name", QUESTIONS)
 def test_every_replicate_has_the_optimum_of_the_certified_solver(name: str) -> None:
     problem, found = fitted(scene(**{"n": 20, **QUESTIONS[name]}))
-    together, alone = Together.of(problem, found), OneByOne.of(problem, found)
+    together, alone = BatchedSolver.of(problem, found), SequentialSolver.of(problem, found)
     assert together is not None
     for scheme in ("cases", "residual", "wild"):
         try:
@@ -90,7 +90,7 @@ def test_no_replicate_of_random_problems_lies_above_the_certified_optimum() -> N
             found = least_squares(problem)
         except DataError:
             continue
-        together = Together.of(problem, found)
+        together = BatchedSolver.of(problem, found)
         if together is None:
             continue
         scheme = make_scheme(("cases", "wild")[seed % 2], problem, found)
@@ -111,8 +111,8 @@ def test_what_is_curved_or_partly_shared_is_fitted_one_by_one() -> None:
         scene(observables=("mu_app", "e_n"), n=8),
         scene(series=2, n=8, separate=("mu",)),
     ):
-        assert Together.of(*fitted(problem)) is None
-    assert Together.of(*fitted(scene(series=1, n=8, separate=("mu",)))) is not None
+        assert BatchedSolver.of(*fitted(problem)) is None
+    assert BatchedSolver.of(*fitted(scene(series=1, n=8, separate=("mu",)))) is not None
 
 
 def _counted(problem, **only: object) -> Lot:
@@ -145,13 +145,13 @@ def _counted(problem, **only: object) -> Lot:
 def test_a_replicate_that_leaves_something_open_says_what_and_why(question, only, reason, left) -> None:
     problem, found = fitted(scene(**question))
     lot = _counted(problem, **only)
-    solved = Together.of(problem, found).solve(lot)
+    solved = BatchedSolver.of(problem, found).solve(lot)
     assert solved.reason == (reason,)
     assert {name for name, is_open in zip(problem.names, solved.open[0], strict=True) if is_open} == left
-    alone = OneByOne.of(problem, found).solve(lot)
+    alone = SequentialSolver.of(problem, found).solve(lot)
     # least squares puts e_n into the middle of its domain, and the transition on the first of exact rows
     if reason not in (NO_E_N, NO_STICKING):
         assert alone.reason == (reason,)
-    whole = Together.of(problem, found).solve(_counted(problem))
+    whole = BatchedSolver.of(problem, found).solve(_counted(problem))
     assert whole.reason == ("",)
     assert whole.theta[0] == pytest.approx(found.optimum.theta, abs=1e-9)

@@ -10,17 +10,17 @@ from ifrfit.inference.model.parameters import make_constants
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.lagrangian_bound import KAPPA, C, constants_at
 from ifrfit.inference.optimize.linear_families import kappa_form
-from ifrfit.inference.optimize.parameter_group import Block
+from ifrfit.inference.optimize.parameter_group import ParameterGroup
 from ifrfit.inference.optimize.piecewise import minimise
 from ifrfit.inference.optimize.series_profile import Along
-from ifrfit.inference.optimize.solve import whole_block
+from ifrfit.inference.optimize.solve import whole_group
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.rebound import rebound
 
 SHARED = {"c": (C, np.linspace(-1.0, -0.4, 25)), "kappa": (KAPPA, np.linspace(0.0, 1.2, 25))}
 
 
-def block_of(closure: str = "ifr", n: int = 30, sigma: float = 0.05, **choices) -> Block:
+def block_of(closure: str = "ifr", n: int = 30, sigma: float = 0.05, **choices) -> ParameterGroup:
     """Values of beta at as many angles, with e_n held."""
     rng = np.random.default_rng(7)
     gamma = np.linspace(4.0, 86.0, n)
@@ -32,17 +32,17 @@ def block_of(closure: str = "ifr", n: int = 30, sigma: float = 0.05, **choices) 
     chosen = get_closure(closure)
     constants = make_constants(chosen, 0.4, fix={"e_n": 0.9, **choices.pop("fix", {})}, **choices)
     problem = make_problem(Observations(table), chosen, 0.4, constants, "known")
-    return whole_block(problem, problem.sigma)
+    return whole_group(problem, problem.sigma)
 
 
-def without_prior(block: Block, place: int) -> Block:
+def without_prior(block: ParameterGroup, place: int) -> ParameterGroup:
     """The prior of a shared constant is in no series."""
     if place == C:
         return replace(block, c=replace(block.c, prior=None))
     return replace(block, mu=replace(block.mu, prior=None))
 
 
-def held(block: Block, place: int, x: float) -> Block:
+def held(block: ParameterGroup, place: int, x: float) -> ParameterGroup:
     if place == C:
         return replace(block, c=replace(block.c, fixed=x))
     return replace(block, mu=replace(block.mu, fixed=x / (1.0 + block.e_n.fixed)))
