@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.bootstrap.batched_minima import Minima, Replicated, minimise_all
 from ifrfit.inference.model.problem import Index
+from ifrfit.inference.optimize.branch_and_bound import BatchOptima, minimise, minimise_batch
 from ifrfit.inference.optimize.design import LinearForm
 from ifrfit.inference.optimize.group_optimum import center_free_e_n
 from ifrfit.inference.optimize.linear_families import linear_form
 from ifrfit.inference.optimize.parameter_group import ParameterGroup, is_separable, without_normal_rows
-from ifrfit.inference.optimize.piecewise import PiecewiseProblem, about, minimise
+from ifrfit.inference.optimize.piecewise import PiecewiseBatch, PiecewiseProblem
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -66,7 +66,7 @@ class GroupFits:
     """Constants (e_n, c, mu) of each replicate, (m, 3); its minimum; whether it lost all of e_n."""
 
     constants: Array
-    minima: Minima
+    minima: BatchOptima
     without_e_n: Bool
 
 
@@ -102,10 +102,10 @@ def make_batched_group(block: ParameterGroup, rows: Index, sigma: Array) -> Part
     switching = own[form.switching[order]]
     always = np.where(form.always < 0, form.always, own[np.maximum(form.always, 0)] if own.size else -1)
     weight = _with_priors(1.0 / sigma[None] ** 2)
-    data = Replicated(piecewise, weight[:, switching], weight[:, always])
-    center = minimise(data.alone(0)).t
-    piecewise = about(piecewise, center)
-    rank = int(minimise_all(replace(data, problem=piecewise)).rank[0])
+    data = PiecewiseBatch(piecewise, weight[:, switching], weight[:, always])
+    center = minimise(data.member(0)).t
+    piecewise = piecewise.about(center)
+    rank = int(minimise_batch(replace(data, problem=piecewise)).rank[0])
     return Part(block, rows, form, piecewise, center, switching, always, held, rank)
 
 
@@ -138,14 +138,14 @@ def solve_batched_group(part: Part, weight: Array, shift: Array | None, prior: A
     moved = shift is not None or bool(off.any())
     wide = _with_priors(weight)
     shifts = _with_priors(np.zeros_like(weight) if shift is None else shift, off) if moved else None
-    many = Replicated(
+    many = PiecewiseBatch(
         part.piecewise,
         wide[:, part.switching],
         wide[:, part.always],
         None if shift is None or shifts is None else shifts[:, part.switching],
         None if shifts is None else shifts[:, part.always],
     )
-    minima = minimise_all(many)
+    minima = minimise_batch(many)
     found = np.array([part.form.to_constants(part.center + u) for u in minima.points]).reshape(-1, 3)
     without = np.zeros(found.shape[0], dtype=bool)
     if part.held is not None:

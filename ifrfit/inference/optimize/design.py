@@ -11,7 +11,7 @@ import numpy as np
 from ifrfit.inference.model.parameters import Constant
 from ifrfit.inference.model.problem import Index
 from ifrfit.inference.optimize.parameter_group import Array, Bool, Constants, ParameterGroup
-from ifrfit.inference.optimize.piecewise import PiecewiseProblem, Rows
+from ifrfit.inference.optimize.piecewise import LinearRows, PiecewiseProblem
 
 _PRIORS = {"e_n": -1, "mu": -3}  # in `LinearForm.always`; the closure constant has -2
 
@@ -74,15 +74,15 @@ class Frame:
 
 
 class Domain:
-    """Collects walls: normal @ full <= limit."""
+    """Collects constraints: normal @ full <= limit."""
 
     def __init__(self) -> None:
-        self.walls: list[list[float]] = []
+        self.constraints: list[list[float]] = []
         self.limits: list[float] = []
 
-    def wall(self, normal: list[float], limit: float) -> None:
+    def constraint(self, normal: list[float], limit: float) -> None:
         """Add normal @ full <= limit."""
-        self.walls.append(normal)
+        self.constraints.append(normal)
         self.limits.append(limit)
 
     def between(self, unknown: int, constant: Constant) -> None:
@@ -91,10 +91,10 @@ class Domain:
             return
         unit = [0.0, 0.0, 0.0]
         unit[unknown] = -1.0
-        self.wall(list(unit), -constant.lower)
+        self.constraint(list(unit), -constant.lower)
         if math.isfinite(constant.upper):
             unit[unknown] = 1.0
-            self.wall(list(unit), constant.upper)
+            self.constraint(list(unit), constant.upper)
 
 
 class Forms:
@@ -117,7 +117,7 @@ class Forms:
         return values if self.all else values[self.switching]
 
     def add_normal(self, unknown: int) -> None:
-        """Rows e_n and v_n = e_n cos gamma."""
+        """LinearRows e_n and v_n = e_n cos gamma."""
         at = self.block.of_kind("normal")
         if not at.any():
             return
@@ -126,7 +126,7 @@ class Forms:
         self._add(unknown, factor, np.flatnonzero(at))
 
     def add_friction(self, unknown: int, factor: float) -> None:
-        """Rows of mu."""
+        """LinearRows of mu."""
         at = self.block.of_kind("friction")
         if at.any():
             self._add(unknown, np.full(int(at.sum()), factor), np.flatnonzero(at))
@@ -162,30 +162,30 @@ class Forms:
         weight, value = self.of(self.block.weight), self.of(self.block.rows.value)
         tau = self.of(self.block.rows.tau)
 
-        def rows(columns: list[Array | None], constant: Array | float) -> Rows:
+        def rows(columns: list[Array | None], constant: Array | float) -> LinearRows:
             target = value - constant
             for column, x in zip(columns, base, strict=True):
                 if column is not None and x != 0.0:
                     target = target - x * column
-            return Rows(tuple(_weighted(columns, m, weight) for m in matrix.T), weight * target)
+            return LinearRows(tuple(_weighted(columns, m, weight) for m in matrix.T), weight * target)
 
         stick, slide = rows(self.stick, self.stick0), rows(self.slide, self.slide0)
         rest = np.concatenate([np.zeros((0, 3)), *self.rest])
         rest_target = np.concatenate([np.zeros(0), *self.rest_target])
-        always = Rows.of(rest @ matrix, rest_target - rest @ base)
+        always = LinearRows.of(rest @ matrix, rest_target - rest @ base)
         switching = np.flatnonzero(self.switching)
         always_of = np.concatenate([np.zeros(0, dtype=np.intp), *self.rest_of])
         grazing = np.isinf(tau)  # no transition can reach them: they slide whatever the constants
         if grazing.any():
             lost = slide.take(grazing)
-            always = Rows.of(
+            always = LinearRows.of(
                 np.concatenate((always.design, lost.design)), np.concatenate((always.target, lost.target))
             )
             stick, slide, tau = stick.take(~grazing), slide.take(~grazing), tau[~grazing]
             always_of, switching = np.concatenate((always_of, switching[grazing])), switching[~grazing]
-        walls = np.array(domain.walls).reshape(-1, 3)
-        limits = np.array(domain.limits) - walls @ base
-        reduced = walls @ matrix
+        constraints = np.array(domain.constraints).reshape(-1, 3)
+        limits = np.array(domain.limits) - constraints @ base
+        reduced = constraints @ matrix
         real = np.abs(reduced).max(axis=1, initial=0.0) > 0.0
         problem = PiecewiseProblem(
             tau,

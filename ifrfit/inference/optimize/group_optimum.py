@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.design import LinearForm
 from ifrfit.inference.optimize.linear_families import linear_form
 from ifrfit.inference.optimize.normal_and_friction import solve_coupled
@@ -16,7 +17,7 @@ from ifrfit.inference.optimize.parameter_group import (
     restitution_optimum,
     without_normal_rows,
 )
-from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, minimise
+from ifrfit.inference.optimize.piecewise import PiecewiseOptimum
 
 
 def solve_group(block: ParameterGroup) -> GroupOptimum | None:

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import GAP
+from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.linear_families import kappa_form
 from ifrfit.inference.optimize.parameter_group import Array, Constants, ParameterGroup
-from ifrfit.inference.optimize.piecewise import minimise
 from ifrfit.inference.optimize.series_profile import Along
 
 C, KAPPA = 1, 2  # places of the shared value among (e_n, c, kappa)
@@ -64,7 +64,7 @@ class Shared:
             form = kappa_form(_within(block, self.place, low, high))
             direction = np.zeros(form.problem.kappa.size)
             direction[_free_index(block, self.place)] = pull
-            result = minimise(replace(form.problem, pull=direction))
+            result = minimise(replace(form.problem, linear=direction))
             bound += result.chi2 - result.gap
         if self.prior is not None:
             mean, sd = self.prior

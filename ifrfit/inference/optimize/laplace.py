@@ -1,4 +1,4 @@
-"""Gaussian (Laplace) approximation at an optimum: covariance, rank, undetermined combinations of constants."""
+"""Gaussian (Laplace) approximation at an optimum: covariance, rank, undetermined combinations."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _LOADED = 1e-7  # share of the prior sd below which a constant does not take par
 
 @dataclass(frozen=True)
 class GaussianApproximation:
-    """Second-order picture of the objective about theta.
+    """Second-order expansion of the objective about theta.
 
     Attributes
     ----------
     names : tuple of str
-        Coordinates in which the picture is taken: those of theta, with kappa in the place of mu where that
+        Coordinates of the expansion: those of theta, with kappa in the place of mu where that
         is one to one.
     phi : ndarray
         theta in these coordinates.
@@ -86,7 +86,7 @@ class GaussianApproximation:
 def gaussian_approximation(
     problem: Problem, sigma: Array, theta: Array, *, with_priors: bool = True
 ) -> GaussianApproximation:
-    """Take the picture at theta.
+    """Expand the objective at theta.
 
     Parameters
     ----------

@@ -79,9 +79,9 @@ def kappa_form(block: ParameterGroup) -> LinearForm:
     domain = Domain()
     domain.between(0, block.e_n)
     domain.between(1, block.c)
-    domain.wall([block.mu.lower, 0.0, -1.0], -block.mu.lower)  # kappa >= mu_lo (1 + e_n)
+    domain.constraint([block.mu.lower, 0.0, -1.0], -block.mu.lower)  # kappa >= mu_lo (1 + e_n)
     if math.isfinite(block.mu.upper):
-        domain.wall([-block.mu.upper, 0.0, 1.0], block.mu.upper)
+        domain.constraint([-block.mu.upper, 0.0, 1.0], block.mu.upper)
 
     def back(full: Array) -> Constants:
         return full[0], full[1], full[2] / (1.0 + full[0])
@@ -106,8 +106,8 @@ def _friction_family(block: ParameterGroup) -> LinearForm:
     domain = Domain()
     domain.between(0, block.mu)
     domain.between(1, block.c)
-    domain.wall([1.0 + block.e_n.lower, 0.0, -1.0], 0.0)
-    domain.wall([-1.0 - block.e_n.upper, 0.0, 1.0], 0.0)
+    domain.constraint([1.0 + block.e_n.lower, 0.0, -1.0], 0.0)
+    domain.constraint([-1.0 - block.e_n.upper, 0.0, 1.0], 0.0)
     middle = 0.5 * (block.e_n.lower + block.e_n.upper)
 
     def back(full: Array) -> Constants:
@@ -132,9 +132,9 @@ def _impulse_family(block: ParameterGroup) -> LinearForm:
     forms.add_friction(2, 1.0)
     forms.add_prior(block.mu, 2)
     domain = Domain()
-    domain.wall([1.0, 0.0, 0.0], 1.0 / (1.0 + block.e_n.lower))
-    domain.wall([-1.0, 0.0, 0.0], -1.0 / (1.0 + block.e_n.upper))
-    _product_walls(domain, block.c)
+    domain.constraint([1.0, 0.0, 0.0], 1.0 / (1.0 + block.e_n.lower))
+    domain.constraint([-1.0, 0.0, 0.0], -1.0 / (1.0 + block.e_n.upper))
+    _product_bounds(domain, block.c)
     domain.between(2, block.mu)
 
     def back(full: Array) -> Constants:
@@ -157,12 +157,12 @@ def _rebound_family(block: ParameterGroup) -> LinearForm:
     forms.slide[1] = slope * k.a1
     forms.slide[2] = _over_tau(slope, block.rows.tau)
     domain = Domain()
-    domain.wall([-1.0, 0.0, 0.0], -1.0 / max(block.e_n.upper, LOWEST))
-    domain.wall([1.0, 0.0, 0.0], 1.0 / max(block.e_n.lower, LOWEST))
-    _product_walls(domain, block.c)
-    domain.wall([block.mu.lower, 0.0, -1.0], -block.mu.lower)  # kappa w >= mu_lo (1 + w)
+    domain.constraint([-1.0, 0.0, 0.0], -1.0 / max(block.e_n.upper, LOWEST))
+    domain.constraint([1.0, 0.0, 0.0], 1.0 / max(block.e_n.lower, LOWEST))
+    _product_bounds(domain, block.c)
+    domain.constraint([block.mu.lower, 0.0, -1.0], -block.mu.lower)  # kappa w >= mu_lo (1 + w)
     if math.isfinite(block.mu.upper):
-        domain.wall([-block.mu.upper, 0.0, 1.0], block.mu.upper)
+        domain.constraint([-block.mu.upper, 0.0, 1.0], block.mu.upper)
 
     def back(full: Array) -> Constants:
         return 1.0 / full[0], full[1] / full[0], full[2] / (full[0] + 1.0)
@@ -192,11 +192,11 @@ def _direct_family(block: ParameterGroup) -> LinearForm:
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], 0.0, back)
 
 
-def _product_walls(domain: Domain, c: Constant) -> None:
+def _product_bounds(domain: Domain, c: Constant) -> None:
     """c_lo w <= c w <= c_hi w."""
     if c.fixed is None:
-        domain.wall([c.lower, -1.0, 0.0], 0.0)
-        domain.wall([-c.upper, 1.0, 0.0], 0.0)
+        domain.constraint([c.lower, -1.0, 0.0], 0.0)
+        domain.constraint([-c.upper, 1.0, 0.0], 0.0)
 
 
 def _cleared(offset: Array, part: Array) -> Array:

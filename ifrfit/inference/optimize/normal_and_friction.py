@@ -14,9 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.linear_families import kappa_form, linear_form
 from ifrfit.inference.optimize.parameter_group import GroupOptimum, ParameterGroup, restitution_sums
-from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, minimise
+from ifrfit.inference.optimize.piecewise import PiecewiseOptimum
 from ifrfit.inference.optimize.scalar_search import dips
 
 
@@ -97,7 +98,7 @@ def _friction_bound(
         mu=free,
     )
     form = kappa_form(sliding)
-    first = minimise(replace(form.problem, pull=pull * form.problem.kappa))
+    first = minimise(replace(form.problem, linear=pull * form.problem.kappa))
     second = _bilinear_minimum(block, normal, (*m, m_square), pull)
     if second is None or first.gap > 0.0:
         return None
@@ -150,7 +151,7 @@ def _impulse_bound(
         return None
     direction = np.zeros(form.problem.kappa.size)
     direction[0] = pull
-    first = minimise(replace(form.problem, pull=direction))
+    first = minimise(replace(form.problem, linear=direction))
     # N(e) - pull/(1 + e): its stationary points are roots of a cubic in 1 + e
     roots = np.roots([2.0 * a, -2.0 * (a + b), 0.0, pull])
     inside = [float(r.real) - 1.0 for r in roots if abs(r.imag) < 1e-9 * (1.0 + abs(r.real))]

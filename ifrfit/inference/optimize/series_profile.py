@@ -10,13 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.linear_families import kappa_form
 from ifrfit.inference.optimize.parameter_group import ParameterGroup
-from ifrfit.inference.optimize.piecewise import Array, about, in_order, minimise
-from ifrfit.inference.optimize.regime_sums import build, constraints
+from ifrfit.inference.optimize.piecewise import Array, PiecewiseBatch
+from ifrfit.inference.optimize.piecewise_quadratic import cell_constraints, quadratic_of
 
-_AT_ONCE = 1_000_000  # walls met at once
-_SLACK = 1e-9  # of a wall that the unknown cannot move, relative to its terms
+_AT_ONCE = 1_000_000  # constraints met at once
+_SLACK = 1e-9  # of a constraint that the unknown cannot move, relative to its terms
 
 
 class Along:
@@ -35,20 +36,20 @@ class Along:
         own = minimise(form.problem)
         self.optima = [form.to_constants(t) for _, t in own.optima]
         # sums about the series' own optimum keep their digits
-        problem = about(in_order(form.problem), own.t)
-        cells = build(problem)
+        problem = form.problem.sorted_by_tau().about(own.t)
+        cells = quadratic_of(PiecewiseBatch(problem))
         self._center = float(own.t[free])
-        walls, self._limits = constraints(problem, cells, np.arange(cells.square.size))
-        gram, slope = cells.gram, cells.slope
-        nothing = np.zeros(cells.square.size)
-        self._wall, self._gram = walls[:, :, free], gram[free, free]
-        self._slope, self._square = slope[free], cells.square
+        constraints, self._limits = cell_constraints(problem, cells.low, cells.high)
+        gram, slope = cells.gram[:, :, 0], cells.slope[:, 0]
+        nothing = np.zeros(cells.n_cells)
+        self._constraint, self._gram = constraints[:, :, free], gram[free, free]
+        self._slope, self._square = slope[free], cells.square[0]
         if slope.shape[0] == 1:
-            self._other_wall, self._mixed = np.zeros_like(self._wall), nothing
+            self._other_constraint, self._mixed = np.zeros_like(self._constraint), nothing
             self._other_gram, self._other_slope = nothing, nothing
         else:
             other = 1 - free
-            self._other_wall, self._mixed = walls[:, :, other], gram[free, other]
+            self._other_constraint, self._mixed = constraints[:, :, other], gram[free, other]
             self._other_gram, self._other_slope = gram[other, other], slope[other]
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
@@ -59,7 +60,7 @@ class Along:
 
     def _at(self, x: Array) -> tuple[Array, Array]:
         d = (x - self._center)[:, None]
-        room = self._limits - self._wall * d[..., None]
+        room = self._limits - self._constraint * d[..., None]
         low, high, shut = self._ends(room)
         with np.errstate(divide="ignore", invalid="ignore"):
             t = np.where(
@@ -73,12 +74,12 @@ class Along:
         return value[at], (2.0 * (self._gram * d + self._mixed * t - self._slope))[at]
 
     def _ends(self, room: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Between what the walls leave the other unknown, and whether they leave it nothing."""
-        wall = self._other_wall
+        """Between what the constraints leave the other unknown, and whether they leave it nothing."""
+        constraint = self._other_constraint
         with np.errstate(divide="ignore", invalid="ignore"):
-            edge = room / wall
-        low = np.where(wall < 0.0, edge, -np.inf).max(axis=-1, initial=-np.inf)
-        high = np.where(wall > 0.0, edge, np.inf).min(axis=-1, initial=np.inf)
+            edge = room / constraint
+        low = np.where(constraint < 0.0, edge, -np.inf).max(axis=-1, initial=-np.inf)
+        high = np.where(constraint > 0.0, edge, np.inf).min(axis=-1, initial=np.inf)
         short = room < -_SLACK * (1.0 + np.abs(self._limits))
         apart = low > high + _SLACK * (1.0 + np.abs(high))
-        return low, high, ((wall == 0.0) & short).any(axis=-1) | apart
+        return low, high, ((constraint == 0.0) & short).any(axis=-1) | apart

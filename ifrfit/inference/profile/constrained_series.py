@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.lagrangian_bound import KAPPA, C, constants_at
 from ifrfit.inference.optimize.linear_families import kappa_form
 from ifrfit.inference.optimize.optimum import Array, theta_of
@@ -20,7 +21,6 @@ from ifrfit.inference.optimize.parameter_group import (
     restitution_sums,
     without_normal_rows,
 )
-from ifrfit.inference.optimize.piecewise import minimise
 from ifrfit.inference.optimize.solve import series_groups, whole_group
 
 _REACH = 0.02  # of the domain about the neighbour's shared value, where the best one is sought first

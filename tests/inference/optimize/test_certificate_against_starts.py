@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 import ifrfit.inference.optimize.group_optimum as block_solver
+from ifrfit.inference.optimize.branch_and_bound import minimise as certified_minimum
 from ifrfit.inference.optimize.optimum import objective_at
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, PiecewiseProblem
-from ifrfit.inference.optimize.piecewise import minimise as certified_minimum
 from ifrfit.inference.optimize.solve import solve
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "scripts"))  # workers find the module by it, too

@@ -8,10 +8,10 @@ import pytest
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.parameters import make_constants
 from ifrfit.inference.model.problem import make_problem
+from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.lagrangian_bound import KAPPA, C, constants_at
 from ifrfit.inference.optimize.linear_families import kappa_form
 from ifrfit.inference.optimize.parameter_group import ParameterGroup
-from ifrfit.inference.optimize.piecewise import minimise
 from ifrfit.inference.optimize.series_profile import Along
 from ifrfit.inference.optimize.solve import whole_group
 from ifrfit.physics.closures import get_closure
