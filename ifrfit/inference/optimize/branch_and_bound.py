@@ -16,10 +16,16 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import GAP, RANK
 from ifrfit.inference.optimize.local_minima import local_minima
-from ifrfit.inference.optimize.piecewise import Array, PiecewiseBatch, PiecewiseOptimum, PiecewiseProblem
+from ifrfit.inference.optimize.piecewise import (
+    NEAR,
+    Array,
+    PiecewiseBatch,
+    PiecewiseOptimum,
+    PiecewiseProblem,
+)
 from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, quadratic_of
 from ifrfit.inference.optimize.refinement import DOUBT, refine
-from ifrfit.inference.optimize.solved_cells import NEAR, SolvedCells
+from ifrfit.inference.optimize.solved_cells import SolvedCells
 
 Index = NDArray[np.intp]
 Bool = NDArray[np.bool_]
@@ -122,7 +128,7 @@ def branch(
     falls, so nothing that could hold the minimum is left out. A cell that the sums leave in doubt keeps the
     bound that needs no sums. With `count_minima` cells within `NEAR` of the best value are solved as well.
     """
-    free, doubtful = quadratic.lower_bounds()
+    free, doubtful = quadratic.lower_bounds(linear=problem.linear is not None)
     b, m = free.shape
     least = 0.0 if problem.linear is None else -np.inf  # that needs no sums
     bounds = np.maximum(free, least)

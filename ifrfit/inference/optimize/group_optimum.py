@@ -8,7 +8,6 @@ from dataclasses import replace
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.design import LinearForm
 from ifrfit.inference.optimize.linear_families import linear_form
-from ifrfit.inference.optimize.normal_and_friction import solve_coupled
 from ifrfit.inference.optimize.parameter_group import (
     Constants,
     GroupOptimum,
@@ -18,6 +17,7 @@ from ifrfit.inference.optimize.parameter_group import (
     without_normal_rows,
 )
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum
+from ifrfit.inference.optimize.restitution_and_friction import solve_over_e_n
 
 
 def solve_group(block: ParameterGroup) -> GroupOptimum | None:
@@ -31,7 +31,7 @@ def solve_group(block: ParameterGroup) -> GroupOptimum | None:
         return None if found is None else raised(found, objective)
     form = linear_form(block)
     if form is None:
-        return solve_coupled(block)
+        return solve_over_e_n(block)
     optimum = minimise(form.problem)
     minima = tuple((value, center_free_e_n(block, form.to_constants(t))) for value, t in optimum.optima)
     return GroupOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(block, form, optimum))

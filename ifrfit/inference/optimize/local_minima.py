@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.optimize.piecewise import Array, PiecewiseProblem
+from ifrfit.inference.optimize.piecewise import NEAR, Array, PiecewiseProblem
 from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic
-from ifrfit.inference.optimize.solved_cells import NEAR, SolvedCells
+from ifrfit.inference.optimize.solved_cells import SolvedCells
 
 
 def local_minima(

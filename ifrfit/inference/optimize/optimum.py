@@ -27,7 +27,7 @@ class Optimum:
     gap : float or None
         objective minus a proven lower bound over everything else; None where no bound is known.
     minima : tuple of (float, ndarray)
-        Objective and theta of the distinct local minima within 4, best first.
+        Objective and theta of the distinct local minima within `NEAR`, best first.
     extremes : tuple of ndarray
         theta at outlying places whose objective lies within 3.84, infinite entries where nothing limits them;
         empty where the method does not tell.
@@ -49,7 +49,7 @@ class Optimum:
 
     @property
     def n_near(self) -> int:
-        """Local minima within 4 of the objective."""
+        """Local minima within `NEAR` of the objective."""
         return len(self.minima)
 
     @property

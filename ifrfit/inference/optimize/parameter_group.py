@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,3 +116,16 @@ def without_normal_rows(block: ParameterGroup, e_n: float) -> ParameterGroup:
     rest = np.flatnonzero(~block.of_kind("normal"))
     held = replace(block.e_n, fixed=e_n, prior=None)
     return replace(block, rows=block.rows.take(rest), weight=block.weight[rest], e_n=held)
+
+
+def kappa_range(groups: Sequence[ParameterGroup]) -> tuple[float, float]:
+    """Domain of kappa at fixed e_n; without an upper bound of mu it ends where every row sticks."""
+    first = groups[0]
+    unit = 1.0 + (first.e_n.fixed or 0.0)
+    low = first.mu.lower * unit
+    if math.isfinite(first.mu.upper):
+        return low, first.mu.upper * unit
+    linear = first.coefficients
+    bound = max(linear.b0 + linear.b1 * c for c in (first.c.lower, first.c.upper))
+    highest = max(float(g.rows.tau[np.isfinite(g.rows.tau)].max(initial=0.0)) for g in groups)
+    return low, max(bound * highest * 1.01, low + 1.0)

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+NEAR = 4.0  # local minima up to this far above the least value are counted
+
 
 @dataclass(frozen=True)
 class LinearRows:
@@ -154,7 +156,7 @@ class PiecewiseProblem:
             target = r.target if own is None else r.target - value * own
             return LinearRows(tuple(r.columns[i] for i in rest), target)
 
-        kept = np.abs(self.constraints[:, rest]).max(axis=1) > 0.0
+        kept = np.abs(self.constraints[:, rest]).max(axis=1, initial=0.0) > 0.0
         return replace(
             self,
             stick=rows(self.stick),
@@ -167,6 +169,37 @@ class PiecewiseProblem:
             constraints=self.constraints[kept][:, rest],
             limits=self.limits[kept] - value * self.constraints[kept, unknown],
         )
+
+    def interval(self, unknown: int) -> tuple[float, float]:
+        """What the constraints on one unknown alone leave it."""
+        low, high = -np.inf, np.inf
+        for i in np.flatnonzero(self._bounds_alone(unknown)):
+            end = float(self.limits[i] / self.constraints[i, unknown])
+            low, high = (low, min(high, end)) if self.constraints[i, unknown] > 0.0 else (max(low, end), high)
+        return low, high
+
+    def within(self, unknown: int, low: float, high: float) -> PiecewiseProblem:
+        """The same with one unknown between two ends, which may be infinite."""
+        others = ~self._bounds_alone(unknown)
+        ends = [(factor, factor * end) for factor, end in ((-1.0, low), (1.0, high)) if np.isfinite(end)]
+        own = np.zeros((len(ends), self.kappa.size))
+        own[:, unknown] = [factor for factor, _ in ends]
+        return replace(
+            self,
+            constraints=np.concatenate((self.constraints[others], own)),
+            limits=np.concatenate((self.limits[others], [limit for _, limit in ends])),
+        )
+
+    def _bounds_alone(self, unknown: int) -> NDArray[np.bool_]:
+        """Which constraints hold this unknown and no other."""
+        holds = self.constraints != 0.0
+        return np.asarray(holds[:, unknown] & (holds.sum(axis=1) == 1))
+
+    def with_linear(self, unknown: int, factor: float) -> PiecewiseProblem:
+        """The same with factor * t[unknown] for its linear term."""
+        linear = np.zeros(self.kappa.size)
+        linear[unknown] = factor
+        return replace(self, linear=linear if factor else None)
 
 
 @dataclass(frozen=True)
@@ -227,7 +260,7 @@ class PiecewiseOptimum:
     gap : float
         chi2 minus a proven lower bound over everything else, at least 0.
     optima : tuple of (float, ndarray)
-        Distinct local minima within chi2 + 4, best first.
+        Distinct local minima within chi2 + `NEAR`, best first.
     extremes : ndarray
         The outermost minimisers, along every unknown, of all cells within chi2 + 3.84, (2 q, q).
     all_slide, all_stick : bool

@@ -59,18 +59,21 @@ class PiecewiseQuadratic:
         """Cells of each problem."""
         return int(self.n_stick.size)
 
-    def lower_bounds(self) -> tuple[Array, Bool]:
+    def lower_bounds(self, *, linear: bool) -> tuple[Array, Bool]:
         """Lower bound of every cell from its unconstrained minimum, and which cells the sums leave in doubt.
 
-        Both (b, m); eq. (4) of certificate.md.
+        Both (b, m); eq. (4) of certificate.md. Where the problem has a linear term (`linear`) a quadratic
+        that is flat in some direction has no such bound: it may fall along it without end.
         """
         gram, slope, square = self._flat()
         bounds, doubtful = np.empty(square.size), np.empty(square.size, dtype=bool)
         for start in range(0, square.size, _BLOCK):  # in blocks that stay in the cache
             at = slice(start, start + _BLOCK)
-            bounds[at], doubtful[at] = _unconstrained_minima(
+            bounds[at], doubtful[at], flat = _unconstrained_minima(
                 gram[:, :, at], slope[:, at], square[at], self.rounding
             )
+            if linear:
+                bounds[at][flat] = -np.inf
         return bounds.reshape(self.square.shape), doubtful.reshape(self.square.shape)
 
     def minima(self, problem: PiecewiseProblem, which: Index) -> CellMinima:
@@ -177,22 +180,27 @@ def _sums_of_always(batch: PiecewiseBatch) -> Array:
     return np.moveaxis(np.swapaxes(weighted, 1, 2) @ rows, 0, -1)
 
 
-def _unconstrained_minima(gram: Array, slope: Array, square: Array, rounding: float) -> tuple[Array, Bool]:
-    """Least values of quadratics (q, q, k) less their rounding error, and which have lost their digits.
+def _unconstrained_minima(
+    gram: Array, slope: Array, square: Array, rounding: float
+) -> tuple[Array, Bool, Bool]:
+    """Least values of quadratics (q, q, k) less their rounding error, which are in doubt, and which are flat.
 
-    By elimination on the Jacobi-scaled matrices. A vanishing pivot means that the minimum lies along a line,
-    which is no harm; a small one that its part has lost its digits.
+    By elimination on the Jacobi-scaled matrices. A vanishing pivot means that the quadratic is flat in some
+    direction: without a linear term its minimum is a line. A small one means that its part of the minimum
+    has lost its digits.
     """
     q = slope.shape[0]
     size = [size_of(gram[i, i]) for i in range(q)]
     a = [[gram[i, j] / (size[i] * size[j]) for j in range(q)] for i in range(q)]
     z = [slope[i] / size[i] for i in range(q)]
-    doubtful = np.zeros(square.size, dtype=bool)
+    doubtful, flat = np.zeros((2, square.size), dtype=bool)
     minimum, error = square.copy(), square.copy()
     for k in range(q):
         empty = gram[k, k] == 0.0
         doubtful |= ~empty & (a[k][k] < _DOUBTFUL)
-        pivot = np.where(empty | ~(a[k][k] > FLAT), np.inf, a[k][k])
+        vanishing = empty | ~(a[k][k] > FLAT)
+        flat |= vanishing
+        pivot = np.where(vanishing, np.inf, a[k][k])
         part = z[k] * z[k] / pivot
         minimum -= part
         error += part / np.minimum(pivot, 1.0)
@@ -201,7 +209,7 @@ def _unconstrained_minima(gram: Array, slope: Array, square: Array, rounding: fl
             z[i] = z[i] - factor * z[k]
             for j in range(k + 1, q):
                 a[i][j] = a[i][j] - factor * a[k][j]
-    return minimum - rounding * error, doubtful
+    return minimum - rounding * error, doubtful, flat
 
 
 def cell_constraints(problem: PiecewiseProblem, low: Array, high: Array) -> tuple[Array, Array]:

@@ -88,8 +88,9 @@ def _from_rows(
         residuals = [part.residuals(to_rows @ u) for part in parts]
         products = (part.transpose_times(r) for part, r in zip(parts, residuals, strict=True))
         downhill = sum(products, start=np.zeros(q))
-        slope = to_rows.T @ downhill - frame.T @ problem.half_linear
-        slope[flat] = 0.0
+        slope = to_rows.T @ downhill
+        slope[flat] = 0.0  # no row tells anything there; a linear term does
+        slope -= frame.T @ problem.half_linear
         square = np.array([sum(float(r @ r) for r in residuals)])
         solved = cell_minima(
             *cell_constraints(_in_frame(problem, point, frame), quadratic.low[at], quadratic.high[at]),

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.optimize.piecewise import Array
 
-NEAR = 4.0  # local minima up to this far above the least value are counted
-
 
 @dataclass(frozen=True)
 class SolvedCells:

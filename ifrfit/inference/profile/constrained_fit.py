@@ -13,21 +13,23 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.multistart import multistart
 from ifrfit.inference.optimize.optimum import Array, objective_at
 from ifrfit.inference.optimize.parameter_group import is_separable, restitution_optimum
+from ifrfit.inference.optimize.scalar_search import minimum_near
 from ifrfit.inference.optimize.solve import series_groups, solve, whole_group
 from ifrfit.inference.profile.constrained_series import best_of_series
 from ifrfit.inference.profile.scalar_profile import series_problem
 from ifrfit.physics.observables import OBSERVABLES
 
 LOWEST = 1e-3
-_REACH = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
+_SHARE = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
 _GRID = 7  # values over the whole range that are looked at where it is not there
+_XATOL = 1e-7
 _STARTS = 3  # of a local search
 
 Tie = Callable[[float, float], float]  # e_n and c to mu
 
 
 @dataclass(frozen=True)
-class HeldProblem(Problem):
+class ConstrainedProblem(Problem):
     """A problem with single entries of theta held, also those of a separate constant."""
 
     at: Mapping[int, float] = field(default_factory=dict)
@@ -69,11 +71,11 @@ def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Arr
     found = best_of_series(problem, sigma, at, start)
     if found is not None:
         return found
-    return multistart(_held(problem, at), sigma, start).theta
+    return multistart(_constrained(problem, at), sigma, start).theta
 
 
 def _solved(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array) -> Array:
-    """One set of constants: fixed in the problem itself, which the certified roads know."""
+    """One set of constants: fixed in the problem itself, which the certified solvers know."""
     held = tuple(
         replace(c, fixed=at[i], prior=None) if i in at else c for i, c in enumerate(problem.constants)
     )
@@ -94,12 +96,12 @@ def _alone(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array
     return theta
 
 
-def _held(problem: Problem, at: Mapping[int, float]) -> HeldProblem:
+def _constrained(problem: Problem, at: Mapping[int, float]) -> ConstrainedProblem:
     values = {name: getattr(problem, name) for name in problem.__dataclass_fields__ if name != "at"}
-    return HeldProblem(**values, at=dict(at))
+    return ConstrainedProblem(**values, at=dict(at))
 
 
-def settled_e_n(problem: Problem, sigma: Array, series: int) -> float | None:
+def separable_e_n(problem: Problem, sigma: Array, series: int) -> float | None:
     """Best e_n of a series where the rest of the rows has no say in it; None where it has."""
     e_n, mu = problem.constants[0], problem.constants[-1]
     if e_n.fixed is not None:
@@ -117,8 +119,6 @@ def best_over_e_n(
 
     None where only a local search can find the rest.
     """
-    from scipy.optimize import minimize_scalar
-
     if any(c.separate for c in problem.constants) or whole_group(problem, sigma).of_kind("curved").any():
         return None
     e_n = problem.constants[0]
@@ -132,17 +132,7 @@ def best_over_e_n(
         seen[e] = objective_at(problem, sigma, theta), theta
         return seen[e][0]
 
-    start = min(max(float(near[i_e]), low), high)
-    reach = _REACH * (high - low)
-    grid = np.unique([max(start - reach, low), start, min(start + reach, high)])
-    values = [total(e) for e in grid.tolist()]
-    if grid[int(np.argmin(values))] != start or start in (low, high):
-        grid = np.unique(np.concatenate((grid, np.linspace(low, high, _GRID))))
-        values = [total(e) for e in grid.tolist()]
-    i = int(np.argmin(values))
-    ends = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, grid.size - 1)])
-    if ends[1] > ends[0]:
-        minimize_scalar(total, bounds=ends, method="bounded", options={"xatol": 1e-7})
+    minimum_near(total, float(near[i_e]), low, high, share=_SHARE, n_grid=_GRID, xatol=_XATOL)
     return min(seen.values(), key=lambda pair: pair[0])[1]
 
 

@@ -18,7 +18,7 @@ from ifrfit.inference.profile.constrained_fit import (
     best_with,
     kappa_range,
     lowest_e_n,
-    settled_e_n,
+    separable_e_n,
 )
 from ifrfit.inference.profile.curve import Trace
 from ifrfit.inference.profile.objective import Misfit, limit
@@ -90,7 +90,7 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
         if mu.fixed is not None:
             e = min(max(x / mu.fixed - 1.0, e_n.lower), e_n.upper) if mu.fixed > 0.0 else e_n.lower
             return best_with(problem, sigma, {i_e: e}, near)
-        settled = settled_e_n(problem, sigma, series)
+        settled = separable_e_n(problem, sigma, series)
         if settled is not None:
             at = {i_mu: x / (1.0 + settled)} | ({} if e_n.fixed is not None else {i_e: settled})
             return best_with(problem, sigma, at, near)
