@@ -45,7 +45,7 @@ def with_draws(result: FitResult, found: Bootstrap) -> FitResult:
     converged = _converged(found, result.facts["converged"])
     told = replace(result, constants=_opened(result.constants, found), derived=_derived(result, found))
     warnings = result.warnings
-    if found.apart:
+    if found.splits_impacts:
         warnings = (*warnings, APART)
     law = Sampled.of(problem, found.draws) if found.answered >= _FEWEST else None
     if law is not None:
@@ -55,9 +55,9 @@ def with_draws(result: FitResult, found: Bootstrap) -> FitResult:
         warnings = (*warnings, GAUSSIAN)
     elif found.failed > FAILED * found.replicates:
         warnings = (*warnings, ANSWERED)
-    says = f"too few to draw from: {found.scarce}" if found.scarce else "enough to draw from"
+    says = f"too few to draw from: {found.shortage}" if found.shortage else "enough to draw from"
     facts = {**told.facts, "converged": converged}
-    facts["resampling"] = Fact(not found.scarce, says, {"scheme": found.scheme}, FACTS["resampling"])
+    facts["resampling"] = Fact(not found.shortage, says, {"scheme": found.scheme}, FACTS["resampling"])
     return replace(told, facts=facts, warnings=warnings)
 
 

@@ -18,7 +18,7 @@ _PRIORS = {"e_n": -1, "mu": -3}  # in `LinearForm.always`; the closure constant 
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A block restated.
+    """A group restated.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class LinearForm:
     to_constants : callable
         The way back to the constants.
     switching, always : ndarray of int
-        The block's row behind each row of the problem, of those with two forms and of the rest; -1, -2 and -3
+        The group's row behind each row of the problem, of those with two forms and of the rest; -1, -2 and -3
         stand for the prior of e_n, of the closure constant and of mu.
     """
 
@@ -98,10 +98,10 @@ class Domain:
 
 
 class Forms:
-    """Collects the weighted rows of a block in three unknowns, then reduces them to the free ones."""
+    """Collects the weighted rows of a group in three unknowns, then reduces them to the free ones."""
 
-    def __init__(self, block: ParameterGroup, switching: Bool) -> None:
-        self.block = block
+    def __init__(self, group: ParameterGroup, switching: Bool) -> None:
+        self.group = group
         self.switching = switching
         self.all = bool(switching.all())
         self.stick: list[Array | None] = [None, None, None]
@@ -118,16 +118,16 @@ class Forms:
 
     def add_normal(self, unknown: int) -> None:
         """LinearRows e_n and v_n = e_n cos gamma."""
-        at = self.block.of_kind("normal")
+        at = self.group.of_kind("normal")
         if not at.any():
             return
-        is_e_n = np.array([name == "e_n" for name in self.block.rows.names])[self.block.rows.which]
-        factor = np.where(is_e_n, 1.0, self.block.rows.incidence.cosine)[at]
+        is_e_n = np.array([name == "e_n" for name in self.group.rows.names])[self.group.rows.which]
+        factor = np.where(is_e_n, 1.0, self.group.rows.incidence.cosine)[at]
         self._add(unknown, factor, np.flatnonzero(at))
 
     def add_friction(self, unknown: int, factor: float) -> None:
         """LinearRows of mu."""
-        at = self.block.of_kind("friction")
+        at = self.group.of_kind("friction")
         if at.any():
             self._add(unknown, np.full(int(at.sum()), factor), np.flatnonzero(at))
 
@@ -139,7 +139,7 @@ class Forms:
             self._put(unknown, np.array([factor]), np.array([mean]), np.array([1.0 / sd]), code)
 
     def _add(self, unknown: int, factor: Array, at: Index) -> None:
-        self._put(unknown, factor, self.block.rows.value[at], self.block.weight[at], at)
+        self._put(unknown, factor, self.group.rows.value[at], self.group.weight[at], at)
 
     def _put(self, unknown: int, factor: Array, value: Array, weight: Array, of: Index) -> None:
         design = np.zeros((value.size, 3))
@@ -159,8 +159,8 @@ class Forms:
     ) -> LinearForm:
         """Reduce to the free unknowns."""
         matrix, base = frame.matrix(), frame.base
-        weight, value = self.of(self.block.weight), self.of(self.block.rows.value)
-        tau = self.of(self.block.rows.tau)
+        weight, value = self.of(self.group.weight), self.of(self.group.rows.value)
+        tau = self.of(self.group.rows.tau)
 
         def rows(columns: list[Array | None], constant: Array | float) -> LinearRows:
             target = value - constant

@@ -61,7 +61,7 @@ class ParameterGroup:
 
 @dataclass(frozen=True)
 class GroupOptimum:
-    """Best constants (e_n, c, mu) of a block, and what is proven; see `Optimum`."""
+    """Best constants (e_n, c, mu) of a group, and what is proven; see `Optimum`."""
 
     constants: Constants
     objective: float
@@ -71,51 +71,51 @@ class GroupOptimum:
     method: str = "all partitions"
 
 
-def is_separable(block: ParameterGroup) -> bool:
+def is_separable(group: ParameterGroup) -> bool:
     """Whether e_n can be found apart: nothing ties it to the tangential constants but kappa itself."""
     tied = (
-        block.of_scale("impulse").any() or block.of_scale("rebound").any() or block.of_kind("friction").any()
+        group.of_scale("impulse").any() or group.of_scale("rebound").any() or group.of_kind("friction").any()
     )
-    free_mu = block.mu.fixed is None and block.mu.prior is None
-    return not tied and free_mu and block.mu.lower == 0.0 and math.isinf(block.mu.upper)
+    free_mu = group.mu.fixed is None and group.mu.prior is None
+    return not tied and free_mu and group.mu.lower == 0.0 and math.isinf(group.mu.upper)
 
 
-def restitution_sums(block: ParameterGroup) -> tuple[float, float, float]:
+def restitution_sums(group: ParameterGroup) -> tuple[float, float, float]:
     """Sums (w, w y, w y^2) of everything that measures e_n directly: rows of e_n and v_n, and its prior."""
-    at = block.of_kind("normal")
-    is_e_n = np.array([name == "e_n" for name in block.rows.names])[block.rows.which[at]]
-    factor = np.where(is_e_n, 1.0, block.rows.incidence.cosine[at]) * block.weight[at]
-    value = block.rows.value[at] * block.weight[at]
-    if block.e_n.prior is not None:
-        mean, sd = block.e_n.prior
+    at = group.of_kind("normal")
+    is_e_n = np.array([name == "e_n" for name in group.rows.names])[group.rows.which[at]]
+    factor = np.where(is_e_n, 1.0, group.rows.incidence.cosine[at]) * group.weight[at]
+    value = group.rows.value[at] * group.weight[at]
+    if group.e_n.prior is not None:
+        mean, sd = group.e_n.prior
         factor, value = np.append(factor, 1.0 / sd), np.append(value, mean / sd)
     return float(factor @ factor), float(factor @ value), float(value @ value)
 
 
-def restitution_optimum(block: ParameterGroup) -> tuple[float, float]:
+def restitution_optimum(group: ParameterGroup) -> tuple[float, float]:
     """Best e_n from the rows and the prior that measure it, and its share of the objective.
 
     The middle of the domain where nothing measures it.
     """
-    at = block.of_kind("normal")
-    weight, product, _ = restitution_sums(block)
+    at = group.of_kind("normal")
+    weight, product, _ = restitution_sums(group)
     if weight == 0.0:
-        return 0.5 * (block.e_n.lower + block.e_n.upper), 0.0
-    e_n = min(max(product / weight, block.e_n.lower), block.e_n.upper)
-    is_e_n = np.array([name == "e_n" for name in block.rows.names])[block.rows.which[at]]
-    factor = np.where(is_e_n, 1.0, block.rows.incidence.cosine[at])
-    residual = (block.rows.value[at] - factor * e_n) * block.weight[at]
+        return 0.5 * (group.e_n.lower + group.e_n.upper), 0.0
+    e_n = min(max(product / weight, group.e_n.lower), group.e_n.upper)
+    is_e_n = np.array([name == "e_n" for name in group.rows.names])[group.rows.which[at]]
+    factor = np.where(is_e_n, 1.0, group.rows.incidence.cosine[at])
+    residual = (group.rows.value[at] - factor * e_n) * group.weight[at]
     objective = float(residual @ residual)
-    if block.e_n.prior is not None:
-        objective += ((e_n - block.e_n.prior[0]) / block.e_n.prior[1]) ** 2
+    if group.e_n.prior is not None:
+        objective += ((e_n - group.e_n.prior[0]) / group.e_n.prior[1]) ** 2
     return e_n, objective
 
 
-def without_normal_rows(block: ParameterGroup, e_n: float) -> ParameterGroup:
-    """The block less what measures e_n, with e_n held."""
-    rest = np.flatnonzero(~block.of_kind("normal"))
-    held = replace(block.e_n, fixed=e_n, prior=None)
-    return replace(block, rows=block.rows.take(rest), weight=block.weight[rest], e_n=held)
+def without_normal_rows(group: ParameterGroup, e_n: float) -> ParameterGroup:
+    """The group less what measures e_n, with e_n held."""
+    rest = np.flatnonzero(~group.of_kind("normal"))
+    held = replace(group.e_n, fixed=e_n, prior=None)
+    return replace(group, rows=group.rows.take(rest), weight=group.weight[rest], e_n=held)
 
 
 def kappa_range(groups: Sequence[ParameterGroup]) -> tuple[float, float]:

@@ -34,37 +34,37 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
     if not problem.closure.bilinear and problem.has_oblique:
         return multistart(problem, sigma, near)
     if len(problem.series) == 1 or not any(c.separate for c in problem.constants):
-        block = whole_group(problem, sigma)
-        found = solve_group(block)
+        group = whole_group(problem, sigma)
+        found = solve_group(group)
         if found is None:
             return multistart(problem, sigma, near)
         return _optimum(problem, found)
     if all(c.separate or c.fixed is not None for c in problem.constants):
-        parts = [solve_group(block) for block in series_groups(problem, sigma)]
+        parts = [solve_group(group) for group in series_groups(problem, sigma)]
         if all(part is not None for part in parts):
             return _join(problem, [part for part in parts if part is not None])
         return multistart(problem, sigma, near)
-    blocks = series_groups(problem, sigma)
-    return solve_shared(problem, blocks, whole_group(problem, sigma)) or multistart(problem, sigma, near)
+    groups = series_groups(problem, sigma)
+    return solve_shared(problem, groups, whole_group(problem, sigma)) or multistart(problem, sigma, near)
 
 
 def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
-    """All rows as one block."""
+    """All rows as one group."""
     e_n, c, mu = _specs(problem)
     return ParameterGroup(problem.rows, 1.0 / sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
 
 
 def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
-    """One block a series. A prior on a shared constant is not in any of them."""
+    """One group a series. A prior on a shared constant is not in any of them."""
     e_n, c, mu = (x if x.separate else replace(x, prior=None) for x in _specs(problem))
-    blocks = []
+    groups = []
     for number in range(len(problem.series)):
         at = np.flatnonzero(problem.rows.series == number)
         rows = problem.rows.take(at)
-        blocks.append(
+        groups.append(
             ParameterGroup(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu)
         )
-    return blocks
+    return groups
 
 
 def _specs(problem: Problem) -> tuple[Constant, Constant, Constant]:
@@ -74,7 +74,7 @@ def _specs(problem: Problem) -> tuple[Constant, Constant, Constant]:
 
 
 def _optimum(problem: Problem, found: GroupOptimum) -> Optimum:
-    """A single block: theta is (e_n, c, mu), less c where the closure has none."""
+    """A single group: theta is (e_n, c, mu), less c where the closure has none."""
     kept = [(0, problem.constants[0])]
     kept += [(1, c) for c in problem.constants[1:-1]] + [(2, problem.constants[-1])]
 

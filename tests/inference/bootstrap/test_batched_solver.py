@@ -10,7 +10,7 @@ from scenes import fitted, scene
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_NOISE, NO_SLIDING, NO_STICKING, TOO_FEW
-from ifrfit.inference.bootstrap.schemes import Lot, lot_of, make_scheme
+from ifrfit.inference.bootstrap.schemes import ReplicateData, draw_replicates, make_scheme
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver, replicate
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
@@ -51,7 +51,7 @@ def test_every_replicate_has_the_optimum_of_the_certified_solver(name: str) -> N
         except UsageError:
             assert problem.constants[0].separate
             continue
-        lot = lot_of(problem, chosen, np.random.SeedSequence(3).spawn(5))
+        lot = draw_replicates(problem, chosen, np.random.SeedSequence(3).spawn(5))
         ours, theirs = together.solve(lot), alone.solve(lot)
         assert ours.reason == theirs.reason
         assert ours.certified.all()
@@ -59,7 +59,7 @@ def test_every_replicate_has_the_optimum_of_the_certified_solver(name: str) -> N
         answered = [number for number, reason in enumerate(ours.reason) if not reason]
         assert len(answered) >= 3
         for number in answered:
-            if together.weighs and on_the_transition(problem, theirs.theta[number]):
+            if together.noise_matters and on_the_transition(problem, theirs.theta[number]):
                 # which regime such a row counts to is a matter of the last digit, and so are the degrees of
                 # freedom of its noise
                 assert ours.theta[number] == pytest.approx(theirs.theta[number], abs=1e-4)
@@ -94,7 +94,7 @@ def test_no_replicate_of_random_problems_lies_above_the_certified_optimum() -> N
         if together is None:
             continue
         scheme = make_scheme(("cases", "wild")[seed % 2], problem, found)
-        lot = lot_of(problem, scheme, np.random.SeedSequence(seed).spawn(2))
+        lot = draw_replicates(problem, scheme, np.random.SeedSequence(seed).spawn(2))
         solved = together.solve(lot)
         for number in range(lot.size):
             one = replicate(problem, lot, number)
@@ -115,7 +115,7 @@ def test_what_is_curved_or_partly_shared_is_fitted_one_by_one() -> None:
     assert BatchedSolver.of(*fitted(scene(series=1, n=8, separate=("mu",)))) is not None
 
 
-def _counted(problem, **only: object) -> Lot:
+def _counted(problem, **only: object) -> ReplicateData:
     """One replicate with the given rows only, by a condition on tau and the observable."""
     keep = np.ones(problem.rows.value.size, dtype=bool)
     names = np.array(problem.rows.names)[problem.rows.which]
@@ -129,7 +129,7 @@ def _counted(problem, **only: object) -> Lot:
     if "first" in only:
         keep &= (np.arange(keep.size) < only["first"]) | (names == "e_n")
     exact = problem.fitted(np.array(only["exact"])) - problem.rows.value if "exact" in only else 0.0 * tau
-    return Lot(keep[None].astype(float), exact[None], np.full((1, len(problem.constants)), np.nan))
+    return ReplicateData(keep[None].astype(float), exact[None], np.full((1, len(problem.constants)), np.nan))
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,9 @@ def test_a_replicate_that_leaves_something_open_says_what_and_why(question, only
     lot = _counted(problem, **only)
     solved = BatchedSolver.of(problem, found).solve(lot)
     assert solved.reason == (reason,)
-    assert {name for name, is_open in zip(problem.names, solved.open[0], strict=True) if is_open} == left
+    assert {
+        name for name, is_undetermined in zip(problem.names, solved.open[0], strict=True) if is_undetermined
+    } == left
     alone = SequentialSolver.of(problem, found).solve(lot)
     # least squares puts e_n into the middle of its domain, and the transition on the first of exact rows
     if reason not in (NO_E_N, NO_STICKING):

@@ -13,7 +13,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.bootstrap import Bootstrap, bootstrap
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.estimator import Task, each
-from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING, joined
+from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING, concatenate_fits
 from ifrfit.inference.bootstrap.schemes import SCHEMES, Cases
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
 
@@ -94,7 +94,7 @@ def test_the_number_of_workers_changes_no_draw() -> None:
     task = Task(problem, Cases.of(problem), SequentialSolver.of(problem, found))
     seeds = np.random.SeedSequence(2).spawn(12)
     lots = [seeds[:5], seeds[5:10], seeds[10:]]
-    one, two = (joined(list(each(task, lots, workers))) for workers in (1, 2))
+    one, two = (concatenate_fits(list(each(task, lots, workers))) for workers in (1, 2))
     assert one.reason == two.reason
     assert (one.theta == two.theta).all()
     assert (one.certified == two.certified).all()
@@ -123,7 +123,7 @@ def test_rows_drawn_in_the_place_of_impacts_come_out_too_narrow() -> None:
     rows = Cases.of(problem, np.arange(problem.rows.value.size))
     apart = bootstrap(problem, found, scheme=rows, replicates=1000)
     once = bootstrap(*fitted(scene(30, seed=2)), replicates=1000).draws
-    assert apart.apart
+    assert apart.splits_impacts
     for name in ("e_n", "e_t", "mu"):
         assert impacts[name].std() == pytest.approx(once[name].std(), rel=0.2)
         ratio = apart.draws[name].std() / impacts[name].std()

@@ -72,6 +72,8 @@ def members_of_random_problems(number: int) -> list[tuple[PiecewiseMember, float
         name = str(rng.choice([problem.closure.constant, "mu"]))
         linked = LinkedGroups.of(groups, name, None)
         found += [(m, linked.decomposition.low, linked.decomposition.high) for m in linked.members]
+        if len(found) >= number:
+            break
     return found[:number]
 
 
@@ -175,7 +177,9 @@ def linked_random_problems(number: int) -> list[Decomposition]:
         )
         prior = (float(rng.uniform(0.0, 0.5)), 0.1) if rng.random() < 0.3 else None
         found.append(LinkedGroups.of(groups, shared, prior).decomposition)
-    return found[:number]
+        if len(found) == number:
+            break
+    return found
 
 
 def test_random_decompositions_are_certified_and_no_sample_lies_lower():
