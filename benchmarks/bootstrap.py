@@ -33,7 +33,7 @@ import ifrfit
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.schemes import Cases, draw_replicates
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.physics.closures import get_closure
@@ -103,7 +103,7 @@ def make_case(replicates: int) -> Case:
         make_table({"observable": ["beta"] * N, "gamma_deg": gamma, "value": beta, "sigma": [SIGMA] * N})
     )
     closure = get_closure("ifr")
-    constants = make_constants(closure, J, fix={"e_n": E_N})
+    constants = make_parameters(closure, J, fix={"e_n": E_N})
     known, unknown = (make_problem(observations, closure, J, constants, p) for p in ("known", "unknown"))
     return Case(known, unknown, 1.0 / np.tan(np.radians(gamma)), beta, replicates)
 

@@ -33,7 +33,7 @@ from scipy.optimize import least_squares as scipy_least_squares
 
 import ifrfit
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.optimize.solve import solve
@@ -82,7 +82,7 @@ class Case:
         return float(r @ r)
 
     def ours(self) -> tuple[float, float]:
-        theta = solve(self.problem, self.problem.sigma).theta
+        theta = solve(self.problem, self.problem.noise.sigma).theta
         return float(theta[1]), float(theta[2])
 
     def lmfit_from(
@@ -121,7 +121,7 @@ def make_case(n: int) -> Case:
         {"series": "a", "observable": "beta", "gamma_deg": gamma, "value": beta, "sigma": np.full(n, SIGMA)}
     )
     closure = get_closure("ifr")
-    constants = make_constants(closure, J, fix={"e_n": E_N})
+    constants = make_parameters(closure, J, fix={"e_n": E_N})
     problem = make_problem(Observations(table), closure, J, constants, "known")
     starts = np.column_stack((rng.uniform(-1.0, -J, N_STARTS), rng.uniform(0.0, 1.0, N_STARTS)))
     # cot is worked out once, outside the clock: the most favourable hand-written residual
@@ -153,7 +153,7 @@ def measure(n: int, budget: float) -> list[dict[str, object]]:
     }
     chi2[WHOLE] = chi2[OURS]
     best = min(chi2.values())
-    optimum = solve(case.problem, case.problem.sigma)
+    optimum = solve(case.problem, case.problem.noise.sigma)
     rows = []
     for name in (OURS, WHOLE, ONE, PLAIN, MANY, TRF):
         median = several if name == MANY else statistics.median(times[name])

@@ -70,7 +70,7 @@ class Row:
 def ours(scene: Scene, reference: Reference, budget: float) -> list[Row]:
     """The kernel at several tolerances, draws from it, and the whole fit."""
     try:
-        from ifrfit.inference.posterior import explore
+        from ifrfit.inference.posterior import integrate
     except ImportError:
         print("This version has no exact posterior: samplers only.")
         return []
@@ -78,9 +78,9 @@ def ours(scene: Scene, reference: Reference, budget: float) -> list[Row]:
     rng = np.random.default_rng
     calls: dict[str, Callable[[], Any]] = {}
     for t in TOLERANCES:
-        calls[f"exact {t:g}"] = lambda t=t: explore(scene.problem, tolerance=t, start=start)
-        calls[f"exact {t:g} whole"] = lambda t=t: explore(scene.problem, tolerance=t)
-    default = explore(scene.problem)
+        calls[f"exact {t:g}"] = lambda t=t: integrate(scene.problem, tolerance=t, start=start)
+        calls[f"exact {t:g} whole"] = lambda t=t: integrate(scene.problem, tolerance=t)
+    default = integrate(scene.problem)
     calls[DRAWS] = lambda: default.draws(N_DRAWS, rng(1))
     try:
         ifrfit.fit(scene.observations, method="exact", **scene.fit_options)

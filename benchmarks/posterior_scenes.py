@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 import ifrfit
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics.closures import get_closure
 
@@ -52,7 +52,7 @@ class Scene:
     @property
     def constants(self) -> tuple[str, ...]:
         """What errors are measured on, by our names."""
-        return ("e_n", "e_t", *(name for name in self.problem.names if name.startswith("mu")))
+        return ("e_n", "e_t", *(name for name in self.problem.parameters.names if name.startswith("mu")))
 
     @property
     def dimensions(self) -> int:
@@ -227,9 +227,9 @@ def _scene(
     closure = get_closure("ifr")
     observations = Observations(table)
     noise = "unknown" if unknown_noise else "known"
-    problem = make_problem(observations, closure, J, make_constants(closure, J, **options), noise)
-    if unknown_noise and "noise_bounds" in {f.name for f in fields(Problem)}:
-        problem = replace(problem, noise_bounds=dict.fromkeys(problem.groups(), NOISE_DOMAIN))
+    problem = make_problem(observations, closure, J, make_parameters(closure, J, **options), noise)
+    if unknown_noise:
+        problem = problem.with_noise(problem.noise.with_bounds(dict.fromkeys(problem.groups(), NOISE_DOMAIN)))
     tan = np.tan(np.radians(gamma))
     return Scene(
         key=key,

@@ -15,5 +15,6 @@ from .inference.result.fit_result import FitResult as FitResult
 from .physics import Rebound as Rebound
 from .physics import rebound as rebound
 from .physics import transition_angles as transition_angles
-from .simulation.simulate import Simulation as Simulation
+from .registry import register as register
+from .simulation.result import Simulation as Simulation
 from .simulation.simulate import simulate as simulate

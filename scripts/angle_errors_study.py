@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.apply_error_model import with_scatter
-from ifrfit.inference.model.error_model import Scatter
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.apply_error_model import with_error_model
+from ifrfit.inference.model.error_model import ErrorModel
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import get_closure
 
@@ -29,10 +29,10 @@ TOLERANCE = 1e-2
 LEVEL = 0.95
 KINDS = ("set", "measured")
 TREATMENTS = {
-    "none": Scatter(),
-    "effective": Scatter(angles="effective", gamma=SIGMA_GAMMA),
-    "set": Scatter(angles="set", gamma=SIGMA_GAMMA),
-    "measured": Scatter(angles="measured", population=ANGLES, gamma=SIGMA_GAMMA),
+    "none": ErrorModel(),
+    "effective": ErrorModel(angles="effective", gamma=SIGMA_GAMMA),
+    "set": ErrorModel(angles="set", gamma=SIGMA_GAMMA),
+    "measured": ErrorModel(angles="measured", population=ANGLES, gamma=SIGMA_GAMMA),
 }
 
 
@@ -89,12 +89,12 @@ def treat(task: tuple[int, str, int]) -> list[Found]:
         }
     )
     closure = get_closure("ifr")
-    constants = make_constants(closure, 0.4, fix={"e_n": TRUTH["e_n"]})
+    constants = make_parameters(closure, 0.4, fix={"e_n": TRUTH["e_n"]})
     plain = make_problem(Observations(table), closure, 0.4, constants, "known")
     found = []
-    for name, scatter in TREATMENTS.items():
-        problem = with_scatter(plain, scatter, "exact")
-        post = explore(problem, tolerance=TOLERANCE, start=least_squares(problem))
+    for name, error_model in TREATMENTS.items():
+        problem = with_error_model(plain, error_model, "exact")
+        post = integrate(problem, tolerance=TOLERANCE, start=least_squares(problem))
         inside = []
         for constant in ASKED:
             low, high = np.asarray(post.quantile(constant, np.array([0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])))

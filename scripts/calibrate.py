@@ -22,7 +22,7 @@ import numpy as np
 from local_search import Array, Local
 from random_problems import random_problem
 
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.optimum import Optimum, objective_at
 from ifrfit.inference.optimize.solve import solve
@@ -86,16 +86,16 @@ class Comparison:
 
 def compare(problem: Problem, n_starts: int, rng: np.random.Generator, solver: Solver = solve) -> Comparison:
     """Hold the solver's answer against the best of random local starts."""
-    optimum = solver(problem, problem.sigma)
+    optimum = solver(problem, problem.noise.sigma)
     local = Local(problem)
     ends = [local.search(local.start(rng)) for _ in range(n_starts)]
     reached = np.array([value for value, _ in ends])
-    objective = objective_at(problem, problem.sigma, optimum.theta)
-    best = objective_at(problem, problem.sigma, ends[int(reached.argmin())][1])
+    objective = objective_at(problem, problem.noise.sigma, optimum.theta)
+    best = objective_at(problem, problem.noise.sigma, ends[int(reached.argmin())][1])
     least = min(best, objective)
     return Comparison(
         f"{problem.closure.name}, {problem.rows.value.size} rows of {', '.join(problem.rows.names)}, "
-        f"{_choices(problem.constants)}: {optimum.method}",
+        f"{_choices(problem.parameters)}: {optimum.method}",
         optimum.certified,
         objective,
         optimum.objective,
@@ -106,7 +106,7 @@ def compare(problem: Problem, n_starts: int, rng: np.random.Generator, solver: S
     )
 
 
-def _choices(constants: Sequence[Constant]) -> str:
+def _choices(constants: Sequence[Parameter]) -> str:
     said = [f"{c.name} fixed" for c in constants if c.fixed is not None]
     said += [f"{c.name} with a prior" for c in constants if c.prior is not None]
     said += [f"{c.name} separate" for c in constants if c.separate]

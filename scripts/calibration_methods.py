@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior import TOLERANCE, explore
+from ifrfit.inference.posterior import TOLERANCE, integrate
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.inference.summary.estimates import constants_of
@@ -76,8 +76,8 @@ def score_exact(
     experiment: Experiment, fit: LeastSquares | None
 ) -> tuple[dict[str, dict[str, Score]], float]:
     """Scores of the exact posterior and of its intervals narrowed, and the error that it states."""
-    plain = experiment.problem.scatter.is_plain
-    post = explore(experiment.problem, start=fit, tolerance=TOLERANCE if plain else COARSE)
+    plain = experiment.problem.error_model.is_plain
+    post = integrate(experiment.problem, start=fit, tolerance=TOLERANCE if plain else COARSE)
     scores = {
         EXACT: score_marginals(post, experiment.truth),
         NARROW: score_marginals(post, experiment.truth, NARROWED),
@@ -95,7 +95,7 @@ WRONG: dict[str, Callable[[Experiment], Experiment]] = {
 def score_wrong(experiment: Experiment, control: str) -> dict[str, Score]:
     """Scores of the exact posterior of a wrong likelihood, one of `WRONG`: the test must not let it pass."""
     seen = WRONG[control](experiment)
-    return score_marginals(explore(seen.problem, tolerance=COARSE), seen.truth)
+    return score_marginals(integrate(seen.problem, tolerance=COARSE), seen.truth)
 
 
 def score_covariance(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]:
@@ -142,11 +142,12 @@ def score_profile(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]
 def _functionals(experiment: Experiment, fit: LeastSquares) -> dict[str, tuple[float, Array, float]]:
     """Value of each constant and kappa, its derivative by the local coordinates, and its prior sd."""
     problem, theta, to_theta = experiment.problem, fit.optimum.theta, fit.gaussian.to_theta
-    entries = problem.entries()
+    entries = problem.parameters.entries
     found = {
-        name: (float(theta[i]), to_theta[i], entries[i].prior_sd) for i, name in enumerate(problem.names)
+        name: (float(theta[i]), to_theta[i], entries[i].prior_sd)
+        for i, name in enumerate(problem.parameters.names)
     }
-    places = problem.positions()
+    places = problem.parameters.positions
     for series, i_e, i_mu in zip(problem.series, places["e_n"], places["mu"], strict=True):
         factor, mu = 1.0 + float(theta[i_e]), float(theta[i_mu])
         slope = factor * to_theta[i_mu] + mu * to_theta[i_e]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.apply_error_model import with_propagated_sigma, with_scatter
-from ifrfit.inference.model.error_model import PLAIN, Scatter
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel
+from ifrfit.inference.model.parameters import ParameterSet, make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import Closure, Coefficients, get_closure, rotational_share
@@ -51,7 +51,7 @@ class Scene:
         Constants that each series has for itself.
     share : float
         Of the repeats: scenes beside the four main ones take longer each.
-    scatter : Scatter
+    error_model : ErrorModel
         How rows of beta scatter beyond their sigma.
     """
 
@@ -66,7 +66,7 @@ class Scene:
     series: tuple[str, ...] = ("run",)
     separate: tuple[str, ...] = ()
     share: float = 1.0
-    scatter: Scatter = PLAIN
+    error_model: ErrorModel = PLAIN
 
     @property
     def policy(self) -> str:
@@ -164,22 +164,24 @@ SCATTERED = {
     for scene in (
         Scene(
             "heavy tails", "Student-t errors of 4 degrees of freedom", _BOTH, (5.0, 85.0), 16, 4,
-            sigma=_SIGMA, scatter=Scatter(dof=4.0),
+            sigma=_SIGMA, error_model=ErrorModel(dof=4.0),
         ),
         Scene(
             "set angles", "true angles scatter by 2 degrees about the set ones", _BOTH, _STEEPER, 16, 4,
-            sigma=_SIGMA, scatter=Scatter(angles="set", gamma=2.0),
+            sigma=_SIGMA, error_model=ErrorModel(angles="set", gamma=2.0),
         ),
         Scene(
             "measured angles", "measured ones scatter by 2 degrees about true ones", _BOTH, _STEEPER, 16, 4,
-            sigma=_SIGMA, scatter=Scatter(angles="measured", population=_STEEPER, gamma=2.0),
+            sigma=_SIGMA, error_model=ErrorModel(angles="measured", population=_STEEPER, gamma=2.0),
         ),
         Scene(
             "measured velocities",
             "beta from measured velocities (0.04 of the incoming speed) and angles (1 degree)",
             _BOTH, _STEEPER, 16, 4,
             sigma={"beta": 0.04, "e_n": 0.04},
-            scatter=Scatter(angles="measured", population=_STEEPER, gamma=1.0, velocity=0.04, spin=1e-9),
+            error_model=ErrorModel(
+                angles="measured", population=_STEEPER, gamma=1.0, velocity=0.04, spin=1e-9
+            ),
         ),
     )
 }  # fmt: skip
@@ -229,10 +231,12 @@ def simulate(scene: Scene, rng: np.random.Generator) -> Experiment:
         beta = rebound(true, e_n=e_n, e_t=e_t, mu=mu, closure=CLOSURE, degrees=True).beta
         size = {name: _size(scene, truth, series, name) for name in ("beta", "e_n")}
         noise = np.array([size[str(name)] for name in observable])
-        if scene.scatter.propagates:  # measured is the velocity, and divided by what the angle says it was
+        if (
+            scene.error_model.propagates
+        ):  # measured is the velocity, and divided by what the angle says it was
             beta = beta * np.sin(np.radians(true)) / np.sin(np.radians(angle))
             noise[: scene.n_beta] /= np.sin(np.radians(angle))
-        dof = scene.scatter.dof
+        dof = scene.error_model.dof
         errors = rng.standard_normal(n) if dof is None else rng.standard_t(dof, n)
         gamma.append(np.concatenate((angle, np.full(scene.n_e_n, np.nan))))
         value.append(np.concatenate((beta, np.full(scene.n_e_n, e_n))) + noise * errors)
@@ -248,22 +252,22 @@ def simulate(scene: Scene, rng: np.random.Generator) -> Experiment:
         }
     )
     closure = get_closure(CLOSURE)
-    constants = make_constants(closure, INERTIA, bounds=dict(scene.bounds), separate=scene.separate)
-    observations = with_propagated_sigma(Observations(table), scene.scatter)
+    constants = make_parameters(closure, INERTIA, bounds=dict(scene.bounds), separate=scene.separate)
+    observations = with_propagated_sigma(Observations(table), scene.error_model)
     problem = make_problem(observations, closure, INERTIA, constants, scene.policy)
-    problem = with_scatter(problem, scene.scatter, "exact")
+    problem = with_error_model(problem, scene.error_model, "exact")
     if scene.noise_bounds:
-        problem = replace(problem, noise_bounds=scene.noise_groups)
+        problem = problem.with_noise(problem.noise.with_bounds(scene.noise_groups))
     return Experiment(scene, truth, problem)
 
 
 def _angles(scene: Scene, rng: np.random.Generator) -> tuple[Array, Array]:
     """Angles as they are on record, and as they truly were; degrees."""
     first = rng.uniform(*scene.gamma, scene.n_beta)
-    if not scene.scatter.integrates:
+    if not scene.error_model.integrates:
         return first, first
-    second = first + (scene.scatter.gamma or 0.0) * rng.standard_normal(scene.n_beta)
-    return (first, second) if scene.scatter.angles == "set" else (second, first)
+    second = first + (scene.error_model.gamma or 0.0) * rng.standard_normal(scene.n_beta)
+    return (first, second) if scene.error_model.angles == "set" else (second, first)
 
 
 def _size(scene: Scene, truth: Mapping[str, float], series: str, observable: str) -> float:
@@ -276,14 +280,15 @@ def _size(scene: Scene, truth: Mapping[str, float], series: str, observable: str
 def share_sliding(experiment: Experiment) -> float:
     """Share of the rows of beta that slide at the truth."""
     problem = experiment.problem
-    theta = np.array([experiment.truth[name] for name in problem.names])
+    theta = np.array([experiment.truth[name] for name in problem.parameters.names])
     _, sticks = problem.impulse(*problem.per_row(theta))
     return float(1.0 - sticks[problem.rows.rows_of("beta")].mean())
 
 
 def understated_sigma(experiment: Experiment, factor: float) -> Experiment:
     """The same rows, with a sigma that claims to be smaller than it is: a wrong likelihood."""
-    problem = replace(experiment.problem, sigma=factor * experiment.problem.sigma)
+    noise = experiment.problem.noise
+    problem = experiment.problem.with_noise(replace(noise, sigma=factor * noise.sigma))
     return replace(experiment, problem=problem)
 
 
@@ -294,10 +299,9 @@ def without_kink(experiment: Experiment) -> Experiment:
     slides = Closure(
         right.name,
         "IFR without its sticking",
-        right.constant,
         lambda _: Coefficients(share, share, ALWAYS_SLIDES, 0.0),
-        right.domain,
         right.source,
+        right.own,
     )
     return replace(experiment, problem=replace(experiment.problem, closure=slides))
 
@@ -308,8 +312,10 @@ def walton(experiment: Experiment) -> Experiment:
     bounds = dict(experiment.scene.bounds)
     low, high = bounds.pop("e_t")
     bounds["beta0"] = (low + 1.4, high + 1.4)
-    constants = make_constants(closure, INERTIA, bounds=bounds)
+    constants = make_parameters(closure, INERTIA, bounds=bounds)
     truth = {**experiment.truth, "beta0": experiment.truth["e_t"] + 1.4}
     del truth["e_t"]
-    problem = replace(experiment.problem, closure=closure, constants=constants)
+    problem = replace(
+        experiment.problem, closure=closure, parameters=ParameterSet(constants, experiment.problem.series)
+    )
     return replace(experiment, truth=truth, problem=problem)

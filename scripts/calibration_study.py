@@ -98,7 +98,7 @@ def run(task: Task) -> Outcome:
     def attempt(method: str, ask: Callable[[], Mapping[str, Mapping[str, Score]]]) -> None:
         try:
             scores.update(ask())
-        except Exception as error:  # whatever it is, it is the finding
+        except Exception as error:  # noqa: BLE001 - whatever it is, it is the finding
             troubles[method] = f"{type(error).__name__}: {error}"
 
     def exact() -> Mapping[str, Mapping[str, Score]]:

@@ -13,7 +13,7 @@ from scipy import integrate, special
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.physics import rebound
@@ -65,7 +65,7 @@ def tie(seed: int, number: int) -> Tie:
     found = {}
     for name in ("fr", "ifr"):
         closure = get_closure(name)
-        constants = make_constants(closure, INERTIA, fix=FIXED)
+        constants = make_parameters(closure, INERTIA, fix=FIXED)
         found[name] = log_evidence(make_problem(data, closure, INERTIA, constants, "known"))
     tau = np.tan(np.radians(gamma))
     verdict = compare(data, ("fr", "ifr"), loo=False, fix=FIXED, noise="known").verdict

@@ -23,12 +23,12 @@ class Local:
     def __init__(self, problem: Problem) -> None:
         rows = problem.rows
         self.problem = problem
-        self.weight = 1.0 / problem.sigma
+        self.weight = 1.0 / problem.noise.sigma
         self.linear = problem.closure.coefficients(problem.inertia_factor)
         with np.errstate(divide="ignore"):
             self.cot = 1.0 / rows.tau
         n, ones = rows.value.size, np.ones(rows.value.size)
-        kind = np.array([OBSERVABLES[x].kind for x in rows.names])[rows.which]
+        kind = rows.kinds
         scale = np.array([OBSERVABLES[x].scale for x in rows.names])[rows.which]
         self.tangential, self.friction = kind == "tangential", kind == "friction"
         # the rebound at k = 0 and k = 1 with e_n = 1 fixes the straight line in k
@@ -39,17 +39,17 @@ class Local:
         self.slope = np.where(self.tangential, self.slope, 0.0)
         self.impulse, self.rebound = scale == "impulse", scale == "rebound"
         self.any_scale = bool(self.impulse.any() or self.rebound.any())
-        self.lower, self.upper = problem.bounds()
-        self.free = np.flatnonzero(problem.free)
+        self.lower, self.upper = problem.parameters.bounds()
+        self.free = np.flatnonzero(problem.parameters.free)
         self.low, high = self.lower[self.free], self.upper[self.free]
         self.closed = np.isfinite(high)
         self.half = np.where(self.closed, 0.5 * (high - self.low), 0.0)
-        self.held = np.array([math.nan if c.fixed is None else c.fixed for c in problem.entries()])
-        priors = [(i, *c.prior) for i, c in enumerate(problem.entries()) if c.prior is not None]
+        self.held = np.array([math.nan if c.fixed is None else c.fixed for c in problem.parameters.entries])
+        priors = [(i, *c.prior) for i, c in enumerate(problem.parameters.entries) if c.prior is not None]
         self.prior_at = np.array([i for i, _, _ in priors], dtype=np.intp)
         self.prior_mean = np.array([mean for _, mean, _ in priors])
         self.prior_sd = np.array([sd for _, _, sd in priors])
-        self.column = {name: places[rows.series] for name, places in problem.positions().items()}
+        self.column = {name: places[rows.series] for name, places in problem.parameters.positions.items()}
         self.number = np.arange(n)
         self.spare = max(0, self.free.size - n - len(priors))  # MINPACK wants as many residuals as unknowns
 

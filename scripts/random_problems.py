@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import CLOSURES, Closure
@@ -46,7 +46,7 @@ def random_problem(rng: np.random.Generator) -> Problem:
             "sigma": sigma,
         }
     )
-    constants = make_constants(closure, inertia, **choices)
+    constants = make_parameters(closure, inertia, **choices)
     return make_problem(Observations(table), closure, inertia, constants, "known")
 
 

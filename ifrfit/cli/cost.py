@@ -79,6 +79,6 @@ def costing(fit: Callable[..., None]) -> Callable[..., None]:
 
 
 def _json(costs: Costs) -> str:
-    from ifrfit.cost.serialise import dumps
+    from ifrfit.cost.report.to_json import dumps
 
     return dumps(costs)

@@ -11,7 +11,7 @@ from ifrfit.cli.errors import command
 from ifrfit.cli.progress import working
 
 if TYPE_CHECKING:
-    from ifrfit.cost.effect_costs import EffectCosts
+    from ifrfit.report.simulation.supplement import Supplement
 
 
 @command
@@ -46,25 +46,26 @@ def simulate(
         from ifrfit.report.simulation.folder import check_simulation_folder
 
         check_simulation_folder(out)
-    measured: EffectCosts | None = None
+    costs: Supplement | None = None
     written: list[str] = []
     with working(quiet or as_json, "simulating"):
         found = run(scene, samples=samples, seed=seed)
         if cost:
             from ifrfit.cost.effect_costs import effect_costs
+            from ifrfit.cost.report.effect_costs import supplement
 
-            measured = effect_costs(found.contact, found.impacts, found.plan)
+            costs = supplement(effect_costs(found.contact, found.impacts, found.plan), found)
         if out is not None:
             from ifrfit.report.simulation.folder import write_simulation
 
-            written = write_simulation(found, out, force=force, measured=measured)
+            written = write_simulation(found, out, force=force, supplement=costs)
     if as_json:
         from ifrfit.report.simulation.folder import dumps
 
-        typer.echo(dumps(found, measured), nl=False)
+        typer.echo(dumps(found, costs), nl=False)
     elif not quiet:
         from ifrfit.report.simulation.text import summary
 
-        typer.echo(summary(found, measured))
+        typer.echo(summary(found, costs))
         if written:
             typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from ifrfit.cost.compared_estimates import Numbers, of_law
 from ifrfit.cost.timing import Timing
-from ifrfit.inference.distributions.draws import Sampled
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
@@ -62,7 +62,7 @@ def chains_measured(
             middle = time.perf_counter()
             walked += middle - begin
             kept = mcmc.Evidence(coordinates.quantities(chains.at)).kept
-            law = Sampled.of(problem, {name: x.reshape(-1) for name, x in kept.items()})
+            law = Draws.of(problem, {name: x.reshape(-1) for name, x in kept.items()})
             numbers[length].append(of_law(problem, law))
             seconds[length].append(walked + time.perf_counter() - middle)
         spent.append(walked)

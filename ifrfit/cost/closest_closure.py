@@ -1,4 +1,4 @@
-"""Constants with which a bilinear closure comes closest to a given beta."""
+"""Constants with which a closure comes closest to a given beta."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.physics.angles import Array, Incidence
@@ -29,7 +29,8 @@ def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> 
     Parameters
     ----------
     closure : Closure
-        A bilinear one: its optimum is the global one, see `ifrfit.inference.optimize.solve.solve`.
+        Of a bilinear one the optimum is the global one, see `ifrfit.inference.optimize.solve.solve`; of
+        another, the best of many local ones.
     incidence : Incidence
         Of solid spheres, without lateral spin.
     beta : ndarray, (n,)
@@ -43,7 +44,9 @@ def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> 
     gamma = np.degrees(np.arctan2(incidence.sine, incidence.cosine))
     columns = {"series": "", "observable": "beta", "gamma_deg": gamma, "spin_y": incidence.spin_y}
     table = make_table(columns | {"value": beta, "sigma": 1.0, "provenance": "simulated"})
-    constants = make_constants(closure, 0.4, fix={"e_n": e_n})
+    constants = make_parameters(closure, 0.4, fix={"e_n": e_n})
     problem = make_problem(Observations(table), closure, 0.4, constants, "known")
-    theta = dict(zip(problem.names, solve(problem, problem.sigma).theta.tolist(), strict=True))
+    theta = dict(
+        zip(problem.parameters.names, solve(problem, problem.noise.sigma).theta.tolist(), strict=True)
+    )
     return Constants(theta["e_n"], theta.get(closure.constant or "", 0.0), theta["mu"])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.distributions.protocol import LEVELS, Law
+from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
@@ -62,10 +62,12 @@ def largest_errors(given: Sequence[Numbers], reference: Numbers) -> dict[str, fl
 
 def free_names(problem: Problem) -> tuple[str, ...]:
     """Names of the free constants, with the series in brackets where separate."""
-    return tuple(name for name, free in zip(problem.names, problem.free, strict=True) if free)
+    return tuple(
+        name for name, free in zip(problem.parameters.names, problem.parameters.free, strict=True) if free
+    )
 
 
-def of_law(problem: Problem, law: Law) -> Numbers:
+def of_law(problem: Problem, law: Distribution) -> Numbers:
     """From marginals: of the exact posterior, of chains, of replicates."""
     names = free_names(problem)
     return Numbers(
@@ -82,9 +84,9 @@ def of_least_squares(problem: Problem, found: LeastSquares) -> Numbers:
     """
     to_theta = found.gaussian.to_theta
     covariance = to_theta @ found.gaussian.covariance(capped=True) @ to_theta.T
-    sd = np.sqrt(np.diag(covariance))[problem.free]
+    sd = np.sqrt(np.diag(covariance))[problem.parameters.free]
     low, high = _domain(problem)
-    value = np.clip(found.optimum.theta[problem.free], low, high)
+    value = np.clip(found.optimum.theta[problem.parameters.free], low, high)
     half = half_width(_LEVEL, found.noise_dof) * sd
     return Numbers(
         value, sd, np.clip(np.stack((value - half, value + half), axis=1), low[:, None], high[:, None])
@@ -106,5 +108,5 @@ def of_profiles(problem: Problem, profiles: Mapping[str, Profile]) -> Numbers:
 
 def _domain(problem: Problem) -> tuple[Array, Array]:
     """Ends of the default prior of each free constant."""
-    own = [constant for constant in problem.entries() if constant.fixed is None]
+    own = [constant for constant in problem.parameters.entries if constant.fixed is None]
     return np.array([c.lower for c in own]), np.array([c.prior_upper for c in own])

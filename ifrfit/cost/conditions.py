@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.cost.starting_optimum import beginning, scatter_of, without_laws
+from ifrfit.cost.starting_optimum import beginning, error_model_of, without_laws
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.closure_questions import choices_for, constant_choices
 from ifrfit.inference.result.fit_result import FitResult
@@ -93,14 +93,14 @@ def setting_of(found: FitResult, data: Any, choices: Mapping[str, Any]) -> Setti
     # e_n and mu are those of IFR, so that its e_t goes with them
     constants = _optimum(found if found.closure == "ifr" else _fitted("ifr", data, choices))
     notes: list[str] = []
-    scatter = scatter_of(choices)
-    if scatter.integrates:
+    error_model = error_model_of(choices)
+    if error_model.integrates:
         notes.append(
             "The constants at which contact laws and precisions are measured are those of effective "
             "variance: least squares cannot integrate true angles out."
         )
     chi = _chi(found, data, choices)
-    if chi is not None and not scatter.is_plain:
+    if chi is not None and not error_model.is_plain:
         notes.append("chi is that of independent Gaussian errors: closure MAW knows no others.")
     if chi is None:
         chi = 0.5 * sum(get_closure("maw").domain(SOLID))
@@ -133,7 +133,7 @@ def _fitted(name: str, data: Any, choices: Mapping[str, Any]) -> FitResult:
 
 def _optimum(found: FitResult) -> dict[str, float]:
     """Constants in the first series; where the data leave one open, at the end of its default prior."""
-    entries = found.problem.entries()
+    entries = found.problem.parameters.entries
     theta = found.least_squares.optimum.theta
-    places = found.problem.positions()
+    places = found.problem.parameters.positions
     return {name: float(min(theta[at[0]], entries[at[0]].prior_upper)) for name, at in places.items()}

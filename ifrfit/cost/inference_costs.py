@@ -18,15 +18,15 @@ from ifrfit.cost.compared_estimates import (
 )
 from ifrfit.cost.timing import Cost, Timing, in_turns
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.messages import power
 from ifrfit.inference.accuracy.tolerance_ladder import foreseen
 from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
-from ifrfit.inference.distributions.draws import Sampled
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 from ifrfit.inference.profile.profile_all import profile_all
+from ifrfit.text import power_of_ten
 
 UNIT = "posterior sd"
 LSQ, PROFILE, BOOTSTRAP, EXACT, MCMC = "lsq", "profile", "bootstrap", "exact", "mcmc"
@@ -159,7 +159,7 @@ def inference_costs(
     DataError
         Where the noise is unknown and the data cannot tell it from the constants.
     """
-    if not problem.free.any():
+    if not problem.parameters.free.any():
         raise UsageError("Every constant is fixed: no method has anything to find. Leave out a --fix.")
     most = 3 + len(extent.tolerances) + len(extent.replicates) + len(extent.steps)
     answers: list[_Answer] = []
@@ -199,11 +199,11 @@ def _deterministic(
 ) -> Iterator[_Answer]:
     """Least squares, profiles and the exact posterior, which take turns."""
     calls: dict[tuple[str, str], Callable[[], Numbers]] = {}
-    if problem.scatter.integrates:
+    if problem.error_model.integrates:
         notes.append("Least squares are left out: they cannot integrate true angles out.")
     else:
         calls[LSQ, ""] = lambda: of_least_squares(problem, least_squares(problem))
-    if problem.scatter.is_plain:
+    if problem.error_model.is_plain:
         calls[PROFILE, ""] = lambda: of_profiles(
             problem, profile_all(problem, least_squares(problem), curves=False)
         )
@@ -211,19 +211,19 @@ def _deterministic(
         notes.append(
             "Profiles and replicates are left out: they know independent Gaussian errors of the values only."
         )
-    calls |= {(EXACT, f"tolerance {power(t)}"): _exact(problem, t) for t in ladder}
+    calls |= {(EXACT, f"tolerance {power_of_ten(t)}"): _exact(problem, t) for t in ladder}
     found = in_turns(calls, repeats=extent.repeats, enough=0.01, most=0.5 * extent.longest)
     for (method, setting), (numbers, taken) in found.items():
         yield _Answer(method, setting, (numbers,), taken)
 
 
 def _exact(problem: Problem, tolerance: float) -> Callable[[], Numbers]:
-    return lambda: of_law(problem, explore(problem, tolerance))
+    return lambda: of_law(problem, integrate(problem, tolerance))
 
 
-def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[float], Posterior]:
+def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[float], QuadraturePosterior]:
     """Tolerances that are measured, and the posterior that is their reference: the next finer one."""
-    tried: list[tuple[float, Posterior]] = []
+    tried: list[tuple[float, QuadraturePosterior]] = []
     last = before = 0.0
     for tolerance in (*extent.tolerances, REFERENCE):
         if tried:
@@ -231,7 +231,7 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
             if known and foreseen(tried[-1][1], last, before) > extent.reference:
                 break
         begin = time.perf_counter()
-        posterior = explore(problem, tolerance)
+        posterior = integrate(problem, tolerance)
         last, before = time.perf_counter() - begin, last
         if tried and not posterior.error < tried[-1][1].error and not posterior.converged:
             break
@@ -239,12 +239,12 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
     finest, reference = tried[-1]
     if not reference.error <= WORST:
         raise UsageError(
-            f"The exact posterior of these data comes to {power(reference.error)} of an sd only: there is "
-            "nothing to measure errors against."
+            f"The exact posterior of these data comes to {power_of_ten(reference.error)} of an sd only: "
+            "there is nothing to measure errors against."
         )
     if finest != REFERENCE:
         notes.append(
-            f"Tolerances of exact below {power(finest)} are out of reach, or take longer than "
+            f"Tolerances of exact below {power_of_ten(finest)} are out of reach, or take longer than "
             f"{extent.reference:g} s: that one is the reference."
         )
     return [tolerance for tolerance, _ in tried[:-1]], reference
@@ -252,7 +252,7 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
 
 def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
     """Cases drawn anew, with several seeds; as far as one call does not take too long."""
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         return
     each = _seconds_a_replicate(problem)
     for replicates in extent.replicates:
@@ -269,7 +269,7 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
             if drawn.answered < _FEWEST:
                 notes.append("The bootstrap is left out: hardly a replicate has an answer.")
                 return
-            numbers.append(of_law(problem, Sampled.of(problem, drawn.draws)))
+            numbers.append(of_law(problem, Draws.of(problem, drawn.draws)))
             seconds.append(time.perf_counter() - begin)
         each = max(seconds) / replicates
         yield _Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds))

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from ifrfit.cost.conditions import Setting, setting_of
 from ifrfit.cost.inference_costs import FULL, QUICK, Reference, inference_costs
 from ifrfit.cost.result import Costs
 from ifrfit.cost.starting_optimum import beginning
-from ifrfit.cost.timing import Cost, Kind
+from ifrfit.cost.timing import KINDS, Cost, Kind
 from ifrfit.data import Observations
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.messages import power
-
-KINDS: tuple[Kind, ...] = get_args(Kind)
+from ifrfit.text import power_of_ten
 
 
 def measure_costs(
@@ -104,7 +102,7 @@ def _physics(setting: Setting, quick: bool) -> list[Cost]:
         e_n=own["e_n"],
         mu=own["mu"],
         chi=own["chi"],
-        e_t=own["e_t"],
+        given={"ifr": own["e_t"]},
         quick=quick,
     )
 
@@ -119,7 +117,8 @@ def _doubt(setting: Setting) -> str:
     )
     return (
         "The converged solution is elastic, scaled to e_n < 1. Another rule moves beta by up to "
-        f"{power(doubt)} (Stronge's model, scaled and as it is), which is in none of the errors of physics."
+        f"{power_of_ten(doubt)} (Stronge's model, scaled and as it is), which is in none of the errors of "
+        "physics."
     )
 
 

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 from ifrfit.cost.inference_costs import Reference
 from ifrfit.cost.pareto_front import Choice, choices_of
 from ifrfit.cost.timing import Cost, Kind
+from ifrfit.inference.result.display import Display, Renderer
 from ifrfit.inference.result.fit_result import FitResult
 
 if TYPE_CHECKING:
@@ -32,8 +33,24 @@ COLUMNS = (
 )
 
 
+class CostRenderer(Renderer, Protocol):
+    """What draws costs: more than a text and a figure."""
+
+    def plot(self, shown: Any, kind: Kind = "inference", /) -> Figure:
+        """Work-precision diagram of one kind."""
+
+    def sentences(self, costs: Any, kind: Kind, /) -> tuple[str, ...]:
+        """Which choice is best for which accuracy."""
+
+    def to_dict(self, costs: Any, /) -> dict[str, Any]:
+        """For strict JSON."""
+
+    def write_costs(self, costs: Any, out: Path, *, force: bool) -> list[str]:
+        """Write cost.csv and the diagrams."""
+
+
 @dataclass(frozen=True)
-class Costs:
+class Costs(Display):
     """Times and errors of methods, contact laws and precisions, measured on one machine.
 
     Attributes
@@ -55,6 +72,7 @@ class Costs:
     reference: Reference | None = None
     about: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    drawn_by: ClassVar[str] = "ifrfit.cost.report"
 
     @cached_property
     def choices(self) -> tuple[Choice, ...]:
@@ -100,35 +118,21 @@ class Costs:
         ]
         return pd.DataFrame(rows, columns=list(COLUMNS))
 
-    # The report layer and the writer stand after this one; these methods hand the result on and import them
-    # only then.
-
-    def summary(self) -> str:
-        """Tables, and which choice is best for which accuracy, as text for a terminal."""
-        from ifrfit.cost.report.text import summary
-
-        return summary(self)
-
     def sentences(self, kind: Kind) -> tuple[str, ...]:
         """Which choice is best for which accuracy."""
-        from ifrfit.cost.report.sentences import sentences
-
-        return sentences(self, kind)
+        return self._renderer().sentences(self, kind)
 
     def to_dict(self) -> dict[str, Any]:
         """Exactly what `ifrfit cost --json` prints: the rows of cost.csv and what is said about them."""
-        from ifrfit.cost.serialise import to_dict
-
-        return to_dict(self)
+        return self._renderer().to_dict(self)
 
     def plot(self, kind: Kind = "inference") -> Figure:
         """Work-precision diagram of one kind: error against time, both logarithmic."""
-        from ifrfit.cost.report.figure import plot
-
-        return plot(self, kind)
+        return self._renderer().plot(self, kind)
 
     def save(self, folder: str | Path, *, force: bool = False) -> list[str]:
         """Write cost.csv and the diagrams; the folder appears whole or not at all."""
-        from ifrfit.cost.report.folder import write_costs
+        return self._renderer().write_costs(self, Path(folder), force=force)
 
-        return write_costs(self, Path(folder), force=force)
+    def _renderer(self) -> CostRenderer:
+        return cast("CostRenderer", super()._renderer())

@@ -7,8 +7,8 @@ from typing import Any
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.fit import fit
-from ifrfit.inference.model.apply_error_model import tied_to_e_n, with_scatter
-from ifrfit.inference.model.error_model import PLAIN, Scatter, make_scatter
+from ifrfit.inference.model.apply_error_model import tied_to_e_n, with_error_model
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel, make_error_model
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.least_squares_result import optimum_of
 
@@ -39,25 +39,25 @@ def beginning(
     DataError
         As `ifrfit.fit`.
     """
-    scatter = scatter_of(choices)
-    if not scatter.integrates:
+    error_model = error_model_of(choices)
+    if not error_model.integrates:
         return fit(data, method="lsq", seed=seed, command=command, **choices)
     # `fit` refuses least squares of this scatter as an answer; as a place to begin they are good enough
     plain = fit(data, method="lsq", seed=seed, command=command, **without_laws(choices))
-    problem = with_scatter(plain.problem, scatter, "mcmc")
-    tied = tied_to_e_n(problem, scatter) if posterior else []
+    problem = with_error_model(plain.problem, error_model, "mcmc")
+    tied = tied_to_e_n(problem, error_model) if posterior else []
     if tied:
         raise UsageError(
-            f"--angle-errors {scatter.angles} with {', '.join(tied)}: the true angle ties e_n to the "
+            f"--angle-errors {error_model.angles} with {', '.join(tied)}: the true angle ties e_n to the "
             "tangential constants, so there is no exact posterior to measure errors against. Fix e_n, or "
             "choose --kind physics or arithmetic."
         )
     return optimum_of(problem, seed, command)
 
 
-def scatter_of(choices: Mapping[str, Any]) -> Scatter:
+def error_model_of(choices: Mapping[str, Any]) -> ErrorModel:
     """The scatter that was chosen."""
-    return make_scatter(**{name: choices[name] for name in PLAIN.choices() if name in choices})
+    return make_error_model(**{name: choices[name] for name in PLAIN.choices() if name in choices})
 
 
 def without_laws(choices: Mapping[str, Any]) -> dict[str, Any]:

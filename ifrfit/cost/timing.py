@@ -7,9 +7,10 @@ import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from typing import Literal, TypeVar, get_args
 
 Kind = Literal["inference", "physics", "arithmetic"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
 T = TypeVar("T")
 K = TypeVar("K")
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-from ifrfit.data.description import Description, numbers
+from ifrfit.data.description import Description, Listed, numbers
 from ifrfit.data.descriptor import read_package, to_descriptor, verified_data
 from ifrfit.data.installation import install, remove
 from ifrfit.data.locations import Entry, dataset_names, entry, meant
@@ -29,25 +29,6 @@ __all__ = [
     "resolve",
     "validate_path",
 ]
-
-
-@dataclass(frozen=True)
-class Listed:
-    """A line of `ifrfit datasets list`.
-
-    Attributes
-    ----------
-    name, title : str
-    provenance : str
-        Of what loading would give: the user's own data where they are installed.
-    installed : bool
-        Whether they are.
-    """
-
-    name: str
-    title: str
-    provenance: str
-    installed: bool
 
 
 def listing() -> tuple[Listed, ...]:

@@ -5,17 +5,33 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ifrfit.data.observations import Descriptor
 from ifrfit.data.units import parse_header
 
-if TYPE_CHECKING:
-    from ifrfit.data.catalogue import Listed
-
 WIDTH = 88
 KEY = 13  # columns of a key
 STAND_IN = "stand-in"
+
+
+@dataclass(frozen=True)
+class Listed:
+    """A line of `ifrfit datasets list`.
+
+    Attributes
+    ----------
+    name, title : str
+    provenance : str
+        Of what loading would give: the user's own data where they are installed.
+    installed : bool
+        Whether they are.
+    """
+
+    name: str
+    title: str
+    provenance: str
+    installed: bool
 
 
 @dataclass(frozen=True)

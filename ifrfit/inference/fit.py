@@ -12,9 +12,9 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import Wanted, make_wanted
 from ifrfit.inference.accuracy.select_method import problem_for, with_effort
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import setting_of
-from ifrfit.inference.model.apply_error_model import with_propagated_sigma, with_scatter
-from ifrfit.inference.model.error_model import make_scatter
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
+from ifrfit.inference.model.error_model import make_error_model
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.least_squares_result import optimum_of
@@ -198,8 +198,8 @@ def fit(
 
         for key, value in constants_from(params).items():
             choices[key] = value | choices[key]
-    constants = make_constants(chosen, j, prior=prior, separate=_tuple(separate), **choices)
-    scatter = make_scatter(
+    constants = make_parameters(chosen, j, prior=prior, separate=_tuple(separate), **choices)
+    error_model = make_error_model(
         tails=tails,
         dof=dof,
         angle_errors=angle_errors,
@@ -208,14 +208,14 @@ def fit(
         sigma_velocity=sigma_velocity,
         sigma_spin=sigma_spin,
     )
-    observations = with_propagated_sigma(observations, scatter)
+    observations = with_propagated_sigma(observations, error_model)
     setting = setting_of(observations, j, scene)
     problem = make_problem(observations, chosen, j, constants, noise)
     if wanted is not None:
-        problem, cannot = problem_for(problem, scatter, asked)
+        problem, cannot = problem_for(problem, error_model, asked)
         result = optimum_of(problem, seed, command, setting)
         return with_effort(result, wanted, cannot, workers=workers, progress=progress)
-    problem = with_scatter(problem, scatter, method)
+    problem = with_error_model(problem, error_model, method)
     result = optimum_of(problem, seed, command, setting)
     if method == "lsq":
         return result

@@ -18,10 +18,11 @@ from ifrfit.report.figures import NON_BREAKING, contradiction
 from ifrfit.report.outlier_marks import ringed
 from ifrfit.report.provenance import STAND_IN, is_stand_in, provenance_words
 from ifrfit.report.regimes import transition_is_open, transitions
-from ifrfit.report.rounding import interval_text, places_of, spread, value_text
+from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.shading import Regimes as Key
 from ifrfit.report.shading import regime_key, spans
 from ifrfit.report.style import COLOURS, Look, looks
+from ifrfit.text import interval_text, sd_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,7 +154,7 @@ def estimates_words(result: FitResult) -> str:
         elif found.status == "one_sided":
             words.append(f"{symbol} {_reaching(found)}")
         else:
-            words.append(f"{symbol} {value_text(found)}±{spread(found.stderr or 0.0)}")
+            words.append(f"{symbol} {value_text(found)}±{sd_text(found.stderr or 0.0)}")
     # a value stays with its symbol where a line is broken
     return ", ".join(word.replace(" ", NON_BREAKING) for word in words).replace("-", "−")
 
@@ -256,7 +257,7 @@ def _transition_notes(figure: PaperFigure, result: FitResult) -> tuple[str, ...]
         printed = " and ".join(f"{angle:.2f}°" for angle in angles) or "none"
         own = transitions(result, setting.series)
         found = " and ".join(
-            f"{value_text(e)}°±{spread(e.stderr or 0.0)}°" for e in own if e.value is not None
+            f"{value_text(e)}°±{sd_text(e.stderr or 0.0)}°" for e in own if e.value is not None
         )
         of = f"transition, {setting.series}" if len(figure.settings) > 1 else "transition"
         lines.append(f"{of}: printed {printed}, recovered {found or _without(result, setting.series)}")

@@ -18,7 +18,7 @@ from ifrfit.errors import DataError, IfrfitError
 from ifrfit.inference.diagnostics.pooling import DECIDED, sharing
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.problem import Problem, make_problem
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.paper.cases import case_named, fit_case
 from ifrfit.paper.recovered_constants import Done
@@ -148,7 +148,7 @@ def _by_evidence(
     """Weigh one constant for all rows against one for each label."""
     try:
         problem = _labelled(result, labels)
-        shared = sharing(problem, explore(problem).log_evidence, explore, names)
+        shared = sharing(problem, integrate(problem).log_evidence, integrate, names)
     except DataError as error:
         return Answer(about, "not answerable", str(error))
     if shared is None:
@@ -163,5 +163,5 @@ def _labelled(result: FitResult, labels: NDArray[Any]) -> Problem:
     problem: Problem = result.problem
     observations = replace(problem.observations, table=problem.observations.table.assign(series=labels))
     return make_problem(
-        observations, problem.closure, problem.inertia_factor, problem.constants, problem.noise
+        observations, problem.closure, problem.inertia_factor, problem.parameters, problem.noise.policy
     )

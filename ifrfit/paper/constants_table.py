@@ -5,15 +5,14 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from ifrfit.inference.diagnostics.lack_of_fit import p_text
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.paper.claims import Answer
 from ifrfit.paper.recovered_constants import LEVEL, Done, Line, chance, held
 from ifrfit.report.provenance import contents
-from ifrfit.report.regimes import joined
-from ifrfit.report.rounding import alone, interval_text, places_of, spread, value_text
+from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.sentences import QUIET_FACTS
+from ifrfit.text import as_given, interval_text, joined, p_text, sd_text
 
 WIDTH = 100
 _COLUMNS = f"  {'':<4} {'printed':>7} {'value':>9} {'sd':>7}  {'95 % interval':<18}  {'status':<14}  "
@@ -67,9 +66,9 @@ def _block(done: Done, result: FitResult) -> str:
     estimates = result.flat_constants()
     for line in done.lines:
         found = estimates[line.constant]
-        printed = "" if line.printed is None else alone(line.printed)
+        printed = "" if line.printed is None else as_given(line.printed)
         span = "" if found.status == "fixed" else interval_text(found.interval95, places_of(found))
-        sd = "-" if found.stderr is None or found.value is None else spread(found.stderr)
+        sd = "-" if found.stderr is None or found.value is None else sd_text(found.stderr)
         says = _recovery(line) if done.stand_in else _reading(line, found)
         rows.append(
             f"  {line.constant:<4} {printed:>7} {value_text(found):>9} {sd:>7}  {span:<18}  "

@@ -31,8 +31,9 @@ from ifrfit.report.figures import contradiction
 from ifrfit.report.outlier_marks import ringed
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import transitions
-from ifrfit.report.rounding import spread, value_text
+from ifrfit.report.rounding import value_text
 from ifrfit.report.style import COLOURS, GREY, Look, looks
+from ifrfit.text import sd_text
 
 _DIRECT = Look(COLOURS[2], "D", "-")
 _NEEDS_E_N = ("mu_app", "delta_deg")
@@ -170,6 +171,6 @@ def _direct(y: Ordinate) -> list[Points]:
 
 def _notes(result: FitResult, y: Ordinate, e_n: float) -> tuple[str, ...]:
     series = str(result.points["series"].iloc[0])
-    words = [f"transition: {value_text(e)}°±{spread(e.stderr or 0.0)}°" for e in transitions(result, series)]
+    words = [f"transition: {value_text(e)}°±{sd_text(e.stderr or 0.0)}°" for e in transitions(result, series)]
     needs = [f"points need $e_n$, taken as {e_n:.3f}"] if y.observable in _NEEDS_E_N else []
     return (*words, *needs)

@@ -13,10 +13,10 @@ from typing import Literal
 
 import numpy as np
 
-from ifrfit.errors import UsageError
 from ifrfit.physics.angles import Array, Incidence
 from ifrfit.physics.closures import rotational_share
 from ifrfit.physics.rebound import Rebound
+from ifrfit.registry import Registry
 
 Scale = Literal["one", "impulse", "rebound"]  # 1, 1/(1 + e_n), 1/e_n
 Kind = Literal["tangential", "normal", "friction", "curved"]
@@ -109,9 +109,10 @@ def _psi_out(i: Incidence, k: Array, e_n: Array, j: float) -> Array:
     return np.degrees(np.arctan2((1.0 - k / rotational_share(j)) * i.slip_x, e_n * i.cosine))
 
 
-OBSERVABLES: dict[str, Observable] = {
-    observable.name: observable
-    for observable in (
+OBSERVABLES: Registry[Observable] = Registry(
+    "observable",
+    Observable,
+    (
         Observable(
             "e_n",
             r"$e_n$",
@@ -259,8 +260,8 @@ OBSERVABLES: dict[str, Observable] = {
             "friction",
             lambda r, mu: mu + 0.0 * r.incidence.sine,
         ),
-    )
-}
+    ),
+)
 
 
 def get_observable(name: str) -> Observable:
@@ -271,9 +272,4 @@ def get_observable(name: str) -> Observable:
     UsageError
         If there is none of that name; the message lists those there are.
     """
-    try:
-        return OBSERVABLES[name]
-    except KeyError:
-        raise UsageError(
-            f"There is no observable '{name}'. Choose one of {', '.join(OBSERVABLES)}."
-        ) from None
+    return OBSERVABLES[name]

@@ -6,7 +6,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.interval_comparison import disagreements
-from ifrfit.report.rounding import decimals, ends_text, interval_text
+from ifrfit.text import decimals, interval_ends, interval_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,7 +57,7 @@ def _column(table: pd.DataFrame, method: str) -> list[str]:
     """Intervals of one method, with the digits that the exact one deserves and their ends aligned."""
     low, high = (table[f"{method}_{end}"].to_numpy(dtype=float).tolist() for end in ("low", "high"))
     places = [_places(table, i) for i in range(len(table))]
-    ends = [ends_text((a, b), p) for a, b, p in zip(low, high, places, strict=True)]
+    ends = [interval_ends((a, b), p) for a, b, p in zip(low, high, places, strict=True)]
     width = max((len(end) for both in ends if all(both) for end in both), default=0)
     return [interval_text((a, b), p, width) for a, b, p in zip(low, high, places, strict=True)]
 

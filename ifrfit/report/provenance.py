@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from ifrfit.data import Source
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.regimes import count_impacts, has_angle, joined
+from ifrfit.report.regimes import count_impacts, has_angle
 from ifrfit.report.sentences import sigma_words
+from ifrfit.text import joined
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -2,36 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
-from ifrfit.physics import OBSERVABLES
-from ifrfit.report.rounding import interval_text, places_of, spread, value_text
+from ifrfit.physics import CLOSURES, OBSERVABLES
+from ifrfit.report.rounding import places_of, value_text
+from ifrfit.text import interval_text, joined, sd_text
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-_COMPLIANT = {"sticking": "partial slip", "sliding": "gross slip"}  # the regimes of tangential compliance
+_REGIMES = ("sticking", "sliding")
 
 
 def regime_name(result: FitResult, regime: str) -> str:
     """What a regime, "sticking" or "sliding", is called under the result's closure."""
-    return _COMPLIANT[regime] if result.closure == "maw" else regime
+    closure = CLOSURES.get(result.closure)
+    return regime if closure is None else closure.regimes[_REGIMES.index(regime)]
 
 
 def does(result: FitResult, regime: str, *, one: bool = False) -> str:
     """What impacts of a regime do, in words; what one does."""
-    if result.closure == "maw":
-        return f"in {regime_name(result, regime)}"
+    name = regime_name(result, regime)
+    if name not in _REGIMES:
+        return f"in {name}"
     return {"sticking": "stick", "sliding": "slide"}[regime] + ("s" if one else "")
-
-
-def joined(words: Sequence[str]) -> str:
-    """Words with commas and "and"."""
-    return ", ".join(words[:-1]) + f" and {words[-1]}" if len(words) > 1 else "".join(words)
 
 
 def count_impacts(rows: pd.DataFrame) -> int:
@@ -113,7 +111,7 @@ def transition_words(result: FitResult, series: str, counts: tuple[int, int] | N
             return "no transition at its typical spin"
         return f"no transition: all {does(result, 'sliding' if slide else 'sticking')}"
     words = [
-        f"{value_text(angle)} {plus_minus} {spread(angle.stderr)}" if angle.stderr else value_text(angle)
+        f"{value_text(angle)} {plus_minus} {sd_text(angle.stderr)}" if angle.stderr else value_text(angle)
         for angle in angles
     ]
     return f"transition{'s' if len(words) > 1 else ''} at {joined(words)} degrees"

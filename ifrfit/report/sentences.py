@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ifrfit.inference.accuracy.messages import says as effort_says
-from ifrfit.inference.diagnostics.lack_of_fit import p_text
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.physics.effects import EFFECTS
-from ifrfit.report.regimes import joined
-from ifrfit.report.rounding import fixed
+from ifrfit.text import fixed, joined, p_text
 
 METHODS = {
     "lsq": "least squares",
@@ -59,8 +57,8 @@ def model_line(result: FitResult) -> str:
     """Closure, method and noise in one line."""
     closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
     parts = [f"closure {closure}", _method_words(result), noise_words(result)]
-    if result.noise.scatter.words:
-        parts.append(result.noise.scatter.words)
+    if result.noise.error_model.words:
+        parts.append(result.noise.error_model.words)
     if result.inertia_factor != 0.4:
         parts.append(f"inertia factor {result.inertia_factor:.6g}")
     return ", ".join(parts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.constants_rows import Row, table_rows
+from ifrfit.report.constants_rows import Row, constant_symbols, table_rows
 from ifrfit.report.provenance import (
     contents,
     is_stand_in,
@@ -16,14 +16,12 @@ from ifrfit.report.provenance import (
     reference,
 )
 from ifrfit.report.regimes import regime_lines
-from ifrfit.report.rounding import interval_text, places_of, spread, value_text
+from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.sentences import findings, headline, misfit_line, model_line
+from ifrfit.text import interval_text, sd_text
 
 _LATEX_NAMES = {
     "e_n": "$e_n$",
-    "e_t": "$e_t$",
-    "beta0": r"$\beta_0$",
-    "chi": r"$\chi$",
     "mu": r"$\mu$",
     "kappa": r"$\kappa$",
 }
@@ -67,7 +65,7 @@ def latex(result: FitResult) -> str:
         r"\hline",
     ]
     for row in table_rows(result):
-        name = _LATEX_NAMES.get(row.name, _latex(row.name)) + (
+        name = (_LATEX_NAMES | constant_symbols()).get(row.name, _latex(row.name)) + (
             f" ({_latex(row.series)})" if row.series else ""
         )
         value = _plus_minus(row, r"\pm")
@@ -82,7 +80,7 @@ def latex(result: FitResult) -> str:
     return "\n".join(lines)
 
 
-def html_table(result: FitResult) -> str:
+def html(result: FitResult) -> str:
     """The findings as an HTML fragment for notebooks.
 
     Everything that comes from data is escaped; nothing is loaded from elsewhere.
@@ -110,7 +108,7 @@ def _plus_minus(row: Row, sign: str) -> str:
     if row.estimate is None:
         return row.plain
     value, sd = value_text(row.estimate), row.estimate.stderr
-    return value if sd is None or row.estimate.value is None else f"{value} {sign} {spread(sd)}"
+    return value if sd is None or row.estimate.value is None else f"{value} {sign} {sd_text(sd)}"
 
 
 def _interval(row: Row) -> str:

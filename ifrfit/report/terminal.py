@@ -17,8 +17,9 @@ from ifrfit.report.provenance import (
     reference,
 )
 from ifrfit.report.regimes import regime_lines
-from ifrfit.report.rounding import ends_text, interval_text, places_of, spread, value_text
+from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.sentences import effort_line, findings, headline, misfit_line, model_line
+from ifrfit.text import interval_ends, interval_text, sd_text
 
 WIDTH = 100
 
@@ -107,7 +108,7 @@ def _table_lines(rows: Sequence[Row]) -> list[str]:
     """The aligned table; long remarks wrap under themselves."""
     cells = [(row.label, *_numbers(row), row.remark) for row in rows]
     shown = [None if row.estimate is None or row.estimate.status == "fixed" else row.estimate for row in rows]
-    ends = [ends_text(one.interval95, places_of(one)) for one in shown if one]
+    ends = [interval_ends(one.interval95, places_of(one)) for one in shown if one]
     end_width = max((len(end) for low_high in ends if all(low_high) for end in low_high), default=0)
     intervals = [interval_text(one.interval95, places_of(one), end_width) if one else "" for one in shown]
     names = max(len("noise"), *(len(cell[0]) for cell in cells))
@@ -128,4 +129,4 @@ def _numbers(row: Row) -> tuple[str, str]:
     if row.estimate is None:
         return row.plain, "-"
     sd = row.estimate.stderr
-    return value_text(row.estimate), "-" if sd is None or row.estimate.value is None else spread(sd)
+    return value_text(row.estimate), "-" if sd is None or row.estimate.value is None else sd_text(sd)

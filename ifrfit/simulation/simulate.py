@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import get_closure
-from ifrfit.physics.effects import Contact, Impacts, Outcome, Plan, compose, make_plan
+from ifrfit.physics.effects import Contact, Impacts, Plan, compose, make_plan
 from ifrfit.physics.scenes import Scene, read_scene
-from ifrfit.simulation.tables import curves_of, impacts_of, rebounds_of
+from ifrfit.simulation.result import Simulation
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
     from ifrfit.inference.result.fit_result import FitResult
 
 Array = NDArray[np.float64]
@@ -28,77 +25,6 @@ Array = NDArray[np.float64]
 SAMPLES = 200  # a grid point, where anything is drawn
 MOST = 2_000_000
 STAND_IN = "stand-in"
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """Simulated impacts of a scene. Frozen.
-
-    Attributes
-    ----------
-    scene : Scene
-    contact : Contact
-        With the inertia factor that was used.
-    impacts : Impacts
-        Flat: the samples of a grid point follow one another.
-    outcome : Outcome
-        Of the same shape.
-    plan : Plan
-    points : int
-        Number of grid points.
-    samples : int
-        Impacts at each.
-    noise : mapping
-        Observable to the noise added to each impact.
-    closure : str
-    seed : int
-    notes : tuple of str
-        What the user should know.
-    """
-
-    scene: Scene
-    contact: Contact
-    impacts: Impacts
-    outcome: Outcome
-    plan: Plan
-    points: int
-    samples: int
-    noise: Mapping[str, Array]
-    closure: str
-    seed: int
-    notes: tuple[str, ...]
-
-    def rebounds(self) -> pd.DataFrame:
-        """Observations in the common schema, provenance ``simulated``; see `rebounds_of`."""
-        return rebounds_of(self)
-
-    def table(self) -> pd.DataFrame:
-        """One impact a row: conditions, constants, what came out; see `impacts_of`."""
-        return impacts_of(self)
-
-    def curves(self) -> pd.DataFrame:
-        """Each observable at each grid point, with bands where anything was drawn; see `curves_of`."""
-        return curves_of(self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Exactly the content of simulation.json."""
-        from ifrfit.simulation.tables import to_dict
-
-        return to_dict(self)
-
-    # The report layer stands after inference; these methods hand the simulation on.
-
-    def summary(self) -> str:
-        """Plan and curves as text."""
-        from ifrfit.report.simulation.text import summary
-
-        return summary(self)
-
-    def plot(self) -> Figure:
-        """Curves with bands, or maps; one panel an observable."""
-        from ifrfit.report.simulation.figure import plot
-
-        return plot(self)
 
 
 def simulate(scene: str | Path | Scene, *, samples: int | None = None, seed: int = 0) -> Simulation:
@@ -196,8 +122,9 @@ def _impacts(constants: _Constants, conditions: Mapping[str, Array], spin_unit: 
     spin_x, spin_y = (conditions[name] * per_speed for name in ("spin_x", "spin_y"))
     incidence = Incidence.of(conditions["gamma_deg"], spin_x, spin_y, degrees=True)
     closure, values = get_closure(constants.closure), constants.values
-    own = closure.constant
-    constant = np.zeros_like(speed) if own is None else values.get(own) if own != "chi" else None
+    constant: Array | None = None  # where an effect computes the closure's law
+    if not closure.effect:
+        constant = np.zeros_like(speed) if closure.constant is None else values.get(closure.constant)
     return Impacts(
         incidence=incidence,
         speed=speed,
@@ -218,12 +145,12 @@ def _constants(scene: Scene, n: int, points: int, rng: np.random.Generator) -> _
         name: np.tile(quantity.draw(n, rng) if quantity.random else np.full(n, quantity.numbers[0]), points)
         for name, quantity in scene.constants.items()
     }
-    own = get_closure(scene.closure).constant
+    closure = get_closure(scene.closure)
     given = {"e_n": "constants.e_n"} if "e_n" in values else {}
-    if own is None:
+    if closure.constant is None:
         given["tangential"] = "constants.closure"
-    elif own in values and own != "chi":
-        given["tangential"] = f"constants.{own}"
+    elif closure.constant in values and not closure.effect:
+        given["tangential"] = f"constants.{closure.constant}"
     return _Constants(scene.closure, scene.contact, values, given, ())
 
 
@@ -235,14 +162,14 @@ def _from_fit(scene: Scene, n: int, points: int, rng: np.random.Generator) -> _C
 
     result = load_result(str(scene.result))
     draws = result.draws(n, rng)
-    own = get_closure(result.closure).constant
+    closure = get_closure(result.closure)
     values = {
         name: np.tile(draws[_column([str(column) for column in draws], name, scene)].to_numpy(), points)
-        for name in ("e_n", "mu", *((own,) if own else ()))
+        for name in closure.constants
     }
     given = {"e_n": "the fit's e_n"}
-    if own != "chi":
-        given["tangential"] = f"the fit's {own or 'closure'}"
+    if not closure.effect:
+        given["tangential"] = f"the fit's {closure.constant or 'closure'}"
     contact = replace(scene.contact, inertia_factor=_inertia(scene, result))
     return _Constants(result.closure, contact, values, given, tuple(_said_of(result, scene)))
 

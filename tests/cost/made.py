@@ -53,7 +53,7 @@ def made(data="kharaz-2001", **choices):
 
 def closed_form(problem):
     """Mean, sd and ends of the posterior of e_t: beta in sticking is e_t + 7/5."""
-    value, sigma = problem.rows.value - 1.4, problem.sigma
+    value, sigma = problem.rows.value - 1.4, problem.noise.sigma
     sd = 1.0 / math.sqrt((sigma**-2).sum())
     mean = float((value / sigma**2).sum()) * sd**2
     law = stats.truncnorm((-1.0 - mean) / sd, (-0.4 - mean) / sd, loc=mean, scale=sd)

@@ -14,7 +14,7 @@ from ifrfit.cost.conditions import setting_of
 from ifrfit.cost.inference_costs import UNIT
 from ifrfit.cost.measure import measure_costs
 from ifrfit.cost.report.figure import ASIDE, FRONT_LABEL
-from ifrfit.cost.report.sentences import error_text, ratio_text, seconds_text
+from ifrfit.cost.report.sentences import error_text, ratio_text
 from ifrfit.cost.timing import Cost, Timing
 from ifrfit.errors import UsageError
 
@@ -92,25 +92,6 @@ def test_nothing_measured_is_nothing_said(costs):
     assert replace(costs, costs=()).sentences("physics") == ()
     unknown = Cost("inference", "exact", "", "mean", Timing.of([1.0]), math.nan, UNIT)
     assert replace(costs, costs=(unknown,)).sentences("inference") == ()
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [
-        (5.1e-10, "0.51 ns"),
-        (3.2e-9, "3.2 ns"),
-        (2.5e-7, "250 ns"),
-        (9.996e-4, "1.0 ms"),
-        (0.0123, "12 ms"),
-        (0.4567, "457 ms"),
-        (1.04, "1.0 s"),
-        (61.0, "61 s"),
-        (600.0, "10 min"),
-        (math.inf, "-"),
-    ],
-)
-def test_times_in_the_unit_that_people_use(seconds, text):
-    assert seconds_text(seconds) == text
 
 
 def test_errors_and_ratios():

@@ -21,7 +21,7 @@ from ifrfit.cost.compared_estimates import (
 from ifrfit.cost.inference_costs import OTHER_QUESTION, UNIT, Extent, inference_costs
 from ifrfit.errors import UsageError
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.inference.profile.profile_all import profile_all
 
 from .made import closed_form
@@ -48,7 +48,7 @@ def linear_problem(impacts, c):
 def test_the_reference_is_the_posterior_in_closed_form(near_the_bound, far_from_bounds):
     for problem in (near_the_bound, far_from_bounds):
         right, _, _ = closed_form(problem)
-        found = of_law(problem, explore(problem, 1e-9))
+        found = of_law(problem, integrate(problem, 1e-9))
         assert max(largest_errors([found], right).values()) < 3e-9
 
 
@@ -58,7 +58,7 @@ def test_errors_of_exact_are_those_against_the_closed_form(near_the_bound):
     assert measured.reference.error <= measured.reference.tolerance
     for cost in (c for c in measured.costs if c.method == "exact"):
         tolerance = float(cost.setting.removeprefix("tolerance "))
-        own = of_law(near_the_bound, explore(near_the_bound, tolerance))
+        own = of_law(near_the_bound, integrate(near_the_bound, tolerance))
         expected = max(largest_errors([own], right)[cost.quantity], measured.reference.error)
         assert cost.error == pytest.approx(expected, abs=1e-8)
         assert cost.error <= tolerance
@@ -153,9 +153,9 @@ def test_replicates_that_would_take_too_long_are_left_out(impacts):
 
 
 def test_without_a_reference_nothing_is_measured(far_from_bounds, monkeypatch):
-    cut = explore(far_from_bounds, 1e-1)
+    cut = integrate(far_from_bounds, 1e-1)
     bad = replace(cut, error=7.0, tolerance=1e-3)
-    monkeypatch.setattr("ifrfit.cost.inference_costs.explore", lambda *_: bad)
+    monkeypatch.setattr("ifrfit.cost.inference_costs.integrate", lambda *_: bad)
     with pytest.raises(UsageError, match="comes to 7e0 of an sd only: there is nothing to measure errors"):
         inference_costs(far_from_bounds, extent=SMALL)
 
@@ -171,4 +171,4 @@ def test_constants_of_each_series_count(far_from_bounds):
         "cross-2019", method="lsq", fix={"e_n": 0.94}, series=["no spin", "spin 0.225"], separate="mu"
     ).problem
     assert free_names(problem) == ("e_t", "mu[no spin]", "mu[spin 0.225]")
-    assert of_law(problem, explore(problem, 1e-2)).ends.shape == (3, 2)
+    assert of_law(problem, integrate(problem, 1e-2)).ends.shape == (3, 2)

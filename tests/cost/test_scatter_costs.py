@@ -14,7 +14,7 @@ from ifrfit.cost.measure import measure_costs
 from ifrfit.cost.starting_optimum import beginning
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.fit import fit
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 
 from .made import closed_form
 
@@ -30,7 +30,7 @@ def path(impacts):
 
 
 @pytest.mark.parametrize(
-    ("scatter", "methods", "notes"),
+    ("error_model", "methods", "notes"),
     [  # as in the table of docs/noise.md
         ({"tails": "student-t"}, {"lsq", "exact", "mcmc"}, {PLAIN_ONLY}),
         ({"angle_errors": "effective", "sigma_gamma": 1.0}, {"lsq", "exact", "mcmc"}, {PLAIN_ONLY}),
@@ -43,8 +43,8 @@ def path(impacts):
     ],
     ids=["student-t", "effective", "set", "propagated"],
 )
-def test_a_method_that_does_not_know_the_scatter_is_left_out(path, scatter, methods, notes):
-    found = beginning(path, fix=FIX, **scatter)
+def test_a_method_that_does_not_know_the_scatter_is_left_out(path, error_model, methods, notes):
+    found = beginning(path, fix=FIX, **error_model)
     measured = inference_costs(found.problem, extent=SMALL)
     assert {cost.method for cost in measured.costs} == methods
     assert set(measured.notes) == notes
@@ -56,13 +56,13 @@ def test_the_reference_under_a_scatter_that_hardly_differs_is_the_plain_one(impa
     path = impacts(gamma=np.linspace(5.0, 40.0, 12), c=-0.7, mu=5.0, sigma=0.1, noise=0.1, seed=3)
     fix = {"e_n": 0.94, "mu": 5.0}
     right, _, _ = closed_form(fit(path, method="lsq", fix=fix).problem)
-    for scatter in ({"angle_errors": "set", "sigma_gamma": 0.1}, {"tails": "student-t", "dof": 1e6}):
-        problem = beginning(path, fix=fix, **scatter).problem
-        found = of_law(problem, explore(problem, 1e-3))
+    for error_model in ({"angle_errors": "set", "sigma_gamma": 0.1}, {"tails": "student-t", "dof": 1e6}):
+        problem = beginning(path, fix=fix, **error_model).problem
+        found = of_law(problem, integrate(problem, 1e-3))
         assert max(largest_errors([found], right).values()) < 2e-3
     # the control: heavy tails make another posterior
     problem = beginning(path, fix=fix, tails="student-t").problem
-    assert max(largest_errors([of_law(problem, explore(problem, 1e-3))], right).values()) > 0.1
+    assert max(largest_errors([of_law(problem, integrate(problem, 1e-3))], right).values()) > 0.1
 
 
 def test_the_noise_of_an_integrated_scatter_is_as_in_a_fit(impacts):
@@ -77,19 +77,19 @@ def test_the_noise_of_an_integrated_scatter_is_as_in_a_fit(impacts):
 
 def test_angles_that_tie_e_n_leave_no_reference(impacts):
     path = impacts(gamma=np.linspace(5.0, 80.0, 12), observables=("mu_app",), sigma=0.05, noise=0.05)
-    scatter = {"angle_errors": "set", "sigma_gamma": 1.0}
+    error_model = {"angle_errors": "set", "sigma_gamma": 1.0}
     with pytest.raises(
         UsageError, match=r"so there is no exact posterior to measure errors against\. Fix e_n"
     ):
-        beginning(path, **scatter)
-    assert beginning(path, posterior=False, **scatter).method == "lsq"
-    assert beginning(path, fix=FIX, **scatter).problem.scatter.integrates
+        beginning(path, **error_model)
+    assert beginning(path, posterior=False, **error_model).method == "lsq"
+    assert beginning(path, fix=FIX, **error_model).problem.error_model.integrates
 
 
 def test_errors_of_a_scatter_name_the_scatter_that_was_asked_for(path):
-    scatter = {"angle_errors": "set", "sigma_gamma": 1.0}
+    error_model = {"angle_errors": "set", "sigma_gamma": 1.0}
     with pytest.raises(UsageError, match=r"Closure MAW knows independent Gaussian.*--angle-errors set out"):
-        beginning(path, closure="maw", **scatter)
+        beginning(path, closure="maw", **error_model)
     with pytest.raises(DataError, match="--angle-errors set, but no row states an uncertainty of its angle"):
         beginning(path, fix=FIX, angle_errors="set")
     with pytest.raises(UsageError, match="--angle-errors measured needs --angle-population"):

@@ -13,7 +13,7 @@ import referencing
 
 from ifrfit.cost.inference_costs import UNIT
 from ifrfit.cost.machine import Machine
-from ifrfit.cost.serialise import dumps
+from ifrfit.cost.report.to_json import dumps
 from ifrfit.cost.timing import Cost, Timing
 
 from .made import made

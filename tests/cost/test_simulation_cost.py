@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from ifrfit.cost.effect_costs import EffectCosts
-from ifrfit.cost.report.effect_costs import change_text, cost_lines, cost_table, plot_costs
+from ifrfit.cost.report.effect_costs import change_text, cost_lines, cost_table, plot_costs, supplement
 from ifrfit.cost.timing import Cost, Timing
 from ifrfit.report.simulation.folder import SIMULATION, dumps, write_simulation
 from ifrfit.report.simulation.text import summary
@@ -81,13 +81,13 @@ def test_the_figure_by_its_data():
 
 def test_the_folder_holds_table_and_figure(tmp_path):
     found = simulate(LATERAL)
-    names = write_simulation(found, tmp_path / "a", force=False, measured=COSTS)
+    names = write_simulation(found, tmp_path / "a", force=False, supplement=supplement(COSTS, found))
     assert sorted(names) == sorted(SIMULATION.files) == sorted(p.name for p in (tmp_path / "a").iterdir())
     table = pd.read_csv(tmp_path / "a" / "cost.csv")
     assert list(table)[:7] == ["kind", "method", "setting", "time_s", "error", "error_unit", "repeats"]
     assert table["time_s"].tolist() == pytest.approx(cost_table(COSTS)["time_s"].tolist(), rel=1e-5)
     content = json.loads((tmp_path / "a" / "simulation.json").read_text(encoding="utf-8"))
-    assert content == json.loads(dumps(found, COSTS))
+    assert content == json.loads(dumps(found, supplement(COSTS, found)))
     assert content.pop("cost")["effects_ns"]["compliance"] == pytest.approx(
         {"median": 68.0, "low": 61.2, "high": 81.6}
     )
@@ -96,7 +96,7 @@ def test_the_folder_holds_table_and_figure(tmp_path):
 
 def test_a_later_simulation_without_costs_leaves_none_behind(tmp_path):
     found = simulate(LATERAL)
-    write_simulation(found, tmp_path / "a", force=False, measured=COSTS)
+    write_simulation(found, tmp_path / "a", force=False, supplement=supplement(COSTS, found))
     write_simulation(found, tmp_path / "a", force=True)
     left = {path.name for path in (tmp_path / "a").iterdir()}
     assert left == set(SIMULATION.files) - {"cost.csv", "cost.svg", "cost.png"}
@@ -104,7 +104,7 @@ def test_a_later_simulation_without_costs_leaves_none_behind(tmp_path):
 
 def test_the_summary_tells_costs_after_the_plan():
     found = simulate(LATERAL)
-    text = summary(found, COSTS)
+    text = summary(found, supplement(COSTS, found))
     assert "\n".join(cost_lines(COSTS)) in text
     assert text.replace("\n".join(cost_lines(COSTS)) + "\n\n", "") == found.summary()
     assert max(map(len, text.splitlines())) <= 100

@@ -366,6 +366,7 @@ def test_changed_bundled_data_are_refused(tmp_path, monkeypatch, damaged):
         (lambda p: p["resources"][0].pop("hash"), "names no resource with a path and a hash"),
         (lambda p: p["resources"][0].update(path="other.csv"), r"other\.csv: cannot be read"),
     ],
+    ids=["no provenance", "no ifrfit", "series", "inertia factor", "path outside", "no hash", "no file"],
 )
 def test_broken_packages_are_refused(damaged, change, message):
     path = damaged / "datapackage.json"

@@ -57,7 +57,9 @@ def test_only_tangential_ones_have_a_linear_form() -> None:
 def test_unknown_observable_lists_those_there_are() -> None:
     with pytest.raises(UsageError) as caught:
         get_observable("betta")
-    assert str(caught.value) == f"There is no observable 'betta'. Choose one of {', '.join(OBSERVABLES)}."
+    assert str(caught.value) == (
+        f"There is no observable 'betta'. Choose one of {', '.join(OBSERVABLES)}. Did you mean beta?"
+    )
 
 
 @pytest.mark.parametrize("inertia_factor", [0.4, 2.0 / 3.0, 0.1])

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from html.parser import HTMLParser
 
-from ifrfit.report import html_table
+from ifrfit.report import html
 
 
 class Tags(HTMLParser):
@@ -31,24 +31,24 @@ def parsed(fragment: str) -> Tags:
 
 
 def test_html_is_balanced_and_escapes_what_comes_from_data(made):
-    tags = parsed(html_table(made.separate()))
+    tags = parsed(html(made.separate()))
     assert "oiled" not in tags.names
     assert "mu [wet & <oiled>]" in tags.text
     assert tags.names.count("tr") == 1 + 7
 
 
 def test_html_never_lets_a_stand_in_pass_unsaid(made):
-    fragment = html_table(made.stand_in())
+    fragment = html(made.stand_in())
     assert "<strong>cross-2019: 51 impacts, beta, stand-in, sigma given. STAND-IN, generated" in fragment
-    assert "<strong>" not in html_table(made.fine())
+    assert "<strong>" not in html(made.fine())
 
 
 def test_html_says_first_what_is_not_fine(made):
-    assert html_table(made.all_sticking()).startswith(
+    assert html(made.all_sticking()).startswith(
         '<div class="ifrfit-result"><p><strong>LOOK: mu is not determined.</strong></p>'
     )
 
 
 def test_repr_html_is_the_table(made):
     result = made.fine()
-    assert result._repr_html_() == html_table(result)
+    assert result._repr_html_() == html(result)

@@ -4,22 +4,48 @@ from __future__ import annotations
 
 import math
 import textwrap
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ifrfit.cost.effect_costs import EffectCosts
 from ifrfit.cost.timing import Cost, Timing
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.report import style
+from ifrfit.report.simulation.folder import SUPPLEMENTS
+from ifrfit.report.simulation.supplement import Supplement
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ifrfit.simulation.result import Simulation
+
 _NS = 1e9
 _SHOWN = {"on": "on", "off": "off", "constant": "off", "refused": "off"}
 _LEAST_NS = 0.5  # a cost below this is drawn there: it was not seen beside the noise
 _LEAST = 1e-12  # a smaller change is rounding
+
+
+def supplement(measured: EffectCosts, simulation: Simulation) -> Supplement:
+    """What the costs of its effects add to the report of a simulation.
+
+    Returns
+    -------
+    Supplement
+        A table for the terminal, ``cost`` in simulation.json, and cost.csv with its figure.
+    """
+
+    def write(folder: Path) -> list[str]:
+        table, *pictures = SUPPLEMENTS
+        cost_table(measured).to_csv(folder / table, index=False, lineterminator="\n", float_format="%.6g")
+        title = f"{simulation.scene.title}: what each effect changes and costs"
+        figure = plot_costs(measured, simulation.plan.accuracy, title)
+        for name in pictures:
+            style.save_figure(figure, folder / name)
+        return [*SUPPLEMENTS]
+
+    return Supplement(cost_lines(measured), {"cost": cost_dict(measured)}, write)
 
 
 def cost_lines(measured: EffectCosts) -> list[str]:

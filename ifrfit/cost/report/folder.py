@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ifrfit.cost.measure import KINDS
 from ifrfit.cost.result import Costs
+from ifrfit.cost.timing import KINDS
 from ifrfit.report.folder import Contents, deliver
 from ifrfit.report.style import save_figure
 

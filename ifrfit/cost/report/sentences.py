@@ -9,16 +9,13 @@ from ifrfit.cost.inference_costs import BOOTSTRAP, LSQ, OTHER_QUESTION, PROFILE
 from ifrfit.cost.pareto_front import Choice, best_for, cheapest
 from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import Kind
-from ifrfit.inference.accuracy.messages import power
-from ifrfit.report.regimes import joined
 from ifrfit.report.sentences import METHODS
+from ifrfit.text import duration, joined, power_of_ten
 
 TARGETS = tuple(10.0**-k for k in range(1, 17))
 _ASIDE = {LSQ: "least squares with its covariance", PROFILE: "profiles", BOOTSTRAP: "replicates"}
 _ACCURACY = {"inference": "of an sd", "physics": "in beta"}
-_UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"))
 _MUCH = 3.0  # times the time of another from which on a method is worth a word
-_LONG = 120.0  # seconds from which minutes are said
 
 
 def sentences(costs: Costs, kind: Kind) -> tuple[str, ...]:
@@ -37,7 +34,7 @@ def sentences(costs: Costs, kind: Kind) -> tuple[str, ...]:
     fastest = min(rivals, key=lambda c: c.time.median)
     if fastest not in winners:
         said.append(
-            f"The fastest, {named(fastest)} ({seconds_text(fastest.time.median)}), comes to "
+            f"The fastest, {named(fastest)} ({duration(fastest.time.median)}), comes to "
             f"{error_text(fastest.error)} {_ACCURACY[kind]}"
         )
     others = dict.fromkeys(c.method for c in rivals if c.method not in {w.method for w in winners})
@@ -56,21 +53,6 @@ def method_name(method: str) -> str:
     return METHODS.get(method, method) if method in OTHER_QUESTION else method
 
 
-def seconds_text(seconds: float) -> str:
-    """A time with two digits and the unit that people would use."""
-    if not math.isfinite(seconds):
-        return "-"
-    if seconds >= _LONG:
-        return f"{seconds / 60.0:.2g} min" if seconds < 6000.0 else f"{seconds / 60.0:,.0f} min"
-    size, unit = next(((size, unit) for size, unit in _UNITS if seconds >= 0.9995 * size), _UNITS[-1])
-    return f"{_two_digits(seconds / size)} {unit}"
-
-
-def _two_digits(value: float) -> str:
-    """A number below 1,000 with two digits, three from 100 on."""
-    return f"{value:.0f}" if value >= 9.95 else f"{value:.1f}" if value >= 0.95 else f"{value:.2g}"
-
-
 def error_text(error: float) -> str:
     """An error with two digits and its power of ten, as 1.2e-5."""
     if math.isnan(error) or error == 0.0:
@@ -82,8 +64,8 @@ def error_text(error: float) -> str:
 def _best(found: Sequence[tuple[float, float, Choice]], kind: Kind) -> str:
     parts = []
     for loose, tight, choice in found:
-        span = power(loose) if loose == tight else f"{power(loose)} to {power(tight)}"
-        parts.append(f"{span}: {named(choice)} ({seconds_text(choice.time.median)})")
+        span = power_of_ten(loose) if loose == tight else f"{power_of_ten(loose)} to {power_of_ten(tight)}"
+        parts.append(f"{span}: {named(choice)} ({duration(choice.time.median)})")
     return f"Cheapest for an error of at most so much {_ACCURACY[kind]}: {'; '.join(parts)}"
 
 
@@ -96,7 +78,7 @@ def _behind(method: str, rivals: Sequence[Choice], kind: Kind) -> str:
     ratio = ratio_text(own.time.median / better.time.median)
     return (
         f"{named(own)} comes to {error_text(own.error)} {_ACCURACY[kind]} in "
-        f"{seconds_text(own.time.median)}, {ratio} the time of {named(better)}, which is no less exact"
+        f"{duration(own.time.median)}, {ratio} the time of {named(better)}, which is no less exact"
     )
 
 
@@ -112,7 +94,7 @@ def _other_question(choices: Sequence[Choice]) -> list[str]:
         own = [c for c in choices if c.method == method and not math.isnan(c.error)]
         if own:
             last = own[-1]  # the longest: what is left there is not chance
-            found[method] = f"{last.error:.2g} sd ({METHODS[method]}, {seconds_text(last.time.median)})"
+            found[method] = f"{last.error:.2g} sd ({METHODS[method]}, {duration(last.time.median)})"
     if not found:
         return []
     names = joined([_ASIDE[method] for method in found]).capitalize()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import textwrap
 from collections.abc import Sequence
+from html import escape
 
 import numpy as np
 
@@ -12,14 +13,13 @@ from ifrfit.cost.compared_estimates import free_names
 from ifrfit.cost.inference_costs import Reference
 from ifrfit.cost.machine import Machine
 from ifrfit.cost.pareto_front import Choice
-from ifrfit.cost.report.sentences import error_text, named, seconds_text, sentences
+from ifrfit.cost.report.sentences import error_text, named, sentences
 from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import Kind
-from ifrfit.inference.accuracy.messages import power
 from ifrfit.physics import CLOSURES
-from ifrfit.report.regimes import joined
 from ifrfit.report.sentences import noise_words
 from ifrfit.report.terminal import finding_lines, source_lines, wrapped
+from ifrfit.text import duration, joined, power_of_ten
 
 FRONT = "*"
 _NAMES = 52  # columns of a method with its setting
@@ -50,6 +50,11 @@ def summary(costs: Costs) -> str:
     return "\n".join(line.rstrip() for line in lines).rstrip("\n")
 
 
+def html(costs: Costs) -> str:
+    """The summary as an HTML fragment for notebooks; what comes from data is escaped."""
+    return f"<pre>{escape(summary(costs))}</pre>"
+
+
 def machine() -> str:
     """Processors and versions."""
     return f"{Machine.this().words}, Python {platform.python_version()}, numpy {np.__version__}"
@@ -76,13 +81,15 @@ def heading(costs: Costs, kind: Kind) -> str:
 
 def reference_words(reference: Reference) -> str:
     """The posterior that errors are measured against."""
-    reached = f"which reached {power(reference.error)}" if reference.error > 0.0 else "which moved no more"
-    return f"exact at tolerance {power(reference.tolerance)} ({reached})"
+    reached = (
+        f"which reached {power_of_ten(reference.error)}" if reference.error > 0.0 else "which moved no more"
+    )
+    return f"exact at tolerance {power_of_ten(reference.tolerance)} ({reached})"
 
 
 def _model(costs: Costs) -> str:
     fit = costs.fit
-    said = [f"closure {CLOSURES[fit.closure].title}", noise_words(fit), fit.noise.scatter.words]
+    said = [f"closure {CLOSURES[fit.closure].title}", noise_words(fit), fit.noise.error_model.words]
     return ", ".join(filter(None, said))
 
 
@@ -99,7 +106,7 @@ def _table(choices: Sequence[Choice]) -> list[str]:
         [
             FRONT if choice.on_front else "",
             named(choice),
-            *(seconds_text(s) for s in (choice.time.median, choice.time.low, choice.time.high)),
+            *(duration(s) for s in (choice.time.median, choice.time.low, choice.time.high)),
             *(error_text(choice.errors[name]) if name in choice.errors else "" for name in quantities),
         ]
         for choice in choices

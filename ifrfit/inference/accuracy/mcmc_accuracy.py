@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from scipy import special
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.messages import power
 from ifrfit.inference.accuracy.request import Wanted
 from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.text import power_of_ten
 
 if TYPE_CHECKING:
     from ifrfit.inference.mcmc import Chains, Coordinates, Evidence
@@ -63,9 +63,9 @@ def check_reachable(wanted: Wanted, why: str) -> None:
     if wanted.accuracy is None or wanted.accuracy >= reachable():
         return
     needed = (END / wanted.accuracy) ** 2
-    remedy = f"ask for {power(reachable())} or more" + ("" if why else ", or leave --method mcmc out")
+    remedy = f"ask for {power_of_ten(reachable())} or more" + ("" if why else ", or leave --method mcmc out")
     raise UsageError(
-        f"--accuracy {power(wanted.accuracy)} takes chains {needed:.0e} independent draws: {remedy}."
+        f"--accuracy {power_of_ten(wanted.accuracy)} takes chains {needed:.0e} independent draws: {remedy}."
         + (f" Exact is out of the question: {why}" if why else "")
     )
 

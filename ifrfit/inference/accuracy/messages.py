@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from ifrfit.inference.accuracy.types import Effort
-
-_LONG = 120.0  # seconds from which on minutes are said
-_DIGITS = 2
+from ifrfit.text import duration, power_of_ten
 
 
 def says(effort: Effort) -> str:
     """Method and setting, what was reached, in which time, and what was asked."""
-    taken = f"in {time_text(effort.seconds)}"
+    taken = f"in {duration(effort.seconds)}"
     why = f" ({effort.why})" if effort.why else ""
     asked = _asked(effort)
     if effort.method == "lsq":
@@ -21,8 +19,8 @@ def says(effort: Effort) -> str:
 def missed(effort: Effort) -> str:
     """That the accuracy was not reached."""
     assert effort.accuracy is not None
-    within = "" if effort.budget is None else f" within {time_text(effort.budget)}"
-    start = f"the asked accuracy of {power(effort.accuracy)} of an sd was not reached{within}"
+    within = "" if effort.budget is None else f" within {duration(effort.budget)}"
+    start = f"the asked accuracy of {power_of_ten(effort.accuracy)} of an sd was not reached{within}"
     if effort.method == "lsq":
         return f"{start}: least squares do not tell how far they are from the posterior"
     return f"{start}: {_setting(effort)} came to {_reached(effort)}"
@@ -33,26 +31,9 @@ def short(sentence: str) -> str:
     return sentence.partition(". ")[0].partition(": ")[0].rstrip(".")
 
 
-def time_text(seconds: float) -> str:
-    """A time with two digits."""
-    if seconds >= _LONG:
-        return f"{seconds / 60.0:.0f} min"
-    if seconds >= 0.1:
-        return f"{seconds:.{_DIGITS}g} s" if seconds < 99.5 else f"{seconds:.0f} s"
-    return f"{1e3 * seconds:.{_DIGITS}g} ms"
-
-
-def power(number: float) -> str:
-    """A number with one digit and its power of ten, as 1e-3; 0 as it is."""
-    if number == 0.0:
-        return "0"
-    digit, _, exponent = f"{number:.0e}".partition("e")
-    return f"{digit}e{int(exponent)}"
-
-
 def _setting(effort: Effort) -> str:
     if effort.tolerance is not None:
-        return f"exact, tolerance {power(effort.tolerance)},"
+        return f"exact, tolerance {power_of_ten(effort.tolerance)},"
     return f"mcmc, {effort.steps:,} steps,"
 
 
@@ -60,11 +41,11 @@ def _reached(effort: Effort) -> str:
     if effort.reached is None:
         return "no standard error yet"
     kind = "a standard error of " if effort.method == "mcmc" else ""
-    return f"{kind}{power(effort.reached)} of an sd"
+    return f"{kind}{power_of_ten(effort.reached)} of an sd"
 
 
 def _asked(effort: Effort) -> str:
-    parts = [power(effort.accuracy)] if effort.accuracy is not None else []
+    parts = [power_of_ten(effort.accuracy)] if effort.accuracy is not None else []
     if effort.budget is not None:
-        parts.append(f"{'at most' if parts else 'the best in'} {time_text(effort.budget)}")
+        parts.append(f"{'at most' if parts else 'the best in'} {duration(effort.budget)}")
     return ", ".join(parts)

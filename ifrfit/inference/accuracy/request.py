@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.messages import power
+from ifrfit.text import power_of_ten
 
 MOST, LEAST = 0.5, 1e-9  # accuracies that can be asked for: below, rounding is in the way
 METHODS = ("exact", "mcmc")
@@ -87,7 +87,7 @@ def make_wanted(
         return None
     if accuracy is not None and not LEAST <= accuracy <= MOST:
         raise UsageError(
-            f"--accuracy {accuracy:g}: choose from {power(LEAST)} to {MOST:g} of a posterior standard "
+            f"--accuracy {accuracy:g}: choose from {power_of_ten(LEAST)} to {MOST:g} of a posterior standard "
             "deviation."
         )
     seconds = None if budget is None else seconds_of(budget)

@@ -11,10 +11,10 @@ from ifrfit.inference.accuracy.messages import missed, short
 from ifrfit.inference.accuracy.request import Wanted
 from ifrfit.inference.accuracy.tolerance_ladder import refine
 from ifrfit.inference.accuracy.types import Effort
-from ifrfit.inference.model.apply_error_model import with_scatter
-from ifrfit.inference.model.error_model import Scatter
+from ifrfit.inference.model.apply_error_model import with_error_model
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.method_results import with_chains, with_explored
 from ifrfit.inference.result.types import Fact
@@ -26,20 +26,20 @@ _OTHERS = 1e-2  # tolerance of the evidence of other questions where time counts
 Progress = Callable[[int, int], None]
 
 
-def problem_for(problem: Problem, scatter: Scatter, method: str | None) -> tuple[Problem, str]:
+def problem_for(problem: Problem, error_model: ErrorModel, method: str | None) -> tuple[Problem, str]:
     """The problem under this scatter, and why the exact posterior does not know it; empty where it does.
 
     Raises
     ------
     UsageError, DataError
-        As `with_scatter`.
+        As `with_error_model`.
     """
     try:
-        return with_scatter(problem, scatter, method or "exact"), ""
+        return with_error_model(problem, error_model, method or "exact"), ""
     except UsageError as error:
         if method is not None:
             raise
-        return with_scatter(problem, scatter, "mcmc"), str(error)
+        return with_error_model(problem, error_model, "mcmc"), str(error)
 
 
 def with_effort(
@@ -70,7 +70,7 @@ def with_effort(
     """
     if wanted.method != "mcmc" and not cannot:
         # least squares do not know true angles that scatter, and are not what the user insists on
-        must = wanted.method == "exact" or result.problem.scatter.integrates
+        must = wanted.method == "exact" or result.problem.error_model.integrates
         try:
             posterior = refine(result.problem, result.least_squares, wanted, must=must)
         except UsageError as error:
@@ -84,9 +84,9 @@ def with_effort(
     return _with_chains(result, wanted, cannot, workers, progress)
 
 
-def _with_exact(result: FitResult, posterior: Posterior, wanted: Wanted) -> FitResult:
+def _with_exact(result: FitResult, posterior: QuadraturePosterior, wanted: Wanted) -> FitResult:
     if wanted.budget is None:
-        found = with_explored(result, posterior, explore)
+        found = with_explored(result, posterior, integrate)
     else:
         try:
             found = with_explored(result, posterior, lambda problem: _evidence(problem, wanted))
@@ -96,7 +96,7 @@ def _with_exact(result: FitResult, posterior: Posterior, wanted: Wanted) -> FitR
     return _told(found, wanted, "exact", "", tolerance=posterior.tolerance, reached=posterior.error)
 
 
-def _evidence(problem: Problem, wanted: Wanted) -> Posterior:
+def _evidence(problem: Problem, wanted: Wanted) -> QuadraturePosterior:
     """The posterior of another question, as exactly as its evidence needs.
 
     Raises
@@ -106,7 +106,7 @@ def _evidence(problem: Problem, wanted: Wanted) -> Posterior:
     """
     if wanted.over:
         raise TimeoutError
-    found = explore(problem, _OTHERS, over=lambda: wanted.over)
+    found = integrate(problem, _OTHERS, over=lambda: wanted.over)
     if found.error_evidence > _OTHERS:
         raise TimeoutError
     return found
@@ -128,7 +128,7 @@ def _with_chains(
     if coordinates.dimensions:
         steps = of_chains.steps_within(coordinates, mcmc.fresh(coordinates, start, result.seed), wanted)
         short_of = steps < of_chains.FIRST and wanted.method is None
-        if short_of and not problem.scatter.integrates:
+        if short_of and not problem.error_model.integrates:
             return _as_it_is(result, wanted, f"{why}, and too short for chains".removeprefix(", and "))
         most = max(steps, of_chains.FEWEST)
     halt = of_chains.halting(wanted, is_met)

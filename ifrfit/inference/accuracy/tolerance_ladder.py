@@ -9,19 +9,24 @@ from typing import Any
 from ifrfit.inference.accuracy.request import Wanted
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
 LADDER = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 _GROWTH = 4.0  # of the time from one tolerance to the next, where it has not been seen to grow faster
 
 _NEAR = 1.5  # factor within which a tolerance is as good as the asked one
 
-Explore = Callable[..., Any]
+Integrate = Callable[..., Any]
 
 
 def refine(
-    problem: Problem, start: LeastSquares, wanted: Wanted, explore: Explore = explore, *, must: bool = False
-) -> Posterior | None:
+    problem: Problem,
+    start: LeastSquares,
+    wanted: Wanted,
+    integrate: Integrate = integrate,
+    *,
+    must: bool = False,
+) -> QuadraturePosterior | None:
     """Integrate the posterior as exactly as asked, or as the budget allows.
 
     With a budget the tolerance goes down in steps, as long as the next one, foreseen from the last ones,
@@ -34,8 +39,8 @@ def refine(
     problem : Problem
     start : LeastSquares
     wanted : Wanted
-    explore : callable
-        As `ifrfit.inference.posterior.integrate`.
+    integrate : callable
+        As `ifrfit.inference.posterior.adaptive_quadrature`.
     must : bool
         Whether the coarsest tolerance is worked out however long it takes.
 
@@ -47,10 +52,10 @@ def refine(
     Raises
     ------
     UsageError, DataError
-        As `explore`.
+        As `integrate`.
     """
-    best: Posterior | None = None
-    latest: Posterior | None = None
+    best: QuadraturePosterior | None = None
+    latest: QuadraturePosterior | None = None
     last = before = 0.0
     for tolerance in ladder(wanted.accuracy, wanted.budget is not None):
         if latest is not None and (_enough(latest, wanted) or foreseen(latest, last, before) > wanted.left):
@@ -60,7 +65,7 @@ def refine(
             break
         begin = wanted.clock()
         try:
-            latest = explore(problem, tolerance, start, over=None if first else lambda: wanted.over)
+            latest = integrate(problem, tolerance, start, over=None if first else lambda: wanted.over)
         except TimeoutError:
             break
         last, before = wanted.clock() - begin, last
@@ -84,12 +89,12 @@ def ladder(accuracy: float | None, from_the_top: bool) -> tuple[float, ...]:
     return (*(coarser if from_the_top else ()), accuracy, *finer)
 
 
-def foreseen(found: Posterior, last: float, before: float) -> float:
+def foreseen(found: QuadraturePosterior, last: float, before: float) -> float:
     """Seconds that the next tolerance will take.
 
     Parameters
     ----------
-    found : Posterior
+    found : QuadraturePosterior
         The last one.
     last, before : float
         Seconds that it took, and the one before; 0 where there was none.
@@ -99,5 +104,5 @@ def foreseen(found: Posterior, last: float, before: float) -> float:
     return last * max(_GROWTH, last / before if before > 0.0 else 0.0)
 
 
-def _enough(found: Posterior, wanted: Wanted) -> bool:
+def _enough(found: QuadraturePosterior, wanted: Wanted) -> bool:
     return wanted.accuracy is not None and max(found.error, found.error_evidence) <= wanted.accuracy

@@ -33,8 +33,8 @@ from ifrfit.inference.bootstrap.replicate_fits import (
 )
 from ifrfit.inference.bootstrap.schemes import ReplicateData
 from ifrfit.inference.diagnostics.thresholds import AT_REST
-from ifrfit.inference.model.forward import fitted_at
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.optimize.noise_identifiability import inputs_of_rows, n_parameters_seen
 from ifrfit.inference.optimize.solve import series_groups, whole_group
@@ -71,8 +71,8 @@ class BatchedSolver:
         """Restate a problem; None if its replicates have to be fitted one by one."""
         if not problem.closure.bilinear:
             return None
-        whole = len(problem.series) == 1 or not any(c.separate for c in problem.constants)
-        if not whole and not all(c.separate or c.fixed is not None for c in problem.constants):
+        whole = len(problem.series) == 1 or not any(c.separate for c in problem.parameters)
+        if not whole and not all(c.separate or c.fixed is not None for c in problem.parameters):
             return None
         every = np.arange(problem.rows.value.size)
         series = (
@@ -87,17 +87,17 @@ class BatchedSolver:
             if batched is None:
                 return None
             parameter_groups.append(batched)
-        at = problem.positions()
+        at = problem.parameters.positions
         own = problem.closure.constant
         places = tuple(
             np.array([at["e_n"][i], at[own][i] if own else -1, at["mu"][i]])
             for i in range(len(parameter_groups))
         )
-        return cls(problem, tuple(parameter_groups), places, noise_groups(problem))
+        return cls(problem, tuple(parameter_groups), places, problem.noise_groups())
 
     def solve(self, replicates: ReplicateData) -> ReplicateFits:
         """Fit every replicate of a set; noise that is not known is looked for until it comes to rest."""
-        m, p = replicates.size, len(self.problem.names)
+        m, p = replicates.size, len(self.problem.parameters.names)
         theta, noise = np.zeros((m, p)), self._first_noise(replicates)
         reason, is_undetermined = np.full(m, "", dtype=object), np.zeros((m, p), dtype=bool)
         certified = np.zeros(m, dtype=bool)
@@ -123,7 +123,7 @@ class BatchedSolver:
         else:
             reason[not_converged] = NOISE_NOT_CONVERGED
         reason[refused] = NO_NOISE
-        is_undetermined[np.isin(reason, (NO_NOISE, NOISE_NOT_CONVERGED))] = self.problem.free
+        is_undetermined[np.isin(reason, (NO_NOISE, NOISE_NOT_CONVERGED))] = self.problem.parameters.free
         return ReplicateFits(theta, noise, tuple(reason), is_undetermined, certified)
 
     @cached_property
@@ -142,7 +142,7 @@ class BatchedSolver:
     def _first_noise(self, replicates: ReplicateData) -> Array:
         """Where the search for the noise begins, as in least squares: at the scatter of the values."""
         noise = np.ones((replicates.size, len(self.groups)))
-        if self.problem.noise == "unknown":
+        if self.problem.noise.is_unknown:
             value = self.problem.rows.value + (0.0 if replicates.shift is None else replicates.shift)
             counts = np.ones_like(value) if replicates.counts is None else replicates.counts
             for i, rows in enumerate(self.groups.values()):
@@ -154,7 +154,7 @@ class BatchedSolver:
 
     def _sigma(self, noise: Array) -> Array:
         """Noise of each row, (m, n) or (1, n)."""
-        base = base_of(self.problem)
+        base = self.problem.noise.base
         if not self.groups:
             return base[None]
         return np.asarray(base * noise[:, _codes(self.groups, base.size)])
@@ -167,7 +167,7 @@ class BatchedSolver:
             if replicates.counts is None
             else weight * replicates.counts
         )
-        index = {c.name: i for i, c in enumerate(self.problem.constants)}
+        index = {c.name: i for i, c in enumerate(self.problem.parameters)}
         own = [index["e_n"], index.get(self.problem.closure.constant or "", -1), index["mu"]]
         prior = np.column_stack((replicates.prior, np.full(replicates.size, np.nan)))[:, own]
         return [
@@ -176,7 +176,7 @@ class BatchedSolver:
 
     def _theta(self, solved: Sequence[GroupFits]) -> Array:
         """The constants of all groups in one vector each."""
-        theta = np.zeros((solved[0].constants.shape[0], len(self.problem.names)))
+        theta = np.zeros((solved[0].constants.shape[0], len(self.problem.parameters.names)))
         for places, batched in zip(self.places, solved, strict=True):
             for place, column in zip(places, batched.constants.T, strict=True):
                 if place >= 0:
@@ -190,8 +190,8 @@ class BatchedSolver:
         n = self.problem.rows.value.size
         counts = np.ones((replicates.size, n)) if replicates.counts is None else replicates.counts
         value = self.problem.rows.value + (0.0 if replicates.shift is None else replicates.shift)
-        base = base_of(self.problem)
-        square = counts * ((value - fitted_at(self.problem, theta)) / base) ** 2
+        base = self.problem.noise.base
+        square = counts * ((value - self.problem.predict(theta)) / base) ** 2
         weight = counts / self._sigma(noise) ** 2
         leverage = np.zeros_like(weight)
         for batched, one in zip(self.parameter_groups, solved, strict=True):
@@ -226,7 +226,7 @@ class BatchedSolver:
     ) -> tuple[NDArray[np.object_], Bool]:
         """What replicates leave open that the data do not, and why."""
         reason = np.full(replicates.size, "", dtype=object)
-        is_undetermined = np.zeros((replicates.size, len(self.problem.names)), dtype=bool)
+        is_undetermined = np.zeros((replicates.size, len(self.problem.parameters.names)), dtype=bool)
         for batched, places, one in zip(self.parameter_groups, self.places, solved, strict=True):
             for number in np.flatnonzero((one.minima.rank < batched.rank) | one.without_e_n):
                 if one.minima.rank[number] < batched.rank:
@@ -242,7 +242,7 @@ class BatchedSolver:
                     why, which = NO_E_N, places[[0, 2]]
                 reason[number] = reason[number] or why
                 is_undetermined[number, which[which >= 0]] = True
-        return reason, is_undetermined & self.problem.free
+        return reason, is_undetermined & self.problem.parameters.free
 
     def _regimes(
         self, replicates: ReplicateData, batched: BatchedGroup, solved: GroupFits, number: int
@@ -255,18 +255,6 @@ class BatchedSolver:
         grazing = batched.always[(batched.always >= 0) & np.isinf(self.problem.rows.tau[batched.always])]
         slides = bool(left[batched.switching[n_stick:]].any() or left[grazing].any())
         return slides, bool(left[batched.switching[:n_stick]].any())
-
-
-def noise_groups(problem: Problem) -> dict[str, Index]:
-    """Rows of each noise that is looked for; "" where one factor is common to all rows."""
-    if problem.noise == "known":
-        return {}
-    return {"": np.arange(problem.rows.value.size)} if problem.noise == "scaled" else problem.groups()
-
-
-def base_of(problem: Problem) -> Array:
-    """What the noise of each row is a multiple of: the given sigma, or 1 where it is unknown."""
-    return np.ones(problem.rows.value.size) if problem.noise == "unknown" else problem.sigma
 
 
 def _codes(groups: Mapping[str, Index], n: int) -> Index:

@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.bootstrap.batched_solver import BatchedSolver, noise_groups
+from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.replicate_fits import ReplicateFits, concatenate_fits
 from ifrfit.inference.bootstrap.schemes import Scheme, draw_replicates, make_scheme
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.distributions.draws import kappas_of
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior.integral_layout import noise_label
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -44,7 +44,7 @@ class Bootstrap:
     shortage : str
         What there is too little of to draw from, in words; empty if there is enough.
     draws : mapping of str to ndarray
-        Constants and noises of the replicates that have an answer, by the names of `Law`.
+        Constants and noises of the replicates that have an answer, by the names of `Distribution`.
     replicates : int
     reasons : mapping of str to int
         Why replicates have no answer, and how many.
@@ -78,7 +78,7 @@ class Bootstrap:
 
     @cached_property
     def kappas(self) -> Mapping[str, Array]:
-        """Draws of kappa, by the names of `Law`."""
+        """Draws of kappa, by the names of `Distribution`."""
         return kappas_of(self.problem, self.draws)
 
 
@@ -182,15 +182,15 @@ def _collect(problem: Problem, chosen: Scheme, solved: ReplicateFits, seed: int)
     theta = solved.theta[answered]
     if only_kappa_is_seen(problem):
         theta = _spread_e_n(problem, theta, seed)
-    free = zip(problem.names, theta.T, problem.free, strict=True)
+    free = zip(problem.parameters.names, theta.T, problem.parameters.free, strict=True)
     draws = {name: column for name, column, is_free in free if is_free}
     if chosen.informs_noise:
-        noises = zip(noise_groups(problem), solved.noise[answered].T, strict=True)
-        draws |= {noise_label(group): column for group, column in noises}
+        noises = zip(problem.noise_groups(), solved.noise[answered].T, strict=True)
+        draws |= {noise_name(group): column for group, column in noises}
     is_undetermined: dict[str, Counter[str]] = {}
     for number in np.flatnonzero(~answered):
         for place in np.flatnonzero(solved.open[number]):
-            is_undetermined.setdefault(problem.names[place], Counter())[solved.reason[number]] += 1
+            is_undetermined.setdefault(problem.parameters.names[place], Counter())[solved.reason[number]] += 1
     return Bootstrap(
         problem,
         chosen.name,
@@ -208,7 +208,7 @@ def _spread_e_n(problem: Problem, theta: Array, seed: int) -> Array:
     """Draw e_n from its default prior where the data know kappa only, and give mu what kappa leaves of it."""
     theta = theta.copy()
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_MOST,)))  # no replicate has that key
-    places, entries = problem.positions(), problem.entries()
+    places, entries = problem.parameters.positions, problem.parameters.entries
     pairs = {(int(e), int(m)) for e, m in zip(places["e_n"], places["mu"], strict=True)}
     kappas = {pair: theta[:, pair[1]] * (1.0 + theta[:, pair[0]]) for pair in pairs}
     for place in sorted({e for e, _ in pairs}):

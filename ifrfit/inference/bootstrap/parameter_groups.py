@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.problem import Index
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.branch_and_bound import BatchOptima, minimise, minimise_batch
 from ifrfit.inference.optimize.design import LinearForm
 from ifrfit.inference.optimize.group_optimum import center_free_e_n

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 
 
 @dataclass(frozen=True)

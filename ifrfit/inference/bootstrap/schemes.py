@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.bootstrap.resampling_units import Kind, kinds_of, number_impacts
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares
 
 Array = NDArray[np.float64]
@@ -98,7 +99,7 @@ def draw_replicates(
     replicate, once for all series, or a constant that rests on it would seem to be known exactly.
     """
     counts, shifts, priors = [], [], []
-    sd = np.array([math.nan if c.prior is None else c.prior[1] for c in problem.constants])
+    sd = np.array([math.nan if c.prior is None else c.prior[1] for c in problem.parameters])
     for seed in seeds:
         rng = np.random.default_rng(seed)
         count, shift = scheme.draw(rng)
@@ -125,7 +126,7 @@ def make_scheme(name: str, problem: Problem, found: LeastSquares) -> Scheme:
         raise UsageError(f"--resample {name}: choose one of {', '.join(SCHEMES)}.")
     if name == "cases":
         return Cases.of(problem)
-    several = [c.name for c in problem.constants if c.separate and c.prior is not None]
+    several = [c.name for c in problem.parameters if c.separate and c.prior is not None]
     if several and len(problem.series) > 1:
         raise UsageError(
             f"--resample {name} cannot draw one prior of {several[0]} anew for several series: use "
@@ -205,7 +206,7 @@ class Residuals:
     def of(cls, problem: Problem, found: LeastSquares) -> Residuals:
         """Residuals of a fit."""
         residual = corrected(problem, found) / found.sigma
-        groups = problem.groups() if problem.noise == "unknown" else {"all": np.arange(residual.size)}
+        groups = problem.groups() if problem.noise.is_unknown else {"all": np.arange(residual.size)}
         pools, few = [], []
         for name, rows in groups.items():
             own = residual[rows][1.0 - found.gaussian.leverage[rows] > _OWN]
@@ -213,7 +214,7 @@ class Residuals:
             if own.size < FEWEST:
                 few.append(f"{own.size} in {name}")
         shortage = f"residuals, {'; '.join(few)}: use --method exact" if few else ""
-        base = problem.fitted(found.optimum.theta) - problem.rows.value
+        base = problem.predict(found.optimum.theta) - problem.rows.value
         splits = int(number_impacts(problem).max()) + 1 < residual.size
         return cls(tuple(pools), base, found.sigma, fitted_means(problem, found), shortage, splits)
 
@@ -261,7 +262,7 @@ class Wild:
         )
         return cls(
             number_impacts(problem),
-            problem.fitted(found.optimum.theta) - problem.rows.value,
+            problem.predict(found.optimum.theta) - problem.rows.value,
             corrected(problem, found),
             weights,
             chance,
@@ -278,19 +279,19 @@ class Wild:
 
 def corrected(problem: Problem, found: LeastSquares) -> Array:
     """Residuals over sqrt(1 - leverage), with the variance of their noise; 0 where a row fits itself."""
-    raw = problem.rows.value - problem.fitted(found.optimum.theta)
+    raw = problem.rows.value - problem.predict(found.optimum.theta)
     left = 1.0 - found.gaussian.leverage
     return np.asarray(np.where(left > _OWN, raw / np.sqrt(np.maximum(left, _OWN)), 0.0))
 
 
 def prior_means(problem: Problem) -> Array:
     """Means of the priors as given, one a constant; nan where there is none."""
-    return np.array([math.nan if c.prior is None else c.prior[0] for c in problem.constants])
+    return np.array([math.nan if c.prior is None else c.prior[0] for c in problem.parameters])
 
 
 def fitted_means(problem: Problem, found: LeastSquares) -> Array:
     """Constants of the fit where they have a prior: what is drawn anew lies about the fit, as values do."""
-    places = problem.positions()
+    places = problem.parameters.positions
     return np.array(
-        [math.nan if c.prior is None else found.optimum.theta[places[c.name][0]] for c in problem.constants]
+        [math.nan if c.prior is None else found.optimum.theta[places[c.name][0]] for c in problem.parameters]
     )

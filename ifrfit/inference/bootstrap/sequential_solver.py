@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import DataError
-from ifrfit.inference.bootstrap.batched_solver import base_of, noise_groups
 from ifrfit.inference.bootstrap.replicate_fits import (
     NO_NOISE,
     NO_SLIDING,
@@ -19,10 +18,10 @@ from ifrfit.inference.bootstrap.replicate_fits import (
     concatenate_fits,
 )
 from ifrfit.inference.bootstrap.schemes import ReplicateData
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.laplace import GaussianApproximation
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
-from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -47,14 +46,14 @@ class SequentialSolver:
     @classmethod
     def of(cls, problem: Problem, found: LeastSquares) -> SequentialSolver:
         """From the fit to the data as they are."""
-        return cls(problem, problem.free & ~_loose(problem, found.gaussian))
+        return cls(problem, problem.parameters.free & ~_loose(problem, found.gaussian))
 
     def solve(self, replicates: ReplicateData) -> ReplicateFits:
         """Fit every replicate, one by one."""
         return concatenate_fits([self._fit(replicates, number) for number in range(replicates.size)])
 
     def _fit(self, replicates: ReplicateData, number: int) -> ReplicateFits:
-        groups, base = noise_groups(self.problem), base_of(self.problem)
+        groups, base = self.problem.noise_groups(), self.problem.noise.base
         rows = drawn_rows(self.problem, replicates, number)
         drawn = replicate(self.problem, replicates, number)
         noise = np.ones(len(groups))
@@ -69,7 +68,7 @@ class SequentialSolver:
                 noise[i] = sigma[own[0]] / base[own[0]]
         except DataError:
             theta, nothing = np.zeros((1, self.seen.size)), np.zeros(1, dtype=bool)
-            return ReplicateFits(theta, noise[None], (NO_NOISE,), self.problem.free[None], nothing)
+            return ReplicateFits(theta, noise[None], (NO_NOISE,), self.problem.parameters.free[None], nothing)
         is_undetermined = self.seen & _loose(drawn, found.gaussian)
         why = (
             NOISE_NOT_CONVERGED
@@ -90,11 +89,11 @@ def drawn_rows(problem: Problem, replicates: ReplicateData, number: int) -> Inde
 
 def replicate(problem: Problem, replicates: ReplicateData, number: int) -> Problem:
     """One replicate as a problem of its own."""
-    constants = tuple(
+    parameters = (
         c if c.prior is None else replace(c, prior=(float(mean), c.prior[1]))
-        for c, mean in zip(problem.constants, replicates.prior[number], strict=True)
+        for c, mean in zip(problem.parameters, replicates.prior[number], strict=True)
     )
-    problem = replace(problem, constants=constants)
+    problem = problem.with_parameters(parameters)
     if replicates.shift is not None:
         problem = replace(
             problem, rows=replace(problem.rows, value=problem.rows.value + replicates.shift[number])
@@ -107,13 +106,13 @@ def replicate(problem: Problem, replicates: ReplicateData, number: int) -> Probl
 def _loose(problem: Problem, local: GaussianApproximation) -> Bool:
     """Entries of theta that take part in a direction that the rows do not see."""
     share = np.abs(local.to_theta @ local.vectors[:, ~local.seen])
-    prior_sd = np.array([c.prior_sd for c in problem.entries()])
+    prior_sd = np.array([c.prior_sd for c in problem.parameters.entries])
     return np.asarray((share > _LOADED * prior_sd[:, None]).any(axis=1))
 
 
 def _why(drawn: Problem, found: LeastSquares) -> str:
     """Why a replicate leaves a constant open."""
-    kinds = np.array([OBSERVABLES[name].kind for name in drawn.rows.names])[drawn.rows.which]
+    kinds = drawn.rows.kinds
     oblique = np.isin(kinds, ("tangential", "curved"))
     _, sticks = drawn.impulse(*drawn.per_row(found.optimum.theta))
     if oblique.any() and sticks[oblique].all():

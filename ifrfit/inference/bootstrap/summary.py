@@ -13,7 +13,7 @@ from ifrfit.inference.bootstrap.estimator import Bootstrap
 from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import FACTS, FAILED
-from ifrfit.inference.distributions.draws import Sampled
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import GaussianApproximation
 from ifrfit.inference.result.fit_result import FitResult
@@ -47,7 +47,7 @@ def with_draws(result: FitResult, found: Bootstrap) -> FitResult:
     warnings = result.warnings
     if found.splits_impacts:
         warnings = (*warnings, APART)
-    law = Sampled.of(problem, found.draws) if found.answered >= _FEWEST else None
+    law = Draws.of(problem, found.draws) if found.answered >= _FEWEST else None
     if law is not None:
         told = with_law(told, "bootstrap", law, converged, posterior=False)
     if law is None or _leaves_open(problem, result.least_squares.gaussian):
@@ -89,11 +89,11 @@ def _converged(found: Bootstrap, settled: Fact) -> Fact:
 
 def _opened(local: Mapping[str, Any], found: Bootstrap) -> dict[str, Any]:
     """The local estimates, without values for what too many replicates leave open."""
-    by_name = {c.name: c for c in found.problem.constants}
+    parameters = found.problem.parameters
 
     def opened(name: str, series: str, estimate: Estimate) -> Estimate:
         label = f"{name}[{series}]" if series else name
-        whole = by_name[name].lower, by_name[name].upper
+        whole = parameters[name].lower, parameters[name].upper
         return _open(found, label, found.open.get(label, {}), estimate, whole)
 
     return {
@@ -107,7 +107,7 @@ def _opened(local: Mapping[str, Any], found: Bootstrap) -> dict[str, Any]:
 def _derived(result: FitResult, found: Bootstrap) -> dict[str, Any]:
     """The same for kappa, which is open where mu is, unless it is only that e_n was lost."""
     problem, kappa = found.problem, result.derived["kappa"]
-    separate = next(c for c in problem.constants if c.name == "mu").separate
+    separate = problem.parameters["mu"].separate
 
     def opened(number: int, estimate: Estimate) -> Estimate:
         series = problem.series[number]
@@ -139,8 +139,8 @@ def _open(
 
 def _leaves_open(problem: Problem, local: GaussianApproximation) -> bool:
     """Whether the data leave anything loose, but e_n and mu that only share kappa."""
-    prior_sd = np.array([c.prior_sd for c in problem.entries()])
+    prior_sd = np.array([c.prior_sd for c in problem.parameters.entries])
     loose = np.abs(local.vectors[:, ~local.seen]) > _LOADED * prior_sd[:, None]
     if only_kappa_is_seen(problem):
-        loose[sorted(set(problem.positions()["e_n"].tolist()))] = False
+        loose[sorted(set(problem.parameters.positions["e_n"].tolist()))] = False
     return bool(loose.any())

@@ -7,10 +7,10 @@ from typing import Any
 
 from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.verdict import joined
 from ifrfit.inference.fit import fit
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import CLOSURES, Closure, get_closure
+from ifrfit.text import joined
 
 _BY_NAME = ("fix", "prior", "bounds")
 

@@ -113,7 +113,7 @@ def _entries(fits: dict[str, FitResult], loo: dict[str, Loo]) -> dict[str, Entry
     return {
         name: Entry(
             fit=fit,
-            free=int(fit.problem.free.sum()),
+            free=int(fit.problem.parameters.free.sum()),
             aicc=aicc(fit),
             log_bayes_factor=evidence[name] - top,
             probability=chance[name],

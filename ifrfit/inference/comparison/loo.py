@@ -16,7 +16,6 @@ from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import TOLERANCE, log_evidence
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 from ifrfit.inference.result.fit_result import FitResult
 
 Array = NDArray[np.float64]
@@ -87,10 +86,10 @@ def left_out(
     `whole` is the log evidence of all rows. The noise keeps the prior that it has with all rows.
     """
     rest = problem.with_rows(np.flatnonzero(keep))
-    groups = {"": None, **rest.groups()}
-    bounds = {name: ends for name, ends in noise_bounds(problem).items() if name in groups}
+    groups = rest.noise_groups()
+    bounds = {name: ends for name, ends in problem.noise_bounds().items() if name in groups}
     try:
-        return whole - log_evidence(replace(rest, noise_bounds=bounds), tolerance)
+        return whole - log_evidence(rest.with_noise(rest.noise.with_bounds(bounds)), tolerance)
     except (DataError, UsageError):
         return None
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.types import PriorRow
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import log_evidence
-from ifrfit.inference.posterior.free_parameter import Unknown
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import get_closure
@@ -26,9 +26,9 @@ _ENOUGH = 1e-3  # share of the posterior below which its distribution function h
 def prior_of(problem: Problem) -> dict[str, dict[str, float]]:
     """Prior of each free constant: ends of a uniform one, with mean and sd of the user's."""
     found = {}
-    for constant in problem.constants:
+    for constant in problem.parameters:
         if constant.fixed is None:
-            unknown = Unknown.of(constant.name, constant)
+            unknown = FreeParameter.of(constant.name, constant)
             found[constant.name] = {"lower": unknown.lower, "upper": unknown.upper}
             if constant.prior is not None:
                 found[constant.name] |= {"mean": constant.prior[0], "sd": constant.prior[1]}
@@ -48,7 +48,7 @@ def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:
     problems = {name: _problem(fit) for name, fit in fits.items()}
     mu = _varied(next(iter(problems.values())), "mu")
     if mu is not None:
-        low, high = mu.lower, Unknown.of("mu", mu).upper
+        low, high = mu.lower, FreeParameter.of("mu", mu).upper
         for width in MU_WIDTHS:
             ends = (low, low + width * (high - low))
             rows.append(
@@ -74,19 +74,19 @@ def _log_evidence(fit: FitResult) -> float:
     return float(fit.law.log_evidence)
 
 
-def _varied(problem: Problem, name: str | None) -> Constant | None:
+def _varied(problem: Problem, name: str) -> Parameter | None:
     """The constant, if it is free under a uniform prior."""
-    constant = next(c for c in problem.constants if c.name == name)
+    constant = problem.parameters[name]
     return constant if constant.fixed is None and constant.prior is None else None
 
 
 def _labels(problem: Problem, name: str) -> list[str]:
     """Entries of theta that a constant has."""
-    pairs = zip(problem.names, problem.entries(), strict=True)
+    pairs = zip(problem.parameters.names, problem.parameters.entries, strict=True)
     return [label for label, constant in pairs if constant.name == name]
 
 
-def _half(fit: FitResult, constant: Constant) -> Interval:
+def _half(fit: FitResult, constant: Parameter) -> Interval:
     """Part of the domain, half as wide, about the posterior median (the mean of several)."""
     medians = [float(fit.law.quantile(x, 0.5)) for x in _labels(_problem(fit), constant.name)]
     width = OWN_WIDTH * (constant.upper - constant.lower)
@@ -101,21 +101,21 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
     posterior's share between the ends. A wider one is integrated afresh.
     """
     problem = _problem(fit)
-    old = Unknown.of(name, next(c for c in problem.constants if c.name == name))
+    old = FreeParameter.of(name, problem.parameters[name])
     labels = _labels(problem, name)
     if len(labels) == 1 and old.lower <= ends[0] and ends[1] <= old.upper:
         below, within = (float(x) for x in fit.law.cdf(labels[0], np.array(ends)))
         if within - below > _ENOUGH:
             gain = math.log((old.upper - old.lower) / (ends[1] - ends[0]))
             return _log_evidence(fit) + gain + math.log(within - below)
-    constants = tuple(
-        replace(c, lower=ends[0], upper=ends[1]) if c.name == name else c for c in problem.constants
+    moved = replace(problem.parameters[name], lower=ends[0], upper=ends[1])
+    at = np.array(
+        [fit.least_squares.optimum.theta[problem.parameters.names.index(label)] for label in labels]
     )
-    at = np.array([fit.least_squares.optimum.theta[problem.names.index(label)] for label in labels])
     inside = bool(((at > max(ends[0], old.lower)) & (at < min(ends[1], old.upper))).all())
     # an optimum that neither domain cuts is where to begin in both
     start = fit.least_squares if inside else None
     try:
-        return log_evidence(replace(problem, constants=constants), fit.law.tolerance, start)
+        return log_evidence(problem.with_parameters([moved]), fit.law.tolerance, start)
     except (UsageError, DataError):  # a domain that this closure cannot have
         return None

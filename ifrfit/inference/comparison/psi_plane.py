@@ -80,9 +80,9 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     """
     problem = problems[0]
     rows, left_out = psi_rows(problem)
-    if any(c.separate for c in problem.constants):
+    if any(c.separate for c in problem.parameters):
         return PsiPlane("constants are separate, and the lines of several series differ", left_out=left_out)
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         return PsiPlane("it knows Gaussian errors of the values only", left_out=left_out)
     if rows is None:
         return PsiPlane(
@@ -92,7 +92,7 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     n = rows.tau.size
     if n < _FEWEST:
         return PsiPlane(f"{n} row{'s' if n > 1 else ''} cannot tell two slopes", n=n, left_out=left_out)
-    fitted = _fit(rows, known=problem.noise == "known")
+    fitted = _fit(rows, known=problem.noise.is_known)
     if fitted is None:
         return PsiPlane("the rows leave no misfit to tell their noise from", n=n, left_out=left_out)
     t = fitted.optimum.t
@@ -188,7 +188,7 @@ def _expected(
     difference: dict[str, Interval | None] = {}
     for problem in problems:
         closure = problem.closure
-        constant = next((c for c in problem.constants if c.name == closure.constant), None)
+        constant = next((c for c in problem.parameters if c.name == closure.constant), None)
         if constant is None:
             ends: Sequence[float | None] = (None,)
         elif constant.fixed is not None:

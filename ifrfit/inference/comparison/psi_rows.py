@@ -61,7 +61,7 @@ class PsiRows:
         always = np.concatenate((stick[still], slide[grazing]))
         inner = ~(still | grazing)
         reach = float(self.tau[inner].max(initial=1.0))
-        constraints = np.kron(np.eye(3), [[1.0], [-1.0]])
+        constraints = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
         # wide enough for slopes of sticking as steep, and for all impacts to stick
         limits = STEEPEST * np.array([1.0, 1.0, 2.0, 0.0, 4.0 * reach, 0.0])
         return PiecewiseProblem(
@@ -88,7 +88,7 @@ def psi_rows(problem: Problem) -> tuple[PsiRows | None, dict[str, str]]:
     mapping
         Observable to the reason.
     """
-    e_n = next(c for c in problem.constants if c.name == "e_n").fixed
+    e_n = problem.parameters["e_n"].fixed
     share = rotational_share(problem.inertia_factor)
     left_out: dict[str, str] = {}
     parts: list[tuple[Index, Array, Array]] = []
@@ -113,9 +113,9 @@ def psi_rows(problem: Problem) -> tuple[PsiRows | None, dict[str, str]]:
     if not parts:
         return None, left_out
     rows, value, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
-    base = np.ones(rows.size) if problem.noise == "unknown" else problem.sigma[rows]
+    base = problem.noise.base[rows]
     group = np.zeros(rows.size, dtype=np.intp)
-    if problem.noise == "unknown":
+    if problem.noise.is_unknown:
         for number, own in enumerate(_groups(problem).values()):
             group[np.isin(rows, own)] = number
     return PsiRows(problem.rows.tau[rows], value, weight, base, group), left_out

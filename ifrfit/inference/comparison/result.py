@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ifrfit.data import Source
 from ifrfit.inference.comparison.types import Loo, PriorRow, PsiPlane, Verdict
+from ifrfit.inference.result.display import Display
 from ifrfit.inference.result.fit_result import FitResult
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Display):
     """Closures side by side. Frozen; `to_dict` gives exactly compare.json.
 
     Attributes
@@ -74,6 +74,7 @@ class Comparison:
     psi_plane: PsiPlane
     verdict: Verdict
     notes: tuple[str, ...] = ()
+    drawn_by: ClassVar[str] = "ifrfit.report.comparison"
 
     @property
     def ranked(self) -> tuple[str, ...]:
@@ -140,22 +141,3 @@ class Comparison:
         from ifrfit.inference.comparison.write_json import save
 
         save(self, Path(path))
-
-    # The report layer stands after inference; these methods hand the comparison on and import it only then.
-
-    def summary(self) -> str:
-        """The comparison as text for a terminal, at most 100 columns."""
-        from ifrfit.report.comparison.text import text
-
-        return text(self)
-
-    def plot(self) -> Figure:
-        """Figure of data, each closure's line and residuals, and the evidence beside cross-validation."""
-        from ifrfit.report.comparison.figure import plot
-
-        return plot(self)
-
-    def _repr_html_(self) -> str:
-        from ifrfit.report.comparison.text import html
-
-        return html(self)

@@ -8,8 +8,8 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.closure_questions import known_to
 from ifrfit.inference.comparison.compare import weighed
 from ifrfit.inference.comparison.result import Comparison
-from ifrfit.inference.model.apply_error_model import with_scatter
-from ifrfit.inference.model.parameters import Constant, make_constants
+from ifrfit.inference.model.apply_error_model import with_error_model
+from ifrfit.inference.model.parameters import Parameter, make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.least_squares_result import optimum_of
@@ -43,7 +43,7 @@ def compare_again(result: FitResult, *, loo: bool = False) -> Comparison:
         If the result does not keep its question, or a closure cannot be fitted.
     """
     problem, _ = question(result)
-    closures, notes = known_to(problem.scatter.is_plain)
+    closures, notes = known_to(problem.error_model.is_plain)
     fits = {closure.name: _fitted(closure, problem, result) for closure in closures}
     return weighed(fits, notes, loo, result.seed)
 
@@ -53,18 +53,18 @@ def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
     constants = _constants(closure, problem)
     try:
         other = make_problem(problem.observations, closure, j, constants, result.noise.policy)
-        other = with_scatter(other, problem.scatter, "exact")
+        other = with_error_model(other, problem.error_model, "exact")
         return with_posterior(optimum_of(other, result.seed, brief=True), _TOLERANCE)
     except (UsageError, DataError) as error:
         raise type(error)(f"Closure {closure.title}: {error}") from None
 
 
-def _constants(closure: Closure, problem: Problem) -> tuple[Constant, ...]:
+def _constants(closure: Closure, problem: Problem) -> tuple[Parameter, ...]:
     """What the user said of each constant; bounds of its own where the user left those of the closure."""
-    usual = {each.name: each for each in make_constants(problem.closure, problem.inertia_factor)}
-    said = {each.name: each for each in problem.constants}
+    usual = {each.name: each for each in make_parameters(problem.closure, problem.inertia_factor)}
+    said = {each.name: each for each in problem.parameters}
     found = []
-    for own in make_constants(closure, problem.inertia_factor):
+    for own in make_parameters(closure, problem.inertia_factor):
         each = said.get(own.name, own)
         before = usual.get(own.name, own)
         if (each.lower, each.upper) == (before.lower, before.upper):

@@ -9,10 +9,10 @@ import numpy as np
 
 from ifrfit.inference.comparison.result import Entry
 from ifrfit.inference.comparison.types import PriorRow, Verdict
-from ifrfit.inference.diagnostics.lack_of_fit import p_text
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import get_closure
+from ifrfit.text import joined, p_text
 
 # Kass & Raftery (1995), Journal of the American Statistical Association 90, 773: natural logarithms
 SCALE = ((5.0, "very strong"), (3.0, "strong"), (1.0, "positive"))
@@ -61,11 +61,6 @@ def verdict_of(entries: Mapping[str, Entry], priors: Sequence[PriorRow]) -> Verd
 def title(name: str) -> str:
     """A closure as in reports."""
     return get_closure(name).title
-
-
-def joined(words: Sequence[str], last: str = "and") -> str:
-    """Words with commas and a last "and"."""
-    return ", ".join(words[:-1]) + f" {last} {words[-1]}" if len(words) > 1 else "".join(words)
 
 
 def strength_of(log_bayes_factor: float) -> str:

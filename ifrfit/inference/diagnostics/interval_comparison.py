@@ -98,12 +98,15 @@ def intervals(
 def _quantities(problem: Problem, fit: LeastSquares) -> list[tuple[str, float, Any]]:
     """Name, value and derivative by the local coordinates of each free constant and of kappa."""
     theta, to_theta = fit.optimum.theta, fit.gaussian.to_theta
-    found = [(problem.names[i], float(theta[i]), to_theta[i]) for i in np.flatnonzero(problem.free).tolist()]
-    places = problem.positions()
+    found = [
+        (problem.parameters.names[i], float(theta[i]), to_theta[i])
+        for i in np.flatnonzero(problem.parameters.free).tolist()
+    ]
+    places = problem.parameters.positions
     for series, i_e, i_mu in zip(problem.series, places["e_n"], places["mu"], strict=True):
         factor, mu = 1.0 + float(theta[i_e]), float(theta[i_mu])
         functional = factor * to_theta[i_mu] + mu * to_theta[i_e]
-        separate = any(c.separate for c in problem.constants if c.name in ("e_n", "mu"))
+        separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
         name = f"kappa[{series}]" if separate else "kappa"
         if separate or series == problem.series[0]:
             found.append((name, mu * factor, functional))

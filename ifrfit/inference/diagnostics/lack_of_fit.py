@@ -11,10 +11,12 @@ from scipy import special
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.inference.result.types import Fact
 from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.text import p_text
 
 Array = NDArray[np.float64]
 
@@ -40,7 +42,7 @@ def residuals_of(problem: Problem, fit: LeastSquares) -> Residuals:
     Where sigma comes from the misfit, a row is left out of its own yardstick (external studentisation), so
     that an outlier does not hide behind the noise it feigns.
     """
-    raw = problem.rows.value - problem.fitted(fit.optimum.theta)
+    raw = problem.rows.value - problem.predict(fit.optimum.theta)
     standardised = raw / fit.sigma
     internal = standardised / np.sqrt(np.maximum(1.0 - fit.gaussian.leverage, 1e-6))
     if math.isinf(fit.noise_dof) or fit.noise_dof <= 1.0:
@@ -60,7 +62,7 @@ def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals, *, re
     runs = _runs(problem, r)
     rule = FACTS["lack_of_fit"]
     figures: dict[str, object] = {"dof": dof, "p_runs": runs}
-    if problem.noise == "known":
+    if problem.noise.is_known:
         test = "chi2"
         p = float(special.chdtrc(dof, float(r @ r))) if dof > 0 else math.nan
     else:
@@ -111,13 +113,6 @@ def _oblique_remedy(problem: Problem) -> str:
     return says
 
 
-def p_text(p: float) -> str:
-    """A probability as people write it."""
-    if p < 1e-300:
-        return "0, below 1e-300"
-    return f"{p:.2g}" if p >= 1e-3 else f"{p:.0e}"
-
-
 def _pure_error(problem: Problem, r: Array, dof: int) -> float | None:
     """p of the F test of lack of fit against the scatter of repeats; None without repeats."""
     i = problem.rows.incidence
@@ -157,7 +152,7 @@ def _smooth(problem: Problem, fit: LeastSquares, r: Array) -> float | None:
             columns.append(wide)
     if not columns:
         return None
-    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.free] / fit.sigma[:, None]
+    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free] / fit.sigma[:, None]
     own = orthonormal(jacobian)
     extra = np.concatenate(columns, axis=1)
     extra = orthonormal(extra - own @ (own.T @ extra))

@@ -33,7 +33,7 @@ class Evidence(Protocol):
 def sharing(
     problem: Problem,
     log_evidence: float,
-    explore: Callable[[Problem], Evidence],
+    integrate: Callable[[Problem], Evidence],
     names: Collection[str] = (),
 ) -> Fact | None:
     """Weigh constants that are separate for each series against ones that all series share.
@@ -44,7 +44,7 @@ def sharing(
         The question as asked.
     log_evidence : float
         Its evidence.
-    explore : callable
+    integrate : callable
         From a problem to something with a `log_evidence`.
     names : collection of str
         Empty: the separate constants are tried shared, all at once and, where there are several, one by one.
@@ -66,7 +66,7 @@ def sharing(
     a constant of its own for each series costs a factor of about its posterior over its prior width, per
     series beyond the first. So a prior twice as wide favours sharing by twice as much a series.
     """
-    free = [c for c in problem.constants if c.fixed is None]
+    free = [c for c in problem.parameters if c.fixed is None]
     if names:
         tested = [c.name for c in free if c.name in names and not c.separate]
     else:
@@ -74,12 +74,12 @@ def sharing(
     alone = bool(names) and int(np.bincount(problem.rows.series).min()) < 2
     if len(problem.series) < 2 or not tested or alone or not math.isfinite(log_evidence):
         return None
-    now = frozenset(c.name for c in problem.constants if c.separate)
+    now = frozenset(c.name for c in problem.parameters if c.separate)
     models = [_Model(now, log_evidence)]
     for flipped in [tested, *([name] for name in tested[:_MOST] if len(tested) > 1)]:
         try:
             other = _with_separate(problem, now ^ frozenset(flipped))
-            models.append(_Model(now ^ frozenset(flipped), float(explore(other).log_evidence)))
+            models.append(_Model(now ^ frozenset(flipped), float(integrate(other).log_evidence)))
         except DataError:  # too few rows for so many constants
             continue
     models = [model for model in models if math.isfinite(model.log_evidence)]
@@ -104,9 +104,7 @@ class _Model:
 
 def _with_separate(problem: Problem, separate: frozenset[str]) -> Problem:
     """The same question with these constants separate."""
-    return replace(
-        problem, constants=tuple(replace(c, separate=c.name in separate) for c in problem.constants)
-    )
+    return problem.with_parameters(replace(p, separate=p.name in separate) for p in problem.parameters)
 
 
 def _fact(models: list[_Model], tested: list[str], *, apart: bool) -> Fact:

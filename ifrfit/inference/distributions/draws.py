@@ -20,8 +20,8 @@ _COUNTED = 3400.0  # over the number of draws: some 200 of them at the density t
 
 
 @dataclass(frozen=True)
-class Sampled:
-    """Draws of the constants (and noises), read as `Law` says. Made by `Sampled.of`.
+class Draws:
+    """Draws of the constants (and noises), read as `Distribution` says. Made by `Draws.of`.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Sampled:
     values: Mapping[str, Array] = field(repr=False)
 
     @classmethod
-    def of(cls, problem: Problem, draws: Mapping[str, Array]) -> Sampled:
+    def of(cls, problem: Problem, draws: Mapping[str, Array]) -> Draws:
         """Draws of every free constant, and of noises where there are any; kappa is worked out.
 
         Parameters
@@ -49,7 +49,11 @@ class Sampled:
         KeyError
             If a free constant has no draws.
         """
-        free = [name for name, is_free in zip(problem.names, problem.free, strict=True) if is_free]
+        free = [
+            name
+            for name, is_free in zip(problem.parameters.names, problem.parameters.free, strict=True)
+            if is_free
+        ]
         noises = [name for name in draws if name.startswith("noise")]
         found = {name: draws[name] for name in free} | kappas_of(problem, draws)
         found |= {name: draws[name] for name in noises}
@@ -120,15 +124,17 @@ class Sampled:
 
 
 def kappas_of(problem: Problem, draws: Mapping[str, Array]) -> dict[str, Array]:
-    """kappa = mu (1 + e_n) of each draw, by the names of `Law`; none where both are fixed."""
-    places, entries = problem.positions(), problem.entries()
+    """kappa = mu (1 + e_n) of each draw, by the names of `Distribution`; none where both are fixed."""
+    places, entries = problem.parameters.positions, problem.parameters.entries
     found: dict[str, Array] = {}
     for number in range(len(problem.series)):
         own = [int(places["mu"][number]), int(places["e_n"][number])]
         free = [i for i in own if entries[i].fixed is None]
         if not free:
             continue
-        bracket = next((problem.names[i].partition("[")[2] for i in free if entries[i].separate), "")
+        bracket = next(
+            (problem.parameters.names[i].partition("[")[2] for i in free if entries[i].separate), ""
+        )
         name = f"kappa[{bracket}" if bracket and len(problem.series) > 1 else "kappa"
         if name not in found:
             mu, e_n = (entry_draws(problem, draws, kind, number) for kind in ("mu", "e_n"))
@@ -140,9 +146,9 @@ def entry_draws(problem: Problem, draws: Mapping[str, Array], kind: str | None, 
     """Draws of a constant in a series, or its fixed value; 0 for the constant that a closure has not."""
     if kind is None:
         return 0.0
-    place = int(problem.positions()[kind][series])
-    fixed = problem.entries()[place].fixed
-    return draws[problem.names[place]] if fixed is None else fixed
+    place = int(problem.parameters.positions[kind][series])
+    fixed = problem.parameters.entries[place].fixed
+    return draws[problem.parameters.names[place]] if fixed is None else fixed
 
 
 def _frozen(values: Array) -> Array:

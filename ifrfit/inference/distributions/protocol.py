@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)  # of the quantiles that a result keeps
 
 
-class Law(Protocol):
+class Distribution(Protocol):
     """A joint law of the free constants, of kappa and of free noises: from a quadrature, or from draws.
 
     Quantities go by the entries of `Problem.names` that are free; kappa, or kappa[SERIES] where e_n or mu is

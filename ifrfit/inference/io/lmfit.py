@@ -104,12 +104,12 @@ def minimizer_result(result: FitResult) -> Any:
         )
     sigma = result.points["sigma_used"].to_numpy(dtype=float)
     params = lmfit.Parameters()
-    labels = [_label(name) for name in problem.names]
+    labels = [_label(name) for name in problem.parameters.names]
     theta = result.least_squares.optimum.theta
-    lower, upper = problem.bounds()
+    lower, upper = problem.parameters.bounds()
     settled = _settled(result)
     for label, name, value, low, high, free in zip(
-        labels, problem.names, theta, lower, upper, problem.free, strict=True
+        labels, problem.parameters.names, theta, lower, upper, problem.parameters.free, strict=True
     ):
         varies = bool(free) and name in settled
         params.add(
@@ -118,8 +118,8 @@ def minimizer_result(result: FitResult) -> Any:
 
     def residual(p: Any) -> Any:
         at = np.array([p[label].value for label in labels])
-        data = (problem.rows.value - problem.fitted(at)) / sigma
-        return np.concatenate((data, problem.prior_residuals(at)))
+        data = (problem.rows.value - problem.predict(at)) / sigma
+        return np.concatenate((data, problem.parameters.prior_residuals(at)))
 
     return lmfit.minimize(residual, params, method="least_squares", scale_covar=False, xtol=1e-14, ftol=1e-14)
 

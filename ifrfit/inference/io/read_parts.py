@@ -14,8 +14,8 @@ from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.inference.accuracy.types import Effort
 from ifrfit.inference.io.json_node import Node
 from ifrfit.inference.io.write_result import FACTOR
-from ifrfit.inference.model.error_model import PLAIN, Scatter, make_scatter
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel, make_error_model
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.result.types import Estimate, Fact, FitStatistics, Noise, State, Status
 
 if TYPE_CHECKING:
@@ -89,13 +89,13 @@ def noise_from(node: Node) -> Noise:
         sigma=node["sigma"].mapped(lambda item: item.number(math.nan)),
         estimates=named(node["estimates"].mapped(_estimate)) if "estimates" in node else {},
         prior=named(node["prior"].mapped(_interval)) if "prior" in node else {},
-        scatter=_scatter(node["scatter"]) if "scatter" in node else PLAIN,
+        error_model=_error_model(node["scatter"]) if "scatter" in node else PLAIN,
     )
 
 
-def _scatter(node: Node) -> Scatter:
+def _error_model(node: Node) -> ErrorModel:
     population = node["angle_population"]
-    return make_scatter(
+    return make_error_model(
         tails=node["tails"].text(),
         angle_errors=node["angle_errors"].text(),
         angle_population=None if population.value is None else _interval(population),
@@ -103,18 +103,18 @@ def _scatter(node: Node) -> Scatter:
     )
 
 
-def asked_from(node: Node) -> tuple[Constant, ...]:
+def asked_from(node: Node) -> tuple[Parameter, ...]:
     """The asked of a result."""
     node.check(dict)
     return tuple(_constant_asked(name, node[name]) for name in node.value)
 
 
-def _constant_asked(name: str, node: Node) -> Constant:
+def _constant_asked(name: str, node: Node) -> Parameter:
     low, high = _interval(node["bounds"])
     prior = node["prior"]
     separate = node["separate"]
     separate.check(bool)
-    return Constant(
+    return Parameter(
         name=name,
         lower=low,
         upper=high,

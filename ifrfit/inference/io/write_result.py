@@ -13,7 +13,7 @@ import numpy as np
 from ifrfit._version import __version__
 from ifrfit.data import Source
 from ifrfit.inference.io.json_text import render, write_whole
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, FitStatistics, Noise, State
 
@@ -158,7 +158,7 @@ def _estimates(value: Any, path: str, nulls: _Nulls) -> Any:
     return _plain(value, path, nulls)
 
 
-def _asked(constant: Constant, nulls: _Nulls) -> dict[str, Any]:
+def _asked(constant: Parameter, nulls: _Nulls) -> dict[str, Any]:
     """What the user asked of a constant: enough to put the same question again."""
     return {
         "bounds": _ends((constant.lower, constant.upper), nulls),
@@ -192,10 +192,10 @@ def _noise(noise: Noise, nulls: _Nulls) -> dict[str, Any]:
         content["estimates"] = _estimates(named, "noise.estimates", nulls)
     if noise.prior:
         content["prior"] = {name or FACTOR: _ends(bounds, nulls) for name, bounds in noise.prior.items()}
-    if noise.scatter.words:
+    if noise.error_model.words:
         content["scatter"] = {
             key: list(value) if isinstance(value, tuple) else value
-            for key, value in noise.scatter.choices().items()
+            for key, value in noise.error_model.choices().items()
         }
     return content
 

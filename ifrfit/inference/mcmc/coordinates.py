@@ -46,13 +46,13 @@ class Coordinates:
     def replaced(self) -> tuple[tuple[int, int | None, float], ...]:
         """Of each kappa: its place, the place of its e_n (None if fixed), and the value of a fixed e_n."""
         problem = self.problem
-        entries, free = problem.entries(), problem.free
+        entries, free = problem.parameters.entries, problem.parameters.free
         names, _, _ = kappa_coordinates(problem, np.zeros(free.size))
         place = np.cumsum(free) - 1  # among the free entries
-        positions = problem.positions()
+        positions = problem.parameters.positions
         found = {}
         for mu, e_n in zip(positions["mu"].tolist(), positions["e_n"].tolist(), strict=True):
-            if free[mu] and names[mu] != problem.names[mu]:
+            if free[mu] and names[mu] != problem.parameters.names[mu]:
                 value = entries[e_n].fixed
                 own = (int(place[e_n]), 0.0) if value is None else (None, value)
                 found[int(place[mu])] = own

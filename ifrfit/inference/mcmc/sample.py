@@ -10,7 +10,7 @@ import numpy as np
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.distributions.draws import Sampled
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 from ifrfit.inference.mcmc.chains import Chains
 from ifrfit.inference.mcmc.checkpoint import load_chains, question_of, save_chains
@@ -47,10 +47,10 @@ class Sample:
         return judge(self.evidence)
 
     @cached_property
-    def law(self) -> Sampled:
+    def law(self) -> Draws:
         """All draws that are kept, as a law."""
         values = {name: x.reshape(-1) for name, x in self.evidence.kept.items()}
-        return Sampled.of(self.coordinates.problem, values)
+        return Draws.of(self.coordinates.problem, values)
 
     def save(self, path: Path) -> None:
         """Write the chains to a file, to walk on from."""

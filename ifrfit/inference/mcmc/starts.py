@@ -61,9 +61,9 @@ def optima(optimum: Optimum) -> list[Array]:
 def _gaussian(coordinates: Coordinates, found: LeastSquares, theta: Array) -> tuple[Array, Array]:
     """Centre, (d,), and root of the covariance, (d, d), about an optimum."""
     problem, density = coordinates.problem, coordinates.density
-    low, high = problem.bounds()
+    low, high = problem.parameters.bounds()
     theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
-    free = problem.free
+    free = problem.parameters.free
     covariance = gaussian_approximation(problem, found.sigma, theta).covariance(capped=True)[
         np.ix_(free, free)
     ]
@@ -82,11 +82,9 @@ def _gaussian(coordinates: Coordinates, found: LeastSquares, theta: Array) -> tu
 def _noise(coordinates: Coordinates, found: LeastSquares) -> tuple[Array, Array]:
     """Logarithm of each noise at the optimum, and its sd."""
     problem = coordinates.problem
-    groups = problem.groups() if problem.noise == "unknown" else {"": np.arange(problem.sigma.size)}
-    base = problem.sigma if problem.noise == "scaled" else np.ones(problem.sigma.size)
+    base = problem.noise.base
     centre, spread = [], []
-    for name in coordinates.density.noises:
-        rows = groups[name]
+    for rows in problem.noise_groups().values():
         centre.append(math.log(float(np.median(found.sigma[rows] / base[rows]))))
         spread.append(1.0 / math.sqrt(2.0 * max(rows.size - 1, 1)))
     return np.array(centre), np.array(spread)

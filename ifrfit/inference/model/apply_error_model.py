@@ -1,4 +1,4 @@
-"""Put the chosen scatter into a problem, or say in words why it does not fit the data or the method."""
+"""Put the chosen error model into a problem, or say in words why it does not fit the data or the method."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import pandas as pd
 
 from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.model.error_model import Scatter
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.error_propagation import propagated_sigma
-from ifrfit.inference.model.problem import Index, Problem
-from ifrfit.inference.posterior.noise_scale import noise_bounds
+from ifrfit.inference.model.noise import NoiseModel, Policy
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.physics.observables import Observable
 
 
-def with_propagated_sigma(observations: Observations, scatter: Scatter) -> Observations:
+def with_propagated_sigma(observations: Observations, error_model: ErrorModel) -> Observations:
     """Observations whose sigma follows from the errors of the measured velocities and spins.
 
     Raises
@@ -25,7 +26,7 @@ def with_propagated_sigma(observations: Observations, scatter: Scatter) -> Obser
     DataError
         For an observable whose error cannot be propagated.
     """
-    if not scatter.propagates:
+    if not error_model.propagates:
         return observations
     table = observations.table.copy()
     gamma = table["gamma_deg"].fillna(0.0).to_numpy(dtype=float)
@@ -39,108 +40,107 @@ def with_propagated_sigma(observations: Observations, scatter: Scatter) -> Obser
         )
         value = table["value"].to_numpy(dtype=float)[rows]
         where = str(table["source"].iloc[int(rows[0])])
-        sigma[rows] = propagated_sigma(str(name), own, value, scatter, where)
+        sigma[rows] = propagated_sigma(str(name), own, value, error_model, where)
     table["sigma"] = sigma
     return replace(observations, table=table)
 
 
-def with_scatter(problem: Problem, scatter: Scatter, method: str) -> Problem:
-    """The problem under this scatter.
+def with_error_model(problem: Problem, error_model: ErrorModel, method: str) -> Problem:
+    """The problem under this error model.
 
     One unknown noise becomes a common factor on a sigma of 1: the factor has the prior of the noise.
 
     Raises
     ------
     UsageError
-        If the method does not know this scatter.
+        If the method does not know this error model.
     DataError
         If the data lack the errors of angle and spin, or have several unknown noises.
     """
-    _check_method(problem, scatter, method)
-    if scatter.angles != "none":
-        _check_errors_of_angles(problem, scatter)
-    if scatter.is_plain:
-        return replace(problem, scatter=scatter)
-    if problem.noise == "unknown":
+    _check_method(problem, error_model, method)
+    if error_model.angles != "none":
+        _check_errors_of_angles(problem, error_model)
+    if error_model.is_plain:
+        return replace(problem, error_model=error_model)
+    if problem.noise.is_unknown:
         groups = problem.groups()
         if len(groups) > 1:
             raise DataError(
-                f"{len(groups)} unknown noises ({', '.join(groups)}) beside {_said(scatter)}: give a sigma "
-                "in every row and --noise scaled, or fit one observable of one series at a time."
+                f"{len(groups)} unknown noises ({', '.join(groups)}) beside {_said(error_model)}: give a "
+                "sigma in every row and --noise scaled, or fit one observable of one series at a time."
             )
-        (ends,) = noise_bounds(problem).values()
-        ones = np.ones(problem.sigma.size)
-        problem = replace(problem, noise="scaled", sigma=ones, noise_bounds={"": ends})
-    return replace(problem, scatter=scatter)
+        (ends,) = problem.noise_bounds().values()
+        problem = problem.with_noise(NoiseModel("scaled", np.ones(len(problem.rows)), {"": ends}))
+    return replace(problem, error_model=error_model)
 
 
-def reported_policy(problem: Problem) -> str:
+def reported_policy(problem: Problem) -> Policy:
     """Noise policy as the user knows it: an unknown noise that became a factor is unknown all the same."""
-    if problem.noise == "scaled" and not np.isfinite(problem.observations.table["sigma"]).all():
+    if problem.noise.is_scaled and not np.isfinite(problem.observations.table["sigma"]).all():
         return "unknown"
-    return problem.noise
+    return problem.noise.policy
 
 
-def _said(scatter: Scatter) -> str:
-    return f"--angle-errors {scatter.angles}" if scatter.angles != "none" else "--tails student-t"
+def _said(error_model: ErrorModel) -> str:
+    return f"--angle-errors {error_model.angles}" if error_model.angles != "none" else "--tails student-t"
 
 
-def _check_method(problem: Problem, scatter: Scatter, method: str) -> None:
-    if scatter.is_plain:
+def _check_method(problem: Problem, error_model: ErrorModel, method: str) -> None:
+    if error_model.is_plain:
         return
     if not problem.closure.bilinear:
         raise UsageError(
             f"Closure {problem.closure.title} knows independent Gaussian errors of the values only: leave "
-            f"{_said(scatter)} out, or choose another closure."
+            f"{_said(error_model)} out, or choose another closure."
         )
     if method in ("profile", "bootstrap"):
         raise UsageError(
             f"--method {method} knows independent Gaussian errors of the values only: use --method exact or "
-            f"mcmc with {_said(scatter)}."
+            f"mcmc with {_said(error_model)}."
         )
-    if not scatter.integrates:
+    if not error_model.integrates:
         return
     if method == "lsq":
         raise UsageError(
             "--method lsq cannot integrate true angles out: use --method exact or mcmc with "
-            f"{_said(scatter)}, or --angle-errors effective."
+            f"{_said(error_model)}, or --angle-errors effective."
         )
-    tied = tied_to_e_n(problem, scatter) if method == "exact" else []
+    tied = tied_to_e_n(problem, error_model) if method == "exact" else []
     if tied:
         raise UsageError(
-            f"--angle-errors {scatter.angles} with {', '.join(tied)}: the true angle ties e_n to the "
+            f"--angle-errors {error_model.angles} with {', '.join(tied)}: the true angle ties e_n to the "
             "tangential constants, which the quadrature does not take on. Use --method mcmc, or fix e_n."
         )
 
 
-def tied_to_e_n(problem: Problem, scatter: Scatter) -> list[str]:
+def tied_to_e_n(problem: Problem, error_model: ErrorModel) -> list[str]:
     """Observables whose true angle, integrated out, ties a free e_n to the tangential constants."""
-    free = any(c.name == "e_n" and c.fixed is None for c in problem.constants)
-    return [name for name in problem.rows.names if _couples(name)] if scatter.integrates and free else []
+    if not error_model.integrates or problem.parameters["e_n"].fixed is not None:
+        return []
+    return [o.name for o in problem.rows.observables if _couples(o)]
 
 
-def _couples(name: str) -> bool:
+def _couples(o: Observable) -> bool:
     """Whether a row sees e_n together with the true angle."""
-    o = OBSERVABLES[name]
     if o.kind == "normal":
         return o.name != "e_n"
     return (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n)
 
 
-def _check_errors_of_angles(problem: Problem, scatter: Scatter) -> None:
+def _check_errors_of_angles(problem: Problem, error_model: ErrorModel) -> None:
     """Refuse data that do not say how uncertain any angle or spin is, and angles outside their population."""
     table = problem.observations.table
-    has_angle = np.array([OBSERVABLES[n].has_angle for n in problem.rows.names])[problem.rows.which]
+    has_angle = problem.rows.has_angle
     spins = table[["sigma_spin_x", "sigma_spin_y"]].fillna(0.0).to_numpy(dtype=float)
-    of_angle = table["sigma_gamma_deg"].fillna(scatter.gamma or 0.0).to_numpy(dtype=float)
+    of_angle = table["sigma_gamma_deg"].fillna(error_model.gamma or 0.0).to_numpy(dtype=float)
     if not (has_angle & ((spins > 0.0).any(axis=1) | (of_angle > 0.0))).any():
         raise DataError(
-            f"--angle-errors {scatter.angles}, but no row states an uncertainty of its angle or spin: add a "
-            "column sigma_gamma_deg (or sigma_spin_y), or give --sigma-gamma DEG."
+            f"--angle-errors {error_model.angles}, but no row states an uncertainty of its angle or spin: "
+            "add a column sigma_gamma_deg (or sigma_spin_y), or give --sigma-gamma DEG."
         )
-    if scatter.population is None:
+    if error_model.population is None:
         return
-    low, high = scatter.population
+    low, high = error_model.population
     gamma = table["gamma_deg"].fillna(low).to_numpy(dtype=float)
     away = has_angle & ((gamma < low - 5.0 * of_angle) | (gamma > high + 5.0 * of_angle))
     if away.any():

@@ -1,4 +1,4 @@
-"""The scatter that a user chose: tails of the errors, errors of angle and spin, what was really measured."""
+"""The errors of the rows as the user described them: tails, errors of angle and spin, what was measured."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DOF = 4.0  # Lange, Little & Taylor (1989), J. Am. Stat. Assoc. 84, 881: wide en
 
 
 @dataclass(frozen=True)
-class Scatter:
+class ErrorModel:
     """Law of the measured values, given the constants.
 
     Attributes
@@ -59,7 +59,7 @@ class Scatter:
         return self.velocity is not None
 
     def choices(self) -> dict[str, Any]:
-        """The user's choices, as `make_scatter` takes them."""
+        """The user's choices, as `make_error_model` takes them."""
         return {
             "tails": TAILS[0] if self.dof is None else TAILS[1],
             "dof": self.dof,
@@ -93,10 +93,10 @@ class Scatter:
         return "; ".join(parts)
 
 
-PLAIN = Scatter()
+PLAIN = ErrorModel()
 
 
-def make_scatter(
+def make_error_model(
     *,
     tails: str = "gaussian",
     dof: float | None = None,
@@ -105,7 +105,7 @@ def make_scatter(
     sigma_gamma: float | None = None,
     sigma_velocity: float | None = None,
     sigma_spin: float | None = None,
-) -> Scatter:
+) -> ErrorModel:
     """Turn the user's choices into a law.
 
     Raises
@@ -128,7 +128,7 @@ def make_scatter(
     if sigma_spin is not None and sigma_velocity is None:
         raise UsageError("--sigma-spin needs --sigma-velocity: errors are propagated from both.")
     chosen = (DOF if dof is None else dof) if tails == "student-t" else None
-    return Scatter(chosen, angle_errors, angle_population, sigma_gamma, sigma_velocity, sigma_spin)
+    return ErrorModel(chosen, angle_errors, angle_population, sigma_gamma, sigma_velocity, sigma_spin)
 
 
 def _check_angles(

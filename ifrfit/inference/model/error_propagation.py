@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import DataError
-from ifrfit.inference.model.error_model import Scatter
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics.angles import Incidence
 
 Array = NDArray[np.float64]
@@ -25,7 +25,9 @@ DIVIDED_BY: dict[str, Callable[[Incidence], Array]] = {
 }
 
 
-def propagated_sigma(observable: str, i: Incidence, value: Array, scatter: Scatter, where: str) -> Array:
+def propagated_sigma(
+    observable: str, i: Incidence, value: Array, error_model: ErrorModel, where: str
+) -> Array:
     """Standard uncertainty of rows of one observable.
 
     The velocity of the contact point is that of the centre plus the spin, so its error is
@@ -39,7 +41,7 @@ def propagated_sigma(observable: str, i: Incidence, value: Array, scatter: Scatt
         Of the rows.
     value : ndarray
         Of the rows.
-    scatter : Scatter
+    error_model : ErrorModel
         With `velocity` given.
     where : str
         The source, for messages.
@@ -49,8 +51,8 @@ def propagated_sigma(observable: str, i: Incidence, value: Array, scatter: Scatt
     DataError
         For an observable whose error depends on the constants, or that needs the error of the spin.
     """
-    assert scatter.velocity is not None
-    v, s = scatter.velocity, scatter.spin
+    assert error_model.velocity is not None
+    v, s = error_model.velocity, error_model.spin
     if observable in _OWN_VELOCITY:
         return np.full(value.shape, v)
     if observable in ("beta_cm", "e_n"):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.model.problem import Index
+from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.error_propagation import DIVIDED_BY
-from ifrfit.inference.model.problem import Index
+from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -77,7 +77,7 @@ class Piece:
 
 def pieces(law: RowLaw, at: At) -> Iterator[Piece]:
     """All rows of a law at some constants."""
-    if not law.scatter.integrates:
+    if not law.error_model.integrates:
         yield _observed(law, at)
         return
     first = np.ones(law.latent.gamma.size, dtype=bool)
@@ -110,7 +110,7 @@ def _observed(law: RowLaw, at: At) -> Piece:
     rows, units = np.arange(law.value.size), np.arange(law.latent.gamma.size)
     value = _values(law, rows, _lifted(law.observed), at)
     sigma = law.sigma[rows, None] * at.factor[..., None, None]
-    if law.scatter.angles == "effective":
+    if law.error_model.angles == "effective":
         sigma = np.sqrt(sum(((slope * sd[:, None]) ** 2 for sd, slope in slopes(law, at)), sigma**2))
     return Piece(rows, units, law.unit, np.zeros((1, 1, units.size, 1)), value, sigma, first=True)
 
@@ -192,7 +192,7 @@ def _value(law: RowLaw, name: str, i: Incidence, k: Array, at: At) -> Array:
 
 def _restated(law: RowLaw, name: str, rows: Index, i: Incidence, value: Array) -> Array:
     """The value over the observed incoming velocity, where the row was computed with that one."""
-    if not (law.scatter.propagates and law.scatter.angles != "none" and name in DIVIDED_BY):
+    if not (law.error_model.propagates and law.error_model.angles != "none" and name in DIVIDED_BY):
         return value
     over = DIVIDED_BY[name]
     return np.asarray(value * (over(i) / over(_picked(law.observed, rows))[:, None])[:, None])

@@ -10,14 +10,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.forward import fitted_at
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.latent_quadrature import At
-from ifrfit.inference.model.problem import Index, Problem
-from ifrfit.inference.model.row_likelihood import RowLaw, at_theta, impacts_of
+from ifrfit.inference.model.noise import noise_name
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.integral_layout import noise_label
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 
 Array = NDArray[np.float64]
 
@@ -40,20 +39,20 @@ class Density:
     problem: Problem
 
     @cached_property
-    def unknowns(self) -> tuple[Unknown, ...]:
+    def unknowns(self) -> tuple[FreeParameter, ...]:
         """Free entries of theta."""
-        pairs = zip(self.problem.names, self.problem.entries(), strict=True)
-        return tuple(Unknown.of(name, constant) for name, constant in pairs if constant.fixed is None)
+        pairs = zip(self.problem.parameters.names, self.problem.parameters.entries, strict=True)
+        return tuple(FreeParameter.of(name, constant) for name, constant in pairs if constant.fixed is None)
 
     @cached_property
     def noises(self) -> Mapping[str, tuple[float, float]]:
         """Ends of each unknown noise by its group; "" is a common factor on sigma."""
-        return noise_bounds(self.problem)
+        return self.problem.noise_bounds()
 
     @property
     def names(self) -> tuple[str, ...]:
         """What the coordinates of a point stand for: free constants, then noises."""
-        return (*(u.name for u in self.unknowns), *(noise_label(group) for group in self.noises))
+        return (*(u.name for u in self.unknowns), *(noise_name(group) for group in self.noises))
 
     @cached_property
     def lower(self) -> Array:
@@ -74,9 +73,9 @@ class Density:
         """
         prior = self.log_prior(points)
         inside = np.isfinite(prior)
-        prior[inside] += (self.rows if self.problem.scatter.is_plain else self.impacts)(points[inside]).sum(
-            axis=1
-        )
+        prior[inside] += (self.rows if self.problem.error_model.is_plain else self.impacts)(
+            points[inside]
+        ).sum(axis=1)
         return prior
 
     def log_prior(self, points: Array) -> Array:
@@ -91,13 +90,13 @@ class Density:
     def rows(self, points: Array) -> Array:
         """Log likelihood of each row where rows are independent, (m, n)."""
         sigma = self.sigma(points)
-        z = (self.problem.rows.value - fitted_at(self.problem, self.theta(points))) / sigma
+        z = (self.problem.rows.value - self.problem.predict(self.theta(points))) / sigma
         return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
 
     def impacts(self, points: Array) -> Array:
         """Log likelihood of each impact, (m, n_impacts), in the order of `impact`."""
         n = int(self.impact.max()) + 1
-        if not self.problem.scatter.is_plain:
+        if not self.problem.error_model.is_plain:
             return self._scattered(points, n)
         if n == self.impact.size:
             return self.rows(points)
@@ -106,7 +105,7 @@ class Density:
     @cached_property
     def impact(self) -> Index:
         """Impact of each row, (n,), numbered as they first occur; a row without an impact_id is its own."""
-        return impacts_of(self.problem.observations.table)
+        return self.problem.rows.impacts
 
     def _scattered(self, points: Array, n: int) -> Array:
         """The same where angles or tails make the scatter other than plain."""
@@ -128,7 +127,7 @@ class Density:
     def _laws_at(self, points: Array) -> Iterator[tuple[RowLaw, At]]:
         """Law of each series with the constants at the points; its `order` counts the problem's rows."""
         theta = self.theta(points)
-        scaled = self.problem.noise == "scaled"
+        scaled = self.problem.noise.is_scaled
         factor: Array | float = np.exp(points[:, len(self.unknowns)]) if scaled else 1.0
         for series, law in self._laws:
             yield law, at_theta(self.problem, theta, factor, series)
@@ -136,7 +135,7 @@ class Density:
     @cached_property
     def _laws(self) -> list[tuple[int, RowLaw]]:
         reference = least_squares(self.problem).optimum.theta
-        one = not any(c.separate for c in self.problem.constants)
+        one = not any(c.separate for c in self.problem.parameters)
         found = []
         for series in range(1 if one else len(self.problem.series)):
             rows = np.arange(self.impact.size) if one else np.flatnonzero(self.problem.rows.series == series)
@@ -146,8 +145,8 @@ class Density:
 
     def theta(self, points: Array) -> Array:
         """Entries of theta, fixed ones included, (m, p)."""
-        free = self.problem.free
-        fixed = [0.0 if c.fixed is None else c.fixed for c in self.problem.entries()]
+        free = self.problem.parameters.free
+        fixed = [0.0 if c.fixed is None else c.fixed for c in self.problem.parameters.entries]
         theta = np.tile(fixed, (points.shape[0], 1))
         theta[:, free] = points[:, : len(self.unknowns)]
         return theta
@@ -155,15 +154,7 @@ class Density:
     def sigma(self, points: Array) -> Array:
         """Noise of each row, (m, n) or (1, n)."""
         noise = np.exp(points[:, len(self.unknowns) :])
-        if self.problem.noise == "known":
-            return self.problem.sigma[None, :]
-        if self.problem.noise == "scaled":
-            return np.asarray(noise * self.problem.sigma)
-        sigma = np.empty((points.shape[0], self.problem.rows.value.size))
-        groups = self.problem.groups()
-        for name, own in zip(self.noises, noise.T, strict=True):
-            sigma[:, groups[name]] = own[:, None]
-        return sigma
+        return self.problem.noise.sigma_at(noise, self.problem.noise_groups().values())
 
     def draws(self, points: Array) -> dict[str, Array]:
         """The points as the exact posterior names its draws, noises as they are; without kappa."""

@@ -1,14 +1,20 @@
-"""The constants of a fit: their bounds, and what the user fixed, knew before or wants separate."""
+"""The parameters of a fit: their bounds, what is fixed or known before, and their entries by series."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.closures import Closure
-from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 _LARGEST = 1e6  # of a number that can be meant seriously
 _SMALLEST_SD = 1e-12
@@ -16,13 +22,13 @@ _PRIOR_MU = 2.0  # upper end of the default prior of mu; matters only where the 
 
 
 @dataclass(frozen=True)
-class Constant:
-    """One constant of the closure.
+class Parameter:
+    """One parameter of a fit: a constant of the closure, or a quantity derived from them.
 
     Attributes
     ----------
     name : str
-        e_n, e_t, beta0, chi or mu.
+        e_n, mu, or that of the closure.
     lower, upper : float
         Domain; by default the passive one.
     fixed : float or None
@@ -40,6 +46,10 @@ class Constant:
     prior: tuple[float, float] | None = None
     separate: bool = False
 
+    def fixed_at(self, value: float) -> Parameter:
+        """The same parameter fixed at a value, without its prior."""
+        return replace(self, fixed=value, prior=None)
+
     @property
     def prior_upper(self) -> float:
         """Upper end of the default prior, finite."""
@@ -51,7 +61,135 @@ class Constant:
         return (self.prior_upper - self.lower) / math.sqrt(12.0)
 
 
-def make_constants(
+@dataclass(frozen=True)
+class ParameterSet:
+    """The parameters of a problem and the entries of its vector theta.
+
+    theta holds one entry a parameter, or one a series where the parameter is separate, fixed ones included,
+    in the order of `names`.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+        e_n first, then the closure's constant if it has one, mu last.
+    series : tuple of str
+    fixed_entries : tuple of (str, float)
+        Single entries of a separate parameter that are fixed, by name, besides what the parameters say.
+    """
+
+    parameters: tuple[Parameter, ...]
+    series: tuple[str, ...]
+    fixed_entries: tuple[tuple[str, float], ...] = ()
+
+    def __iter__(self) -> Iterator[Parameter]:
+        return iter(self.parameters)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def __contains__(self, name: object) -> bool:
+        return any(p.name == name for p in self.parameters)
+
+    def __getitem__(self, name: str) -> Parameter:
+        """The parameter of this name.
+
+        Raises
+        ------
+        KeyError
+            If there is none.
+        """
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise KeyError(name)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Name of each entry of theta: "mu", or "mu[series]" where the parameter is separate."""
+        return tuple(
+            entry_name(p.name, s) for p in self.parameters for s in (self.series if p.separate else ("",))
+        )
+
+    @cached_property
+    def entries(self) -> tuple[Parameter, ...]:
+        """The parameter behind each entry of theta; a fixed entry as a fixed parameter."""
+        fixed = dict(self.fixed_entries)
+        each = (p for p in self.parameters for _ in (self.series if p.separate else ("",)))
+        return tuple(
+            p.fixed_at(fixed[name]) if name in fixed else p for name, p in zip(self.names, each, strict=True)
+        )
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """Which entries of theta are not fixed, (p,)."""
+        free = np.array([p.fixed is None for p in self.entries])
+        free.flags.writeable = False
+        return free
+
+    @cached_property
+    def positions(self) -> Mapping[str, Index]:
+        """Places in theta of each parameter by its name, one a series, (n_series,)."""
+        places, start, n = {}, 0, len(self.series)
+        for p in self.parameters:
+            own = start + (np.arange(n) if p.separate else np.zeros(n, dtype=np.intp))
+            own.flags.writeable = False
+            places[p.name] = own
+            start += n if p.separate else 1
+        return places
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the entries of theta, (p,) each."""
+        return np.array([p.lower for p in self.entries]), np.array([p.upper for p in self.entries])
+
+    def prior_residuals(self, theta: Array) -> Array:
+        """Standardised distance of each entry with a prior from the prior's mean."""
+        return np.array(
+            [
+                (value - p.prior[0]) / p.prior[1]
+                for p, value in zip(self.entries, theta, strict=True)
+                if p.prior is not None
+            ]
+        )
+
+    def with_parameters(self, parameters: Iterable[Parameter]) -> ParameterSet:
+        """The same set with other parameters in the place of those of the same names."""
+        new = {p.name: p for p in parameters}
+        unknown = new.keys() - {p.name for p in self.parameters}
+        if unknown:
+            raise KeyError(", ".join(sorted(unknown)))
+        return replace(self, parameters=tuple(new.get(p.name, p) for p in self.parameters))
+
+    def of_series(self, number: int) -> ParameterSet:
+        """Parameters of one series alone: none is separate."""
+        name = self.series[number]
+        shared = tuple(replace(p, separate=False) for p in self.parameters)
+        own = {entry_name(p.name, name): p.name for p in self.parameters if p.separate}
+        fixed = {own[entry]: value for entry, value in self.fixed_entries if entry in own}
+        return ParameterSet(shared, (name,)).with_fixed(fixed)
+
+    def with_fixed(self, values: Mapping[str, float]) -> ParameterSet:
+        """The same set with parameters fixed at values, without their priors.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            By the name of a parameter, or of one entry of a separate one.
+        """
+        whole = [self[name].fixed_at(x) for name, x in values.items() if name in self]
+        entries = {name: x for name, x in values.items() if name not in self}
+        unknown = entries.keys() - set(self.names)
+        if unknown:
+            raise KeyError(", ".join(sorted(unknown)))
+        fixed = tuple((dict(self.fixed_entries) | entries).items())
+        return replace(self.with_parameters(whole), fixed_entries=fixed)
+
+
+def entry_name(name: str, series: str = "") -> str:
+    """Name of the entry that a quantity has in a series: "mu[series]"; "mu" where no series is given."""
+    return f"{name}[{series}]" if series else name
+
+
+def make_parameters(
     closure: Closure,
     inertia_factor: float,
     *,
@@ -59,7 +197,7 @@ def make_constants(
     prior: Mapping[str, tuple[float, float]] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     separate: Collection[str] = (),
-) -> tuple[Constant, ...]:
+) -> tuple[Parameter, ...]:
     """Put the user's choices over the passive domain.
 
     Raises
@@ -88,12 +226,13 @@ def make_constants(
     for name in closure.constants:
         lower, upper = bounds.get(name, default[name])
         _check_bounds(name, lower, upper)
+        _check_limits(closure, name, lower, upper)
         fixed = fix.get(name)
         if fixed is not None:
             _check_fixed(name, fixed, lower, upper, name in prior, name in separate)
         if name in prior:
             _check_prior(name, *prior[name])
-        made.append(Constant(name, lower, upper, fixed, prior.get(name), name in separate))
+        made.append(Parameter(name, lower, upper, fixed, prior.get(name), name in separate))
     return tuple(made)
 
 
@@ -114,12 +253,17 @@ def _check_bounds(name: str, lower: float, upper: float) -> None:
     physical = {"e_n": (0.0, math.inf), "mu": (0.0, math.inf)}.get(name)
     if physical and lower < physical[0]:
         raise UsageError(f"--bounds {name}: {name} cannot be negative, so the lower end must be 0 or more.")
-    if name == "chi" and not LOWEST_CHI <= lower < upper <= HIGHEST_CHI:
-        raise UsageError(
-            f"chi from {lower:g} to {upper:g}: the table of closure MAW reaches from {LOWEST_CHI:g} to "
-            f"{HIGHEST_CHI:g}. Give --bounds chi=LO,HI inside (a solid sphere of the wall's material has "
-            "7/6 to 7/4)."
-        )
+
+
+def _check_limits(closure: Closure, name: str, lower: float, upper: float) -> None:
+    own = closure.own
+    if own is None or own.name != name or own.limits[0] <= lower < upper <= own.limits[1]:
+        return
+    advice = f" ({own.advice})" if own.advice else ""
+    raise UsageError(
+        f"{name} from {lower:g} to {upper:g}: {own.limits_words or f'closure {closure.title}'} reaches from "
+        f"{own.limits[0]:g} to {own.limits[1]:g}. Give --bounds {name}=LO,HI inside{advice}."
+    )
 
 
 def _check_fixed(

@@ -1,135 +1,108 @@
-"""A fit's question: which rows, which closure, which constants, what noise."""
+"""The question of a fit: which rows, which closure, which parameters, what noise and errors."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.model.error_model import PLAIN, Scatter
-from ifrfit.inference.model.parameters import Constant
-from ifrfit.physics.angles import Incidence
-from ifrfit.physics.closures import Closure
-from ifrfit.physics.observables import OBSERVABLES, get_observable
+from ifrfit.inference.model.digest import EXCLUDED, digest
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel
+from ifrfit.inference.model.noise import POLICIES, NoiseModel, Policy
+from ifrfit.inference.model.parameters import Parameter, ParameterSet
+from ifrfit.inference.model.rows import OBLIQUE, Array, Index, Rows
+from ifrfit.physics.closures import Closure, Coefficients
 from ifrfit.physics.rebound import rebound_with
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _STEP = 1e-6  # of central differences of the curved observables: error about 1e-11
 
 
 @dataclass(frozen=True)
-class RowModel:
-    """What each row measures, as numbers.
+class Problem:
+    """Rows, closure, parameters, noise and error model. Evaluation is pure.
+
+    The vector theta holds the entries of `parameters`, fixed ones included.
 
     Attributes
     ----------
-    incidence : Incidence
-    tau : ndarray
-        |U_t|/U_n.
-    names : tuple of str
-        The observables that occur.
-    which : ndarray of int
-        Observable of each row, an index into `names`.
-    series : ndarray of int
-        Series of each row.
-    value : ndarray
+    rows : Rows
+    closure : Closure
+    inertia_factor : float
+        J of the ball, 0.4 for a solid sphere.
+    parameters : ParameterSet
+    noise : NoiseModel
+    error_model : ErrorModel
+    observations : Observations
+        Where the rows come from, for what is reported of them. Nothing that is computed depends on it.
     """
 
-    incidence: Incidence
-    tau: Array
-    names: tuple[str, ...]
-    which: Index
-    series: Index
-    value: Array
-
-    def rows_of(self, name: str) -> Index:
-        """Rows of one observable."""
-        if len(self.names) == 1:
-            return np.arange(self.which.size)
-        return np.flatnonzero(self.which == self.names.index(name))
-
-    def take(self, rows: Index) -> RowModel:
-        """The same for some rows."""
-        if rows.size == self.tau.size and bool((np.diff(rows) == 1).all()):
-            return self
-        i = self.incidence
-        incidence = Incidence(
-            i.sine[rows], i.cosine[rows], i.spin_x[rows], i.spin_y[rows], i.slip_x[rows], i.slip_y[rows]
-        )
-        return RowModel(
-            incidence, self.tau[rows], self.names, self.which[rows], self.series[rows], self.value[rows]
-        )
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Observations, closure, constants and noise policy. Evaluation is pure.
-
-    The vector theta holds one entry a constant, or one a series where the constant is separate, fixed ones
-    included; `names` labels the entries.
-    """
-
-    observations: Observations
+    rows: Rows
     closure: Closure
     inertia_factor: float
-    constants: tuple[Constant, ...]
-    series: tuple[str, ...]
-    rows: RowModel
-    sigma: Array  # as given; nan where not
-    noise: str  # known, scaled or unknown
-    noise_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of its prior, if chosen
-    scatter: Scatter = PLAIN
+    parameters: ParameterSet
+    noise: NoiseModel
+    observations: Observations = field(metadata=EXCLUDED)
+    error_model: ErrorModel = PLAIN
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of everything that the answer depends on: every field but `observations`.
+
+        The closure counts with its coefficients, too, where it is bilinear.
+        """
+        law = self.closure.law(self.inertia_factor)
+        return digest((self, law if isinstance(law, Coefficients) else None))
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Label of each entry of theta."""
-        return tuple(
-            f"{c.name}[{s}]" if c.separate else c.name
-            for c in self.constants
-            for s in (self.series if c.separate else ("",))
-        )
-
-    def entries(self) -> tuple[Constant, ...]:
-        """Constant behind each entry of theta."""
-        return tuple(c for c in self.constants for _ in (self.series if c.separate else ("",)))
-
-    @property
-    def free(self) -> NDArray[np.bool_]:
-        """Which entries of theta are not fixed."""
-        return np.array([c.fixed is None for c in self.entries()])
+    def series(self) -> tuple[str, ...]:
+        """Names of the series, in the order of `rows.series`."""
+        return self.parameters.series
 
     @property
     def has_oblique(self) -> bool:
         """Whether any row knows the closure: one that measures neither e_n nor mu alone."""
-        return any(OBSERVABLES[name].kind in ("tangential", "curved") for name in self.rows.names)
-
-    def positions(self) -> Mapping[str, Index]:
-        """Constant's name to its place in theta, one a series."""
-        places, start = {}, 0
-        for c in self.constants:
-            n = len(self.series)
-            places[c.name] = start + (np.arange(n) if c.separate else np.zeros(n, dtype=np.intp))
-            start += n if c.separate else 1
-        return places
+        return self.rows.has_kind(*OBLIQUE)
 
     def per_row(self, theta: Array) -> tuple[Array, Array, Array]:
-        """(e_n, closure constant, mu) of each row."""
-        places = self.positions()
+        """(e_n, closure constant, mu) of each row at theta, (p,); (n,) each."""
+        places = self.parameters.positions
         series = self.rows.series
         c = theta[places[self.closure.constant]][series] if self.closure.constant else np.zeros(series.size)
         return theta[places["e_n"]][series], c, theta[places["mu"]][series]
 
-    def fitted(self, theta: Array) -> Array:
-        """Value of each row at theta."""
-        e_n, c, mu = self.per_row(theta)
-        k, _ = self.impulse(e_n, c, mu)
-        return self.values_with(k, e_n, mu)
+    def predict(self, theta: Array) -> Array:
+        """Value of each row without noise.
+
+        Parameters
+        ----------
+        theta : ndarray, (..., p)
+            Entries as in `parameters.names`, fixed ones included.
+
+        Returns
+        -------
+        ndarray, (..., n)
+        """
+        flat = theta.reshape(-1, theta.shape[-1])
+        e_n, c, mu = self._columns(flat)
+        law = self.closure.law(self.inertia_factor)
+        k, _ = law.impulse(self.rows.incidence, c, mu * (1.0 + e_n))
+        return self.values_with(k, e_n, mu).reshape(*theta.shape[:-1], len(self.rows))
+
+    def _columns(self, theta: Array) -> tuple[Array, Array, Array]:
+        """(e_n, closure constant, mu), each (m, n), or (m, 1) where all rows share it."""
+        places = self.parameters.positions
+
+        def column(name: str | None) -> Array:
+            if name is None:
+                return np.zeros((theta.shape[0], 1))
+            return theta[:, places[name][self.rows.series if self.parameters[name].separate else [0]]]
+
+        return column("e_n"), column(self.closure.constant), column("mu")
 
     def impulse(self, e_n: Array, c: Array, mu: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Impulse factor k of each row, and whether it sticks."""
@@ -138,15 +111,16 @@ class Problem:
         return k, sticks.astype(bool)
 
     def values_with(self, k: Array, e_n: Array, mu: Array) -> Array:
-        """Value of each row, given its impulse factor."""
-        out = np.empty(k.size)
-        for name in self.rows.names:
+        """Value of each row, (..., n), given its impulse factor k, (..., n); e_n and mu broadcast to it."""
+        k = np.broadcast_to(k, (*k.shape[:-1], len(self.rows)))
+        out = np.empty(k.shape)
+        free = np.zeros(1, dtype=bool)  # whether a row sticks does not matter once k is known
+        for name, observable in zip(self.rows.names, self.rows.observables, strict=True):
             at = self.rows.rows_of(name)
             part = self.rows.take(at)
-            state = rebound_with(
-                part.incidence, k[at], np.zeros(at.size, dtype=bool), e_n[at], self.inertia_factor
-            )
-            out[at] = get_observable(name).value(state, mu[at])
+            own_e_n, own_mu = (x if x.shape[-1] == 1 else x[..., at] for x in (e_n, mu))
+            state = rebound_with(part.incidence, k[..., at], free, own_e_n, self.inertia_factor)
+            out[..., at] = observable.value(state, own_mu)
         return out
 
     def jacobian(self, theta: Array) -> Array:
@@ -157,15 +131,14 @@ class Problem:
         by_e = self._difference(k, e_n, mu, 0.0, 1.0)
         law = self.closure.law(self.inertia_factor)
         by_c, by_kappa = law.slopes(self.rows.incidence, c, mu * (1.0 + e_n))
-        is_mu = np.array([OBSERVABLES[n].kind == "friction" for n in self.rows.names])[self.rows.which]
         columns = {
             "e_n": by_e + by_k * mu * by_kappa,
-            "mu": np.where(is_mu, 1.0, by_k * (1.0 + e_n) * by_kappa),
+            "mu": np.where(self.rows.of_kind("friction"), 1.0, by_k * (1.0 + e_n) * by_kappa),
         }
         if self.closure.constant:
             columns[self.closure.constant] = by_k * by_c
-        out = np.zeros((k.size, len(self.names)))
-        for name, places in self.positions().items():
+        out = np.zeros((k.size, len(self.parameters.names)))
+        for name, places in self.parameters.positions.items():
             out[np.arange(k.size), places[self.rows.series]] += columns[name]
         return out
 
@@ -174,20 +147,34 @@ class Problem:
         down = self.values_with(k - _STEP * dk, e_n - _STEP * de, mu)
         return (up - down) / (2.0 * _STEP)
 
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of the entries of theta."""
-        entries = self.entries()
-        return np.array([c.lower for c in entries]), np.array([c.upper for c in entries])
+    def groups(self) -> Mapping[str, Index]:
+        """Rows of each "series/observable"."""
+        code = self.rows.series * len(self.rows.names) + self.rows.which
+        found = {}
+        for value in np.unique(code):
+            series, which = divmod(int(value), len(self.rows.names))
+            found[f"{self.series[series]}/{self.rows.names[which]}"] = np.flatnonzero(code == value)
+        return found
 
-    def prior_residuals(self, theta: Array) -> Array:
-        """Standardised distance of each entry with a prior from the prior's mean."""
-        return np.array(
-            [
-                (value - c.prior[0]) / c.prior[1]
-                for c, value in zip(self.entries(), theta, strict=True)
-                if c.prior is not None
-            ]
-        )
+    def noise_groups(self) -> Mapping[str, Index]:
+        """Rows that share an unknown noise, by the name of the group; see `NoiseModel`."""
+        return self.noise.groups(self.groups())
+
+    def noise_bounds(self) -> Mapping[str, tuple[float, float]]:
+        """Ends of the log-uniform prior of each unknown noise, by the name of its group."""
+        return self.noise.bounds(self.rows, self.groups())
+
+    def with_parameters(self, parameters: Iterable[Parameter]) -> Problem:
+        """The same question with other parameters in the place of those of the same names."""
+        return replace(self, parameters=self.parameters.with_parameters(parameters))
+
+    def with_fixed(self, values: Mapping[str, float]) -> Problem:
+        """The same question with parameters, or single entries of theta, fixed at values by name."""
+        return replace(self, parameters=self.parameters.with_fixed(values))
+
+    def with_noise(self, noise: NoiseModel) -> Problem:
+        """The same question under another noise."""
+        return replace(self, noise=noise)
 
     def with_rows(self, rows: Index) -> Problem:
         """The same question of some of the rows."""
@@ -196,24 +183,15 @@ class Problem:
             self,
             observations=replace(self.observations, table=table),
             rows=self.rows.take(rows),
-            sigma=self.sigma[rows],
+            noise=self.noise.take(rows),
         )
-
-    def groups(self) -> dict[str, Index]:
-        """Rows of each "series/observable", the groups that share an unknown noise."""
-        code = self.rows.series * len(self.rows.names) + self.rows.which
-        found = {}
-        for value in np.unique(code):
-            series, which = divmod(int(value), len(self.rows.names))
-            found[f"{self.series[series]}/{self.rows.names[which]}"] = np.flatnonzero(code == value)
-        return found
 
 
 def make_problem(
     observations: Observations,
     closure: Closure,
     inertia_factor: float,
-    constants: tuple[Constant, ...],
+    parameters: Iterable[Parameter],
     noise: str | None,
 ) -> Problem:
     """Turn selected observations into a problem.
@@ -223,7 +201,7 @@ def make_problem(
     observations : Observations
     closure : Closure
     inertia_factor : float
-    constants : tuple of Constant
+    parameters : iterable of Parameter
     noise : {"known", "scaled", "unknown"} or None
         None: unknown where a row has no sigma; else the most careful policy that a dataset states, and known
         where none states one.
@@ -238,40 +216,28 @@ def make_problem(
     table = observations.table
     if len(table) == 0:
         raise DataError("No rows are left to fit.")
-    gamma = np.nan_to_num(table["gamma_deg"].to_numpy(dtype=float))
-    incidence = Incidence.of(
-        gamma, table["spin_x"].to_numpy(dtype=float), table["spin_y"].to_numpy(dtype=float), degrees=True
-    )
-    series, series_index = _codes(table["series"])
-    names, which = _codes(table["observable"])
-    rows = RowModel(
-        incidence, incidence.tau, names, which, series_index, table["value"].to_numpy(dtype=float)
-    )
+    rows, series = Rows.of(table)
     sigma = table["sigma"].to_numpy(dtype=float)
-    policy = _noise_policy(observations, sigma, noise)
-    return Problem(observations, closure, inertia_factor, constants, series, rows, sigma, policy)
+    model = NoiseModel(_noise_policy(observations, sigma, noise), sigma)
+    return Problem(
+        rows, closure, inertia_factor, ParameterSet(tuple(parameters), series), model, observations
+    )
 
 
-def _codes(column: object) -> tuple[tuple[str, ...], Index]:
-    import pandas as pd
-
-    codes, labels = pd.factorize(pd.Series(column))
-    return tuple(str(label) for label in labels), np.asarray(codes, dtype=np.intp)
-
-
-def _noise_policy(observations: Observations, sigma: Array, noise: str | None) -> str:
+def _noise_policy(observations: Observations, sigma: Array, noise: str | None) -> Policy:
     has_all = bool(np.isfinite(sigma).all())
     if noise is None:
         stated = {s.descriptor.noise for s in observations.sources if s.descriptor and s.descriptor.noise}
         # where sources differ the most careful policy holds: a sigma that is not the whole noise never is
-        careful = next((policy for policy in ("unknown", "scaled") if policy in stated), "known")
+        careful = next(policy for policy in reversed(POLICIES) if policy in {"known", *stated})
         return careful if has_all else "unknown"
-    if noise not in ("known", "scaled", "unknown"):
+    policy = next((policy for policy in POLICIES if policy == noise), None)
+    if policy is None:
         raise UsageError(f"--noise {noise}: choose known, scaled or unknown.")
-    if noise != "unknown" and not has_all:
+    if policy != "unknown" and not has_all:
         row = observations.table[~np.isfinite(sigma)].iloc[0]
         raise DataError(
             f"{row['source']}, line {row['row']}: no sigma, but --noise {noise} needs one in every row. "
             "Add it, or use --noise unknown."
         )
-    return noise
+    return policy

@@ -153,7 +153,7 @@ class Decomposition:
 
     def profile(self, x: Array) -> Array:
         """F at many places, quickly."""
-        return np.sum([member.profile(x)[0] for member in self.members], axis=0)
+        return np.asarray(np.sum([member.profile(x)[0] for member in self.members], axis=0))
 
     def value(self, x: float) -> float:
         """F at one place, certified."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Constant
-from ifrfit.inference.model.problem import Index
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.parameter_group import Array, Bool, Constants, ParameterGroup
 from ifrfit.inference.optimize.piecewise import LinearRows, PiecewiseProblem
 
@@ -56,7 +56,7 @@ class Frame:
         self.free = [value is None for value in fixed]
 
     @classmethod
-    def of(cls, *constants: Constant | None) -> Frame:
+    def of(cls, *constants: Parameter | None) -> Frame:
         """Take the fixed constants as they stand; None for an unknown that is no constant."""
         first, second, third = (None if c is None else c.fixed for c in constants)
         return cls((first, second, third))
@@ -85,7 +85,7 @@ class Domain:
         self.constraints.append(normal)
         self.limits.append(limit)
 
-    def between(self, unknown: int, constant: Constant) -> None:
+    def between(self, unknown: int, constant: Parameter) -> None:
         """Add the constant's own bounds, unless it is fixed."""
         if constant.fixed is not None:
             return
@@ -131,7 +131,7 @@ class Forms:
         if at.any():
             self._add(unknown, np.full(int(at.sum()), factor), np.flatnonzero(at))
 
-    def add_prior(self, constant: Constant, unknown: int, factor: float = 1.0) -> None:
+    def add_prior(self, constant: Parameter, unknown: int, factor: float = 1.0) -> None:
         """Add an auxiliary measurement."""
         if constant.prior is not None and constant.fixed is None:
             mean, sd = constant.prior

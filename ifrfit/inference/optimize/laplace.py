@@ -99,17 +99,17 @@ def gaussian_approximation(
     """
     names, phi, to_theta = kappa_coordinates(problem, theta)
     jacobian = problem.jacobian(theta) / sigma[:, None]
-    residual = (problem.rows.value - problem.fitted(theta)) / sigma
-    entries = problem.entries()
+    residual = (problem.rows.value - problem.predict(theta)) / sigma
+    entries = problem.parameters.entries
     if with_priors:
         index = [i for i, c in enumerate(entries) if c.prior is not None]
         extra = np.zeros((len(index), theta.size))
         for row, i in enumerate(index):
             extra[row, i] = 1.0 / entries[i].prior[1]  # type: ignore[index]
         jacobian = np.concatenate((jacobian, extra))
-        residual = np.concatenate((residual, -problem.prior_residuals(theta)))
+        residual = np.concatenate((residual, -problem.parameters.prior_residuals(theta)))
     by_phi = jacobian @ to_theta
-    free = problem.free
+    free = problem.parameters.free
     scale = np.array([c.prior_sd for c in entries]) / np.abs(np.diag(to_theta))
     scaled = by_phi[:, free] * scale[free]
     left, singular, right = np.linalg.svd(scaled, full_matrices=False)
@@ -132,20 +132,20 @@ def kappa_coordinates(problem: Problem, theta: Array) -> tuple[tuple[str, ...], 
     kappa = mu (1 + e_n) takes the place of mu, because it is what tangential data determine; mu stays where
     one mu goes with several e_n.
     """
-    places = problem.positions()
+    places = problem.parameters.positions
     e_n_of_mu: dict[int, set[int]] = {}
     for i_mu, i_e in zip(places["mu"], places["e_n"], strict=True):
         e_n_of_mu.setdefault(int(i_mu), set()).add(int(i_e))
     derivative = np.eye(theta.size)
     phi = theta.copy()
-    names = list(problem.names)
+    names = list(problem.parameters.names)
     if all(len(partners) == 1 for partners in e_n_of_mu.values()):
         for i_mu, partners in e_n_of_mu.items():
             (i_e,) = partners
             factor = 1.0 + theta[i_e]
             phi[i_mu] = theta[i_mu] * factor
             names[i_mu] = names[i_mu].replace("mu", "kappa", 1)
-            entries = problem.entries()
+            entries = problem.parameters.entries
             if entries[i_mu].fixed is None:
                 derivative[i_mu, i_mu] = 1.0 / factor
                 derivative[i_mu, i_e] = -theta[i_mu] / factor

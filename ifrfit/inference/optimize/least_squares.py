@@ -13,10 +13,12 @@ import numpy as np
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import AT_REST
-from ifrfit.inference.model.error_model import ITERATED, PLAIN, Scatter
+from ifrfit.inference.model.error_model import ITERATED, PLAIN, ErrorModel
 from ifrfit.inference.model.latent_quadrature import slopes
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.noise import NoiseModel
+from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
 from ifrfit.inference.optimize.optimum import Array, Optimum
@@ -79,26 +81,26 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
     DataError
         If the noise is to come from the misfit and a group could be fitted exactly.
     """
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         return _iteratively_reweighted(problem)
     return _with_plain_errors(problem, start)
 
 
 def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSquares:
     """Fit under normal errors of the values alone; see `least_squares`."""
-    if problem.noise == "known":
-        optimum = solve(problem, problem.sigma, start)
-        gaussian = gaussian_approximation(problem, problem.sigma, optimum.theta)
+    if problem.noise.is_known:
+        optimum = solve(problem, problem.noise.sigma, start)
+        gaussian = gaussian_approximation(problem, problem.noise.sigma, optimum.theta)
         return LeastSquares(
-            optimum, problem.sigma, group_sigma(problem, problem.sigma), math.inf, 0.0, gaussian
+            optimum, problem.noise.sigma, group_sigma(problem, problem.noise.sigma), math.inf, 0.0, gaussian
         )
-    groups = {"": np.arange(problem.rows.value.size)} if problem.noise == "scaled" else problem.groups()
+    groups = problem.noise_groups()
     for name, rows in groups.items():
         refuse_exact_group(problem, name, rows)
-    base = problem.sigma if problem.noise == "scaled" else np.ones(problem.rows.value.size)
+    base = problem.noise.base
     factor = np.ones(base.size)
     change = math.inf
-    if problem.noise == "unknown":
+    if problem.noise.is_unknown:
         for rows in groups.values():
             factor[rows] = max(float(np.std(problem.rows.value[rows])), 1e-6)
     near = start  # a search that found the optimum once follows it while the noise settles
@@ -132,32 +134,32 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquares:
     LeastSquares
         With `sigma` as weighted, and the Gaussian approximation widened to Student's information.
     """
-    plain = replace(problem, scatter=PLAIN, noise="known")
-    base, factor = problem.sigma, 1.0
-    if problem.noise == "scaled":
-        factor = float(np.median(_with_plain_errors(replace(problem, scatter=PLAIN)).sigma / base))
-    nu = problem.scatter.dof
+    plain = replace(problem, error_model=PLAIN)
+    base, factor = problem.noise.sigma, 1.0
+    if problem.noise.is_scaled:
+        factor = float(np.median(_with_plain_errors(plain).sigma / base))
+    nu = problem.error_model.dof
     sigma, change = base * factor, math.inf
-    found = _with_plain_errors(replace(plain, sigma=sigma))
+    found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
     for _ in range(_REWEIGHTINGS):
         theta = found.optimum.theta
         wide = _effective_sigma(problem, theta, factor)
-        z = (problem.rows.value - problem.fitted(theta)) / wide
+        z = (problem.rows.value - problem.predict(theta)) / wide
         weight = np.ones(z.size) if nu is None else (nu + 1.0) / (nu + z * z)
-        if problem.noise == "scaled":
+        if problem.noise.is_scaled:
             dof = max(z.size - float(found.gaussian.leverage.sum()), 0.5)
             factor = max(factor * math.sqrt(float(weight @ (z * z)) / dof), _SMALLEST_FACTOR)
             wide = _effective_sigma(problem, theta, factor)
         new = wide / np.sqrt(weight)
         change = float(np.abs(new / sigma - 1.0).max())
         sigma = new
-        found = _with_plain_errors(replace(plain, sigma=sigma))
+        found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
         if change <= _WEIGHTS_CONVERGED:
             break
     information = 1.0 if nu is None else math.sqrt((nu + 3.0) / (nu + 1.0))
     gaussian = gaussian_approximation(plain, sigma * information, found.optimum.theta)
     dof = math.inf
-    if problem.noise == "scaled":
+    if problem.noise.is_scaled:
         dof = max(sigma.size - float(gaussian.leverage.sum()), 0.5)
     optimum = replace(found.optimum, gap=None, method=f"{found.optimum.method}, {ITERATED}")
     return LeastSquares(optimum, sigma, group_sigma(problem, base * factor), dof, change, gaussian)
@@ -165,11 +167,11 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquares:
 
 def _effective_sigma(problem: Problem, theta: Array, factor: float = 1.0) -> Array:
     """Error of each row with those of its angle and spin added through the slope at theta, (n,)."""
-    sigma = problem.sigma * factor
-    if problem.scatter.angles == "none":
+    sigma = problem.noise.sigma * factor
+    if problem.error_model.angles == "none":
         return np.asarray(sigma)
     square = sigma**2
-    laws = replace(problem, scatter=Scatter(angles="effective", gamma=problem.scatter.gamma))
+    laws = replace(problem, error_model=ErrorModel(angles="effective", gamma=problem.error_model.gamma))
     for number, _ in enumerate(problem.series):
         rows = np.flatnonzero(problem.rows.series == number)
         law = RowLaw.of(laws, rows)
@@ -182,7 +184,7 @@ def _factors(
     problem: Problem, theta: Array, base: Array, groups: Mapping[str, Index], gaussian: GaussianApproximation
 ) -> Array:
     """Noise factor of each row: misfit of its group over the degrees of freedom that the group keeps."""
-    residual = (problem.rows.value - problem.fitted(theta)) / base
+    residual = (problem.rows.value - problem.predict(theta)) / base
     factor = np.empty(base.size)
     for name, rows in groups.items():
         square = float(residual[rows] @ residual[rows])

@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.optimize.design import Domain, Forms, Frame, LinearForm
 from ifrfit.inference.optimize.parameter_group import Array, Constants, ParameterGroup
 
@@ -192,7 +192,7 @@ def _direct_family(group: ParameterGroup) -> LinearForm:
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], 0.0, back)
 
 
-def _product_bounds(domain: Domain, c: Constant) -> None:
+def _product_bounds(domain: Domain, c: Parameter) -> None:
     """c_lo w <= c w <= c_hi w."""
     if c.fixed is None:
         domain.constraint([c.lower, -1.0, 0.0], 0.0)

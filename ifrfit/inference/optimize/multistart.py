@@ -22,9 +22,9 @@ def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Opt
     """
     from scipy.optimize import least_squares
 
-    free = problem.free
-    lower, upper = problem.bounds()
-    held = np.array([math.nan if c.fixed is None else c.fixed for c in problem.entries()])
+    free = problem.parameters.free
+    lower, upper = problem.parameters.bounds()
+    held = np.array([math.nan if c.fixed is None else c.fixed for c in problem.parameters.entries])
 
     def full(x: Array) -> Array:
         theta = held.copy()
@@ -33,8 +33,8 @@ def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Opt
 
     def residuals(x: Array) -> Array:
         theta = full(x)
-        data = (problem.rows.value - problem.fitted(theta)) / sigma
-        return np.concatenate((data, problem.prior_residuals(theta)))
+        data = (problem.rows.value - problem.predict(theta)) / sigma
+        return np.concatenate((data, problem.parameters.prior_residuals(theta)))
 
     def jacobian(x: Array) -> Array:
         data = -problem.jacobian(full(x)) / sigma[:, None]
@@ -62,14 +62,14 @@ def starts(problem: Problem) -> list[Array]:
     tau = problem.rows.tau[np.isfinite(problem.rows.tau) & (problem.rows.tau > 0.0)]
     quantiles = np.quantile(tau, np.linspace(0.05, 0.95, _TRANSITIONS)) if tau.size else np.array([0.3])
     law = problem.closure.law(problem.inertia_factor)
-    spread = {c.name: _spread(c.lower, c.upper, c.fixed) for c in problem.constants if c.name != "mu"}
-    places = problem.positions()
+    spread = {c.name: _spread(c.lower, c.upper, c.fixed) for c in problem.parameters if c.name != "mu"}
+    places = problem.parameters.positions
     out = []
     for values in itertools.product(*spread.values()):
         chosen = dict(zip(spread, values, strict=True))
         c = chosen.get(problem.closure.constant or "", 0.0)
         for tau_t in quantiles:
-            theta = np.zeros(len(problem.names))
+            theta = np.zeros(len(problem.parameters.names))
             for name, value in chosen.items():
                 theta[places[name]] = value
             theta[places["mu"]] = max(float(law.bound(c)), 0.01) * tau_t / (1.0 + chosen["e_n"])
@@ -85,7 +85,7 @@ def _spread(lower: float, upper: float, fixed: float | None) -> tuple[float, ...
 
 
 def _prior_jacobian(problem: Problem) -> Array:
-    entries = problem.entries()
+    entries = problem.parameters.entries
     rows = [(i, c.prior[1]) for i, c in enumerate(entries) if c.prior is not None]
     out = np.zeros((len(rows), len(entries)))
     for row, (i, sd) in enumerate(rows):
@@ -106,7 +106,7 @@ def _distinct(
     for value, theta in found:
         if value > best + NEAR or any(np.abs(theta - other).max() <= 1e-3 for _, other in kept):
             continue
-        fitted = np.concatenate((problem.fitted(theta) / sigma, problem.prior_residuals(theta)))
+        fitted = np.concatenate((problem.predict(theta) / sigma, problem.parameters.prior_residuals(theta)))
         if all(np.abs(fitted - other).max() > 1e-3 for other in values):
             kept.append((value, theta))
             values.append(fitted)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ifrfit.errors import DataError
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -28,7 +29,7 @@ def refuse_exact_group(problem: Problem, name: str, rows: Index) -> None:
 
 def n_parameters_seen(problem: Problem, rows: Index) -> int:
     """How many free constants, or combinations of them, the rows depend on."""
-    free = {c.name for c in problem.constants if c.fixed is None}
+    free = {c.name for c in problem.parameters if c.fixed is None}
     own = {problem.closure.constant}
     seen: set[str] = set()
     for which in np.unique(problem.rows.which[rows]):

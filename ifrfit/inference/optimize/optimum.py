@@ -60,19 +60,19 @@ class Optimum:
 
 def theta_of(problem: Problem, per_series: list[Constants]) -> Array:
     """Write each series' (e_n, c, mu) into theta."""
-    theta = np.zeros(len(problem.names))
-    places = problem.positions()
+    theta = np.zeros(len(problem.parameters.names))
+    places = problem.parameters.positions
     names = ("e_n", problem.closure.constant, "mu")
     for number, constants in enumerate(per_series):
         for name, value in zip(names, constants, strict=True):
             if name is not None:
                 theta[places[name][number]] = value
-    lower, upper = problem.bounds()
+    lower, upper = problem.parameters.bounds()
     return np.where(np.isinf(theta), theta, np.clip(theta, lower, upper))
 
 
 def objective_at(problem: Problem, sigma: Array, theta: Array) -> float:
     """chi2 plus prior_chi2 at theta, from the rows themselves."""
-    residual = (problem.rows.value - problem.fitted(theta)) / sigma
-    prior = problem.prior_residuals(theta)
+    residual = (problem.rows.value - problem.predict(theta)) / sigma
+    prior = problem.parameters.prior_residuals(theta)
     return float(residual @ residual + prior @ prior)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.parameters import Constant
-from ifrfit.inference.model.problem import RowModel
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.rows import Rows
 from ifrfit.physics.closures import Closure, Coefficients
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -23,13 +23,13 @@ Constants = tuple[float, float, float]  # e_n, c, mu
 class ParameterGroup:
     """Rows that share one set of constants, with the weights (1/sigma) they have in the sum of squares."""
 
-    rows: RowModel
+    rows: Rows
     weight: Array
     closure: Closure
     inertia_factor: float
-    e_n: Constant
-    c: Constant
-    mu: Constant
+    e_n: Parameter
+    c: Parameter
+    mu: Parameter
 
     def of_kind(self, *kinds: str) -> Bool:
         """Rows whose observable is of one of these kinds."""

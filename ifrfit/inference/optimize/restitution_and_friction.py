@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.decomposition import PiecewiseMember, lagrangian_bound
 from ifrfit.inference.optimize.linear_families import LOWEST, kappa_form, linear_form
@@ -79,7 +79,7 @@ def _bound_over_kappa(group: ParameterGroup, constants: Constants) -> float:
     tangential = replace(
         tangential,
         e_n=replace(group.e_n, fixed=0.0, lower=0.0, prior=None),  # so that mu is kappa
-        mu=Constant("mu", 0.0, math.inf),
+        mu=Parameter("mu", 0.0, math.inf),
     )
     members = PiecewiseMember(kappa_form(tangential).problem, int(group.c.fixed is None)), other
     _, end = kappa_range([tangential])

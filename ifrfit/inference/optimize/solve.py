@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.group_optimum import solve_group
 from ifrfit.inference.optimize.multistart import multistart
@@ -33,13 +33,13 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
     """
     if not problem.closure.bilinear and problem.has_oblique:
         return multistart(problem, sigma, near)
-    if len(problem.series) == 1 or not any(c.separate for c in problem.constants):
+    if len(problem.series) == 1 or not any(c.separate for c in problem.parameters):
         group = whole_group(problem, sigma)
         found = solve_group(group)
         if found is None:
             return multistart(problem, sigma, near)
         return _optimum(problem, found)
-    if all(c.separate or c.fixed is not None for c in problem.constants):
+    if all(c.separate or c.fixed is not None for c in problem.parameters):
         parts = [solve_group(group) for group in series_groups(problem, sigma)]
         if all(part is not None for part in parts):
             return _join(problem, [part for part in parts if part is not None])
@@ -67,16 +67,16 @@ def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
     return groups
 
 
-def _specs(problem: Problem) -> tuple[Constant, Constant, Constant]:
-    by_name = {c.name: c for c in problem.constants}
-    none = Constant("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
-    return by_name["e_n"], by_name.get(problem.closure.constant or "", none), by_name["mu"]
+def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:
+    parameters, own = problem.parameters, problem.closure.constant
+    none = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
+    return parameters["e_n"], parameters[own] if own else none, parameters["mu"]
 
 
 def _optimum(problem: Problem, found: GroupOptimum) -> Optimum:
     """A single group: theta is (e_n, c, mu), less c where the closure has none."""
-    kept = [(0, problem.constants[0])]
-    kept += [(1, c) for c in problem.constants[1:-1]] + [(2, problem.constants[-1])]
+    places = (0, 1, 2) if problem.closure.constant else (0, 2)
+    kept = list(zip(places, problem.parameters, strict=True))
 
     def theta(constants: Constants) -> Array:
         return np.array(

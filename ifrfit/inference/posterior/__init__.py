@@ -1,6 +1,6 @@
 """The exact posterior by deterministic quadrature."""
 
-from ifrfit.inference.posterior.evidence import log_evidence as log_evidence
-from ifrfit.inference.posterior.integrate import TOLERANCE as TOLERANCE
-from ifrfit.inference.posterior.integrate import Posterior as Posterior
-from ifrfit.inference.posterior.integrate import explore as explore
+from ifrfit.inference.posterior.adaptive_quadrature import TOLERANCE as TOLERANCE
+from ifrfit.inference.posterior.adaptive_quadrature import QuadraturePosterior as QuadraturePosterior
+from ifrfit.inference.posterior.adaptive_quadrature import integrate as integrate
+from ifrfit.inference.posterior.log_evidence import log_evidence as log_evidence

@@ -59,7 +59,7 @@ def _antiderivative(order: int) -> Array:
     return np.asarray(0.5 * chebyshev.chebint(coefficients, lbnd=-1.0, axis=0))
 
 
-def partial(coefficients: Array, v: Array) -> Array:
+def integral_up_to(coefficients: Array, v: Array) -> Array:
     """Integral from 0 to v in [0, 1], from the coefficients of the antiderivative along the last axis."""
     y = 2.0 * v - 1.0
     if y.size <= _FEW:  # all polynomials at once

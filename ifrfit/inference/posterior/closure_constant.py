@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.problem import Index
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.row_likelihood import RowLaw
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.posterior.clenshaw_curtis import rule
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.noise_scale import UnknownNoise
+from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.quadratic_sums import Quadratic
-from ifrfit.inference.posterior.sum_of_squares import AT_ONCE, Misfit
+from ifrfit.inference.posterior.sum_of_squares import AT_ONCE, SumOfSquares
 from ifrfit.physics.closures import Coefficients
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ _CURVED = 3.0  # how much further the tails of rows are followed that are not li
 
 
 @dataclass(frozen=True)
-class Place:
+class ConditioningValues:
     """Where the closure constant is asked for: e_n, transition, and a common noise factor.
 
     All are (m, n_e, n_x), broadcastable; `squares` are the sums of squares of the noise groups there.
@@ -38,18 +38,20 @@ class Place:
     x: Array
     noise: Array | None
 
-    def thinned(self, nodes: NDArray[np.intp]) -> Place:
+    def thinned(self, nodes: NDArray[np.intp]) -> ConditioningValues:
         """The same at some of the nodes of e_n."""
 
         def part(values: Array) -> Array:
             return _thin(values, nodes, self.e_n.shape[1])
 
         squares = [Quadratic(part(q.square), part(q.slope), part(q.curvature)) for q in self.squares]
-        return Place(squares, part(self.e_n), part(self.x), None if self.noise is None else part(self.noise))
+        return ConditioningValues(
+            squares, part(self.e_n), part(self.x), None if self.noise is None else part(self.noise)
+        )
 
 
 @dataclass(frozen=True)
-class Spread:
+class ConditionalCoordinate:
     """Coordinate of the closure constant at each place: c = mode -+ size sinh(u), u from 0 to reach.
 
     Attributes
@@ -77,8 +79,8 @@ class Spread:
         return nodes.reshape(shape), jacobian.reshape(shape)
 
 
-def c_limits(
-    c: Unknown, k: Coefficients, mu_ends: tuple[float, float] | None, e_n: Array, x: Array
+def c_domain(
+    c: FreeParameter, k: Coefficients, mu_ends: tuple[float, float] | None, e_n: Array, x: Array
 ) -> tuple[Array, Array]:
     """Domain of the closure constant, less what the bounds of mu forbid where the bound is tilted."""
     lower, upper = np.full((1, 1, 1), c.lower), np.full((1, 1, 1), c.upper)
@@ -91,27 +93,27 @@ def c_limits(
     return lower, upper
 
 
-def about_mode(
-    misfit: Misfit,
-    noise: tuple[UnknownNoise, ...] | None,
+def conditional_coordinate(
+    misfit: SumOfSquares,
+    noise: tuple[NoiseScale, ...] | None,
     sigma: Array,
-    c: Unknown,
-    place: Place,
+    c: FreeParameter,
+    place: ConditioningValues,
     limits: tuple[Array, Array],
     tail: float,
     law: RowLaw | None = None,
-) -> Spread:
+) -> ConditionalCoordinate:
     """Find the conditional mode inside its limits, its size, and how far both tails reach.
 
     Parameters
     ----------
-    misfit : Misfit
+    misfit : SumOfSquares
     noise : tuple of UnknownNoise or None
         Integrated inside, one a noise group.
     sigma : ndarray
         Likely noise of each group, relative to the weights.
-    c : Unknown
-    place : Place
+    c : FreeParameter
+    place : ConditioningValues
     limits : (ndarray, ndarray)
     tail : float
         Fall of the log density beyond which nothing is counted.
@@ -122,12 +124,12 @@ def about_mode(
     weight = [1.0 / s**2 for s in sigma]
     few = _few(misfit, place)
     if few is None:
-        at, d, curvature, count = _settled(misfit, noise, weight, c, place, limits)
+        at, d, curvature, count = _conditional_mode(misfit, noise, weight, c, place, limits)
     else:
         # where rows are dear, the mode moves smoothly enough to be found at some of the nodes of e_n
         n_e = place.e_n.shape[1]
         some = _thin(lower, few, n_e), _thin(upper, few, n_e)
-        at, d, curvature, count = _settled(misfit, noise, weight, c, place.thinned(few), some)
+        at, d, curvature, count = _conditional_mode(misfit, noise, weight, c, place.thinned(few), some)
         at, d, curvature = (_between(y, place.e_n, few) for y in (at, d, curvature))
     reference = misfit.reference.c
     with np.errstate(divide="ignore"):
@@ -143,20 +145,20 @@ def about_mode(
         far = _CURVED * far  # an angle saturates, so its misfit rises more slowly than it begins
     if not misfit.is_quadratic:  # where the steps have not come to rest inside, the mode may be anywhere
         far = np.where((pull > 0.0) | (np.abs(mode - at) > size), np.inf, far)
-    if law is not None and law.scatter.dof is not None:
+    if law is not None and law.error_model.dof is not None:
         far = np.full(far.shape, np.inf)  # rows that disagree keep places likely that are far from the mode
     size = size / (1.0 + pull)
     room = np.stack((mode - lower, upper - mode), axis=-1)
     reach = np.arcsinh(np.minimum(room, far[..., None]) / size[..., None])
-    return Spread(mode, size, reach)
+    return ConditionalCoordinate(mode, size, reach)
 
 
-def _settled(
-    misfit: Misfit,
-    noise: tuple[UnknownNoise, ...] | None,
+def _conditional_mode(
+    misfit: SumOfSquares,
+    noise: tuple[NoiseScale, ...] | None,
     weight: list[Array | float],
-    c: Unknown,
-    place: Place,
+    c: FreeParameter,
+    place: ConditioningValues,
     limits: tuple[Array, Array],
 ) -> tuple[Array, Array, Array, int]:
     """Where the last step began, distance of the mode from the reference, curvature, rows of free noise."""
@@ -194,7 +196,7 @@ def _settled(
     return at, d, np.asarray(curvature), count
 
 
-def _few(misfit: Misfit, place: Place) -> NDArray[np.intp] | None:
+def _few(misfit: SumOfSquares, place: ConditioningValues) -> NDArray[np.intp] | None:
     """Nodes of e_n at which the mode is looked for; None for all of them."""
     n_e = place.e_n.shape[1]
     values = sum(rows.size for rows in misfit.curved_rows) * n_e * place.x.shape[2]
@@ -221,7 +223,9 @@ def _spread_over(values: Array, shape: tuple[int, ...]) -> Array:
     return values if values.shape == shape else np.broadcast_to(values, shape)
 
 
-def _gauss_newton(misfit: Misfit, rows: Index, place: Place, c: Array) -> tuple[Array | float, Array | float]:
+def _gauss_newton(
+    misfit: SumOfSquares, rows: Index, place: ConditioningValues, c: Array
+) -> tuple[Array | float, Array | float]:
     """Slope and curvature by c of the sum of squares of curved rows; zeros where there are none."""
     if not rows.size:
         return 0.0, 0.0

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.clenshaw_curtis import partial, rule
+from ifrfit.inference.posterior.clenshaw_curtis import integral_up_to, rule
 
 if TYPE_CHECKING:
-    from ifrfit.inference.posterior.density_grid import Tensor
+    from ifrfit.inference.posterior.density_grid import DensityGrid
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -22,7 +22,7 @@ _AT_ONCE = 20_000  # nodes times thresholds looked at together: their arrays sta
 
 
 @dataclass(frozen=True)
-class Sides:
+class TwoSidedIntegrals:
     """Integrals of the densities of the closure constant from the mode outward, at the nodes that count.
 
     Attributes
@@ -43,7 +43,7 @@ class Sides:
     reach: Array
 
     @classmethod
-    def of(cls, tensor: Tensor) -> Sides:
+    def of(cls, tensor: DensityGrid) -> TwoSidedIntegrals:
         """Of all nodes but those that hold next to nothing all together."""
         spread = tensor.spread
         assert spread is not None
@@ -68,16 +68,16 @@ class Sides:
         return cls(place, coefficients, total, mode, size, reach)
 
 
-def _nothing(tensor: Tensor) -> float:
+def _nothing(tensor: DensityGrid) -> float:
     return math.exp(-tensor.series.tail)
 
 
-class Cut:
+class ConditionalCdf:
     """Posterior probability of a closure constant below threshold(t, own), by t.
 
     Parameters
     ----------
-    tensor : Tensor
+    tensor : DensityGrid
     share : ndarray, (2, m)
         Of the outer nodes.
     own : ndarray, (m, n_e, n_x), broadcastable
@@ -87,7 +87,7 @@ class Cut:
     """
 
     def __init__(
-        self, tensor: Tensor, share: Array, own: Array, threshold: Callable[[Array, Array], Array]
+        self, tensor: DensityGrid, share: Array, own: Array, threshold: Callable[[Array, Array], Array]
     ) -> None:
         sides = tensor.sides
         shape = np.broadcast_shapes(tensor.f.shape[:3], own.shape)
@@ -152,7 +152,7 @@ class Cut:
         found = np.empty((levels, *side.shape))
         for level in range(levels):
             amount = sides.total[level][side, node].reshape(-1)  # beyond the reach all of a side
-            amount[inside] = partial(sides.coefficients[level][:, column].T, at)
+            amount[inside] = integral_up_to(sides.coefficients[level][:, column].T, at)
             amount = amount.reshape(side.shape)
             found[level] = sides.total[level, 0, node] + np.where(side == 1, amount, -amount)
         return found

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS
-from ifrfit.inference.posterior.joint_grid import Errors
-from ifrfit.inference.posterior.marginals import Quantity
+from ifrfit.inference.posterior.joint_grid import ErrorsByAxis
+from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.panel_cdf import quantiles
-from ifrfit.inference.posterior.quadrature_axis import Axis
-from ifrfit.inference.posterior.series_integrand import Series
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.series_integrand import SeriesIntegrand
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ _BESIDE = 1.0  # tolerance of the quantiles at which changes are taken: a thousa
 _NEARLY = 0.01  # in probability: how near to a normal law the tails have to be
 
 
-def largest_change(quantities: Mapping[str, Quantity], tolerance: float) -> float:
+def largest_error(quantities: Mapping[str, Marginal], tolerance: float) -> float:
     """Largest change of any result between the rules and the coarse ones inside them, in sd.
 
     A quantile changes by the change of the distribution function there over the density. Both are taken
@@ -55,7 +55,7 @@ def largest_change(quantities: Mapping[str, Quantity], tolerance: float) -> floa
     return worst
 
 
-def _moved_as_if_normal(own: Quantity, mean: float, sd: float) -> tuple[float, bool]:
+def _moved_as_if_normal(own: Marginal, mean: float, sd: float) -> tuple[float, bool]:
     """Largest change of quantiles, in sd, where a normal law has them; and whether this one is near to it."""
     at = np.clip(mean + sd * _NORMAL, own.low, own.high)
     fine, coarse = own.cdf(at, 2)
@@ -63,7 +63,7 @@ def _moved_as_if_normal(own: Quantity, mean: float, sd: float) -> tuple[float, b
     return change, bool((np.abs(fine[[1, -2]] - (LEVELS[0], LEVELS[-1])) < _NEARLY).all())
 
 
-def _moved(own: Quantity, sd: float, tolerance: float) -> float:
+def _moved(own: Marginal, sd: float, tolerance: float) -> float:
     """Largest change of the quantiles, in sd, with the density there."""
     # where panels are refined for the quantiles themselves, a place beside them says nothing
     accuracy = tolerance if own.split is not None or own.errors is not None else _BESIDE
@@ -72,7 +72,7 @@ def _moved(own: Quantity, sd: float, tolerance: float) -> float:
     return float((np.abs(coarse - fine) / np.maximum(density, 1e-4 / sd)).max()) / sd
 
 
-def levels_of(own: Quantity, accuracy: float) -> tuple[Array, Array]:
+def levels_of(own: Marginal, accuracy: float) -> tuple[Array, Array]:
     """Quantiles at `LEVELS`, and the densities there."""
     if accuracy not in own.known:
         mean, sd = own.moments(0)
@@ -84,9 +84,9 @@ def levels_of(own: Quantity, accuracy: float) -> tuple[Array, Array]:
     return own.known[accuracy]
 
 
-def panel_errors(quantities: Mapping[str, Quantity], tolerance: float) -> Errors:
+def panel_errors(quantities: Mapping[str, Marginal], tolerance: float) -> ErrorsByAxis:
     """Errors of panels that only distribution functions show, in sd of the quantiles that people ask for."""
-    found: list[tuple[Axis | Series, Array]] = []
+    found: list[tuple[QuadratureAxis | SeriesIntegrand, Array]] = []
     for own in quantities.values():
         sd = own.moments(0)[1]
         if own.errors is not None and sd > 0.0:
@@ -95,7 +95,7 @@ def panel_errors(quantities: Mapping[str, Quantity], tolerance: float) -> Errors
     return found
 
 
-def quantiles_of(own: Quantity, p: Array, moments: tuple[float, float], tolerance: float) -> Array:
+def quantiles_of(own: Marginal, p: Array, moments: tuple[float, float], tolerance: float) -> Array:
     """Where the distribution function takes the values p; an open upper end is cut 1e6 sd above the mean."""
     mean, sd = moments
     low, high = own.low, own.high if math.isfinite(own.high) else mean + 1e6 * sd

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.clenshaw_curtis import rule
-from ifrfit.inference.posterior.closure_constant import Spread
-from ifrfit.inference.posterior.conditional_cdf import Sides
-from ifrfit.inference.posterior.panel_cdf import Panels
-from ifrfit.inference.posterior.quadratic_sums import lifted
-from ifrfit.inference.posterior.quadrature_axis import Axis
+from ifrfit.inference.posterior.closure_constant import ConditionalCoordinate
+from ifrfit.inference.posterior.conditional_cdf import TwoSidedIntegrals
+from ifrfit.inference.posterior.panel_cdf import PanelCdf
+from ifrfit.inference.posterior.quadratic_sums import with_c_axis
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
 if TYPE_CHECKING:
-    from ifrfit.inference.posterior.series_integrand import Series
+    from ifrfit.inference.posterior.series_integrand import SeriesIntegrand
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ _ALONE = np.ones((2, 1))  # weights of a single node
 
 
 @dataclass
-class Tensor:
+class DensityGrid:
     """Density at nodes along (outer nodes, e_n, transition, closure constant).
 
     Every weight and integral comes twice, by the rules and by the coarse rules inside them; so do the shares
@@ -34,7 +34,7 @@ class Tensor:
 
     Attributes
     ----------
-    series : Series
+    series : SeriesIntegrand
     e_n, x : ndarray, (m, n_e, n_x), broadcastable
     c, mu : ndarray, (m, n_e, n_x, n_c), broadcastable
     f : ndarray, (m, n_e, n_x, n_c), broadcastable
@@ -51,11 +51,11 @@ class Tensor:
         Integral at each outer node, relative to exp(shift).
     limits : (ndarray, ndarray) or None
         Ends of the transition's coordinate where they cut panels, (m, n_e).
-    spread : Spread or None
+    spread : ConditionalCoordinate or None
         Coordinate of the closure constant, where it is an unknown of the part.
     """
 
-    series: Series
+    series: SeriesIntegrand
     e_n: Array
     x: Array
     c: Array
@@ -69,12 +69,12 @@ class Tensor:
     c_weight: Array
     mass: Array
     limits: tuple[Array, Array] | None
-    spread: Spread | None
+    spread: ConditionalCoordinate | None
 
     @classmethod
     def of(
         cls,
-        series: Series,
+        series: SeriesIntegrand,
         e_n: Array,
         x: Array,
         c: Array,
@@ -82,8 +82,8 @@ class Tensor:
         logs: tuple[Array, Array],
         e_weight: Array,
         limits: tuple[Array, Array] | None,
-        spread: Spread | None,
-    ) -> Tensor:
+        spread: ConditionalCoordinate | None,
+    ) -> DensityGrid:
         """Integrate the log densities (with the closure constant, apart from it) found at the nodes."""
         top = logs[0].max(axis=-1)
         whole = top + logs[1]
@@ -146,8 +146,10 @@ class Tensor:
         weight = (self.outer(share)[..., 0] * self.e_weight[:, None]).reshape(2, 1, -1)
         if self.limits is None:
             total = weight @ self.g.reshape(2, m * n_e, -1)
-            summed = Panels.of_levels(low, width, total.reshape(2, *axis.shape))
-        each = cache(lambda level: Panels.of(low, width, self.g[level].reshape(m * n_e, *axis.shape), level))
+            summed = PanelCdf.of_levels(low, width, total.reshape(2, *axis.shape))
+        each = cache(
+            lambda level: PanelCdf.of(low, width, self.g[level].reshape(m * n_e, *axis.shape), level)
+        )
 
         def below(x: Array, levels: int) -> Array:
             t = to_t(x)
@@ -168,9 +170,9 @@ class Tensor:
         return below
 
     @cached_property
-    def sides(self) -> Sides:
-        """Integrals of the closure constant's densities, for `Cut`."""
-        return Sides.of(self)
+    def sides(self) -> TwoSidedIntegrals:
+        """Integrals of the closure constant's densities, for `ConditionalCdf`."""
+        return TwoSidedIntegrals.of(self)
 
     def along_x_below(self, cut: Array, share: Array) -> Array:
         """Density along the transition of what a cut leaves at each node, (rows, panels, nodes)."""
@@ -195,7 +197,7 @@ class Tensor:
         axis = self.series.x_axis
         assert axis is not None
         m, n_e, _ = self.g.shape[1:]
-        panels = Panels.of(axis.low[None], axis.width[None], self.g[0].reshape(m * n_e, *axis.shape))
+        panels = PanelCdf.of(axis.low[None], axis.width[None], self.g[0].reshape(m * n_e, *axis.shape))
         t = np.broadcast_to(self.series.to_t(x), (m, n_e))
         start: Array | float = 0.0
         if self.limits is not None:
@@ -228,10 +230,10 @@ class Tensor:
             square = square.reshape((1, 1, 1)) if square.ndim == 0 else square
             probability = self.g * weight
         else:
-            square = lifted(q.square) + more
+            square = with_c_axis(q.square) + more
             if np.ndim(q.slope):
                 d = self.c - misfit.reference.c
-                square = square + d * (lifted(q.curvature) * d - 2.0 * lifted(q.slope))
+                square = square + d * (with_c_axis(q.curvature) * d - 2.0 * with_c_axis(q.slope))
             probability = self.apart * weight
             if square.shape[1] == 1 and self.f.shape[1] == 1:
                 probability = probability.sum(axis=2, keepdims=True)
@@ -245,7 +247,7 @@ class Tensor:
         h = (self.g * self.x_weight).sum(axis=-1)
         return np.asarray((h * self.outer(share)[..., 0]).sum(axis=1))
 
-    def panel_masses(self, share: Array) -> list[tuple[Axis, Array]]:
+    def panel_masses(self, share: Array) -> list[tuple[QuadratureAxis, Array]]:
         """Mass of the panels of e_n and of the transition."""
         probability = (self.g * self.weight)[0] * self.outer(share)[0]
         series = self.series
@@ -258,12 +260,12 @@ class Tensor:
                 found.append((axis, probability.sum(axis=others).reshape(axis.shape).sum(axis=-1)))
         return found
 
-    def panel_errors(self, share: Array) -> list[tuple[Axis | None, Array, Array]]:
+    def panel_errors(self, share: Array) -> list[tuple[QuadratureAxis | None, Array, Array]]:
         """Mass and error of the panels of e_n and of the transition; of the closure constant as a whole."""
         outer = self.outer(share)[0]
         g, x_weight = self.g[0], self.x_weight[0]
         across = outer * self.e_weight[0][:, None]
-        found: list[tuple[Axis | None, Array, Array]] = []
+        found: list[tuple[QuadratureAxis | None, Array, Array]] = []
         for axis, mass in self.panel_masses(share):
             along = g * across if axis is self.series.x_axis else (g * x_weight).sum(axis=-1) * outer[..., 0]
             found.append((axis, mass, axis.errors(along.reshape(-1, *axis.shape))))

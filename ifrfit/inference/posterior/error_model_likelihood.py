@@ -13,7 +13,7 @@ from ifrfit.physics.observables import OBSERVABLES
 Array = NDArray[np.float64]
 
 
-def scattered(
+def error_model_log_likelihood(
     law: RowLaw, k: Coefficients, e_n: Array, x: Array, c: Array, mu: Array, noise: Array | None
 ) -> Array:
     """Log likelihood, broadcast over (m, n_e, n_x, n_c) as far as the rows see these axes.

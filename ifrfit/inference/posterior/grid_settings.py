@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.parameters import Constant
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.posterior.noise_scale import noise_bounds
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ LADDER = np.array([1.5, 4.0, 8.0, 16.0, 40.0, 120.0, 400.0, 2e3, 1e4, 1e5])  # f
 
 
 @dataclass(frozen=True)
-class Setting:
+class GridSettings:
     """What all parts need: the problem, its optimum with the local spread, and the wanted tolerance."""
 
     problem: Problem
@@ -36,7 +36,7 @@ class Setting:
     @cached_property
     def bounds(self) -> Mapping[str, tuple[float, float]]:
         """Of the noises' priors."""
-        return noise_bounds(self.problem)
+        return self.problem.noise_bounds()
 
     @cached_property
     def groups(self) -> Mapping[str, Index]:
@@ -70,21 +70,21 @@ class Setting:
         return 6.0 - 2.0 * math.log(self.tolerance)
 
     @cached_property
-    def _constants(self) -> Mapping[str, Constant]:
-        by_name = {c.name: c for c in self.problem.constants}
+    def _constants(self) -> Mapping[str, Parameter]:
+        parameters = self.problem.parameters
         own = self.problem.closure.constant
-        found = by_name[own] if own else Constant("", 0.0, 0.0, fixed=0.0)
-        return {"e_n": by_name["e_n"], "c": found, "mu": by_name["mu"]}
+        found = parameters[own] if own else Parameter("", 0.0, 0.0, fixed=0.0)
+        return {"e_n": parameters["e_n"], "c": found, "mu": parameters["mu"]}
 
     @cached_property
     def _positions(self) -> Mapping[str, Index]:
-        return self.problem.positions()
+        return self.problem.parameters.positions
 
     @cached_property
     def _spreads(self) -> dict[tuple[str, int], tuple[float, float]]:
         return {}  # what was asked for already
 
-    def constant(self, kind: str) -> Constant:
+    def constant(self, kind: str) -> Parameter:
         """The constant of a kind; closure F has a fixed one."""
         return self._constants[kind]
 

@@ -8,35 +8,35 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.problem import Index, RowModel
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.row_likelihood import RowLaw
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.grid_settings import LADDER, Setting, ladder
+from ifrfit.inference.model.rows import Index, Rows
+from ifrfit.inference.posterior.grid_settings import LADDER, GridSettings, ladder
 from ifrfit.inference.posterior.kink_minima import local_minima
-from ifrfit.inference.posterior.noise_scale import UnknownNoise
-from ifrfit.inference.posterior.quadrature_axis import Axis
-from ifrfit.inference.posterior.series_integrand import Series
-from ifrfit.inference.posterior.sum_of_squares import Misfit, Reference
+from ifrfit.inference.posterior.noise_scale import NoiseScale
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.series_integrand import SeriesIntegrand
+from ifrfit.inference.posterior.sum_of_squares import Reference, SumOfSquares
 
 Array = NDArray[np.float64]
 
 _KINKS_NEAR, _KINKS_FAR = 48, 12  # kinks at which panels are split from the start
 
 
-def make_batched_group(
-    setting: Setting,
+def make_series(
+    setting: GridSettings,
     block: int,
     at: Index,
-    known: Mapping[str, Unknown | float | None],
+    known: Mapping[str, FreeParameter | float | None],
     n_normal: int = 0,
     *,
     whole: bool = False,
-) -> tuple[Series, tuple[str, ...]]:
+) -> tuple[SeriesIntegrand, tuple[str, ...]]:
     """Lay one part of the integral out.
 
     Parameters
     ----------
-    setting : Setting
+    setting : GridSettings
     block : int
     at : ndarray of int
         Its rows.
@@ -62,61 +62,67 @@ def make_batched_group(
     if n_normal:
         reference = Reference(optimum["e_n"][0], 0.0, 0.0)
     names, groups, noise, weight, sigma = _noise(setting, at, whole)
-    misfit = Misfit(rows, weight, groups, problem.closure, problem.inertia_factor, reference)
-    plain = problem.scatter.is_plain or at.size == 0
+    misfit = SumOfSquares(rows, weight, groups, problem.closure, problem.inertia_factor, reference)
+    plain = problem.error_model.is_plain or at.size == 0
     law = None if plain else RowLaw.of(problem, at, setting.start.optimum.theta)
-    series = Series(misfit, noise, known["e_n"], known["c"], known["mu"], sigma, n_normal, law=law)
+    series = SeriesIntegrand(misfit, noise, known["e_n"], known["c"], known["mu"], sigma, n_normal, law=law)
     series.c_order, series.tail = setting.c_order, setting.tail
     if series.stretched and not misfit.is_quadratic:
         series.c_order += 2 * (
             setting.c_order // 4
         )  # what curved rows say of it under a tilted bound is uneven
     if series.has_e_axis:
-        assert isinstance(series.e_n, Unknown)
+        assert isinstance(series.e_n, FreeParameter)
         center, sd = optimum["e_n"]
         edges = ladder(center, sd, series.e_n.lower, series.e_n.upper)
-        series.e_axis = Axis.of(edges, setting.order)
+        series.e_axis = QuadratureAxis.of(edges, setting.order)
     if series.has_x_axis:
         b = max(float(misfit.b(optimum["c"][0])), 1e-6)
         center, sd = optimum["kappa"][0] / b, max(optimum["kappa"][1] / b, 1e-12)
         series.unit = max(center, 1e-3)
-        series.x_axis = Axis.of(_x_edges(series, center, sd, known, setting.crowded), setting.order)
+        series.x_axis = QuadratureAxis.of(_x_edges(series, center, sd, known, setting.crowded), setting.order)
     return series, names
 
 
 def _noise(
-    setting: Setting, at: Index, whole: bool
-) -> tuple[tuple[str, ...], list[Index], tuple[UnknownNoise, ...] | None, Array, Array]:
+    setting: GridSettings, at: Index, whole: bool
+) -> tuple[tuple[str, ...], list[Index], tuple[NoiseScale, ...] | None, Array, Array]:
     """Names, rows and laws of the noises integrated inside, weights of the rows, and likely sigmas."""
     problem, start = setting.problem, setting.start
-    if problem.noise == "unknown":
+    if problem.noise.is_unknown:
         place = np.full(problem.rows.value.size, -1)
         place[at] = np.arange(at.size)
         of_rows = [(name, place[group]) for name, group in setting.groups.items()]
         of_rows = [(name, group[group >= 0]) for name, group in of_rows if (group >= 0).any()]
         names = tuple(name for name, _ in of_rows)
-        noise = tuple(UnknownNoise(group.size, *setting.bounds[name]) for name, group in of_rows)
+        noise = tuple(NoiseScale(group.size, *setting.bounds[name]) for name, group in of_rows)
         sigma = np.array([start.noise[name] for name in names])
         return names, [group for _, group in of_rows], noise, np.ones(at.size), sigma
     everything = [np.arange(at.size)]
-    factor = np.array([float(np.median(start.sigma / problem.sigma)) if problem.noise == "scaled" else 1.0])
-    if not problem.scatter.is_plain:  # no more than where to look
+    factor = np.array(
+        [float(np.median(start.sigma / problem.noise.sigma)) if problem.noise.is_scaled else 1.0]
+    )
+    if not problem.error_model.is_plain:  # no more than where to look
         return (), everything, None, factor[0] / start.sigma[at], np.ones(1)
-    weight = 1.0 / problem.sigma[at]
-    if problem.noise == "known":
+    weight = 1.0 / problem.noise.sigma[at]
+    if problem.noise.is_known:
         return (), everything, None, weight, np.ones(1)
     if whole:
-        return ("",), everything, (UnknownNoise(at.size, *setting.bounds[""]),), weight, factor
+        return ("",), everything, (NoiseScale(at.size, *setting.bounds[""]),), weight, factor
     return (), everything, None, weight, np.ones(1)  # the factor is shared
 
 
-def _taken(rows: RowModel, at: Index) -> RowModel:
+def _taken(rows: Rows, at: Index) -> Rows:
     part = rows.take(at)
     return replace(part, series=np.zeros(at.size, dtype=np.intp))
 
 
 def _x_edges(
-    series: Series, center: float, sd: float, known: Mapping[str, Unknown | float | None], crowded: float
+    series: SeriesIntegrand,
+    center: float,
+    sd: float,
+    known: Mapping[str, FreeParameter | float | None],
+    crowded: float,
 ) -> Array:
     """First edges of the transition: a ladder about the optimum, and the kinks of the data."""
     # a shared unknown may be anywhere that the default domain allows
@@ -142,7 +148,7 @@ def _x_edges(
     near = np.abs(kinks - center) <= 10.0 * sd
     kept = np.concatenate((thinned(kinks[near], _KINKS_NEAR), thinned(kinks[~near], _KINKS_FAR)))
     c_ends, prior = (-np.inf, np.inf), None
-    if isinstance(known["c"], Unknown):
+    if isinstance(known["c"], FreeParameter):
         c_ends, prior = (known["c"].lower, known["c"].upper), known["c"].prior
     places = [(center, sd), *local_minima(series.misfit, series.sigma, c_ends, prior, 4.0 * series.tail)]
     # a minimum that is next to another one is on its ladder already
@@ -164,10 +170,10 @@ def _next_to(one: tuple[float, float], other: tuple[float, float]) -> bool:
     return abs(one[0] - other[0]) <= min(one[1], other[1]) and 0.2 < one[1] / other[1] < 5.0
 
 
-def _ends(known: Unknown | float | None, lower: float, upper: float) -> tuple[float, float]:
+def _ends(known: FreeParameter | float | None, lower: float, upper: float) -> tuple[float, float]:
     if known is None:
         return lower, upper
-    return (known.lower, known.upper) if isinstance(known, Unknown) else (known, known)
+    return (known.lower, known.upper) if isinstance(known, FreeParameter) else (known, known)
 
 
 def thinned(kinks: Array, most: int) -> Array:

@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.parameters import Constant
-from ifrfit.inference.model.problem import Index, Problem
+from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.optimize.linear_families import LOWEST
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.grid_settings import Setting, ladder
-from ifrfit.inference.posterior.initial_panels import make_batched_group, thinned
-from ifrfit.inference.posterior.joint_grid import Joint, Shared
-from ifrfit.inference.posterior.quadrature_axis import Axis
-from ifrfit.inference.posterior.series_integrand import Series
+from ifrfit.inference.posterior.grid_settings import GridSettings, ladder
+from ifrfit.inference.posterior.initial_panels import make_series, thinned
+from ifrfit.inference.posterior.joint_grid import JointIntegral, SharedParameter
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.series_integrand import SeriesIntegrand
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
@@ -29,12 +30,12 @@ _MOST_KINKS = 48
 
 
 @dataclass(frozen=True)
-class Plan:
+class IntegralLayout:
     """The integral, and which of its parts holds which constant.
 
     Attributes
     ----------
-    joint : Joint
+    joint : JointIntegral
     tangential : tuple of int
         Part that holds the oblique rows of each block.
     normal : tuple of int
@@ -47,10 +48,10 @@ class Plan:
         Names of the unknown noises of each part.
     """
 
-    joint: Joint
+    joint: JointIntegral
     tangential: tuple[int, ...]
     normal: tuple[int, ...]
-    unknowns: Mapping[tuple[str, int], Unknown | float]
+    unknowns: Mapping[tuple[str, int], FreeParameter | float]
     blocks: tuple[Index, ...]
     groups: tuple[tuple[str, ...], ...]
 
@@ -60,12 +61,7 @@ class Plan:
         return bool(self.normal)
 
 
-def noise_label(group: str) -> str:
-    """Name of the noise of a group; of the common factor where that is empty."""
-    return f"noise[{group}]" if group else "noise"
-
-
-def make_plan(problem: Problem, start: LeastSquares, tolerance: float, *, apart: bool) -> Plan:
+def make_layout(problem: Problem, start: LeastSquares, tolerance: float, *, apart: bool) -> IntegralLayout:
     """Lay the integral out.
 
     Parameters
@@ -76,14 +72,14 @@ def make_plan(problem: Problem, start: LeastSquares, tolerance: float, *, apart:
     apart : bool
         Take e_n apart where the data allow it; kappa takes the place of mu there.
     """
-    setting = Setting(problem, start, tolerance)
-    has_separate = any(c.separate for c in problem.constants) and len(problem.series) > 1
+    setting = GridSettings(problem, start, tolerance)
+    has_separate = any(c.separate for c in problem.parameters) and len(problem.series) > 1
     if has_separate:
         blocks = tuple(np.flatnonzero(problem.rows.series == i) for i in range(len(problem.series)))
     else:
         blocks = (np.arange(problem.rows.value.size),)
     apart = apart and e_n_is_apart(setting)
-    unknowns: dict[tuple[str, int], Unknown | float] = {}
+    unknowns: dict[tuple[str, int], FreeParameter | float] = {}
     shared_kinds = []
     for kind in _KINDS:
         constant = setting.constant(kind)
@@ -93,21 +89,23 @@ def make_plan(problem: Problem, start: LeastSquares, tolerance: float, *, apart:
             else:
                 at = setting.place(kind, block)
                 assert at is not None
-                unknowns[kind, block] = _serious(Unknown.of(problem.names[at], constant), constant, problem)
+                unknowns[kind, block] = _serious(
+                    FreeParameter.of(problem.parameters.names[at], constant), constant, problem
+                )
         if has_separate and constant.fixed is None and not constant.separate:
             shared_kinds.append(kind)
     _refuse_negative_bound(setting)
     return _assemble(setting, blocks, unknowns, shared_kinds, apart)
 
 
-def _serious(unknown: Unknown, constant: Constant, problem: Problem) -> Unknown:
+def _serious(unknown: FreeParameter, constant: Parameter, problem: Problem) -> FreeParameter:
     """The unknown; e_n not below what is meant seriously where values are over the outgoing velocity."""
-    if constant.name == "e_n" and any(OBSERVABLES[name].scale == "rebound" for name in problem.rows.names):
+    if constant.name == "e_n" and problem.rows.has_rebound_scale:
         return replace(unknown, lower=max(unknown.lower, LOWEST))
     return unknown
 
 
-def _refuse_negative_bound(setting: Setting) -> None:
+def _refuse_negative_bound(setting: GridSettings) -> None:
     """A bound of the frictional impulse below zero has no transition."""
     if not setting.problem.closure.bilinear:
         return
@@ -121,7 +119,7 @@ def _refuse_negative_bound(setting: Setting) -> None:
         )
 
 
-def e_n_is_apart(setting: Setting) -> bool:
+def e_n_is_apart(setting: GridSettings) -> bool:
     """Whether the rows see e_n and kappa, but nothing that ties the two."""
     problem = setting.problem
     e_n, mu = setting.constant("e_n"), setting.constant("mu")
@@ -143,13 +141,13 @@ def _sees_e_n_apart(problem: Problem) -> bool:
 
 
 def _assemble(
-    setting: Setting,
+    setting: GridSettings,
     blocks: tuple[Index, ...],
-    unknowns: dict[tuple[str, int], Unknown | float],
+    unknowns: dict[tuple[str, int], FreeParameter | float],
     shared_kinds: list[str],
     apart: bool,
-) -> Plan:
-    series: list[Series] = []
+) -> IntegralLayout:
+    series: list[SeriesIntegrand] = []
     groups: list[tuple[str, ...]] = []
     normal: list[int] = []
     tangential: list[int] = []
@@ -161,22 +159,24 @@ def _assemble(
     closure = setting.problem.closure
     tied = tied or (closure.bilinear and closure.coefficients(setting.problem.inertia_factor).b1 != 0.0)
     whole = (
-        len(blocks) == 1 and (not direct.any() or (not apart and tied)) and setting.problem.scatter.is_plain
+        len(blocks) == 1
+        and (not direct.any() or (not apart and tied))
+        and setting.problem.error_model.is_plain
     )
     for block, rows in enumerate(blocks):
-        known: dict[str, Unknown | float | None] = {kind: unknowns[kind, block] for kind in _KINDS}
+        known: dict[str, FreeParameter | float | None] = {kind: unknowns[kind, block] for kind in _KINDS}
         if apart:
             e_n, mu = known["e_n"], known["mu"]
-            assert isinstance(e_n, Unknown)
-            assert isinstance(mu, Unknown)
-            kappa = Unknown(mu.name, 0.0, mu.upper * (1.0 + e_n.lower), None, mu.log_scale)
+            assert isinstance(e_n, FreeParameter)
+            assert isinstance(mu, FreeParameter)
+            kappa = FreeParameter(mu.name, 0.0, mu.upper * (1.0 + e_n.lower), None, mu.log_scale)
             known |= {"e_n": 0.0, "mu": kappa}
             rows = rows[~direct[rows]]
         for kind in shared_kinds:
             if not (apart and kind == "e_n"):
                 known[kind] = None
         tangential.append(len(series))
-        made, names = make_batched_group(setting, block, rows, known, whole=whole)
+        made, names = make_series(setting, block, rows, known, whole=whole)
         series.append(made)
         groups.append(names)
     if apart:
@@ -186,52 +186,52 @@ def _assemble(
             count = len(blocks) if setting.constant("mu").separate and not own else 1
             known = {"e_n": unknowns["e_n", block], "c": 0.0, "mu": 0.0}
             normal.append(len(series))
-            made, names = make_batched_group(setting, block, rows[direct[rows]], known, count)
+            made, names = make_series(setting, block, rows[direct[rows]], known, count)
             series.append(made)
             groups.append(names)
         if not own:
             normal = normal * len(blocks)
-    joint = Joint(_shared(setting, unknowns, shared_kinds, apart, series), series)
-    return Plan(joint, tuple(tangential), tuple(normal), unknowns, blocks, tuple(groups))
+    joint = JointIntegral(_shared(setting, unknowns, shared_kinds, apart, series), series)
+    return IntegralLayout(joint, tuple(tangential), tuple(normal), unknowns, blocks, tuple(groups))
 
 
 def _shared(
-    setting: Setting,
-    unknowns: Mapping[tuple[str, int], Unknown | float],
+    setting: GridSettings,
+    unknowns: Mapping[tuple[str, int], FreeParameter | float],
     shared_kinds: list[str],
     apart: bool,
-    series: list[Series],
-) -> list[Shared]:
+    series: list[SeriesIntegrand],
+) -> list[SharedParameter]:
     """Unknowns outside the series: what these share, and a common factor of the noise."""
     found = []
     problem = setting.problem
-    if problem.noise == "scaled" and not any(one.noise for one in series):
+    if problem.noise.is_scaled and not any(one.noise for one in series):
         low, high = setting.bounds[""]
-        factor = float(np.median(setting.start.sigma / problem.sigma))
+        factor = float(np.median(setting.start.sigma / problem.noise.sigma))
         relative = 1.0 / math.sqrt(2.0 * max(problem.rows.value.size - 3, 1))
-        unknown = Unknown("noise", low, high, None, -math.log(math.log(high / low)))
+        unknown = FreeParameter("noise", low, high, None, -math.log(math.log(high / low)))
         edges = ladder(math.log(factor), relative, math.log(low), math.log(high))
-        found.append(Shared("noise", unknown, Axis.of(edges, setting.order), log=True))
+        found.append(SharedParameter("noise", unknown, QuadratureAxis.of(edges, setting.order), log=True))
     for kind in shared_kinds:
         if apart and kind == "e_n":
             continue
         unknown_ = unknowns[kind, 0]
-        assert isinstance(unknown_, Unknown)
+        assert isinstance(unknown_, FreeParameter)
         center, sd = setting.spread(kind, 0)
         if apart and kind == "mu":
             part = series[0].mu
             center, sd = setting.spread("kappa", 0)
             e_n = unknowns["e_n", 0]
-            assert isinstance(e_n, Unknown)
+            assert isinstance(e_n, FreeParameter)
             del part
             upper = unknown_.upper * (1.0 + e_n.lower)
-            unknown_ = Unknown(unknown_.name, 0.0, upper, None, unknown_.log_scale)
+            unknown_ = FreeParameter(unknown_.name, 0.0, upper, None, unknown_.log_scale)
         edges = ladder(center, sd, unknown_.lower, unknown_.upper)
-        if kind == "mu" and series[0].e_n is not None and not isinstance(series[0].e_n, Unknown):
+        if kind == "mu" and series[0].e_n is not None and not isinstance(series[0].e_n, FreeParameter):
             kinks = np.unique(np.concatenate([s.misfit.kinks for s in series]))
             if not any(one.stretched for one in series):
                 kinks = kinks * float(series[0].misfit.b(0.0)) / (1.0 + series[0].e_n)
                 near = kinks[np.abs(kinks - center) <= 8.0 * sd]
                 edges = np.concatenate((edges, thinned(near, _MOST_KINKS)))
-        found.append(Shared(kind, unknown_, Axis.of(edges, setting.order)))
+        found.append(SharedParameter(kind, unknown_, QuadratureAxis.of(edges, setting.order)))
     return found

@@ -10,7 +10,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.clenshaw_curtis import rule
-from ifrfit.inference.posterior.panel_cdf import Panels
+from ifrfit.inference.posterior.panel_cdf import PanelCdf
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -29,13 +29,13 @@ def _grid(order: int) -> tuple[Array, Array, Index]:
     return points, np.asarray(chebyshev.chebvander(2.0 * points - 1.0, order + 1).T, dtype=float), before
 
 
-def grid_of(order: int) -> Array:
+def table_points(order: int) -> Array:
     """Points of a panel at which distribution functions are tabled, on [0, 1]; its nodes are among them."""
     return _grid(order)[0]
 
 
 @dataclass(frozen=True)
-class Tables:
+class InverseCdfTable:
     """Distribution functions, one a row, at the points of all panels.
 
     Attributes
@@ -50,7 +50,7 @@ class Tables:
     order: int
 
     @classmethod
-    def of(cls, panels: Panels) -> Tables:
+    def of(cls, panels: PanelCdf) -> InverseCdfTable:
         """Of all rows of panels."""
         order = panels.coefficients.shape[-1] - 2
         below = panels.cumulative[:, :-1, None] + panels.coefficients @ _grid(order)[1]

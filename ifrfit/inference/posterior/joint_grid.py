@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.density_grid import Tensor
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.panel_cdf import Panels
-from ifrfit.inference.posterior.quadrature_axis import Axis
-from ifrfit.inference.posterior.series_integrand import Series
+from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.posterior.density_grid import DensityGrid
+from ifrfit.inference.posterior.panel_cdf import PanelCdf
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.series_integrand import SeriesIntegrand
 
 Array = NDArray[np.float64]
 
@@ -23,18 +23,20 @@ _FINEST = 128  # order along the closure constant
 _REHEARSALS = 16  # rounds at most
 _CARRIES = 0.25  # share of the largest error from which on an axis is among those that carry it
 
-Errors = Sequence[tuple[Axis | Series, Array]]  # of the panels of an axis, or of a closure constant
+ErrorsByAxis = Sequence[
+    tuple[QuadratureAxis | SeriesIntegrand, Array]
+]  # of the panels of an axis, or of a closure constant
 
-Layout = tuple[list[tuple[Axis, Array, int]], list[tuple[Series, int]]]
+Layout = tuple[list[tuple[QuadratureAxis, Array, int]], list[tuple[SeriesIntegrand, int]]]
 
 
 @dataclass
-class Shared:
+class SharedParameter:
     """An unknown that several series share: its panels, in the unknown itself or its logarithm."""
 
     kind: str  # e_n, c, mu or noise
-    unknown: Unknown
-    axis: Axis
+    unknown: FreeParameter
+    axis: QuadratureAxis
     log: bool = False
 
     def values(self) -> Array:
@@ -50,13 +52,13 @@ class Shared:
 
 
 @dataclass
-class Joint:
+class JointIntegral:
     """Shared unknowns and the series inside them."""
 
-    shared: list[Shared]
-    series: list[Series]
+    shared: list[SharedParameter]
+    series: list[SeriesIntegrand]
 
-    def evaluate(self) -> Grid:
+    def evaluate(self) -> JointDensity:
         """Integrate at the present nodes."""
         at: dict[str, Array] = {}
         m = [s.axis.nodes().size for s in self.shared]
@@ -81,7 +83,7 @@ class Joint:
         share = weights * density / z[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             log_z = np.log(z) + shift
-        return Grid(self, at, tensors, density / z[:, None], share, log_z)
+        return JointDensity(self, at, tensors, density / z[:, None], share, log_z)
 
     def size(self) -> int:
         """Values of the density that the present nodes ask for."""
@@ -140,7 +142,7 @@ class Joint:
                     break
 
     @contextmanager
-    def _coarser(self, axes: Sequence[Axis]) -> Iterator[None]:
+    def _coarser(self, axes: Sequence[QuadratureAxis]) -> Iterator[None]:
         """Some axes at a lower order for a while, the closure constants at twice that."""
         orders = [axis.order for axis in axes], [s.c_order for s in self.series]
         for axis in axes:
@@ -153,12 +155,14 @@ class Joint:
         for series, own in zip(self.series, orders[1], strict=True):
             series.c_order = own
 
-    def refine(self, grid: Grid, allowed: float, more: Errors = (), carried: float = math.inf) -> bool:
+    def refine(
+        self, grid: JointDensity, allowed: float, more: ErrorsByAxis = (), carried: float = math.inf
+    ) -> bool:
         """Halve panels whose error is above its part of what is allowed; whether anything changed.
 
         Parameters
         ----------
-        grid : Grid
+        grid : JointDensity
         allowed : float
         more : sequence
             Errors found otherwise.
@@ -177,13 +181,13 @@ class Joint:
                 changed = True
         return changed
 
-    def _found(self, grid: Grid, more: Errors = ()) -> list[Found]:
+    def _found(self, grid: JointDensity, more: ErrorsByAxis = ()) -> list[PanelErrors]:
         """Masses and errors of the panels of all axes, and of the closure constants."""
         every = []
         for number, one in enumerate(self.shared):
-            every.append(Found(None, one.axis, *grid.outer_errors(number)))
+            every.append(PanelErrors(None, one.axis, *grid.outer_errors(number)))
         for series, tensor in zip(self.series, grid.tensors, strict=True):
-            every += [Found(series, *found) for found in tensor.panel_errors(grid.share)]
+            every += [PanelErrors(series, *found) for found in tensor.panel_errors(grid.share)]
         for number, found in enumerate(every):
             place = found.series if found.axis is None else found.axis
             own = [error for at, error in more if at is place]
@@ -193,17 +197,17 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Found:
+class PanelErrors:
     """Masses and errors of the panels of one axis; of a closure constant as a whole where it is None."""
 
-    series: Series | None
-    axis: Axis | None
+    series: SeriesIntegrand | None
+    axis: QuadratureAxis | None
     mass: Array
     error: Array
 
 
 @dataclass
-class Grid:
+class JointDensity:
     """All densities at one stage of refinement.
 
     Attributes
@@ -218,9 +222,9 @@ class Grid:
         Log evidence.
     """
 
-    joint: Joint
+    joint: JointIntegral
     at: Mapping[str, Array]
-    tensors: Sequence[Tensor]
+    tensors: Sequence[DensityGrid]
     density: Array
     share: Array
     log_z: Array
@@ -229,18 +233,18 @@ class Grid:
         """Nodes along each shared unknown."""
         return [s.axis.nodes().size for s in self.joint.shared]
 
-    def outer_marginal(self, number: int) -> Panels:
+    def outer_marginal(self, number: int) -> PanelCdf:
         """Marginal of a shared unknown, one row a level."""
         axis = self.joint.shared[number].axis
         found = [self._outer_density(number, level).reshape(axis.shape) for level in (0, 1)]
-        return Panels.of_levels(axis.low[None], axis.width[None], np.stack(found))
+        return PanelCdf.of_levels(axis.low[None], axis.width[None], np.stack(found))
 
-    def outer_rows(self, number: int, level: int, rows: int) -> Panels:
+    def outer_rows(self, number: int, level: int, rows: int) -> PanelCdf:
         """Density of a shared unknown at each node of another one, `rows`."""
         axis = self.joint.shared[number].axis
         values = np.moveaxis(self._outer_density(number, level, rows), (rows, number), (-2, -1))
         values = values.reshape(values.shape[-2], *axis.shape)
-        return Panels.of(axis.low[None], axis.width[None], values, level)
+        return PanelCdf.of(axis.low[None], axis.width[None], values, level)
 
     def _outer_density(self, number: int, level: int, rows: int | None = None) -> Array:
         density = self.density[level].reshape(self.shape())

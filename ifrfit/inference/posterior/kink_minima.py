@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.quadratic_sums import PAIRS, scale_of
-from ifrfit.inference.posterior.sum_of_squares import Misfit
+from ifrfit.inference.posterior.quadratic_sums import PAIRS, scale_factor
+from ifrfit.inference.posterior.sum_of_squares import SumOfSquares
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ _MOST_MINIMA = 8
 
 
 def local_minima(
-    misfit: Misfit,
+    misfit: SumOfSquares,
     sigma: Array,
     c_ends: tuple[float, float],
     c_prior: tuple[float, float] | None,
@@ -32,7 +32,7 @@ def local_minima(
     total = np.zeros((len(PAIRS), middle.size))
     for s, group in zip(sigma, misfit.sums, strict=True):
         for part in group:
-            factor = float(scale_of(part.scale, np.asarray(misfit.reference.e_n)))
+            factor = float(scale_factor(part.scale, np.asarray(misfit.reference.e_n)))
             powers = np.array([1.0, 0, factor, factor, 0, 0, 0, factor**2, factor**2, factor**2])
             at = np.searchsorted(part.tau, middle, side="right")
             total += powers[:, None] * part.products[:, at] / s**2

@@ -1,6 +1,6 @@
 """Marginals as such: mean, standard deviation and distribution function of a quantity.
 
-What the quantities of one part of the integral are is told in `of_series`.
+What the quantities of one part of the integral are is told in `series_marginal`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.joint_grid import Errors, Grid
+from ifrfit.inference.posterior.joint_grid import ErrorsByAxis, JointDensity
 
 Array = NDArray[np.float64]
 Moments = Callable[[int], tuple[float, float]]
@@ -21,7 +21,7 @@ Cdf = Callable[[Array, int], Array]  # of thresholds (n,) and a number of levels
 
 
 @dataclass(frozen=True)
-class Quantity:
+class Marginal:
     """One marginal.
 
     Attributes
@@ -52,7 +52,7 @@ class Quantity:
     cdf: Cdf
     split: Callable[[Array], bool] | None = None
     factors: tuple[tuple[int, Array], ...] = ()
-    errors: Callable[[Array, Array], Errors] | None = None
+    errors: Callable[[Array, Array], ErrorsByAxis] | None = None
 
     @cached_property
     def known(self) -> dict[float, tuple[Array, Array]]:
@@ -72,7 +72,7 @@ def moments_of(expect: Callable[[Callable[[Array], Array]], Array]) -> Moments:
     return lambda level: both()[level]
 
 
-def shared(grid: Grid, number: int, name: str) -> Quantity:
+def shared(grid: JointDensity, number: int, name: str) -> Marginal:
     """Of an unknown that the series share."""
     one = grid.joint.shared[number]
     rows = grid.outer_marginal(number)
@@ -85,10 +85,10 @@ def shared(grid: Grid, number: int, name: str) -> Quantity:
         return np.asarray(grid.share @ of(grid.at[one.kind]))
 
     factors = ((-1, grid.at[one.kind]),)
-    return Quantity(name, one.unknown.lower, one.unknown.upper, moments_of(expect), cdf, factors=factors)
+    return Marginal(name, one.unknown.lower, one.unknown.upper, moments_of(expect), cdf, factors=factors)
 
 
-def product_of_shared(grid: Grid, e_number: int, mu_number: int, name: str) -> Quantity:
+def product_of_shared(grid: JointDensity, e_number: int, mu_number: int, name: str) -> Marginal:
     """kappa = mu (1 + e_n) where both are shared."""
     e, mu = grid.joint.shared[e_number], grid.joint.shared[mu_number]
     rows = [grid.outer_rows(mu_number, level, e_number) for level in (0, 1)]
@@ -102,10 +102,10 @@ def product_of_shared(grid: Grid, e_number: int, mu_number: int, name: str) -> Q
         return np.asarray(grid.share @ of(grid.at["mu"] * (1.0 + grid.at["e_n"])))
 
     ends = mu.unknown.lower * (1.0 + e.unknown.lower), mu.unknown.upper * (1.0 + e.unknown.upper)
-    return Quantity(name, *ends, moments_of(expect), cdf)
+    return Marginal(name, *ends, moments_of(expect), cdf)
 
 
-def covariance(grid: Grid, quantities: Sequence[Quantity]) -> Array:
+def covariance(grid: JointDensity, quantities: Sequence[Marginal]) -> Array:
     """Posterior covariance, by the law of total covariance over the outer nodes."""
     share = grid.share[0]
     means = [float((share * _product(grid, q.factors)).sum()) for q in quantities]
@@ -118,7 +118,7 @@ def covariance(grid: Grid, quantities: Sequence[Quantity]) -> Array:
     return found
 
 
-def _product(grid: Grid, factors: tuple[tuple[int, Array], ...]) -> Array:
+def _product(grid: JointDensity, factors: tuple[tuple[int, Array], ...]) -> Array:
     """Mean of a product at each outer node; parts are independent there."""
     by_part: dict[int, Array] = {}
     for part, values in factors:
@@ -129,7 +129,7 @@ def _product(grid: Grid, factors: tuple[tuple[int, Array], ...]) -> Array:
     return found
 
 
-def scaled(of: Quantity, factor: float, offset: float, name: str) -> Quantity:
+def scaled(of: Marginal, factor: float, offset: float, name: str) -> Marginal:
     """offset + factor times another quantity."""
 
     def moments(level: int) -> tuple[float, float]:
@@ -141,4 +141,4 @@ def scaled(of: Quantity, factor: float, offset: float, name: str) -> Quantity:
             return np.tile(np.where(t >= offset, 1.0, 0.0), (levels, 1))
         return of.cdf((t - offset) / factor, levels)
 
-    return Quantity(name, offset + factor * of.low, offset + factor * of.high, moments, cdf)
+    return Marginal(name, offset + factor * of.low, offset + factor * of.high, moments, cdf)

@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.joint_grid import Grid
-from ifrfit.inference.posterior.marginals import Quantity
-from ifrfit.inference.posterior.noise_scale import UnknownNoise
-from ifrfit.inference.posterior.panel_cdf import Panels
-from ifrfit.inference.posterior.quadrature_axis import Axis
+from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.marginals import Marginal
+from ifrfit.inference.posterior.noise_scale import NoiseScale
+from ifrfit.inference.posterior.panel_cdf import PanelCdf
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
 Array = NDArray[np.float64]
 
@@ -22,18 +22,18 @@ _FALL = 40.0  # of the log density beyond which that law is not followed
 _FEWEST, _MOST = 16, 96  # nodes for functions of a sum of squares
 
 
-def noise(grid: Grid, number: int, group: int, name: str) -> Quantity:
+def noise(grid: JointDensity, number: int, group: int, name: str) -> Marginal:
     """The unknown sigma of a noise group."""
     tensor = grid.tensors[number]
     assert tensor.series.noise is not None
     own = tensor.series.noise[group]
     square, weight = tensor.squares(group, grid.share)
     square, weight = _compressed(square, weight, own.n, math.exp(-tensor.series.tail))
-    axis = Axis.of(_edges(own, float(square.min()), float(square.max())), _ORDER)
+    axis = QuadratureAxis.of(_edges(own, float(square.min()), float(square.max())), _ORDER)
     nodes = axis.nodes()
     density = weight @ own.density(nodes, square[:, None])
     sigma, rule = np.exp(nodes), axis.weights()[0]
-    panels = Panels.of(axis.low[None], axis.width[None], density.reshape(2, *axis.shape))
+    panels = PanelCdf.of(axis.low[None], axis.width[None], density.reshape(2, *axis.shape))
 
     @cache
     def moments(level: int) -> tuple[float, float]:
@@ -44,10 +44,10 @@ def noise(grid: Grid, number: int, group: int, name: str) -> Quantity:
     def cdf(t: Array, levels: int) -> Array:
         return panels.below_in_all(np.log(np.maximum(t, 1e-300)), levels)
 
-    return Quantity(name, own.lower, own.upper, moments, cdf)
+    return Marginal(name, own.lower, own.upper, moments, cdf)
 
 
-def _edges(own: UnknownNoise, least: float, most: float) -> Array:
+def _edges(own: NoiseScale, least: float, most: float) -> Array:
     """Edges in the logarithm of sigma, about the laws given sums of squares from the least to the most."""
     low, high = math.log(own.lower), math.log(own.upper)
     # without bounds the log density is -n s - square/2 exp(-2 s)

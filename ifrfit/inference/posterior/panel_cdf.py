@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.posterior.clenshaw_curtis import partial, rule
+from ifrfit.inference.posterior.clenshaw_curtis import integral_up_to, rule
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ _REACH = np.concatenate((np.linspace(-3.6, 3.6, 25), [-30.0, -12.0, -7.0, -5.0, 
 
 
 @dataclass(frozen=True)
-class Panels:
+class PanelCdf:
     """Densities along panels, one a row, and their integrals.
 
     Attributes
@@ -41,17 +41,17 @@ class Panels:
     cumulative: Array
 
     @classmethod
-    def of(cls, low: Array, width: Array, values: Array, level: int = 0) -> Panels:
+    def of(cls, low: Array, width: Array, values: Array, level: int = 0) -> PanelCdf:
         """From densities at the nodes, (rows, panels, nodes)."""
         return cls._of(low, width, values @ rule(values.shape[-1] - 1).antiderivative[level].T)
 
     @classmethod
-    def of_levels(cls, low: Array, width: Array, values: Array) -> Panels:
+    def of_levels(cls, low: Array, width: Array, values: Array) -> PanelCdf:
         """From densities at the nodes, (2, panels, nodes): one row by the rules, one by the coarse ones."""
         return cls._of(low, width, values @ rule(values.shape[-1] - 1).antiderivative.swapaxes(1, 2))
 
     @classmethod
-    def _of(cls, low: Array, width: Array, made: Array) -> Panels:
+    def _of(cls, low: Array, width: Array, made: Array) -> PanelCdf:
         made *= width[..., None]
         cumulative = np.zeros((made.shape[0], made.shape[1] + 1))
         np.cumsum(made.sum(axis=-1), axis=1, out=cumulative[:, 1:])
@@ -78,14 +78,14 @@ class Panels:
             low, width = self.low[row, at], self.width[row, at]
         row = np.broadcast_to(np.arange(rows), at.shape)
         v = np.clip((t - low) / np.maximum(width, _NARROWEST), 0.0, 1.0)
-        return np.asarray(self.cumulative[row, at] + partial(self.coefficients[row, at], v))
+        return np.asarray(self.cumulative[row, at] + integral_up_to(self.coefficients[row, at], v))
 
     def below_in_all(self, t: Array, rows: int) -> Array:
         """Mass below each threshold in the first rows, all of which have the same panels, (rows, ...)."""
         low, width = self.low[0], self.width[0]
         at = np.minimum(np.searchsorted(low + width, t), low.size - 1)
         v = np.clip((t - low[at]) / np.maximum(width[at], _NARROWEST), 0.0, 1.0)
-        return np.asarray(self.cumulative[:rows, at] + partial(self.coefficients[:rows, at], v))
+        return np.asarray(self.cumulative[:rows, at] + integral_up_to(self.coefficients[:rows, at], v))
 
 
 def quantiles(

@@ -8,21 +8,21 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.conditional_cdf import Cut
-from ifrfit.inference.posterior.density_grid import Tensor
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.joint_grid import Errors, Grid
-from ifrfit.inference.posterior.marginals import Cdf, Moments, Quantity, moments_of
-from ifrfit.inference.posterior.panel_cdf import Panels
-from ifrfit.inference.posterior.quadrature_axis import Axis
-from ifrfit.inference.posterior.series_integrand import Series
+from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.posterior.conditional_cdf import ConditionalCdf
+from ifrfit.inference.posterior.density_grid import DensityGrid
+from ifrfit.inference.posterior.joint_grid import ErrorsByAxis, JointDensity
+from ifrfit.inference.posterior.marginals import Cdf, Marginal, Moments, moments_of
+from ifrfit.inference.posterior.panel_cdf import PanelCdf
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.series_integrand import SeriesIntegrand
 
 Array = NDArray[np.float64]
 
-ErrorsAt = Callable[[Array, Array], Errors]
+ErrorsAt = Callable[[Array, Array], ErrorsByAxis]
 
 
-def of_series(grid: Grid, number: int, kind: str, name: str) -> Quantity:
+def series_marginal(grid: JointDensity, number: int, kind: str, name: str) -> Marginal:
     """e_n, c, mu, kappa or the transition (its tau on a scale with an end) of one series."""
     tensor = grid.tensors[number]
     made = {"e_n": _e_n, "c": _c, "mu": _mu, "kappa": _kappa, "tau": _tau}[kind](grid, tensor, name)
@@ -30,13 +30,13 @@ def of_series(grid: Grid, number: int, kind: str, name: str) -> Quantity:
     return replace(made, factors=((number, values[kind]),)) if kind in values else made
 
 
-def _of_values(grid: Grid, tensor: Tensor, values: Array) -> Moments:
+def _of_values(grid: JointDensity, tensor: DensityGrid, values: Array) -> Moments:
     return moments_of(lambda of: (grid.share * tensor.expect_each(of(values))).sum(axis=1))
 
 
-def _e_n(grid: Grid, tensor: Tensor, name: str) -> Quantity:
+def _e_n(grid: JointDensity, tensor: DensityGrid, name: str) -> Marginal:
     unknown = tensor.series.e_n
-    assert isinstance(unknown, Unknown)
+    assert isinstance(unknown, FreeParameter)
     moments = _of_values(grid, tensor, tensor.e_n[..., None])
     if tensor.series.role == "e_n":  # e_n = x b/mu - 1
         c = tensor.c[..., 0] if tensor.series.c is None else np.zeros((1, 1, 1))
@@ -47,17 +47,17 @@ def _e_n(grid: Grid, tensor: Tensor, name: str) -> Quantity:
         def by_x(t: Array, levels: int) -> Array:
             return law((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
 
-        return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
+        return Marginal(name, unknown.lower, unknown.upper, moments, by_x)
     axis = tensor.series.e_axis
     assert axis is not None
     values = tensor.e_density(grid.share).reshape(2, *axis.shape)
-    rows = Panels.of_levels(axis.low[None], axis.width[None], values)
-    return Quantity(name, unknown.lower, unknown.upper, moments, rows.below_in_all)
+    rows = PanelCdf.of_levels(axis.low[None], axis.width[None], values)
+    return Marginal(name, unknown.lower, unknown.upper, moments, rows.below_in_all)
 
 
-def _c(grid: Grid, tensor: Tensor, name: str) -> Quantity:
+def _c(grid: JointDensity, tensor: DensityGrid, name: str) -> Marginal:
     unknown = tensor.series.c
-    assert isinstance(unknown, Unknown)
+    assert isinstance(unknown, FreeParameter)
     moments = _of_values(grid, tensor, tensor.c)
     if tensor.series.role == "c":  # b(c) = mu (1 + e_n)/x falls as x rises
         kappa = (tensor.mu[..., 0] * (1.0 + tensor.e_n))[..., 0]
@@ -69,21 +69,21 @@ def _c(grid: Grid, tensor: Tensor, name: str) -> Quantity:
                 x = np.where(b > 0.0, kappa / b, np.inf)
             return 1.0 - law(x, levels)
 
-        return Quantity(name, unknown.lower, unknown.upper, moments, by_x)
-    cut = Cut(tensor, grid.share, np.zeros((1, 1, 1)), lambda t, own: t + own)
+        return Marginal(name, unknown.lower, unknown.upper, moments, by_x)
+    cut = ConditionalCdf(tensor, grid.share, np.zeros((1, 1, 1)), lambda t, own: t + own)
     errors = _errors_by_c(grid, tensor, cut)
-    return Quantity(name, unknown.lower, unknown.upper, moments, cut.probability, errors=errors)
+    return Marginal(name, unknown.lower, unknown.upper, moments, cut.probability, errors=errors)
 
 
-def _mu(grid: Grid, tensor: Tensor, name: str) -> Quantity:
+def _mu(grid: JointDensity, tensor: DensityGrid, name: str) -> Marginal:
     unknown = tensor.series.mu
-    assert isinstance(unknown, Unknown)
+    assert isinstance(unknown, FreeParameter)
     moments = _of_values(grid, tensor, tensor.mu)
     cdf, errors = _friction(grid, tensor, 1.0 + tensor.e_n)
-    return Quantity(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
+    return Marginal(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
 
 
-def _friction(grid: Grid, tensor: Tensor, factor: Array) -> tuple[Cdf, ErrorsAt]:
+def _friction(grid: JointDensity, tensor: DensityGrid, factor: Array) -> tuple[Cdf, ErrorsAt]:
     """Distribution function of x b(c)/factor, and the errors of panels over which it is averaged."""
     if tensor.series.misfit.coefficients.b1 and tensor.series.has_c:
         cut = _cut_by_friction(tensor, factor, grid.share)
@@ -91,15 +91,15 @@ def _friction(grid: Grid, tensor: Tensor, factor: Array) -> tuple[Cdf, ErrorsAt]
     return friction_cdf(tensor, factor, grid.share), _errors_by_x(grid, tensor, factor)
 
 
-def _cut_by_friction(tensor: Tensor, factor: Array, share: Array) -> Cut:
+def _cut_by_friction(tensor: DensityGrid, factor: Array, share: Array) -> ConditionalCdf:
     """Where x b(c)/factor is below a value."""
     k = tensor.series.misfit.coefficients
-    return Cut(
+    return ConditionalCdf(
         tensor, share, factor / np.maximum(tensor.x, 1e-300), lambda t, per_x: (t * per_x - k.b0) / k.b1
     )
 
 
-def friction_cdf(tensor: Tensor, factor: Array, share: Array) -> Cdf:
+def friction_cdf(tensor: DensityGrid, factor: Array, share: Array) -> Cdf:
     """Distribution function of x b(c)/factor."""
     if tensor.series.misfit.coefficients.b1 and tensor.series.has_c:
         return _cut_by_friction(tensor, factor, share).probability
@@ -108,13 +108,13 @@ def friction_cdf(tensor: Tensor, factor: Array, share: Array) -> Cdf:
     return lambda t, levels: below(t[:, None, None] * ratio, levels)
 
 
-def _errors_by_c(grid: Grid, tensor: Tensor, cut: Cut) -> ErrorsAt:
+def _errors_by_c(grid: JointDensity, tensor: DensityGrid, cut: ConditionalCdf) -> ErrorsAt:
     """Errors of panels over which conditional distribution functions of the closure constant are averaged."""
 
-    def errors(at: Array, per: Array) -> Errors:
+    def errors(at: Array, per: Array) -> ErrorsByAxis:
         share, series = grid.share, tensor.series
         left = [cut.density(float(t)) for t in at]
-        found: list[tuple[Axis | Series, Array]] = [
+        found: list[tuple[QuadratureAxis | SeriesIntegrand, Array]] = [
             (series, np.array([float((cut.of_the_constant(at) * per).max())]))
         ]
         for axis, used, along in (
@@ -129,11 +129,11 @@ def _errors_by_c(grid: Grid, tensor: Tensor, cut: Cut) -> ErrorsAt:
     return errors
 
 
-def _errors_by_x(grid: Grid, tensor: Tensor, factor: Array) -> ErrorsAt:
+def _errors_by_x(grid: JointDensity, tensor: DensityGrid, factor: Array) -> ErrorsAt:
     """Errors of panels over which the distribution function of x b/factor is averaged."""
     series = tensor.series
 
-    def errors(at: Array, per: Array) -> Errors:
+    def errors(at: Array, per: Array) -> ErrorsByAxis:
         if not (series.has_e_axis and series.has_x_axis):
             return []
         axis = series.e_axis
@@ -146,21 +146,21 @@ def _errors_by_x(grid: Grid, tensor: Tensor, factor: Array) -> ErrorsAt:
     return errors
 
 
-def _per_x(tensor: Tensor, factor: Array) -> Array:
+def _per_x(tensor: DensityGrid, factor: Array) -> Array:
     """The transition over x b(c)/factor, (m, n_e), where the closure constant is no unknown of the part."""
     misfit = tensor.series.misfit
     b = np.asarray(misfit.b(tensor.c[..., 0] if misfit.coefficients.b1 else 0.0))
     return np.asarray((factor / (b.reshape((1, 1, 1)) if b.ndim == 0 else b))[..., 0])
 
 
-def _kappa(grid: Grid, tensor: Tensor, name: str) -> Quantity:
+def _kappa(grid: JointDensity, tensor: DensityGrid, name: str) -> Marginal:
     series = tensor.series
     moments = _of_values(grid, tensor, tensor.mu * (1.0 + tensor.e_n[..., None]))
     ends: list[float] = []
     for end in ("lower", "upper"):
         e, mu = (
             getattr(u, end)
-            if isinstance(u, Unknown)
+            if isinstance(u, FreeParameter)
             else (float(np.min(at)) if end == "lower" else float(np.max(at)))
             for u, at in ((series.e_n, tensor.e_n), (series.mu, tensor.mu))
         )
@@ -168,23 +168,23 @@ def _kappa(grid: Grid, tensor: Tensor, name: str) -> Quantity:
     if series.role == "c":  # mu is given, so e_n alone moves it
         mu_value = float(tensor.mu.reshape(-1)[0])
         e_n = _e_n(grid, tensor, name)
-        return Quantity(
+        return Marginal(
             name, ends[0], ends[1], moments, lambda t, levels: e_n.cdf(t / mu_value - 1.0, levels)
         )
 
     one = np.ones((1, 1, 1))
     cdf, errors = _friction(grid, tensor, one)
-    return Quantity(name, ends[0], ends[1], moments, cdf, split=_walls(grid, tensor), errors=errors)
+    return Marginal(name, ends[0], ends[1], moments, cdf, split=_walls(grid, tensor), errors=errors)
 
 
-def _walls(grid: Grid, tensor: Tensor) -> Callable[[Array], bool] | None:
+def _walls(grid: JointDensity, tensor: DensityGrid) -> Callable[[Array], bool] | None:
     """Splits panels where the bounds of mu (of e_n) cut kappa off, at another place for each e_n (mu)."""
     series = tensor.series
     axes = {one.kind: one.axis for one in grid.joint.shared if not one.log}
     by_mu = series.role == "e_n"
     axis = axes.get("mu") if by_mu else series.e_axis if series.has_e_axis else axes.get("e_n")
     unknown = series.e_n if by_mu else series.mu
-    if tensor.limits is None or axis is None or not isinstance(unknown, Unknown):
+    if tensor.limits is None or axis is None or not isinstance(unknown, FreeParameter):
         return None
     ends = [end for end in (unknown.lower, unknown.upper) if by_mu or end > 0.0]
 
@@ -194,7 +194,7 @@ def _walls(grid: Grid, tensor: Tensor) -> Callable[[Array], bool] | None:
     return split
 
 
-def _tau(grid: Grid, tensor: Tensor, name: str) -> Quantity:
+def _tau(grid: JointDensity, tensor: DensityGrid, name: str) -> Marginal:
     """tau/(tau + unit): it has an end and moments also where the transition has none."""
     series = tensor.series
     own, unit = series.misfit.law, series.unit
@@ -205,21 +205,21 @@ def _tau(grid: Grid, tensor: Tensor, name: str) -> Quantity:
     if own is None:
         below = tensor.along_x(grid.share)
         moments = _of_values(grid, tensor, (tensor.x / (tensor.x + unit))[..., None])
-        return Quantity(name, 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None], levels))
+        return Marginal(name, 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None], levels))
     x = tensor.x[..., None]
     moments = _of_values(grid, tensor, x / np.maximum(x + unit * own.bound(tensor.c), 1e-300))
     if not series.has_c:
         below, bound = tensor.along_x(grid.share), own.bound(tensor.c[..., 0])[..., 0]
-        return Quantity(
+        return Marginal(
             name, 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None] * bound, levels)
         )
-    cut = Cut(
+    cut = ConditionalCdf(
         tensor, grid.share, tensor.x, lambda s, at_x: own.constant_at(at_x / np.maximum(tau(s), 1e-300))
     )
     up_to = cut.probability
     unknown = series.c
-    assert isinstance(unknown, Unknown)
+    assert isinstance(unknown, FreeParameter)
     ends = own.bound(np.array([unknown.lower, unknown.upper]))
     if ends[0] > ends[1]:  # kappa/bound(c) rises with c
-        return Quantity(name, 0.0, 1.0, moments, up_to)
-    return Quantity(name, 0.0, 1.0, moments, lambda s, levels: 1.0 - up_to(s, levels))
+        return Marginal(name, 0.0, 1.0, moments, up_to)
+    return Marginal(name, 0.0, 1.0, moments, lambda s, levels: 1.0 - up_to(s, levels))

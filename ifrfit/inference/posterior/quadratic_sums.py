@@ -30,7 +30,7 @@ class Quadratic:
 
 
 @dataclass(frozen=True)
-class Sums:
+class PrefixSums:
     """Tangential rows of one noise group and one scale: the ten products by number of sticking rows."""
 
     scale: str
@@ -38,12 +38,12 @@ class Sums:
     products: Array  # (10, n + 1)
 
 
-def lifted(value: Array) -> Array:
+def with_c_axis(value: Array) -> Array:
     """The value with an axis for the closure constant; a number as it is."""
     return value[..., None] if np.ndim(value) else value
 
 
-def scale_of(scale: str, e_n: Array) -> Array:
+def scale_factor(scale: str, e_n: Array) -> Array:
     """Factor of tangential observables that depends on e_n alone."""
     if scale == "impulse":
         return np.asarray(1.0 / (1.0 + e_n))
@@ -53,7 +53,7 @@ def scale_of(scale: str, e_n: Array) -> Array:
 
 
 def expand(
-    sums: Sums, e_n: Array, x: Array, d_kappa: Array, h: Array | None, reference_e_n: float
+    sums: PrefixSums, e_n: Array, x: Array, d_kappa: Array, h: Array | None, reference_e_n: float
 ) -> Quadratic:
     """The quadratic in d: with v = v0 + d v1 in the four columns, v0'Gv0, -v0'Gv1 and v1'Gv1."""
     which = np.searchsorted(sums.tau, x, side="right")
@@ -65,8 +65,8 @@ def expand(
             slope = slope + h * (rq - d_kappa * qq)
             curvature = curvature + h * (2.0 * pq + h * qq)
         return Quadratic(square, slope, curvature)
-    factor = scale_of(sums.scale, e_n)
-    shift = factor - scale_of(sums.scale, np.asarray(reference_e_n))
+    factor = scale_factor(sums.scale, e_n)
+    shift = factor - scale_factor(sums.scale, np.asarray(reference_e_n))
     y = factor * d_kappa
     square = rr - 2.0 * shift * rm + shift * shift * mm - y * (2.0 * (rq - shift * mq) - y * qq)
     slope = factor * (rp - shift * mp - y * pq)

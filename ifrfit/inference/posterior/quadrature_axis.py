@@ -13,14 +13,14 @@ Array = NDArray[np.float64]
 
 
 @dataclass
-class Axis:
+class QuadratureAxis:
     """Panels along one coordinate, (low, high) each, and the order of the rule on them."""
 
     panels: Array
     order: int
 
     @classmethod
-    def of(cls, edges: Array, order: int) -> Axis:
+    def of(cls, edges: Array, order: int) -> QuadratureAxis:
         """Panels between neighbouring edges."""
         edges = np.unique(edges)
         return cls(np.column_stack((edges[:-1], edges[1:])), order)

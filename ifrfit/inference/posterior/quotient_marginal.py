@@ -8,21 +8,26 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.density_grid import Tensor
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.joint_grid import Grid
-from ifrfit.inference.posterior.marginals import Quantity
+from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.posterior.density_grid import DensityGrid
+from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.parameter_marginals import friction_cdf
-from ifrfit.inference.posterior.quadrature_axis import Axis
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
 Array = NDArray[np.float64]
 
 _AT_ONCE = 100_000  # values of a distribution function asked for at once
 
 
-def friction_apart(
-    grid: Grid, of_kappa: Quantity, of_e: Quantity, parts: tuple[int, int], unknown: Unknown, name: str
-) -> Quantity:
+def quotient_marginal(
+    grid: JointDensity,
+    of_kappa: Marginal,
+    of_e: Marginal,
+    parts: tuple[int, int],
+    unknown: FreeParameter,
+    name: str,
+) -> Marginal:
     """mu = kappa/(1 + e_n) where nothing in the data ties the two, from their marginals and their parts."""
     friction, normal = (grid.tensors[part] for part in parts)
     at = normal.e_n[..., None]
@@ -85,10 +90,10 @@ def friction_apart(
 
     factors = ((parts[0], friction.mu), (parts[1], 1.0 / (1.0 + at)))
     ends = unknown.lower, unknown.upper
-    return Quantity(name, *ends, lambda level: both_moments()[level], cdf, split, factors)
+    return Marginal(name, *ends, lambda level: both_moments()[level], cdf, split, factors)
 
 
-def _axis_of_kappa(grid: Grid, friction: Tensor) -> tuple[Axis, float]:
+def _axis_of_kappa(grid: JointDensity, friction: DensityGrid) -> tuple[QuadratureAxis, float]:
     """Axis along which kappa runs, and its coordinate over kappa (where the bound is not tilted)."""
     if friction.series.has_x_axis and friction.series.x_axis is not None:
         return friction.series.x_axis, 1.0 / float(friction.series.misfit.b(0.0))

@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.density_grid import Tensor
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.integral_layout import noise_label
-from ifrfit.inference.posterior.inverse_cdf import Tables, grid_of
-from ifrfit.inference.posterior.joint_grid import Grid
-from ifrfit.inference.posterior.panel_cdf import Panels
-from ifrfit.inference.posterior.quadrature_axis import Axis
+from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.model.noise import noise_name
+from ifrfit.inference.posterior.density_grid import DensityGrid
+from ifrfit.inference.posterior.inverse_cdf import InverseCdfTable, table_points
+from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.panel_cdf import PanelCdf
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
 if TYPE_CHECKING:
-    from ifrfit.inference.posterior.integrate import Posterior
+    from ifrfit.inference.posterior.adaptive_quadrature import QuadraturePosterior
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-def draw(posterior: Posterior, n: int, rng: np.random.Generator) -> dict[str, Array]:
-    """Draw all quantities together; see `Posterior.draws`."""
+def draw(posterior: QuadraturePosterior, n: int, rng: np.random.Generator) -> dict[str, Array]:
+    """Draw all quantities together; see `QuadraturePosterior.draws`."""
     plan, grid = posterior.plan, posterior.grid
     outer, shared = _shared(grid, n, rng)
     parts = [_series(tensor, outer, shared, n, rng) for tensor in grid.tensors]
@@ -37,7 +37,7 @@ def draw(posterior: Posterior, n: int, rng: np.random.Generator) -> dict[str, Ar
         mu = own["mu"] / (1.0 + e_n) if plan.apart else own["mu"]
         for kind, values in (("e_n", e_n), ("c", own["c"]), ("mu", mu)):
             unknown = plan.unknowns[kind, block]
-            if isinstance(unknown, Unknown):
+            if isinstance(unknown, FreeParameter):
                 found[unknown.name] = np.clip(values, unknown.lower, unknown.upper)
         if names:
             kappas[names[min(block, len(names) - 1)]] = mu * (1.0 + e_n)
@@ -46,11 +46,11 @@ def draw(posterior: Posterior, n: int, rng: np.random.Generator) -> dict[str, Ar
         found["noise"] = shared["noise"]
     for tensor, names_, own in zip(grid.tensors, plan.groups, parts, strict=True):
         for group, name in enumerate(names_):
-            found[noise_label(name)] = _noise(tensor, group, own, rng)
+            found[noise_name(name)] = _noise(tensor, group, own, rng)
     return {name: found[name] for name in posterior.names}
 
 
-def _shared(grid: Grid, n: int, rng: np.random.Generator) -> tuple[Index, dict[str, Array]]:
+def _shared(grid: JointDensity, n: int, rng: np.random.Generator) -> tuple[Index, dict[str, Array]]:
     """Outer node nearest to each draw, and the shared unknowns themselves."""
     index = np.zeros(n, dtype=np.intp)
     values: dict[str, Array] = {}
@@ -65,7 +65,7 @@ def _shared(grid: Grid, n: int, rng: np.random.Generator) -> tuple[Index, dict[s
                 later, keepdims=True
             )
         rows = rest.reshape(-1, one.axis.panels.shape[0], one.axis.order + 1)
-        panels = Panels.of(one.axis.low[None], one.axis.width[None], rows)
+        panels = PanelCdf.of(one.axis.low[None], one.axis.width[None], rows)
         t, before = _inverted(one.axis, panels, index, rng.random(n))
         values[one.kind] = np.exp(t) if one.log else t
         # one of the two nodes about each value, the nearer one more often
@@ -74,18 +74,18 @@ def _shared(grid: Grid, n: int, rng: np.random.Generator) -> tuple[Index, dict[s
     return index, values
 
 
-def _inverted(axis: Axis, panels: Panels, row: Index, p: Array) -> tuple[Array, Index]:
+def _inverted(axis: QuadratureAxis, panels: PanelCdf, row: Index, p: Array) -> tuple[Array, Index]:
     """Where the distribution function of a row takes the share p of its total, and the node before."""
-    return Tables.of(panels).inverse(row, p, _places(axis))
+    return InverseCdfTable.of(panels).inverse(row, p, _places(axis))
 
 
-def _places(axis: Axis) -> Array:
+def _places(axis: QuadratureAxis) -> Array:
     """The points of all panels, (1, points)."""
-    return np.asarray((axis.low[:, None] + axis.width[:, None] * grid_of(axis.order)).reshape(1, -1))
+    return np.asarray((axis.low[:, None] + axis.width[:, None] * table_points(axis.order)).reshape(1, -1))
 
 
 def _series(
-    tensor: Tensor, outer: Index, shared: dict[str, Array], n: int, rng: np.random.Generator
+    tensor: DensityGrid, outer: Index, shared: dict[str, Array], n: int, rng: np.random.Generator
 ) -> dict[str, Array]:
     """e_n, transition, closure constant and mu of one series."""
     series = tensor.series
@@ -94,14 +94,14 @@ def _series(
     found: dict[str, Array] = {}
     e_at = np.zeros(n, dtype=np.intp)
     for kind, known in (("e_n", series.e_n), ("c", series.c), ("mu", series.mu)):
-        if not isinstance(known, Unknown):
+        if not isinstance(known, FreeParameter):
             found[kind] = shared[kind] if known is None else np.full(n, float(known))
     e_share = np.zeros(n)
     if series.has_e_axis:
         assert series.e_axis is not None
         h = (tensor.g[0] * tensor.x_weight[0]).sum(axis=-1)
         rows = h.reshape(m, -1, series.e_axis.order + 1)
-        panels = Panels.of(series.e_axis.low[None], series.e_axis.width[None], rows)
+        panels = PanelCdf.of(series.e_axis.low[None], series.e_axis.width[None], rows)
         found["e_n"], before = _inverted(series.e_axis, panels, row, rng.random(n))
         if tensor.g.shape[2] > 1 and (series.has_x_axis or series.has_c):
             e_at, e_share = before, _towards_next(series.e_axis.nodes(), before, found["e_n"])
@@ -126,13 +126,15 @@ def _towards_next(nodes: Array, before: Index, t: Array) -> Array:
         return np.asarray(np.where(gap > 0.0, np.clip((t - left) / gap, 0.0, 1.0), 0.0))
 
 
-def _transition(tensor: Tensor, row: Index, e_at: Index, e_share: Array, p: Array) -> tuple[Array, Index]:
+def _transition(
+    tensor: DensityGrid, row: Index, e_at: Index, e_share: Array, p: Array
+) -> tuple[Array, Index]:
     """The transition's coordinate, and the node before: quantiles at the two nodes of e_n, interpolated."""
     axis = tensor.series.x_axis
     assert axis is not None
     m, n_e, _ = tensor.g.shape[1:]
     values = tensor.g[0].reshape(m * n_e, -1, axis.order + 1)
-    panels = Panels.of(axis.low[None], axis.width[None], values)
+    panels = PanelCdf.of(axis.low[None], axis.width[None], values)
     start, span = np.zeros(m * n_e), np.ones(m * n_e)
     if tensor.limits is not None:
         total = np.maximum(panels.total, 1e-300)
@@ -141,7 +143,7 @@ def _transition(tensor: Tensor, row: Index, e_at: Index, e_share: Array, p: Arra
         )
         start, span = least, most - least
 
-    table, places = Tables.of(panels), _places(axis)
+    table, places = InverseCdfTable.of(panels), _places(axis)
 
     def at(which: Index) -> tuple[Array, Index]:
         share = p if tensor.limits is None else np.clip(start[which] + p * span[which], 0.0, 1.0)
@@ -156,7 +158,7 @@ def _transition(tensor: Tensor, row: Index, e_at: Index, e_share: Array, p: Arra
 
 
 def _closure_constant(
-    tensor: Tensor, row: Index, e_at: Index, x_at: Index, x_share: Array, p: Array
+    tensor: DensityGrid, row: Index, e_at: Index, x_at: Index, x_share: Array, p: Array
 ) -> Array:
     """The closure constant: quantiles at the two nodes of the transition about the draw, interpolated."""
     assert tensor.spread is not None
@@ -178,15 +180,15 @@ def _closure_constant(
     both = np.broadcast_to(tensor.f, (*shape, tensor.f.shape[-1])).reshape(-1, 2, order + 1)[used]
     both[:, 0] = both[:, 0, ::-1]  # the left side runs away from the mode: turn it round
     # the coordinate: from -1 (left end) to 0 (mode) to 1 (right end)
-    table = Tables.of(Panels.of(np.array([[-1.0, 0.0]]), np.ones((1, 2)), both))
-    grid = grid_of(order)
+    table = InverseCdfTable.of(PanelCdf.of(np.array([[-1.0, 0.0]]), np.ones((1, 2)), both))
+    grid = table_points(order)
     u = np.concatenate((reach[:, :1] * (grid - 1.0), reach[:, 1:] * grid), axis=1)
     places = mode + size * np.sinh(u)
     found = [table.inverse(number[at], p, places)[0] for at in ends]
     return np.asarray(found[0] + x_share * (found[-1] - found[0]))
 
 
-def _completed(tensor: Tensor, found: dict[str, Array]) -> dict[str, Array]:
+def _completed(tensor: DensityGrid, found: dict[str, Array]) -> dict[str, Array]:
     """What follows from the rest: by the transition, mu, e_n or the closure constant."""
     series = tensor.series
     if series.role == "none":
@@ -201,7 +203,7 @@ def _completed(tensor: Tensor, found: dict[str, Array]) -> dict[str, Array]:
     return found
 
 
-def _noise(tensor: Tensor, group: int, own: dict[str, Array], rng: np.random.Generator) -> Array:
+def _noise(tensor: DensityGrid, group: int, own: dict[str, Array], rng: np.random.Generator) -> Array:
     misfit, noise = tensor.series.misfit, tensor.series.noise
     assert noise is not None
     q = misfit.quadratics(own["e_n"], own["x"])[group]

@@ -14,15 +14,20 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.row_likelihood import RowLaw
-from ifrfit.inference.posterior.closure_constant import Place, Spread, about_mode, c_limits
-from ifrfit.inference.posterior.density_grid import Tensor
-from ifrfit.inference.posterior.error_model_likelihood import scattered
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.noise_scale import UnknownNoise
-from ifrfit.inference.posterior.quadratic_sums import Quadratic, lifted
-from ifrfit.inference.posterior.quadrature_axis import Axis
-from ifrfit.inference.posterior.sum_of_squares import Misfit
+from ifrfit.inference.posterior.closure_constant import (
+    ConditionalCoordinate,
+    ConditioningValues,
+    c_domain,
+    conditional_coordinate,
+)
+from ifrfit.inference.posterior.density_grid import DensityGrid
+from ifrfit.inference.posterior.error_model_likelihood import error_model_log_likelihood
+from ifrfit.inference.posterior.noise_scale import NoiseScale
+from ifrfit.inference.posterior.quadratic_sums import Quadratic, with_c_axis
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
+from ifrfit.inference.posterior.sum_of_squares import SumOfSquares
 
 Array = NDArray[np.float64]
 
@@ -33,15 +38,15 @@ _FARTHEST = 1.0 - 1e-12  # end of the scale of an unbounded transition
 
 
 @dataclass
-class Series:
+class SeriesIntegrand:
     """Rows that share one set of constants, and how each of these is known.
 
     Attributes
     ----------
-    misfit : Misfit
+    misfit : SumOfSquares
     noise : tuple of UnknownNoise or None
         One a noise group, or None where the weights hold sigma.
-    e_n, c, mu : Unknown, float or None
+    e_n, c, mu : FreeParameter, float or None
         An unknown of this series, a fixed value, or None for one that `at` of `evaluate` gives.
     sigma : ndarray
         Likely noise of each group, relative to the weights.
@@ -57,16 +62,16 @@ class Series:
         Axes of (outer nodes, e_n, transition) that the law of the closure constant takes no notice of.
     """
 
-    misfit: Misfit
-    noise: tuple[UnknownNoise, ...] | None
-    e_n: Unknown | float | None
-    c: Unknown | float | None
-    mu: Unknown | float | None
+    misfit: SumOfSquares
+    noise: tuple[NoiseScale, ...] | None
+    e_n: FreeParameter | float | None
+    c: FreeParameter | float | None
+    mu: FreeParameter | float | None
     sigma: Array
     n_normal: int = 0
     unit: float = 1.0
-    e_axis: Axis | None = None
-    x_axis: Axis | None = None
+    e_axis: QuadratureAxis | None = None
+    x_axis: QuadratureAxis | None = None
     c_order: int = 16
     tail: float = 40.0
     law: RowLaw | None = None
@@ -76,13 +81,13 @@ class Series:
 
     def __post_init__(self) -> None:
         tilted = self.misfit.coefficients.b1 != 0.0
-        if isinstance(self.mu, Unknown):
+        if isinstance(self.mu, FreeParameter):
             self.role = "mu"
         elif self.mu == 0.0:
             self.role = "none"
-        elif tilted and isinstance(self.c, Unknown):
+        elif tilted and isinstance(self.c, FreeParameter):
             self.role = "c"
-        elif isinstance(self.e_n, Unknown):
+        elif isinstance(self.e_n, FreeParameter):
             self.role = "e_n"
         else:
             self.role = "none"
@@ -94,7 +99,7 @@ class Series:
     @property
     def has_e_axis(self) -> bool:
         """Whether e_n has panels of its own."""
-        return isinstance(self.e_n, Unknown) and self.role != "e_n"
+        return isinstance(self.e_n, FreeParameter) and self.role != "e_n"
 
     @property
     def has_x_axis(self) -> bool:
@@ -104,7 +109,7 @@ class Series:
     @property
     def has_c(self) -> bool:
         """Whether the closure constant is integrated about its conditional mode."""
-        return isinstance(self.c, Unknown) and self.role != "c"
+        return isinstance(self.c, FreeParameter) and self.role != "c"
 
     @property
     def stretched(self) -> bool:
@@ -131,12 +136,12 @@ class Series:
             least, most = (1.0 / np.maximum(self.misfit.b(end), 1e-300) for end in (upper, lower))
         if self.role == "e_n":
             assert mu is not None
-            assert isinstance(self.e_n, Unknown)
+            assert isinstance(self.e_n, FreeParameter)
             ends = mu * (1.0 + self.e_n.lower) * least, mu * (1.0 + self.e_n.upper) * least
         else:
             assert e_n is not None
             floor: Array | float
-            if isinstance(self.mu, Unknown):
+            if isinstance(self.mu, FreeParameter):
                 floor, top = self.mu.lower, np.asarray(self.mu.upper)
             else:
                 assert mu is not None
@@ -152,10 +157,10 @@ class Series:
     def _c_ends(self, c: Array | None) -> tuple[Array, Array]:
         if c is not None:
             return c, c
-        assert isinstance(self.c, Unknown)
+        assert isinstance(self.c, FreeParameter)
         return np.asarray(self.c.lower), np.asarray(self.c.upper)
 
-    def evaluate(self, at: Mapping[str, Array]) -> Tensor:
+    def evaluate(self, at: Mapping[str, Array]) -> DensityGrid:
         """Density at all nodes.
 
         Parameters
@@ -189,7 +194,7 @@ class Series:
             if self.role == "c":
                 assert mu is not None
                 assert e is not None
-                assert isinstance(self.c, Unknown)
+                assert isinstance(self.c, FreeParameter)
                 k, room = self.misfit.coefficients, self.c.upper - self.c.lower
                 kappa = np.maximum(mu * (1.0 + e), _SLIPPERY)
                 # panels that the domain cuts are followed a little beyond it, where numbers are still tame
@@ -204,14 +209,14 @@ class Series:
         assert e is not None
         noise = at["noise"][:, None, None, None] if "noise" in at else None
         squares = self.misfit.quadratics(e, x)
-        spread: Spread | None = None
-        if isinstance(self.c, Unknown) and self.has_c:
-            mu_ends = (self.mu.lower, self.mu.upper) if isinstance(self.mu, Unknown) else None
-            limits_c = c_limits(self.c, self.misfit.coefficients, mu_ends, e, x)
+        spread: ConditionalCoordinate | None = None
+        if isinstance(self.c, FreeParameter) and self.has_c:
+            mu_ends = (self.mu.lower, self.mu.upper) if isinstance(self.mu, FreeParameter) else None
+            limits_c = c_domain(self.c, self.misfit.coefficients, mu_ends, e, x)
             near = self.misfit.with_mu(squares, e, x)
-            place = Place(near, e, x, None if noise is None else noise[..., 0])
+            place = ConditioningValues(near, e, x, None if noise is None else noise[..., 0])
             own = (self.misfit, self.noise, self.sigma, self.c)
-            spread = about_mode(*own, place, limits_c, self.tail, self.law)
+            spread = conditional_coordinate(*own, place, limits_c, self.tail, self.law)
             nodes, log_jacobian = spread.nodes(self.c_order)
             log_measure = log_measure + log_jacobian
         else:
@@ -228,11 +233,11 @@ class Series:
         else:
             log_f = log_f + log_measure
         logs = log_f, log_apart
-        return Tensor.of(self, e, x, nodes, mu_at, logs, e_weight, limits, spread)
+        return DensityGrid.of(self, e, x, nodes, mu_at, logs, e_weight, limits, spread)
 
     def _given(self, kind: str, at: Mapping[str, Array]) -> Array | None:
         known = {"e_n": self.e_n, "c": self.c, "mu": self.mu}[kind]
-        if isinstance(known, Unknown):
+        if isinstance(known, FreeParameter):
             return None
         return at[kind][:, None, None] if known is None else np.full((1, 1, 1), known)
 
@@ -246,13 +251,13 @@ class Series:
         """
         total, apart = self._log_likelihood(squares, e, x, c, mu, noise)
         apart = apart + self.log_norm
-        if isinstance(self.e_n, Unknown):
+        if isinstance(self.e_n, FreeParameter):
             apart = apart + self.e_n.log_prior(e)
         if self.n_normal:
             apart = apart - self.n_normal * np.log1p(e)
-        if isinstance(self.c, Unknown):
+        if isinstance(self.c, FreeParameter):
             total = total + self.c.log_prior(c)
-        if isinstance(self.mu, Unknown):
+        if isinstance(self.mu, FreeParameter):
             with np.errstate(divide="ignore"):
                 total = total + np.log(np.maximum(self.misfit.b(c), 0.0))
             apart = apart - np.log1p(e)
@@ -270,18 +275,20 @@ class Series:
         total: Array = np.zeros((1, 1, 1, 1))
         apart: Array = np.zeros((1, 1, 1))
         if self.law is not None:
-            return scattered(self.law, self.misfit.coefficients, e, x, c, mu, noise), apart
+            return error_model_log_likelihood(self.law, self.misfit.coefficients, e, x, c, mu, noise), apart
         d = c - self.misfit.reference.c
         curved = self.misfit.curved(e[..., None], x[..., None], c, mu)
         for number, (q, more) in enumerate(zip(squares, curved, strict=True)):
             n = self.misfit.groups[number].size
             if not n:
                 continue
-            moving = d * (lifted(q.curvature) * d - 2.0 * lifted(q.slope)) if np.ndim(q.slope) else 0.0
+            moving = (
+                d * (with_c_axis(q.curvature) * d - 2.0 * with_c_axis(q.slope)) if np.ndim(q.slope) else 0.0
+            )
             moving = moving + more
             if self.noise is not None:
                 if np.ndim(moving):
-                    square = np.maximum(lifted(q.square) + moving, 0.0)
+                    square = np.maximum(with_c_axis(q.square) + moving, 0.0)
                     total = total + self.noise[number].log_likelihood(square)
                 else:
                     apart = apart + self.noise[number].log_likelihood(np.maximum(q.square, 0.0))

@@ -18,9 +18,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.problem import Index, RowModel
+from ifrfit.inference.model.rows import OBLIQUE, Index, Rows
 from ifrfit.inference.posterior.chebyshev import on_grid
-from ifrfit.inference.posterior.quadratic_sums import PAIRS, Quadratic, Sums, expand, scale_of
+from ifrfit.inference.posterior.quadratic_sums import PAIRS, PrefixSums, Quadratic, expand, scale_factor
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import Closure, Coefficients
 from ifrfit.physics.impulse_laws import Law
@@ -43,7 +43,7 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class _Direct:
+class _DirectRows:
     """Rows that measure e_n or mu: sums (w f^2, w f r, w r^2)."""
 
     curvature: float
@@ -55,12 +55,12 @@ class _Direct:
         return np.asarray(self.square + d * (self.curvature * d - 2.0 * self.slope))
 
 
-class Misfit:
+class SumOfSquares:
     """Sums of squares by noise group.
 
     Parameters
     ----------
-    rows : RowModel
+    rows : Rows
         Of one set of constants.
     weight : ndarray
         1/sigma, or ones where the noise is unknown.
@@ -73,7 +73,7 @@ class Misfit:
 
     def __init__(
         self,
-        rows: RowModel,
+        rows: Rows,
         weight: Array,
         groups: Sequence[Index],
         closure: Closure,
@@ -83,7 +83,7 @@ class Misfit:
         self.rows, self.weight, self.groups = rows, weight, tuple(groups)
         # of any other law than a bilinear one, whose rows are not linear; and of one with a tilted bound that
         # no row sees: at given mu and e_n the transition would still run with the closure constant
-        oblique = any(OBSERVABLES[name].kind in ("tangential", "curved") for name in rows.names)
+        oblique = rows.has_kind(*OBLIQUE)
         straight = closure.bilinear and (oblique or closure.coefficients(inertia_factor).b1 == 0.0)
         self.law: Law | None = None if straight else closure.law(inertia_factor)
         self.coefficients = closure.coefficients(inertia_factor) if self.law is None else _BY_KAPPA
@@ -119,8 +119,8 @@ class Misfit:
         """Bound of the frictional part of the impulse factor in sticking."""
         return self.coefficients.b0 + self.coefficients.b1 * c
 
-    def _tangential(self, at: Index) -> list[Sums]:
-        found: list[Sums] = []
+    def _tangential(self, at: Index) -> list[PrefixSums]:
+        found: list[PrefixSums] = []
         if not at.size:
             return found
         for scale in ("one", "impulse", "rebound"):
@@ -130,7 +130,7 @@ class Misfit:
                 found.append(self._summed(rows, scale))
         return found
 
-    def _summed(self, at: Index, scale: str) -> Sums:
+    def _summed(self, at: Index, scale: str) -> PrefixSums:
         at = at[np.argsort(self.rows.tau[at], kind="stable")]
         part = self.rows.take(at)
         offset, slope = np.zeros(at.size), np.zeros(at.size)
@@ -144,7 +144,7 @@ class Misfit:
         with np.errstate(divide="ignore", invalid="ignore"):
             over_tau = np.where(slope == 0.0, 0.0, slope / part.tau)
         a = k.a0 + k.a1 * ref.c
-        factor = float(scale_of(scale, np.asarray(ref.e_n)))
+        factor = float(scale_factor(scale, np.asarray(ref.e_n)))
         regimes = []
         for sticking in (True, False):
             fall = (k.b0 + k.b1 * ref.c) * slope if sticking else kappa * over_tau
@@ -158,17 +158,17 @@ class Misfit:
         products = np.zeros((len(PAIRS), at.size + 1))
         np.cumsum(stick, axis=1, out=products[:, 1:])
         products[:, :-1] += np.cumsum(slide[:, ::-1], axis=1)[:, ::-1]
-        return Sums(scale, part.tau, products)
+        return PrefixSums(scale, part.tau, products)
 
-    def _normal_rows(self, at: Index) -> _Direct:
+    def _normal_rows(self, at: Index) -> _DirectRows:
         is_e_n = np.array([name == "e_n" for name in self.rows.names])[self.rows.which[at]]
         factor = np.where(is_e_n, 1.0, self.rows.incidence.cosine[at]) * self.weight[at]
         left = self.rows.value[at] * self.weight[at] - factor * self.reference.e_n
-        return _Direct(float(factor @ factor), float(factor @ left), float(left @ left))
+        return _DirectRows(float(factor @ factor), float(factor @ left), float(left @ left))
 
-    def _friction_rows(self, at: Index) -> _Direct:
+    def _friction_rows(self, at: Index) -> _DirectRows:
         left = (self.rows.value[at] - self.reference.mu) * self.weight[at]
-        return _Direct(
+        return _DirectRows(
             float(self.weight[at] @ self.weight[at]), float(self.weight[at] @ left), float(left @ left)
         )
 
@@ -256,7 +256,7 @@ class Misfit:
                     out[..., at] = value
         return np.asarray((part.value - out) * self.weight[rows])
 
-    def _factors(self, part: RowModel, x: Array, c: Array, law: Law | None) -> Array:
+    def _factors(self, part: Rows, x: Array, c: Array, law: Law | None) -> Array:
         """Impulse factors of rows, (..., rows)."""
         if law is not None:
             return law.impulse(part.incidence, c[..., None], x[..., None])[0]
@@ -291,4 +291,4 @@ def by_impulse(observable: Observable, i: Incidence, k: Array, e_n: Array, j: fl
         return observable.by_impulse(i, k, e_n, j)
     assert observable.linear is not None
     offset, slope = observable.linear(i, j)
-    return np.asarray(scale_of(observable.scale, e_n) * (offset + slope * k))
+    return np.asarray(scale_factor(observable.scale, e_n) * (offset + slope * k))

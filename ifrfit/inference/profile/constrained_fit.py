@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.multistart import multistart
 from ifrfit.inference.optimize.optimum import Array, objective_at
@@ -17,7 +16,6 @@ from ifrfit.inference.optimize.scalar_search import minimum_near
 from ifrfit.inference.optimize.solve import series_groups, solve, whole_group
 from ifrfit.inference.profile.constrained_series import best_of_series
 from ifrfit.inference.profile.scalar_profile import series_problem
-from ifrfit.physics.observables import OBSERVABLES
 
 LOWEST = 1e-3
 _SHARE = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
@@ -26,20 +24,6 @@ _XATOL = 1e-7
 _STARTS = 3  # of a local search
 
 Tie = Callable[[float, float], float]  # e_n and c to mu
-
-
-@dataclass(frozen=True)
-class ConstrainedProblem(Problem):
-    """A problem with single entries of theta held, also those of a separate constant."""
-
-    at: Mapping[int, float] = field(default_factory=dict)
-
-    def entries(self) -> tuple[Constant, ...]:
-        """Constant behind each entry of theta, the held ones fixed."""
-        return tuple(
-            replace(c, fixed=self.at[i], prior=None) if i in self.at else c
-            for i, c in enumerate(super().entries())
-        )
 
 
 def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Array) -> Array:
@@ -63,10 +47,10 @@ def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Arr
     start = near.copy()
     for place, x in at.items():
         start[place] = x
-    tied = len(problem.series) > 1 and any(c.separate for c in problem.constants)
+    tied = len(problem.series) > 1 and any(c.separate for c in problem.parameters)
     if not tied:
         return _solved(problem, sigma, at, start)
-    if all(c.separate or c.fixed is not None for c in problem.constants):
+    if all(c.separate or c.fixed is not None for c in problem.parameters):
         return _alone(problem, sigma, at, start)
     found = best_of_series(problem, sigma, at, start)
     if found is not None:
@@ -76,10 +60,7 @@ def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Arr
 
 def _solved(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array) -> Array:
     """One set of constants: fixed in the problem itself, which the certified solvers know."""
-    held = tuple(
-        replace(c, fixed=at[i], prior=None) if i in at else c for i, c in enumerate(problem.constants)
-    )
-    theta = solve(replace(problem, constants=held), sigma, start).theta.copy()
+    theta = solve(_constrained(problem, at), sigma, start).theta.copy()
     for place, x in at.items():
         theta[place] = x
     return theta
@@ -87,7 +68,7 @@ def _solved(problem: Problem, sigma: Array, at: Mapping[int, float], start: Arra
 
 def _alone(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array) -> Array:
     """Series that share nothing: only the one of the held entry moves, others keep what is near."""
-    places = problem.positions()
+    places = problem.parameters.positions
     (series,) = {int(np.flatnonzero(own == i)[0]) for i in at for own in places.values() if i in own}
     mine = [int(own[series]) for own in places.values()]
     part, part_sigma = series_problem(problem, sigma, series)
@@ -96,14 +77,14 @@ def _alone(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array
     return theta
 
 
-def _constrained(problem: Problem, at: Mapping[int, float]) -> ConstrainedProblem:
-    values = {name: getattr(problem, name) for name in problem.__dataclass_fields__ if name != "at"}
-    return ConstrainedProblem(**values, at=dict(at))
+def _constrained(problem: Problem, at: Mapping[int, float]) -> Problem:
+    """The problem with entries of theta fixed, by their places."""
+    return problem.with_fixed({problem.parameters.names[i]: x for i, x in at.items()})
 
 
 def separable_e_n(problem: Problem, sigma: Array, series: int) -> float | None:
     """Best e_n of a series where the rest of the rows has no say in it; None where it has."""
-    e_n, mu = problem.constants[0], problem.constants[-1]
+    e_n, mu = problem.parameters["e_n"], problem.parameters["mu"]
     if e_n.fixed is not None:
         return e_n.fixed
     whole = whole_group(problem, sigma)
@@ -119,10 +100,10 @@ def best_over_e_n(
 
     None where only a local search can find the rest.
     """
-    if any(c.separate for c in problem.constants) or whole_group(problem, sigma).of_kind("curved").any():
+    if any(c.separate for c in problem.parameters) or whole_group(problem, sigma).of_kind("curved").any():
         return None
-    e_n = problem.constants[0]
-    i_e, i_mu = 0, len(problem.names) - 1
+    e_n = problem.parameters["e_n"]
+    i_e, i_mu = 0, len(problem.parameters.names) - 1
     low = min(max(e_n.lower, range_of_e_n[0], lowest_e_n(problem)), e_n.upper)
     high = max(low, min(e_n.upper, range_of_e_n[1]))
     seen: dict[float, tuple[float, Array]] = {}
@@ -138,7 +119,7 @@ def best_over_e_n(
 
 def lowest_e_n(problem: Problem) -> float:
     """The e_n below which a value over the outgoing normal velocity is not meant seriously; else 0."""
-    return LOWEST if any(OBSERVABLES[name].scale == "rebound" for name in problem.rows.names) else 0.0
+    return LOWEST if problem.rows.has_rebound_scale else 0.0
 
 
 def best_tied(
@@ -155,11 +136,11 @@ def best_tied(
     """
     from scipy.optimize import least_squares
 
-    places = {name: int(own[series]) for name, own in problem.positions().items()}
+    places = {name: int(own[series]) for name, own in problem.parameters.positions.items()}
     i_mu, i_e, i_c = places["mu"], places["e_n"], places.get(problem.closure.constant or "", -1)
-    free = problem.free.copy()
+    free = problem.parameters.free.copy()
     free[i_mu] = False
-    lower, upper = problem.bounds()
+    lower, upper = problem.parameters.bounds()
     lower[i_e], upper[i_e] = max(lower[i_e], e_range[0]), min(upper[i_e], e_range[1])
     if free[i_e] and upper[i_e] - lower[i_e] < 1e-9:
         free[i_e] = False
@@ -176,8 +157,8 @@ def best_tied(
 
         def residuals(x: Array, start: Array = start) -> Array:
             theta = full(x, start)
-            data = (problem.rows.value - problem.fitted(theta)) / sigma
-            return np.concatenate((data, problem.prior_residuals(theta)))
+            data = (problem.rows.value - problem.predict(theta)) / sigma
+            return np.concatenate((data, problem.parameters.prior_residuals(theta)))
 
         if free.any():
             ends = lower[free], np.minimum(upper[free], 1e9)
@@ -195,7 +176,7 @@ def best_tied(
     return best[1]
 
 
-def kappa_range(kappa: float, mu: Constant) -> tuple[float, float]:
+def kappa_range(kappa: float, mu: Parameter) -> tuple[float, float]:
     """What e_n may be at a given kappa for mu = kappa/(1 + e_n) to stay in its domain."""
     low = kappa / mu.upper - 1.0 if mu.upper > 0.0 else -math.inf
     return low, kappa / mu.lower - 1.0 if mu.lower > 0.0 else math.inf

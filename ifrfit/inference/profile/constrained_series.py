@@ -37,7 +37,7 @@ def best_of_series(problem: Problem, sigma: Array, at: Mapping[int, float], near
     if not problem.closure.bilinear or whole.of_kind("curved").any():
         return None
     own = series_groups(problem, sigma)
-    places = problem.positions()
+    places = problem.parameters.positions
     e_n = {number: at[place] for number, place in enumerate(places["e_n"].tolist()) if place in at}
     fixed = fix_restitution(own, whole, e_n)
     if fixed is None:
@@ -60,7 +60,7 @@ def _with_entries_fixed(
     problem: Problem, group: ParameterGroup, number: int, at: Mapping[int, float]
 ) -> ParameterGroup:
     """The group of a series with its mu and c fixed where theta has them fixed."""
-    places = problem.positions()
+    places = problem.parameters.positions
     if (mu := at.get(int(places["mu"][number]))) is not None:
         group = replace(group, mu=replace(group.mu, fixed=mu, prior=None))
     own = problem.closure.constant
@@ -78,7 +78,7 @@ def _best(
     near: Array,
 ) -> list[Constants] | None:
     """Best constants of each series; None if more than one parameter is shared."""
-    places = problem.positions()
+    places = problem.parameters.positions
     shared = [x for x in (whole.c, whole.mu) if not x.separate and x.fixed is None]
     shared = [x for x in shared if int(places[x.name][0]) not in at or (x is whole.mu and mu_fixed)]
     if not shared:
@@ -114,7 +114,7 @@ def _mu_fixed_under_free_e_n(
     problem: Problem, whole: ParameterGroup, at: Mapping[int, float]
 ) -> dict[int, float]:
     """Series to its mu, where that is fixed and e_n is free: e_n is then a matter of kappa = mu (1 + e_n)."""
-    places = problem.positions()
+    places = problem.parameters.positions
     if whole.e_n.fixed is not None:
         return {}
     return {

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.truncated_normal import half_width
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.optimize.optimum import Array, Optimum
@@ -38,7 +38,7 @@ def outlying(optimum: Optimum) -> list[Array]:
 def open_estimate(
     problem: Problem,
     fit: LeastSquares,
-    constant: Constant,
+    constant: Parameter,
     position: int,
     series: int | None,
     *,
@@ -54,7 +54,7 @@ def open_estimate(
     values = [float(theta[position]) for theta in optima]
     sigma = fit.sigma
     if series is not None:
-        places = [at[series] for at in problem.positions().values()]
+        places = [at[series] for at in problem.parameters.positions.values()]
         optima = [theta[places] for theta in optima]
         problem, sigma = series_problem(problem, sigma, series)
     function = profile_function(problem, sigma, constant.name, optima[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,15 +21,14 @@ from ifrfit.inference.result.types import Estimate
 from ifrfit.inference.summary.derived import angle_near, meaning_of, transition
 from ifrfit.inference.summary.estimates import leans_on_prior, too_few
 from ifrfit.inference.summary.kappa import kappa_of
-from ifrfit.physics.closures import Coefficients, rotational_share
-from ifrfit.physics.compliance import poisson_ratio
+from ifrfit.physics.closures import Coefficients, Meaning
 from ifrfit.physics.transition import transition_angles
 
 ConstantsMap = dict[str, Estimate | Mapping[str, Estimate]]
 
 
 def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> dict[str, Profile]:
-    """Profile of every free constant, of kappa, of the restitution in sticking and of the transition angle.
+    """Profile of free constants, of kappa, of what the closure constant stands for, and of transitions.
 
     Parameters
     ----------
@@ -42,7 +42,8 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
     -------
     dict
         Name to `Profile`: the free entries of `Problem.names`; kappa, or kappa[SERIES] where e_n or mu is
-        separate; beta_sticking, or beta_sticking[SERIES] where the closure constant is; and
+        separate; beta_sticking, or beta_sticking[SERIES] where the closure constant is (or another
+        `Closure.meaning` in its place); and
         transition_angle_deg[SERIES] in degrees at the median spin of the series, followed by
         " (first)" and " (second)" where sticking begins and ends.
     """
@@ -51,16 +52,17 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
         name: _profile(misfit, quantity, _known(problem, fit, quantity), curves)
         for name, quantity in quantities_of(problem, fit).items()
     }
-    e_n = problem.constants[0].fixed
+    e_n = problem.parameters["e_n"].fixed
     if e_n is not None:
         for name in [name for name in found if name.split("[")[0] == "mu"]:
             label = "kappa" + name.removeprefix("mu")
             scaled = found[name].mapped(label, lambda x: x * (1.0 + e_n))
             found[label] = replace(scaled, reason=scaled.reason or "mu (1 + e_n)")
-    own = problem.closure.constant
-    for name in [name for name in found if own and name.split("[")[0] == own]:
-        label = _meaning(problem) + name.removeprefix(own or "")
-        found[label] = found[name].mapped(label, _sticking(problem))
+    own, meaning = problem.closure.constant, problem.closure.meaning
+    if own is not None and meaning is not None:
+        for name in [name for name in found if name.split("[")[0] == own]:
+            label = meaning.name + name.removeprefix(own)
+            found[label] = found[name].mapped(label, partial(_meant, meaning, problem.inertia_factor))
     for number, series in enumerate(problem.series):
         found |= _transitions(misfit, number, series, found, curves)
     return found
@@ -77,10 +79,10 @@ def _known(problem: Problem, fit: LeastSquares, quantity: Quantity) -> Known:
     """What the rules of statuses ask beside the profile itself."""
     sd = math.sqrt(fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd))
     unique = fit.optimum.n_same == 1
-    if quantity.name not in problem.names:
+    if quantity.name not in problem.parameters.names:
         return Known(math.isfinite(sd), unique, plain="mu (1 + e_n)")
-    place = problem.names.index(quantity.name)
-    constant = problem.entries()[place]
+    place = problem.parameters.names.index(quantity.name)
+    constant = problem.parameters.entries[place]
     seen = math.isfinite(sd) and not too_few(problem, constant)
     leans = leans_on_prior(problem, fit, place, constant, sd) if math.isfinite(sd) else ""
     if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
@@ -89,17 +91,8 @@ def _known(problem: Problem, fit: LeastSquares, quantity: Quantity) -> Known:
     return Known(seen, unique, leans)
 
 
-def _meaning(problem: Problem) -> str:
-    return "poisson_ratio" if problem.closure.constant == "chi" else "beta_sticking"
-
-
-def _sticking(problem: Problem) -> Any:
-    if _meaning(problem) == "poisson_ratio":
-        return lambda chi: float(poisson_ratio(chi, problem.inertia_factor))
-    linear = problem.closure.coefficients(problem.inertia_factor)
-    share = rotational_share(problem.inertia_factor)
-    offset, slope = (linear.a0 + linear.b0) / share - 1.0, (linear.a1 + linear.b1) / share
-    return lambda c: offset + slope * c
+def _meant(meaning: Meaning, inertia_factor: float, c: float) -> float:
+    return meaning.value(c, inertia_factor)
 
 
 def _transitions(
@@ -156,12 +149,12 @@ def profiled_estimates(
     """
     profiles = profile_all(problem, fit)
     constants: ConstantsMap = {}
-    places = problem.positions()
-    for constant in problem.constants:
+    places = problem.parameters.positions
+    for constant in problem.parameters:
         each = {}
         for number, series in enumerate(problem.series):
             place = int(places[constant.name][number])
-            name = problem.names[place]
+            name = problem.parameters.names[place]
             if name in profiles:
                 each[series] = profiles[name].estimate()
             else:
@@ -174,7 +167,7 @@ def profiled_estimates(
 def _derived(
     problem: Problem, fit: LeastSquares, constants: ConstantsMap, profiles: Mapping[str, Profile]
 ) -> dict[str, Any]:
-    separate = any(c.separate for c in problem.constants if c.name in ("e_n", "mu"))
+    separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     kappa = {}
     for number, series in enumerate(problem.series):
         profile = profiles.get(f"kappa[{series}]" if separate else "kappa")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.optimize.optimum import Array
@@ -42,7 +42,7 @@ class Quantity:
         theta to its value.
     held : callable
         Best theta with the quantity held at a value.
-    domain : Constant
+    domain : Parameter
         Bounds and the sd of its default prior.
     functional : ndarray
         Its derivative by the coordinates of the local picture.
@@ -53,14 +53,14 @@ class Quantity:
     name: str
     of: Callable[[Array], float]
     held: Held
-    domain: Constant
+    domain: Parameter
     functional: Array
     far: float | None = None
 
 
 def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
     """A free entry of theta."""
-    constant = problem.entries()[place]
+    constant = problem.parameters.entries[place]
     lower = constant.lower
     if constant.name == "e_n":
         lower = max(lower, min(lowest_e_n(problem), constant.upper))
@@ -68,10 +68,10 @@ def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
     if constant.name == "mu":
         far = _level(problem, place)
     return Quantity(
-        problem.names[place],
+        problem.parameters.names[place],
         lambda theta: float(theta[place]),
         lambda x, sigma, near: best_with(problem, sigma, {place: x}, near),
-        Constant(constant.name, lower, constant.upper, prior=constant.prior),
+        Parameter(constant.name, lower, constant.upper, prior=constant.prior),
         fit.gaussian.to_theta[place],
         far,
     )
@@ -79,9 +79,9 @@ def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
 
 def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quantity | None:
     """kappa = mu (1 + e_n) of a series; None where both are fixed."""
-    places = problem.positions()
+    places = problem.parameters.positions
     i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
-    entries = problem.entries()
+    entries = problem.parameters.entries
     e_n, mu = entries[i_e], entries[i_mu]
     if e_n.fixed is not None and mu.fixed is not None:
         return None
@@ -112,7 +112,7 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
         name,
         lambda theta: float(theta[i_mu] * (1.0 + theta[i_e])),
         held,
-        Constant("kappa", low_mu * (1.0 + low_e), high_mu * (1.0 + high_e)),
+        Parameter("kappa", low_mu * (1.0 + low_e), high_mu * (1.0 + high_e)),
         functional,
         None if far is None else far * (1.0 + high_e),
     )
@@ -123,13 +123,13 @@ def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity
 
     None at an optimum without a transition. Bounds that a user sets to mu do not limit it.
     """
-    places = problem.positions()
+    places = problem.parameters.positions
     i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
     i_c = int(places[problem.closure.constant or ""][series])
     law = problem.closure.law(problem.inertia_factor)
     theta = fit.optimum.theta
     bound = float(law.bound(theta[i_c]))
-    if bound <= 0.0 or problem.entries()[i_mu].fixed is not None:
+    if bound <= 0.0 or problem.parameters.entries[i_mu].fixed is not None:
         return None
 
     def of(theta: Array) -> float:
@@ -147,25 +147,25 @@ def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity
     at = problem.rows.series == series
     tau = problem.rows.tau[at & np.isfinite(problem.rows.tau)]
     far = 1.05 * float(tau.max(initial=0.1)) if _level(problem, i_mu) is not None else None
-    return Quantity("transition_tau", of, held, Constant("tau", 0.0, math.inf), functional, far)
+    return Quantity("transition_tau", of, held, Parameter("tau", 0.0, math.inf), functional, far)
 
 
 def _level(problem: Problem, place: int) -> float | None:
     """mu from which on every impact sticks and nothing changes; None where mu itself is measured."""
     names = set(np.array(problem.rows.names)[np.unique(problem.rows.which)].tolist())
-    if any(OBSERVABLES[name].kind == "friction" for name in names) or problem.entries()[place].prior:
+    if any(OBSERVABLES[name].kind == "friction" for name in names) or problem.parameters.entries[place].prior:
         return None
-    shared = not problem.constants[-1].separate
-    (series,) = (0,) if shared else np.flatnonzero(problem.positions()["mu"] == place)[:1].tolist()
+    shared = not problem.parameters["mu"].separate
+    (series,) = (0,) if shared else np.flatnonzero(problem.parameters.positions["mu"] == place)[:1].tolist()
     at = np.isfinite(problem.rows.tau) & (shared | (problem.rows.series == series))
     law = problem.closure.law(problem.inertia_factor)
-    c = [x for c in problem.constants if c.name == problem.closure.constant for x in _ends(c)] or [0.0]
+    c = [x for c in problem.parameters if c.name == problem.closure.constant for x in _ends(c)] or [0.0]
     bound = max(float(law.bound(x)) for x in c)
-    e_n = min(_ends(problem.constants[0]))
+    e_n = min(_ends(problem.parameters["e_n"]))
     return max(1.05 * bound * float(problem.rows.tau[at].max(initial=0.1)) / (1.0 + e_n), 1e-3)
 
 
-def _ends(constant: Constant) -> tuple[float, ...]:
+def _ends(constant: Parameter) -> tuple[float, ...]:
     return (constant.lower, constant.upper) if constant.fixed is None else (constant.fixed,)
 
 
@@ -207,11 +207,12 @@ def quantities_of(problem: Problem, fit: LeastSquares) -> Mapping[str, Quantity]
     With e_n given kappa is mu times a number, and needs no profile of its own.
     """
     found = {
-        problem.names[place]: entry(problem, fit, place) for place in np.flatnonzero(problem.free).tolist()
+        problem.parameters.names[place]: entry(problem, fit, place)
+        for place in np.flatnonzero(problem.parameters.free).tolist()
     }
-    if problem.constants[0].fixed is not None:
+    if problem.parameters["e_n"].fixed is not None:
         return found
-    separate = any(c.separate for c in problem.constants if c.name in ("e_n", "mu"))
+    separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     for series, label in enumerate(problem.series if separate else problem.series[:1]):
         name = f"kappa[{label}]" if separate else "kappa"
         quantity = kappa(problem, fit, series, name)

@@ -11,7 +11,6 @@ import numpy as np
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.optimize.solve import solve
-from ifrfit.physics.observables import OBSERVABLES
 
 CENTRAL = {0.68: 0.98894, 0.95: 3.84146}  # chi2 of one degree of freedom
 ONE_SIDED = {0.68: 0.21874, 0.95: 2.70554}  # the same for 36 and 90 %: one tail of 32 and 5 %
@@ -21,18 +20,17 @@ _LOWEST = 1e-3  # e_n
 
 def profile_function(problem: Problem, sigma: Array, name: str, near: Array) -> Callable[[float], float]:
     """Objective with the constant held at a value and everything else at its best; `near` is the optimum."""
-    own = next(c for c in problem.constants if c.name == name)
-    place = problem.names.index(name)
-    rebound = name == "e_n" and any(OBSERVABLES[each].scale == "rebound" for each in problem.rows.names)
+    own = problem.parameters[name]
+    place = problem.parameters.names.index(name)
+    rebound = name == "e_n" and problem.rows.has_rebound_scale
 
     def value(x: float) -> float:
         if rebound:  # a value over the outgoing normal velocity has no limit at e_n = 0
             x = max(x, min(_LOWEST, own.upper))
-        held = tuple(replace(c, fixed=x, prior=None) if c is own else c for c in problem.constants)
         start = near.copy()
         start[place] = x
         prior = 0.0 if own.prior is None else ((x - own.prior[0]) / own.prior[1]) ** 2
-        return solve(replace(problem, constants=held), sigma, start).objective + prior
+        return solve(problem.with_fixed({name: x}), sigma, start).objective + prior
 
     return value
 
@@ -66,8 +64,7 @@ def series_problem(problem: Problem, sigma: Array, series: int) -> tuple[Problem
     part = problem.with_rows(rows)
     part = replace(
         part,
-        constants=tuple(replace(c, separate=False) for c in problem.constants),
-        series=(problem.series[series],),
+        parameters=problem.parameters.of_series(series),
         rows=replace(part.rows, series=np.zeros(rows.size, dtype=np.intp)),
     )
     return part, sigma[rows]

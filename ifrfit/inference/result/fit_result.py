@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,16 +14,26 @@ from ifrfit.data import Source
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.types import Effort
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.result.display import Display, Renderer
 from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, Noise, State
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
+
+
+class FitRenderer(Renderer, Protocol):
+    """What draws fits: tables in three styles, and a report."""
+
+    def summary(self, shown: Any, style: str = "text", /) -> str:
+        """Table of the findings."""
+
+    def write_report(self, result: Any, path: Path, /) -> list[str]:
+        """Write the uncertainty report."""
 
 
 @dataclass(frozen=True)
-class FitResult:
+class FitResult(Display):
     """Everything that a fit found. Frozen; `to_dict` gives exactly result.json.
 
     Attributes
@@ -48,7 +58,7 @@ class FitResult:
         Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
     command, seed, created, versions
         How to repeat it.
-    asked : tuple of Constant
+    asked : tuple of Parameter
         The constants as they were asked for: domain, fixed value, prior, separate or shared. Empty where the
         file that the result was read from does not say.
     effort : Effort or None
@@ -79,7 +89,7 @@ class FitResult:
     command: str = ""
     created: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
-    asked: tuple[Constant, ...] = ()
+    asked: tuple[Parameter, ...] = ()
     effort: Effort | None = None
     scene: SceneOfData | None = None
     effects: tuple[EffectLine, ...] = ()
@@ -88,6 +98,7 @@ class FitResult:
     law: Any = field(default=None, repr=False, compare=False)
     profiles: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
     sample: Any = field(default=None, repr=False, compare=False)
+    drawn_by: ClassVar[str] = "ifrfit.report"
 
     @property
     def provenance(self) -> tuple[str, ...]:
@@ -201,19 +212,21 @@ class FitResult:
             profiles do not know.
         """
         from ifrfit.inference.diagnostics.interval_comparison import intervals
-        from ifrfit.inference.posterior import Posterior, explore
+        from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
         if self.problem is None:
             raise UsageError(
                 "A result that was read from a file has no intervals to compare: fit the data again."
             )
-        if not self.noise.scatter.is_plain:
+        if not self.noise.error_model.is_plain:
             raise UsageError(
                 "Intervals are compared for independent Gaussian errors of the values only: leave out "
                 "--intervals, or the choice of scatter."
             )
         law = self.law
-        posterior = law if isinstance(law, Posterior) else explore(self.problem, start=self.least_squares)
+        posterior = (
+            law if isinstance(law, QuadraturePosterior) else integrate(self.problem, start=self.least_squares)
+        )
         return intervals(self.problem, self.least_squares, posterior, self.profiles or None)
 
     def to_arviz(self) -> Any:
@@ -249,19 +262,9 @@ class FitResult:
 
         save(self, Path(path))
 
-    # The report layer stands after inference; these methods hand the result on and import it only then.
-
     def summary(self, style: str = "text") -> str:
         """Table of the findings as "text", "markdown" or "latex"."""
-        from ifrfit.report import summary
-
-        return summary(self, style)
-
-    def plot(self) -> Figure:
-        """Figure of data, curves with bands, and standardised residuals; one panel an observable."""
-        from ifrfit.report import plot
-
-        return plot(self)
+        return self._renderer().summary(self, style)
 
     def report(self, path: str | Path) -> None:
         """Write the uncertainty report: one self-contained page, by the suffix html, md or pdf.
@@ -278,14 +281,10 @@ class FitResult:
         UsageError
             For another suffix, or where something else lies there.
         """
-        from ifrfit.report.page import write_report
+        self._renderer().write_report(self, Path(path))
 
-        write_report(self, Path(path))
-
-    def _repr_html_(self) -> str:
-        from ifrfit.report import html_table
-
-        return html_table(self)
+    def _renderer(self) -> FitRenderer:
+        return cast("FitRenderer", super()._renderer())
 
     @property
     def lmfit_result(self) -> Any:

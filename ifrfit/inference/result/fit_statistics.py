@@ -12,7 +12,6 @@ from ifrfit.inference.diagnostics.lack_of_fit import Residuals
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.result.types import FitStatistics, State
-from ifrfit.physics.observables import OBSERVABLES
 
 
 def statistics_of(
@@ -22,23 +21,19 @@ def statistics_of(
     r = residuals.raw
     n = r.size
     dof = n - round(float(found.gaussian.leverage.sum()))
-    yardstick = problem.sigma if problem.noise == "scaled" else found.sigma
+    yardstick = problem.noise.sigma if problem.noise.is_scaled else found.sigma
     chi2 = float(((r / yardstick) ** 2).sum())
-    is_chi2 = problem.noise == "known" and problem.scatter.is_plain
-    prior = problem.prior_residuals(found.optimum.theta)
-    likely, n_noise = found.sigma, 0
-    if problem.noise != "known":
-        groups = {"": np.arange(n)} if problem.noise == "scaled" else problem.groups()
-        n_noise = len(groups)
-        likely = found.sigma.copy()  # the most likely noise, without the correction for the constants
-        for rows in groups.values():
-            likely[rows] *= math.sqrt(float(((r[rows] / likely[rows]) ** 2).mean()))
+    is_chi2 = problem.noise.is_known and problem.error_model.is_plain
+    prior = problem.parameters.prior_residuals(found.optimum.theta)
+    groups = problem.noise_groups()
+    likely = found.sigma.copy()  # the most likely noise, without the correction for the constants
+    for rows in groups.values():
+        likely[rows] *= math.sqrt(float(((r[rows] / likely[rows]) ** 2).mean()))
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
-    k = found.gaussian.rank + n_noise
-    oblique = np.array([OBSERVABLES[x].kind in ("tangential", "curved") for x in problem.rows.names])
-    regime = oblique[problem.rows.which]
+    k = found.gaussian.rank + len(groups)
+    regime = problem.rows.is_oblique
     return FitStatistics(
         n=n,
         n_sliding=int((regime & ~sticks).sum()),
@@ -47,7 +42,7 @@ def statistics_of(
         prior_chi2=float(prior @ prior),
         chi2=chi2,
         dof=dof,
-        reduced_chi2=chi2 / dof if dof > 0 and problem.noise != "unknown" else None,
+        reduced_chi2=chi2 / dof if dof > 0 and not problem.noise.is_unknown else None,
         p_value=float(chdtrc(dof, chi2)) if dof > 0 and is_chi2 else None,
         rmse=float(np.sqrt((r * r).mean())),
         log_likelihood=log_l,
@@ -60,8 +55,8 @@ def state_of(problem: Problem, found: LeastSquares) -> State:
     """Coordinates for predictions; a centre beyond a bound only where the bound holds the optimum back."""
     local = found.gaussian
     covariance = local.covariance(capped=True)
-    lower, upper = problem.bounds()
-    entries = problem.entries()
+    lower, upper = problem.parameters.bounds()
+    entries = problem.parameters.entries
     gradient = np.zeros(local.phi.size)
     low, high = lower.copy(), upper.copy()
     for i, (name, constant) in enumerate(zip(local.names, entries, strict=True)):

@@ -53,10 +53,10 @@ def optimum_of(
     residuals = residuals_of(problem, found)
     statistics = statistics_of(problem, found, residuals, sticks)
     constants = constants_of(problem, found)
-    free = problem.free
+    free = problem.parameters.free
     capped = found.gaussian.to_theta @ found.gaussian.covariance(capped=True) @ found.gaussian.to_theta.T
     size = np.sqrt(np.diag(capped))[free]
-    names = tuple(n for n, is_free in zip(problem.names, free, strict=True) if is_free)
+    names = tuple(n for n, is_free in zip(problem.parameters.names, free, strict=True) if is_free)
     table = problem.observations.table
     columns = {
         "sigma_used": found.sigma,
@@ -74,7 +74,7 @@ def optimum_of(
         inertia_factor=problem.inertia_factor,
         method="lsq",
         inputs=problem.observations.sources,
-        noise=Noise(reported_policy(problem), found.noise, scatter=problem.scatter),
+        noise=Noise(reported_policy(problem), found.noise, error_model=problem.error_model),
         constants=constants,
         derived=derived,
         correlation=(names, capped[np.ix_(free, free)] / np.outer(size, size)),
@@ -87,7 +87,7 @@ def optimum_of(
         command=command,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions(),
-        asked=problem.constants,
+        asked=problem.parameters.parameters,
         scene=None if setting is None else setting.told,
         effects=effects,
         problem=problem,
@@ -103,22 +103,19 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
         for column in ("sigma_spin_x", "sigma_spin_y", "sigma_gamma_deg")
         if (table[column].to_numpy(dtype=float) > 0.0).any()
     ]
-    if ignored and problem.scatter.angles == "none":
+    if ignored and problem.error_model.angles == "none":
         said.append(f"Not propagated: {' and '.join(ignored)}; angles and spins are taken as exact.")
-    if not problem.scatter.is_plain:
+    if not problem.error_model.is_plain:
         said.append(
-            f"Scatter: {problem.scatter.words}. chi2, residuals and what is said of misfit and outliers "
+            f"Scatter: {problem.error_model.words}. chi2, residuals and what is said of misfit and outliers "
             "are those of the reweighted rows."
         )
-    if problem.closure.name == "maw":
+    if problem.closure.caveat:
+        said.append(problem.closure.caveat)
+    given = int(np.isfinite(problem.noise.sigma).sum())
+    if problem.noise.is_unknown and given:
         said.append(
-            "Closure MAW is an elastic solution, scaled to e_n < 1: another rule moves the contact velocity "
-            "by up to 0.09 (e_n = 0.95) or 0.17 (e_n = 0.9) of mu U_n/khat; see docs/compliance.md."
-        )
-    given = int(np.isfinite(problem.sigma).sum())
-    if problem.noise == "unknown" and given:
-        said.append(
-            f"sigma is given in {given} of {problem.sigma.size} rows, and is not used: the noise comes from "
+            f"sigma is given in {given} of {len(problem.rows)} rows, and is not used: the noise comes from "
             "the misfit. Give every row a sigma, or choose --noise."
         )
     return tuple(said)

@@ -13,11 +13,10 @@ from ifrfit.inference.diagnostics.collect import at_bound
 from ifrfit.inference.diagnostics.identifiability import identifiable
 from ifrfit.inference.diagnostics.pooling import sharing
 from ifrfit.inference.diagnostics.predictive_checks import predictive
-from ifrfit.inference.distributions.protocol import Law
+from ifrfit.inference.diagnostics.quadrature_convergence import quadrature_convergence
+from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.posterior import TOLERANCE, Posterior, explore
-from ifrfit.inference.posterior.convergence_fact import exact_converged
-from ifrfit.inference.posterior.noise_scale import noise_bounds
+from ifrfit.inference.posterior import TOLERANCE, QuadraturePosterior, integrate
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Fact
 from ifrfit.inference.summary.distribution_estimates import (
@@ -40,26 +39,28 @@ def with_posterior(result: FitResult, tolerance: float | None = None) -> FitResu
     """Put the exact posterior in the place of the local picture; the facts about the optimum stay."""
     problem = result.problem
     if tolerance is None:
-        tolerance = TOLERANCE if problem.scatter.is_plain else COARSE
-    posterior = explore(problem, start=result.least_squares, tolerance=tolerance)
-    return with_explored(result, posterior, explore)
+        tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
+    posterior = integrate(problem, start=result.least_squares, tolerance=tolerance)
+    return with_explored(result, posterior, integrate)
 
 
 def with_explored(
-    result: FitResult, posterior: Posterior, explore: Callable[[Problem], Posterior] | None
+    result: FitResult,
+    posterior: QuadraturePosterior,
+    integrate: Callable[[Problem], QuadraturePosterior] | None,
 ) -> FitResult:
-    """The same with this posterior; other questions about sharing are put to `explore`, if there is one."""
-    converged = exact_converged(posterior, result.facts["converged"])
+    """The same with this posterior; other questions about sharing are put to `integrate`, if there is one."""
+    converged = quadrature_convergence(posterior, result.facts["converged"])
     found = with_law(result, "exact", posterior, converged)
     facts = dict(found.facts)
-    shared = None if explore is None else sharing(result.problem, posterior.log_evidence, explore)
+    shared = None if integrate is None else sharing(result.problem, posterior.log_evidence, integrate)
     if shared is not None:
         facts["sharing"] = shared
     return replace(found, fit=replace(found.fit, log_evidence=posterior.log_evidence), facts=facts)
 
 
 def with_law(
-    result: FitResult, method: str, law: Law, converged: Fact, *, posterior: bool = True
+    result: FitResult, method: str, law: Distribution, converged: Fact, *, posterior: bool = True
 ) -> FitResult:
     """Put a law of the constants in the place of the local picture; the facts about the optimum stay.
 
@@ -68,7 +69,7 @@ def with_law(
     result : FitResult
         Of least squares.
     method : str
-    law : Law
+    law : Distribution
     converged : Fact
     posterior : bool
         Whether the law is one: then predictive checks are made, and the prior of the noise is told.
@@ -91,7 +92,7 @@ def with_law(
     return replace(
         result,
         method=method,
-        noise=noise_from_law(problem, law, result.noise, noise_bounds(problem) if posterior else {}),
+        noise=noise_from_law(problem, law, result.noise, problem.noise_bounds() if posterior else {}),
         constants=constants,
         derived=derived_from_law(problem, law, result.derived, constants),
         correlation=(names, correlation_from_law(law, names)),

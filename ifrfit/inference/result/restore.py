@@ -5,7 +5,7 @@ from __future__ import annotations
 from ifrfit.data import Observations
 from ifrfit.data.observations import TABLE_COLUMNS
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.apply_error_model import with_scatter
+from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.inference.result.fit_result import FitResult
@@ -46,5 +46,5 @@ def question(result: FitResult) -> tuple[Problem, LeastSquares]:
         )
     observations = Observations(result.points[list(TABLE_COLUMNS)], result.inputs)
     problem = make_problem(observations, closure, result.inertia_factor, result.asked, result.noise.policy)
-    problem = with_scatter(problem, result.noise.scatter, result.method)
+    problem = with_error_model(problem, result.noise.error_model, result.method)
     return problem, least_squares(problem)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.error_model import PLAIN, Scatter
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 
 Status = Literal["determined", "one_sided", "prior", "not_determined", "fixed"]
 Interval = tuple[float, float]
@@ -95,7 +95,7 @@ class Noise:
         What the data say of each unknown sigma, by the same names; of the common factor under "".
     prior : mapping
         Bounds of the log-uniform prior of each of these; empty where the method needs none.
-    scatter : Scatter
+    error_model : ErrorModel
         How values scatter about the model, where that is not plainly Gaussian.
     """
 
@@ -103,7 +103,7 @@ class Noise:
     sigma: Mapping[str, float]
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     prior: Mapping[str, Interval] = field(default_factory=dict)
-    scatter: Scatter = PLAIN
+    error_model: ErrorModel = PLAIN
 
 
 @dataclass(frozen=True)

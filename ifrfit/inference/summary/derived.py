@@ -13,17 +13,16 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.result.types import Estimate
 from ifrfit.inference.summary.kappa import kappa_of
-from ifrfit.physics.closures import rotational_share
-from ifrfit.physics.compliance import poisson_ratio
+from ifrfit.physics.closures import Meaning
 from ifrfit.physics.transition import transition_angles
 
 
 def derived_of(
     problem: Problem, fit: LeastSquares, constants: Mapping[str, Estimate | Mapping[str, Estimate]]
 ) -> dict[str, Any]:
-    """kappa, transition_angle_deg, and beta_sticking or poisson_ratio; by series where they differ."""
+    """kappa, transition_angle_deg, what the closure constant stands for; by series where they differ."""
     each_kappa = {s: kappa_of(problem, fit, i) for i, s in enumerate(problem.series)}
-    separate = any(c.separate for c in problem.constants if c.name in ("e_n", "mu"))
+    separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     return {
         "kappa": each_kappa if separate else each_kappa[problem.series[0]],
         "transition_angle_deg": {
@@ -35,56 +34,42 @@ def derived_of(
 def meaning_of(
     problem: Problem, constants: Mapping[str, Estimate | Mapping[str, Estimate]]
 ) -> dict[str, Any]:
-    """What the closure constant stands for: beta_sticking; of chi the poisson_ratio of like materials."""
-    if problem.closure.constant != "chi":
-        return {"beta_sticking": sticking_of(problem, constants)}
-    found = constants["chi"]
+    """What the closure constant stands for, see `Closure.meaning`; empty where nothing is known of it."""
+    closure, j = problem.closure, problem.inertia_factor
+    meaning = closure.meaning
+    if meaning is None:
+        return {}
+    if closure.constant is None:
+        value = meaning.value(0.0, j)
+        reason = f"{f'{value:g}' if value else 'zero'} in closure {closure.title}"
+        return {meaning.name: Estimate(value, None, (value, value), (value, value), "fixed", reason)}
+    found = constants[closure.constant]
     if isinstance(found, Estimate):
-        return {"poisson_ratio": poisson_of(problem, found)}
-    return {"poisson_ratio": {series: poisson_of(problem, each) for series, each in found.items()}}
+        return {meaning.name: _meant(meaning, found, j)}
+    return {meaning.name: {series: _meant(meaning, each, j) for series, each in found.items()}}
 
 
-def poisson_of(problem: Problem, chi: Estimate) -> Estimate:
-    """Poisson ratio of sphere and wall of one material; it falls as chi rises."""
+def _meant(meaning: Meaning, c: Estimate, j: float) -> Estimate:
+    """The quantity by the estimate of the constant: intervals map, as it is monotone."""
 
-    def nu(value: float) -> float:
-        return float(poisson_ratio(value, problem.inertia_factor))
+    def value(x: float) -> float:
+        return meaning.value(x, j)
 
-    ends = [(nu(high), nu(low)) for low, high in (chi.interval68, chi.interval95)]
-    return Estimate(
-        None if chi.value is None else nu(chi.value),
-        None if chi.stderr is None else 0.5 * (ends[0][1] - ends[0][0]),
-        ends[0],
-        ends[1],
-        chi.status,
-        chi.reason,
+    inner, outer = (
+        (min(ends), max(ends))
+        for ends in ((value(low), value(high)) for low, high in (c.interval68, c.interval95))
     )
-
-
-def sticking_of(problem: Problem, constants: Mapping[str, Estimate | Mapping[str, Estimate]]) -> Any:
-    """Restitution of the contact point in sticking, from the estimates of the closure constant."""
-    own = problem.closure.constant
-    if own is None:
-        return Estimate(0.0, None, (0.0, 0.0), (0.0, 0.0), "fixed", "zero in closure F")
-    found = constants[own]
-    if isinstance(found, Estimate):
-        return beta_sticking(problem, found)
-    return {series: beta_sticking(problem, each) for series, each in found.items()}
-
-
-def beta_sticking(problem: Problem, c: Estimate) -> Estimate:
-    """(a + b)/(J/(1 + J)) - 1, linear in the closure constant."""
-    linear = problem.closure.coefficients(problem.inertia_factor)
-    share = rotational_share(problem.inertia_factor)
-    offset, slope = (linear.a0 + linear.b0) / share - 1.0, (linear.a1 + linear.b1) / share
+    sd = None
+    if c.stderr is not None:
+        sd = abs(value(1.0) - value(0.0)) * c.stderr if meaning.linear else 0.5 * (inner[1] - inner[0])
     return Estimate(
-        None if c.value is None else offset + slope * c.value,
-        None if c.stderr is None else slope * c.stderr,
-        (offset + slope * c.interval68[0], offset + slope * c.interval68[1]),
-        (offset + slope * c.interval95[0], offset + slope * c.interval95[1]),
+        None if c.value is None else value(c.value),
+        sd,
+        inner,
+        outer,
         c.status,
         c.reason,
-        None if c.mean is None else offset + slope * c.mean,
+        value(c.mean) if meaning.linear and c.mean is not None else None,
     )
 
 
@@ -96,7 +81,7 @@ def transition(
     spin_x = float(np.median(problem.rows.incidence.spin_x[rows]))
     spin_y = float(np.median(problem.rows.incidence.spin_y[rows]))
     own = problem.closure.constant
-    places = problem.positions()
+    places = problem.parameters.positions
     c = float(fit.optimum.theta[places[own][series]]) if own else 0.0
     law = problem.closure.law(problem.inertia_factor)
     bound = float(law.bound(c))

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.inference.distributions.protocol import LEVELS, Law
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.distributions.protocol import LEVELS, Distribution
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import kappa_coordinates
 from ifrfit.inference.optimize.optimum import Array
@@ -25,19 +25,19 @@ _REACHED = 0.1465  # density at a bound over the largest one, above which the 95
 Estimates = Mapping[str, Estimate | Mapping[str, Estimate]]
 
 
-def constants_from_law(problem: Problem, law: Law, local: Estimates) -> dict[str, Any]:
+def constants_from_law(problem: Problem, law: Distribution, local: Estimates) -> dict[str, Any]:
     """Every constant from its marginal.
 
     Parameters
     ----------
     problem : Problem
-    law : Law
+    law : Distribution
     local : mapping
         The estimates of least squares: they know which constants the data see at all, and which lean on a
         prior.
     """
     found: dict[str, Any] = {}
-    for constant in problem.constants:
+    for constant in problem.parameters:
         own = local[constant.name]
         if isinstance(own, Estimate):
             found[constant.name] = estimate_from_law(law, constant.name, constant, own)
@@ -49,7 +49,7 @@ def constants_from_law(problem: Problem, law: Law, local: Estimates) -> dict[str
     return found
 
 
-def estimate_from_law(law: Law, name: str, constant: Constant, local: Estimate) -> Estimate:
+def estimate_from_law(law: Distribution, name: str, constant: Parameter, local: Estimate) -> Estimate:
     """One constant: posterior median, mean, sd and intervals; its status by the table of statuses."""
     if local.status == "fixed":
         return local
@@ -73,7 +73,7 @@ def estimate_from_law(law: Law, name: str, constant: Constant, local: Estimate) 
     return Estimate(float(median), sd, *central, status, reason, mean)
 
 
-def _side(law: Law, name: str, lower: float, upper: float, sd: float) -> int:
+def _side(law: Distribution, name: str, lower: float, upper: float, sd: float) -> int:
     """-1 if the 95 % region of highest density reaches the lower bound, 1 for the upper, 0 for neither."""
     if sd == 0.0:  # every draw is the same
         at = law.mean(name)
@@ -95,13 +95,13 @@ def _side(law: Law, name: str, lower: float, upper: float, sd: float) -> int:
     return -1 if ends[0] > ends[1] else 1
 
 
-def _one_sided(law: Law, name: str, side: int, bound: float, p: float) -> Interval:
+def _one_sided(law: Distribution, name: str, side: int, bound: float, p: float) -> Interval:
     edge = float(law.quantile(name, p if side < 0 else 1.0 - p))
     return (bound, edge) if side < 0 else (edge, bound)
 
 
 def derived_from_law(
-    problem: Problem, law: Law, local: Mapping[str, Any], constants: Mapping[str, Any]
+    problem: Problem, law: Distribution, local: Mapping[str, Any], constants: Mapping[str, Any]
 ) -> dict[str, Any]:
     """kappa, transition angles, and what the closure constant stands for."""
     names = [name for name in law.names if name.startswith("kappa")]
@@ -123,14 +123,16 @@ def derived_from_law(
     } | meaning_of(problem, constants)
 
 
-def _kappa(problem: Problem, law: Law, names: list[str], series: int, local: Estimate) -> Estimate:
+def _kappa(problem: Problem, law: Distribution, names: list[str], series: int, local: Estimate) -> Estimate:
     if local.status == "fixed" or not names:
         return local
-    if problem.entries()[int(problem.positions()["mu"][series])].fixed == 0.0:  # whatever e_n is
+    if (
+        problem.parameters.entries[int(problem.parameters.positions["mu"][series])].fixed == 0.0
+    ):  # whatever e_n is
         return Estimate(0.0, None, (0.0, 0.0), (0.0, 0.0), "fixed", "mu (1 + e_n)")
     lower, upper = kappa_bounds(problem, series)
     found = estimate_from_law(
-        law, _own(names, problem.series[series]), Constant("kappa", lower, upper), local
+        law, _own(names, problem.series[series]), Parameter("kappa", lower, upper), local
     )
     return replace(found, reason=found.reason or local.reason)
 
@@ -139,7 +141,7 @@ def _own(names: list[str], series: str) -> str:
     return next((name for name in names if name.endswith(f"[{series}]")), names[0])
 
 
-def _transition(problem: Problem, law: Law, series: int, kappa: Estimate, local: Any) -> Any:
+def _transition(problem: Problem, law: Distribution, series: int, kappa: Estimate, local: Any) -> Any:
     """Transition angles from quantiles of the transition: an angle runs with tau one way or the other."""
     if local is None or kappa.status == "fixed" or kappa.value is None:
         return local if kappa.status == "fixed" else None
@@ -165,7 +167,9 @@ def _angle(tau: float, spin: list[float], number: int, count: int, near: float) 
     return float(min(angles, key=lambda a: abs(a - near))) if angles else near
 
 
-def noise_from_law(problem: Problem, law: Law, local: Noise, bounds: Mapping[str, Interval]) -> Noise:
+def noise_from_law(
+    problem: Problem, law: Distribution, local: Noise, bounds: Mapping[str, Interval]
+) -> Noise:
     """Noise with what the law says of it; sigma is its median, and stays where the law holds no noise."""
     estimates = {}
     for name in law.names:
@@ -183,18 +187,20 @@ def noise_from_law(problem: Problem, law: Law, local: Noise, bounds: Mapping[str
             law.mean(name),
         )
     sigma = dict(local.sigma)
-    if problem.noise == "unknown":
+    if problem.noise.is_unknown:
         sigma |= {name: float(e.value) for name, e in estimates.items() if e.value is not None}
     elif "" in estimates and (factor := estimates[""].value) is not None:
         for name, rows in problem.groups().items():
-            sigma[name] = factor * float(np.sqrt((problem.sigma[rows] ** 2).mean()))
-    if problem.noise == "scaled" and local.policy == "unknown":  # the factor is on a sigma of 1
+            sigma[name] = factor * float(np.sqrt((problem.noise.sigma[rows] ** 2).mean()))
+    if problem.noise.is_scaled and local.policy == "unknown":  # the factor is on a sigma of 1
         (group,) = problem.groups()
         estimates, bounds = {group: estimates[""]}, {group: bounds[""]}
-    return Noise(local.policy, sigma, estimates, dict(bounds), local.scatter)
+    return Noise(local.policy, sigma, estimates, dict(bounds), local.error_model)
 
 
-def state_from_law(problem: Problem, law: Law, state: State, drawn: Mapping[str, Array], n: int) -> State:
+def state_from_law(
+    problem: Problem, law: Distribution, state: State, drawn: Mapping[str, Array], n: int
+) -> State:
     """State for predictions: medians, and n draws that stand for the law."""
     names, sample = in_state_coordinates(problem, drawn, n)
     kappas = [name for name in law.names if name.startswith("kappa")]
@@ -212,18 +218,18 @@ def in_state_coordinates(
     """Names and draws, (n, p), with kappa in the place of mu where that is one to one."""
     columns = [
         drawn[name] if name in drawn else np.full(n, entry.fixed)
-        for name, entry in zip(problem.names, problem.entries(), strict=True)
+        for name, entry in zip(problem.parameters.names, problem.parameters.entries, strict=True)
     ]
     sample = np.column_stack(columns)
     names, _, _ = kappa_coordinates(problem, sample[0])
-    places = problem.positions()
+    places = problem.parameters.positions
     for e_n, mu in {(int(e), int(m)) for e, m in zip(places["e_n"], places["mu"], strict=True)}:
-        if names[mu] != problem.names[mu]:
+        if names[mu] != problem.parameters.names[mu]:
             sample[:, mu] *= 1.0 + sample[:, e_n]
     return names, sample
 
 
-def correlation_from_law(law: Law, names: tuple[str, ...]) -> Array:
+def correlation_from_law(law: Distribution, names: tuple[str, ...]) -> Array:
     """Posterior correlation of the free constants."""
     covariance = law.covariance(names)
     size = np.sqrt(np.diag(covariance))

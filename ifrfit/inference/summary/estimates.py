@@ -10,14 +10,13 @@ import numpy as np
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.truncated_normal import half_width, quantile
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.profile.open_estimates import is_local, open_estimate, outlying
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.inference.summary.kappa import kappa_of
-from ifrfit.physics.observables import OBSERVABLES
 
 _AT_BOUND = 1e-9
 
@@ -26,7 +25,7 @@ def constants_of(problem: Problem, fit: LeastSquares) -> dict[str, Estimate | Ma
     """Every constant as an `Estimate`, or one a series where it is separate."""
     found: dict[str, Estimate | Mapping[str, Estimate]] = {}
     position = 0
-    for constant in problem.constants:
+    for constant in problem.parameters:
         if not constant.separate:
             found[constant.name] = estimate(problem, fit, constant, position, None)
             position += 1
@@ -40,7 +39,7 @@ def constants_of(problem: Problem, fit: LeastSquares) -> dict[str, Estimate | Ma
 
 
 def estimate(
-    problem: Problem, fit: LeastSquares, constant: Constant, position: int, series: int | None
+    problem: Problem, fit: LeastSquares, constant: Parameter, position: int, series: int | None
 ) -> Estimate:
     """One entry of theta with its status.
 
@@ -48,7 +47,7 @@ def estimate(
     ----------
     problem : Problem
     fit : LeastSquares
-    constant : Constant
+    constant : Parameter
     position : int
         Of the entry in theta.
     series : int or None
@@ -77,10 +76,9 @@ def estimate(
     return Estimate(value, sd, *intervals, "prior" if leans else "determined", leans)
 
 
-def _through_kappa(problem: Problem, fit: LeastSquares, constant: Constant, series: int) -> Estimate:
+def _through_kappa(problem: Problem, fit: LeastSquares, constant: Parameter, series: int) -> Estimate:
     """e_n is anywhere in its domain, and mu is what kappa leaves of it."""
-    by_name = {c.name: c for c in problem.constants}
-    e_n = by_name["e_n"]
+    e_n = problem.parameters["e_n"]
     if constant.name == "e_n":
         everything = (e_n.lower, e_n.upper)
         return Estimate(None, None, everything, everything, "not_determined", "the data do not fix a value")
@@ -96,19 +94,21 @@ def _through_kappa(problem: Problem, fit: LeastSquares, constant: Constant, seri
     return Estimate(None, None, *ends, "not_determined", "the data fix kappa = mu (1 + e_n) only")
 
 
-def too_few(problem: Problem, constant: Constant) -> bool:
+def too_few(problem: Problem, constant: Parameter) -> bool:
     """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
-    kinds = np.array([OBSERVABLES[name].kind for name in problem.rows.names])[problem.rows.which]
+    kinds = problem.rows.kinds
     oblique = int(np.isin(kinds, ("tangential", "curved")).sum())
     direct = {"e_n": "normal", "mu": "friction"}
     if oblique == 0 or constant.prior is not None or direct.get(constant.name) in kinds:
         return False
     known = {name for name, kind in direct.items() if kind in kinds}
-    unknown = [c for c in problem.entries() if c.fixed is None and c.prior is None and c.name not in known]
+    unknown = [
+        c for c in problem.parameters.entries if c.fixed is None and c.prior is None and c.name not in known
+    ]
     return oblique <= len(unknown)
 
 
-def _side(constant: Constant, value: float, reach: float) -> int:
+def _side(constant: Parameter, value: float, reach: float) -> int:
     """-1 if the 95 % interval reaches the lower bound, 1 for the upper, 0 if it closes on both sides."""
     low, high = value - constant.lower, constant.upper - value
     if min(low, high) > reach + _AT_BOUND * max(1.0, abs(value)):
@@ -116,7 +116,7 @@ def _side(constant: Constant, value: float, reach: float) -> int:
     return -1 if low <= high else 1
 
 
-def _intervals(constant: Constant, center: float, sd: float, dof: float) -> tuple[Interval, Interval]:
+def _intervals(constant: Parameter, center: float, sd: float, dof: float) -> tuple[Interval, Interval]:
     """Central 68 and 95 % intervals of the local law, cut at the bounds."""
 
     def q(p: float) -> float:
@@ -125,7 +125,7 @@ def _intervals(constant: Constant, center: float, sd: float, dof: float) -> tupl
     return (q(0.16), q(0.84)), (q(0.025), q(0.975))
 
 
-def _one_sided(fit: LeastSquares, constant: Constant, position: int, side: int, sd: float) -> Estimate:
+def _one_sided(fit: LeastSquares, constant: Parameter, position: int, side: int, sd: float) -> Estimate:
     """An interval that runs from the bound to its quantile.
 
     Where the bound holds the optimum back, the local law has its centre beyond, and is cut there.
@@ -144,9 +144,9 @@ def _one_sided(fit: LeastSquares, constant: Constant, position: int, side: int, 
     return Estimate(value, sd, ends[0], ends[1], "one_sided", reason)
 
 
-def leans_on_prior(problem: Problem, fit: LeastSquares, position: int, constant: Constant, sd: float) -> str:
+def leans_on_prior(problem: Problem, fit: LeastSquares, position: int, constant: Parameter, sd: float) -> str:
     """The reason if the user's priors halve the sd, else nothing."""
-    named = [c.name for c in problem.constants if c.prior is not None]
+    named = [c.name for c in problem.parameters if c.prior is not None]
     if not named:
         return ""
     bare = gaussian_approximation(problem, fit.sigma, fit.optimum.theta, with_priors=False)

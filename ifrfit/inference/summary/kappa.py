@@ -9,7 +9,7 @@ import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.truncated_normal import half_width, quantile
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.profile.open_estimates import is_local, open_estimate, outlying
@@ -18,18 +18,18 @@ from ifrfit.inference.result.types import Estimate, Interval
 
 def kappa_of(problem: Problem, fit: LeastSquares, series: int) -> Estimate:
     """kappa of one series with its status."""
-    places = problem.positions()
+    places = problem.parameters.positions
     i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
     theta = fit.optimum.theta
     e_n = float(theta[i_e])
-    entries = problem.entries()
+    entries = problem.parameters.entries
     if entries[i_e].fixed is not None and entries[i_mu].fixed is not None:
         value = float(theta[i_mu]) * (1.0 + e_n)
         return Estimate(value, None, (value, value), (value, value), "fixed", "mu (1 + e_n)")
     value = float(theta[i_mu]) * (1.0 + e_n)
     # d kappa/d phi: the coordinate itself, or by the product rule where mu is the coordinate
     functional = (1.0 + e_n) * fit.gaussian.to_theta[i_mu] + theta[i_mu] * fit.gaussian.to_theta[i_e]
-    constant = Constant("kappa", *kappa_bounds(problem, series))
+    constant = Parameter("kappa", *kappa_bounds(problem, series))
     sd = math.sqrt(fit.gaussian.variance(functional, constant.prior_sd))
     rivals = [float(theta[i_mu] * (1.0 + theta[i_e])) for theta in outlying(fit.optimum)]
     reach = half_width(0.95, fit.noise_dof) * sd
@@ -48,27 +48,25 @@ def kappa_of(problem: Problem, fit: LeastSquares, series: int) -> Estimate:
 
 def kappa_bounds(problem: Problem, series: int) -> tuple[float, float]:
     """Domain of kappa in a series."""
-    places, entries = problem.positions(), problem.entries()
+    places, entries = problem.parameters.positions, problem.parameters.entries
     e_n, mu = entries[int(places["e_n"][series])], entries[int(places["mu"][series])]
     return mu.lower * (1.0 + e_n.lower), mu.upper * (1.0 + e_n.upper)
 
 
 def _open_kappa(
-    problem: Problem, fit: LeastSquares, series: int, e_n: float, kappa: Constant, *, seen: bool
+    problem: Problem, fit: LeastSquares, series: int, e_n: float, kappa: Parameter, *, seen: bool
 ) -> Estimate:
     """What kappa may be where the data do not fix it: the profile of mu with e_n held."""
-    mu = next(c for c in problem.constants if c.name == "mu")
+    mu = problem.parameters["mu"]
     if mu.fixed is not None:
         everything = (kappa.lower, kappa.upper)
         return Estimate(None, None, everything, everything, "not_determined", "e_n is open")
-    held = tuple(
-        replace(c, fixed=e_n, prior=None, separate=False) if c.name == "e_n" else c for c in problem.constants
-    )
-    at_e_n = replace(problem, constants=held)
-    old, new = problem.positions(), at_e_n.positions()
+    shared = replace(problem.parameters["e_n"].fixed_at(e_n), separate=False)
+    at_e_n = problem.with_parameters([shared])
+    old, new = problem.parameters.positions, at_e_n.parameters.positions
     minima = []
     for objective, before in fit.optimum.minima:
-        theta = np.zeros(len(at_e_n.names))
+        theta = np.zeros(len(at_e_n.parameters.names))
         for name, places in new.items():
             theta[places] = before[old[name]]
         theta[new["e_n"]] = e_n

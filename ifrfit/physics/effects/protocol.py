@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 from ifrfit.physics.effects.contact import Contact, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
@@ -55,6 +55,7 @@ class Validity:
     words: str = ""
 
 
+@runtime_checkable
 class Effect(Protocol):
     """One effect: one file, one line of the registry, one test file.
 

@@ -10,16 +10,11 @@ from ifrfit.physics.effects.plasticity import Plasticity
 from ifrfit.physics.effects.protocol import ORDER, Effect
 from ifrfit.physics.effects.rolling import Rolling
 from ifrfit.physics.effects.viscoelastic import Viscoelastic
+from ifrfit.registry import Registry
 
-_ALL: tuple[Effect, ...] = (
-    LateralSpin(),
-    Viscoelastic(),
-    Plasticity(),
-    Adhesion(),
-    Compliance(),
-    Rolling(),
-    AmbientFluid(),
+EFFECTS: Registry[Effect] = Registry(
+    "effect",
+    Effect,
+    (LateralSpin(), Viscoelastic(), Plasticity(), Adhesion(), Compliance(), Rolling(), AmbientFluid()),
+    order=lambda effect: ORDER.index(effect.stage),
 )
-EFFECTS: dict[str, Effect] = {
-    effect.name: effect for effect in sorted(_ALL, key=lambda effect: ORDER.index(effect.stage))
-}

@@ -7,8 +7,7 @@ from collections.abc import Callable
 
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.result import Entry
-from ifrfit.inference.diagnostics.lack_of_fit import p_text
-from ifrfit.report.rounding import decimals, fixed, spread
+from ifrfit.text import decimals, fixed, p_text, sd_text
 
 Column = tuple[str, Callable[[Entry], str]]
 
@@ -57,7 +56,7 @@ def _difference(entry: Entry) -> str:
         return "the best"
     if not loo.se_difference > 0.0:
         return fixed(loo.difference, 1)
-    return f"{fixed(loo.difference, decimals(loo.se_difference))} +- {spread(loo.se_difference)}"
+    return f"{fixed(loo.difference, decimals(loo.se_difference))} +- {sd_text(loo.se_difference)}"
 
 
 def _refits(entry: Entry) -> str:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ifrfit.inference.comparison import Comparison
-from ifrfit.inference.comparison.verdict import joined, title
+from ifrfit.inference.comparison.verdict import title
 from ifrfit.inference.diagnostics.omitted_effects.messages import called_title
 from ifrfit.physics import get_closure
-from ifrfit.report.rounding import alone
 from ifrfit.report.sentences import scene_notes
+from ifrfit.text import as_given, joined
 
 _SURE = 2.0  # standard errors beyond which cross-validation is heard
 
@@ -32,7 +32,7 @@ def prior_line(comparison: Comparison) -> str:
 
 def _prior_words(prior: Mapping[str, float]) -> str:
     if "mean" in prior:
-        return f"{alone(prior['mean'])} +- {alone(prior['sd'])}"
+        return f"{as_given(prior['mean'])} +- {as_given(prior['sd'])}"
     return f"{prior['lower']:.5g} to {prior['upper']:.5g}"
 
 

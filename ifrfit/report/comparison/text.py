@@ -9,16 +9,16 @@ from html import escape
 
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.types import PsiPlane, Slope
-from ifrfit.inference.comparison.verdict import joined, title
+from ifrfit.inference.comparison.verdict import title
 from ifrfit.inference.result.types import Interval
 from ifrfit.report.comparison.criteria_columns import CROSS_VALIDATION, Column, criteria, cross_validated
 from ifrfit.report.comparison.findings import findings, prior_line
-from ifrfit.report.rounding import decimals, fixed, interval_text, spread
 from ifrfit.report.sentences import noise_words
 from ifrfit.report.terminal import WIDTH, finding_lines, source_lines, wrapped
+from ifrfit.text import decimals, fixed, interval_text, joined, sd_text
 
 
-def text(comparison: Comparison) -> str:
+def summary(comparison: Comparison) -> str:
     """The comparison for a terminal, at most 100 columns; ends without a line feed."""
     best = comparison.best
     model = f"{len(comparison.entries)} closures, exact posterior, {noise_words(best)}"
@@ -112,7 +112,7 @@ def _slope_cells(slope: Slope) -> tuple[str, str, str]:
         return "-", "-", _open(slope.interval95)
     width = slope.interval95[1] - slope.interval95[0]
     places = decimals(slope.stderr or width / 4.0)
-    error = "-" if slope.stderr is None else f"+- {spread(slope.stderr)}"
+    error = "-" if slope.stderr is None else f"+- {sd_text(slope.stderr)}"
     return fixed(slope.value, places), error, f"95 % {interval_text(slope.interval95, places)}"
 
 

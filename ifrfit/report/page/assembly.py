@@ -24,8 +24,8 @@ from ifrfit.report.page.sections import (
     residuals,
 )
 from ifrfit.report.page.verdict import badges, verdict
-from ifrfit.report.regimes import joined
 from ifrfit.report.sentences import headline
+from ifrfit.text import joined
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

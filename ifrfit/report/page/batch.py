@@ -17,8 +17,9 @@ from ifrfit.report.page.html import asset, fill
 from ifrfit.report.page.verdict import verdict
 from ifrfit.report.page.writing import check_free, put, report_files
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
-from ifrfit.report.rounding import fixed, interval_text, places_of, spread, value_text
+from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.sentences import METHODS, headline
+from ifrfit.text import fixed, interval_text, sd_text
 
 INDEX = "index.html"
 _SAFE = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-"
@@ -167,7 +168,7 @@ def _estimates(found: Sequence[tuple[str, Estimate]]) -> Cell:
     if estimate.value is None:
         span = interval_text(estimate.interval95, places_of(estimate))
         return Cell(span + more, "", _status(estimate))
-    sd = "" if estimate.stderr is None else f" ± {spread(estimate.stderr)}"
+    sd = "" if estimate.stderr is None else f" ± {sd_text(estimate.stderr)}"
     return Cell(value_text(estimate) + sd + more, repr(estimate.value), _status(estimate))
 
 

@@ -36,7 +36,7 @@ def _too_much(result: FitResult) -> str:
     curved = int(result.points["observable"].map(lambda name: OBSERVABLES[name].kind == "curved").sum())
     if curved > MOST_CURVED:
         return f"{curved} rebound angles or total restitutions take long"
-    scatter = result.noise.scatter
-    if scatter is not None and not scatter.is_plain and result.noise.policy != "known":
+    error_model = result.noise.error_model
+    if not error_model.is_plain and result.noise.policy != "known":
         return "Such a scatter with a noise that is not known takes long"
     return ""

@@ -73,10 +73,10 @@ class Material:
         if self.question is None:
             return self.missing
         problem, _ = self.question
-        free = int(problem.free.sum())
+        free = int(problem.parameters.free.sum())
         if free == 0:
             return "Every constant is fixed: there is nothing to profile."
-        if not problem.scatter.is_plain:
+        if not problem.error_model.is_plain:
             return "Profiles know independent Gaussian errors of the values only."
         if free > MOST_CONSTANTS or problem.rows.value.size > MOST_ROWS:
             return (
@@ -107,14 +107,14 @@ class Material:
 
     @property
     def _posterior(self) -> Any:
-        from ifrfit.inference.posterior import Posterior, explore
+        from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
-        if isinstance(self.result.law, Posterior):
+        if isinstance(self.result.law, QuadraturePosterior):
             return self.result.law
         if self.result.method != "exact" or self.question is None:
             return None
         problem, optimum = self.question
-        return explore(problem, start=optimum)
+        return integrate(problem, start=optimum)
 
     @cached_property
     def draws(self) -> pd.DataFrame:

@@ -7,9 +7,10 @@ from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page.blocks import Badge
 from ifrfit.report.provenance import STAND_IN, is_stand_in, kinds_of, provenance_words
-from ifrfit.report.regimes import count_impacts, has_angle, joined
-from ifrfit.report.rounding import interval_text, places_of, spread, value_text
+from ifrfit.report.regimes import count_impacts, has_angle
+from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.sentences import HEADLINES, METHODS, QUIET_FACTS, headline, undetermined
+from ifrfit.text import interval_text, joined, sd_text
 
 MOST_NAMED = 6
 VERBS = {
@@ -77,7 +78,7 @@ def _told(name: str, estimate: Estimate) -> str:
         if span == "any value":
             return label
         return f"{label} {span} (95 %)" if span[0] in "<>" else f"{label} (95 % in {span})"
-    sd = "" if estimate.stderr is None else f" ± {spread(estimate.stderr)}"
+    sd = "" if estimate.stderr is None else f" ± {sd_text(estimate.stderr)}"
     side = f" (one-sided, 95 % in {span})" if estimate.status == "one_sided" else ""
     return f"{label} = {value_text(estimate)}{sd}{side}"
 

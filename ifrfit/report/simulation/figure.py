@@ -12,14 +12,14 @@ from ifrfit.errors import UsageError
 from ifrfit.report import style
 from ifrfit.report.figures import MOST_COLUMNS
 from ifrfit.report.panels import axis_label
-from ifrfit.simulation.tables import conditions, observed
+from ifrfit.simulation.result import conditions, observed
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ifrfit.simulation.simulate import Simulation
+    from ifrfit.simulation.result import Simulation
 
 STAND_IN = "STAND-IN"
 MOST_CURVES = 5  # more values of a second condition make a map

@@ -5,31 +5,31 @@ from __future__ import annotations
 import math
 import textwrap
 from dataclasses import replace
+from html import escape
 from typing import TYPE_CHECKING
 
-from ifrfit.cost.report.effect_costs import cost_lines
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects import PlanLine
 from ifrfit.physics.scenes import Quantity
+from ifrfit.report.simulation.supplement import Supplement
 from ifrfit.report.terminal import WIDTH
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ifrfit.cost.effect_costs import EffectCosts
-    from ifrfit.simulation.simulate import Simulation
+    from ifrfit.simulation.result import Simulation
 
 MOST_ROWS = 30
 
 
-def summary(simulation: Simulation, measured: EffectCosts | None = None) -> str:
+def summary(simulation: Simulation, supplement: Supplement | None = None) -> str:
     """What was simulated, with the effect plan and a table of the curves.
 
     Parameters
     ----------
     simulation : Simulation
-    measured : EffectCosts, optional
-        What its effects cost, to be told after the plan.
+    supplement : Supplement, optional
+        Its lines stand after the plan.
 
     Returns
     -------
@@ -51,11 +51,16 @@ def summary(simulation: Simulation, measured: EffectCosts | None = None) -> str:
     for line in simulation.plan.lines:
         lines += plan_text(line)
     lines += [f"  what is dropped as too small changes {_amount(simulation.plan.dropped)} together", ""]
-    if measured is not None:
-        lines += [*cost_lines(measured), ""]
+    if supplement is not None:
+        lines += [*supplement.lines, ""]
     lines += _curves(simulation)
     lines += [part for note in simulation.notes for part in _wrapped(note, "  note  ", 8)]
     return "\n".join(line.rstrip() for line in lines).rstrip("\n")
+
+
+def html(simulation: Simulation) -> str:
+    """The summary as an HTML fragment for notebooks; what comes from data is escaped."""
+    return f"<pre>{escape(summary(simulation))}</pre>"
 
 
 def plan_text(line: PlanLine) -> list[str]:

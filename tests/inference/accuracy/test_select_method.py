@@ -198,7 +198,7 @@ def test_the_page_tells_it_and_repeats_it(lsq, tmp_path):
     [
         (
             Effort(None, 1.0, "mcmc", None, 50, None, 1.2),
-            "mcmc, 50 steps, reached no standard error yet in 1.2 s; asked: the best in 1 s",
+            "mcmc, 50 steps, reached no standard error yet in 1.2 s; asked: the best in 1.0 s",
         ),
         (
             Effort(1e-3, None, "exact", 1e-3, None, 0.0, 0.02),
@@ -210,13 +210,13 @@ def test_the_page_tells_it_and_repeats_it(lsq, tmp_path):
         ),
         (
             Effort(None, 180.0, "mcmc", None, 12_345, 6e-3, 171.0, "exact is out of the question: it is"),
-            "mcmc, 12,345 steps, reached a standard error of 6e-3 of an sd in 3 min (exact is out of the "
+            "mcmc, 12,345 steps, reached a standard error of 6e-3 of an sd in 2.9 min (exact is out of the "
             "question: it is); asked: the best in 3 min",
         ),
         (
             Effort(1e-6, 0.005, "lsq", None, None, None, 0.004, "too short"),
-            "least squares in 4 ms (too short); how far from the posterior is not known; asked: 1e-6, at "
-            "most 5 ms",
+            "least squares in 4.0 ms (too short); how far from the posterior is not known; asked: 1e-6, at "
+            "most 5.0 ms",
         ),
     ],
 )

@@ -11,7 +11,7 @@ import ifrfit
 from ifrfit.cost.compared_estimates import largest_errors, of_law
 from ifrfit.inference.accuracy.request import make_wanted
 from ifrfit.inference.accuracy.tolerance_ladder import LADDER, ladder, refine
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 
 
 class Clock:
@@ -54,9 +54,9 @@ class Explore:
 
 def refined(budget, seconds, accuracy=None):
     clock = Clock()
-    explore = Explore(clock, dict(zip(ladder(accuracy, True), seconds, strict=False)))
-    found = refine(None, None, make_wanted(accuracy, budget, None, clock), explore)
-    return found, explore.asked, clock.now
+    integrate = Explore(clock, dict(zip(ladder(accuracy, True), seconds, strict=False)))
+    found = refine(None, None, make_wanted(accuracy, budget, None, clock), integrate)
+    return found, integrate.asked, clock.now
 
 
 def test_goes_on_to_the_finest_where_there_is_time():
@@ -92,9 +92,9 @@ def test_nothing_where_even_the_coarsest_does_not_come_to_an_end():
 
 def test_who_must_have_it_gets_the_coarsest_however_long_it_takes():
     clock = Clock()
-    explore = Explore(clock, dict.fromkeys(LADDER, 50.0))
-    found = refine(None, None, make_wanted(None, 1.0, None, clock), explore, must=True)
-    assert explore.asked == [1e-1]
+    integrate = Explore(clock, dict.fromkeys(LADDER, 50.0))
+    found = refine(None, None, make_wanted(None, 1.0, None, clock), integrate, must=True)
+    assert integrate.asked == [1e-1]
     assert found.error == 0.05
     assert clock.now == pytest.approx(50.0)
 
@@ -102,13 +102,13 @@ def test_who_must_have_it_gets_the_coarsest_however_long_it_takes():
 def test_time_that_ends_before_the_first_round_leaves_what_there_was():
     clock = Clock()
 
-    def explore(problem, tolerance, start, over):
+    def integrate(problem, tolerance, start, over):
         clock.now += 0.01 if tolerance == 1e-1 else 5.0
         if over():
             raise TimeoutError
         return Integral(tolerance, 0.5 * tolerance)
 
-    found = refine(None, None, make_wanted(None, 1.0, None, clock), explore)
+    found = refine(None, None, make_wanted(None, 1.0, None, clock), integrate)
     assert found.tolerance == 1e-1
 
 
@@ -116,30 +116,30 @@ def test_nothing_is_begun_after_the_budget():
     clock = Clock()
     wanted = make_wanted(None, 1.0, None, clock)
     clock.now = 2.0
-    explore = Explore(clock, {})
-    assert refine(None, None, wanted, explore) is None
-    assert explore.asked == []
+    integrate = Explore(clock, {})
+    assert refine(None, None, wanted, integrate) is None
+    assert integrate.asked == []
 
 
 @pytest.mark.parametrize("budget", [None, 100.0])
 def test_finer_rules_are_tried_where_coarse_ones_get_stuck(budget):
     clock = Clock()
-    explore = Explore(clock, dict.fromkeys((1e-1, *LADDER), 1.0), stuck=(1e-1, 1e-2))
-    found = refine(None, None, make_wanted(0.1, budget, None, clock), explore)
-    assert explore.asked == [1e-1, 1e-2, 1e-3]
+    integrate = Explore(clock, dict.fromkeys((1e-1, *LADDER), 1.0), stuck=(1e-1, 1e-2))
+    found = refine(None, None, make_wanted(0.1, budget, None, clock), integrate)
+    assert integrate.asked == [1e-1, 1e-2, 1e-3]
     assert found.error == 0.5e-3
     assert found.tolerance == 0.1  # what was asked for is what has to be reached
 
 
 def test_what_gets_no_better_is_given_up():
     clock = Clock()
-    explore = Explore(clock, dict.fromkeys(LADDER, 1.0))
-    explore.error = iter([0.04, 0.05])
+    integrate = Explore(clock, dict.fromkeys(LADDER, 1.0))
+    integrate.error = iter([0.04, 0.05])
     found = refine(
         None,
         None,
         make_wanted(1e-3, None, None, clock),
-        lambda *_, **__: Integral(1e-3, next(explore.error), False),
+        lambda *_, **__: Integral(1e-3, next(integrate.error), False),
     )
     assert found.error == 0.04
 
@@ -152,9 +152,9 @@ def test_stops_at_the_asked_accuracy():
 
 def test_without_a_budget_goes_there_at_once():
     clock = Clock()
-    explore = Explore(clock, {3e-5: 1.0})
-    found = refine(None, None, make_wanted(3e-5, None, None, clock), explore)
-    assert explore.asked == [3e-5]
+    integrate = Explore(clock, {3e-5: 1.0})
+    found = refine(None, None, make_wanted(3e-5, None, None, clock), integrate)
+    assert integrate.asked == [3e-5]
     assert found.tolerance == 3e-5
 
 
@@ -166,7 +166,7 @@ def references():
         "cross-2019": {"fix": {"e_n": 0.94}},
     }.items():
         fit = ifrfit.fit(name, method="lsq", **choices)
-        found[name] = fit.problem, choices, of_law(fit.problem, explore(fit.problem, 1e-8))
+        found[name] = fit.problem, choices, of_law(fit.problem, integrate(fit.problem, 1e-8))
     return found
 
 
@@ -187,10 +187,10 @@ def test_a_first_look_alone_says_how_wrong_it_is():
     """The control: cut short at once, the result does not claim what it has not reached."""
     problem = ifrfit.fit("cross-2019", method="lsq", fix={"e_n": 0.94}).problem
     asked = iter([False, True])
-    cut = explore(problem, 1e-8, over=lambda: next(asked))
+    cut = integrate(problem, 1e-8, over=lambda: next(asked))
     with pytest.raises(TimeoutError):
-        explore(problem, 1e-8, over=lambda: True)
-    whole = explore(problem, 1e-8)
+        integrate(problem, 1e-8, over=lambda: True)
+    whole = integrate(problem, 1e-8)
     assert not cut.converged
     assert cut.error > 1e-8
     assert np.isclose(cut.mean("mu"), whole.mean("mu"), atol=10.0 * cut.error * whole.sd("mu"))

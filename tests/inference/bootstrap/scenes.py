@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.physics import get_closure, get_observable, rebound
@@ -55,7 +55,7 @@ def scene(
                         columns[key].append(cell)
     chosen = get_closure(closure)
     observations = Observations(make_table(columns))
-    return make_problem(observations, chosen, 0.4, make_constants(chosen, 0.4, **choices), noise)  # type: ignore[arg-type]
+    return make_problem(observations, chosen, 0.4, make_parameters(chosen, 0.4, **choices), noise)  # type: ignore[arg-type]
 
 
 def fitted(problem: Problem) -> tuple[Problem, LeastSquares]:

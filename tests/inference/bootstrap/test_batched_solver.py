@@ -49,7 +49,7 @@ def test_every_replicate_has_the_optimum_of_the_certified_solver(name: str) -> N
         try:
             chosen = make_scheme(scheme, problem, found)
         except UsageError:
-            assert problem.constants[0].separate
+            assert problem.parameters["e_n"].separate
             continue
         lot = draw_replicates(problem, chosen, np.random.SeedSequence(3).spawn(5))
         ours, theirs = together.solve(lot), alone.solve(lot)
@@ -128,8 +128,8 @@ def _counted(problem, **only: object) -> ReplicateData:
         keep &= names != only["without"]
     if "first" in only:
         keep &= (np.arange(keep.size) < only["first"]) | (names == "e_n")
-    exact = problem.fitted(np.array(only["exact"])) - problem.rows.value if "exact" in only else 0.0 * tau
-    return ReplicateData(keep[None].astype(float), exact[None], np.full((1, len(problem.constants)), np.nan))
+    exact = problem.predict(np.array(only["exact"])) - problem.rows.value if "exact" in only else 0.0 * tau
+    return ReplicateData(keep[None].astype(float), exact[None], np.full((1, len(problem.parameters)), np.nan))
 
 
 @pytest.mark.parametrize(
@@ -148,7 +148,9 @@ def test_a_replicate_that_leaves_something_open_says_what_and_why(question, only
     solved = BatchedSolver.of(problem, found).solve(lot)
     assert solved.reason == (reason,)
     assert {
-        name for name, is_undetermined in zip(problem.names, solved.open[0], strict=True) if is_undetermined
+        name
+        for name, is_undetermined in zip(problem.parameters.names, solved.open[0], strict=True)
+        if is_undetermined
     } == left
     alone = SequentialSolver.of(problem, found).solve(lot)
     # least squares puts e_n into the middle of its domain, and the transition on the first of exact rows

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ifrfit.data.observations import Observations, Source, make_table
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import get_observable, rebound
 from ifrfit.physics.closures import get_closure
@@ -67,5 +67,5 @@ def problem_of(
 ) -> Problem:
     """The question of one closure."""
     chosen = get_closure(closure)
-    constants = make_constants(chosen, inertia_factor, **choices)
+    constants = make_parameters(chosen, inertia_factor, **choices)
     return make_problem(data, chosen, inertia_factor, constants, noise)

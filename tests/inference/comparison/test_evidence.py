@@ -12,7 +12,7 @@ from scipy import special
 
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.information_criteria import probabilities
-from ifrfit.inference.posterior import explore, log_evidence
+from ifrfit.inference.posterior import integrate, log_evidence
 from ifrfit.physics.closures import CLOSURES
 
 STICKING = np.array([3.0, 5.0, 8.0, 11.0])
@@ -58,7 +58,7 @@ def test_evidence_alone_is_that_of_the_posterior(name, noise):
     problem = problem_of(
         observations("ifr", observables=("beta",), sigma=0.1, e_t=-0.8), name, noise=noise, fix={"e_n": 0.9}
     )
-    assert log_evidence(problem) == pytest.approx(explore(problem).log_evidence, abs=2e-4)
+    assert log_evidence(problem) == pytest.approx(integrate(problem).log_evidence, abs=2e-4)
 
 
 def test_evidence_alone_sees_the_wall_of_kappa():
@@ -67,7 +67,7 @@ def test_evidence_alone_sees_the_wall_of_kappa():
     extra = observations("ifr", [1.0, 2.0], ("e_n",), sigma=0.1, e_t=-0.9, seed=5)
     both = type(data)(pd.concat([data.table, extra.table], ignore_index=True), data.sources)
     problem = problem_of(both, "ifr")
-    assert log_evidence(problem) == pytest.approx(explore(problem).log_evidence, abs=3e-4)
+    assert log_evidence(problem) == pytest.approx(integrate(problem).log_evidence, abs=3e-4)
 
 
 def test_probabilities_of_huge_differences_stay_finite():

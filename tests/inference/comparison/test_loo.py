@@ -12,7 +12,7 @@ from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.loo import left_out, loo_of, with_differences
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.posterior import explore, log_evidence
+from ifrfit.inference.posterior import integrate, log_evidence
 
 SEED = np.random.SeedSequence(5)
 
@@ -131,6 +131,6 @@ def test_refits_keep_the_prior_of_the_noise():
     result = fitted(data, fix={"e_n": 0.9})
     density = Density(result.problem)
     largest = int(np.argmax(np.abs(data.table["value"].to_numpy())))
-    found = left_out(result.problem, explore(result.problem).log_evidence, density.impact != largest)
+    found = left_out(result.problem, integrate(result.problem).log_evidence, density.impact != largest)
     smoothed = loo_of(result, SEED)
     assert found == pytest.approx(smoothed.pointwise[largest], abs=0.15)

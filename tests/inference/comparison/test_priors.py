@@ -36,7 +36,7 @@ def test_every_row_is_the_evidence_under_that_prior(found):
             elif f"of {found.entries[name].fit.problem.closure.title} in" in row.varied:
                 low, high = (float(x) for x in row.varied.partition("[")[2][:-1].split(","))
                 own = next(
-                    c for c in found.entries[name].fit.problem.constants if c.name == row.varied.split()[0]
+                    c for c in found.entries[name].fit.problem.parameters if c.name == row.varied.split()[0]
                 )
                 # the ends are printed with four digits, too few where all is on the bound
                 low, high = (

@@ -57,9 +57,9 @@ def test_linear_data_have_one_interval(tmp_path: Path) -> None:
     problem, fit = asked(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
     sd = {
         name: math.sqrt(fit.gaussian.variance(fit.gaussian.to_theta[i], 1.0))
-        for i, name in enumerate(problem.names)
+        for i, name in enumerate(problem.parameters.names)
     }
-    value = dict(zip(problem.names, fit.optimum.theta.tolist(), strict=True))
+    value = dict(zip(problem.parameters.names, fit.optimum.theta.tolist(), strict=True))
     laws = {name: (value[name], sd[name]) for name in ("e_t", "mu")}
     laws["kappa"] = value["mu"] * 1.94, sd["mu"] * 1.94
     found = intervals(problem, fit, Gaussian(laws))
@@ -135,12 +135,12 @@ def test_the_factor_is_stated() -> None:
 def test_the_exact_posterior_itself(tmp_path: Path) -> None:
     posterior = pytest.importorskip("ifrfit.inference.posterior")
     problem, fit = asked(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
-    found = intervals(problem, fit, posterior.explore(problem, start=fit))
+    found = intervals(problem, fit, posterior.integrate(problem, start=fit))
     assert disagreements(found) == ()
     both = found[["covariance_low", "covariance_high"]].to_numpy()
     width = (both[:, 1] - both[:, 0])[:, None]
     assert (np.abs(found[["exact_low", "exact_high"]].to_numpy() - both) <= 0.01 * width).all()
     # at a bound they part, and the exact one is named
     problem, fit = asked(tmp_path, table(sigma=0.1, seed=1))
-    said = disagreements(intervals(problem, fit, posterior.explore(problem, start=fit)))
+    said = disagreements(intervals(problem, fit, posterior.integrate(problem, start=fit)))
     assert any(one.startswith("e_t: ") and "beyond the bound -1" in one for one in said)

@@ -12,9 +12,9 @@ from ifrfit.data.observations import Observations, make_table
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.pooling import sharing
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.physics import get_closure
 
 SIGMA = 0.02
@@ -40,9 +40,9 @@ def build(mu=(0.1, 0.1), *, rows=12, separate=(), fix=None, prior=None, closure=
     def problem_of(table, constants):
         return make_problem(Observations(table), chosen, 0.4, constants, "known")
 
-    apart = problem_of(table, make_constants(chosen, 0.4, separate=("mu",)))
-    value = apart.fitted(np.array([0.9, -0.8, *mu])) + SIGMA * rng.standard_normal(n)
-    constants = make_constants(chosen, 0.4, separate=separate, fix=fix, prior=prior)
+    apart = problem_of(table, make_parameters(chosen, 0.4, separate=("mu",)))
+    value = apart.predict(np.array([0.9, -0.8, *mu])) + SIGMA * rng.standard_normal(n)
+    constants = make_parameters(chosen, 0.4, separate=separate, fix=fix, prior=prior)
     return problem_of(table.assign(value=value), constants)
 
 
@@ -54,7 +54,7 @@ class Fake:
         self.asked = []
 
     def __call__(self, problem):
-        separate = frozenset(c.name for c in problem.constants if c.separate)
+        separate = frozenset(c.name for c in problem.parameters if c.separate)
         self.asked.append((separate, problem))
         value = self.evidence[separate]
         if value is None:
@@ -78,7 +78,7 @@ def test_a_separate_constant_is_tried_shared():
     assert other["log_bayes_factor"] == pytest.approx(math.log(14.0))
     # everything else of the question stays as it was
     [(_, asked)] = fake.asked
-    assert asked.names == ("e_n", "e_t", "mu")
+    assert asked.parameters.names == ("e_n", "e_t", "mu")
     assert (asked.rows, asked.noise, asked.series) == (problem.rows, problem.noise, problem.series)
 
 
@@ -140,7 +140,7 @@ def test_shared_constants_by_name_are_tried_separate():
     fake = Fake({("mu",): 23.0})
     fact = sharing(build(), 0.0, fake, names=("mu",))
     [(_, asked)] = fake.asked
-    assert asked.names == ("e_n", "e_t", "mu[run 1]", "mu[run 2]")
+    assert asked.parameters.names == ("e_n", "e_t", "mu[run 1]", "mu[run 2]")
     assert fact.figures["direction"] == "separate"
     assert not fact.ok
     assert fact.says == (
@@ -177,7 +177,7 @@ def test_a_prior_stays_with_its_constant():
     fake = Fake({("mu",): 0.0})
     sharing(build(prior={"mu": (0.1, 0.02)}), 0.0, fake, names=("mu",))
     [(_, asked)] = fake.asked
-    assert [c.prior for c in asked.constants if c.name == "mu"] == [(0.1, 0.02)]
+    assert [c.prior for c in asked.parameters if c.name == "mu"] == [(0.1, 0.02)]
 
 
 def test_where_there_is_nothing_to_ask_nothing_is_explored():
@@ -207,18 +207,18 @@ def grid(problem):
     """Evidence of beta and e_n with e_n and e_t known, over mu alone, each series on its own grid."""
     mu = np.linspace(0.0, 2.0, 2001)
     log_l = np.empty((len(problem.series), mu.size))
-    shared = make_constants(problem.closure, 0.4)
+    shared = make_parameters(problem.closure, 0.4)
     plain = make_problem(problem.observations, problem.closure, 0.4, shared, "known")
     z = np.empty((mu.size, plain.rows.value.size))
     for i, value in enumerate(mu):
-        z[i] = (plain.rows.value - plain.fitted(np.array([0.9, -0.8, value]))) / plain.sigma
+        z[i] = (plain.rows.value - plain.predict(np.array([0.9, -0.8, value]))) / plain.noise.sigma
     for series in range(len(problem.series)):
         log_l[series] = -0.5 * (z[:, plain.rows.series == series] ** 2).sum(axis=1)
 
     def log_mean(x):
         return float(x.max() + np.log(np.trapezoid(np.exp(x - x.max()), mu) / 2.0))
 
-    separate = any(c.separate for c in problem.constants)
+    separate = any(c.separate for c in problem.parameters)
     found = sum(log_mean(x) for x in log_l) if separate else log_mean(log_l.sum(axis=0))
     return SimpleNamespace(log_evidence=found)
 
@@ -240,7 +240,7 @@ def test_evidence_over_a_grid_tells_the_two_apart(mu, preferred):
 def test_the_exact_posterior_tells_the_two_apart(mu, preferred):
     fix = {"e_n": 0.9, "e_t": -0.8}
     problem = build(mu, separate=("mu",), fix=fix)
-    fact = sharing(problem, explore(problem).log_evidence, explore)
+    fact = sharing(problem, integrate(problem).log_evidence, integrate)
     assert fact.figures["preferred"] == preferred
     expected = grid(build(mu, fix=fix)).log_evidence - grid(problem).log_evidence
     assert fact.figures["models"][1]["log_bayes_factor"] == pytest.approx(expected, abs=1e-3)

@@ -10,9 +10,9 @@ import pytest
 from scipy import stats
 
 import ifrfit
-from ifrfit.inference.distributions.draws import Sampled
-from ifrfit.inference.distributions.protocol import LEVELS, Law
-from ifrfit.inference.posterior import Posterior
+from ifrfit.inference.distributions.draws import Draws
+from ifrfit.inference.distributions.protocol import LEVELS, Distribution
+from ifrfit.inference.posterior import QuadraturePosterior
 from ifrfit.inference.result.method_results import with_law
 from ifrfit.inference.result.types import Estimate, Fact
 
@@ -32,7 +32,7 @@ def normal(m: int = M) -> dict[str, np.ndarray]:
 
 
 def test_moments_and_quantiles_of_a_normal_law(problem) -> None:
-    law: Law = Sampled.of(problem, normal())
+    law: Distribution = Draws.of(problem, normal())
     assert law.names == ("e_t", "mu", "kappa")
     assert law.mean("e_t") == pytest.approx(-0.8, abs=1e-12)
     assert law.sd("e_t") == pytest.approx(0.02, rel=1e-3)
@@ -47,7 +47,7 @@ def test_moments_and_quantiles_of_a_normal_law(problem) -> None:
 
 
 def test_kappa_and_the_transition_follow_from_the_constants(problem) -> None:
-    law = Sampled.of(problem, normal())
+    law = Draws.of(problem, normal())
     assert law.values["kappa"] == pytest.approx(1.94 * law.values["mu"])
     # IFR sticks up to tau = 5/2 kappa
     assert law.transition("run") == pytest.approx(2.5 * law.quantile("kappa", LEVELS))
@@ -55,14 +55,14 @@ def test_kappa_and_the_transition_follow_from_the_constants(problem) -> None:
 
 def test_draws_on_a_bound_count_towards_its_density(problem) -> None:
     draws = normal(1000) | {"e_t": np.concatenate((np.full(300, -1.0), np.linspace(-0.99, -0.6, 700)))}
-    law = Sampled.of(problem, draws)
+    law = Draws.of(problem, draws)
     assert law.cdf("e_t", [-1.1, -1.0, -0.9999, -0.6, 0.0]) == pytest.approx([0.0, 0.0, 0.3, 1.0, 1.0])
-    upper = Sampled.of(problem, draws | {"e_t": np.where(np.arange(1000) < 300, -0.4, -0.7)})
+    upper = Draws.of(problem, draws | {"e_t": np.where(np.arange(1000) < 300, -0.4, -0.7)})
     assert upper.cdf("e_t", [-0.5, -0.4]) == pytest.approx([0.7, 1.0])
 
 
 def test_draws_are_taken_once_as_long_as_there_are_enough(problem) -> None:
-    law = Sampled.of(problem, normal(1000))
+    law = Draws.of(problem, normal(1000))
     assert law.kept == 1000
     drawn = law.draws(1000, np.random.default_rng(3))
     assert np.array_equal(np.sort(drawn["mu"]), np.sort(law.values["mu"]))
@@ -74,7 +74,7 @@ def test_draws_are_taken_once_as_long_as_there_are_enough(problem) -> None:
 
 def test_a_constant_without_draws_is_named(problem) -> None:
     with pytest.raises(KeyError, match="mu"):
-        Sampled.of(problem, {"e_t": np.zeros(10)})
+        Draws.of(problem, {"e_t": np.zeros(10)})
 
 
 @pytest.mark.parametrize(
@@ -92,8 +92,8 @@ def test_read_like_the_posterior_that_it_was_drawn_from(impacts, choice) -> None
         {"gamma": ANGLES, "noise": 0.05, "series": "b", "mu": 0.16, "seed": 1},
     )
     exact = ifrfit.fit(path, **choice)
-    assert isinstance(exact.law, Posterior)
-    law = Sampled.of(exact.problem, exact.law.draws(M, np.random.default_rng(5)))
+    assert isinstance(exact.law, QuadraturePosterior)
+    law = Draws.of(exact.problem, exact.law.draws(M, np.random.default_rng(5)))
     assert law.names == exact.law.names
     told = with_law(exact, "exact", law, Fact(True, "", {}, ""))
     pairs = [(told.flat_constants(), exact.flat_constants()), (told.noise.estimates, exact.noise.estimates)]
@@ -127,7 +127,7 @@ def assert_alike(one: Estimate, other: Estimate) -> None:
 def test_a_law_without_noise_leaves_the_noise_as_it_was(impacts) -> None:
     local = ifrfit.fit(impacts(gamma=ANGLES, noise=0.05), fix={"e_n": 0.94}, method="lsq", noise="scaled")
     told = with_law(
-        local, "bootstrap", Sampled.of(local.problem, normal()), Fact(True, "", {}, ""), posterior=False
+        local, "bootstrap", Draws.of(local.problem, normal()), Fact(True, "", {}, ""), posterior=False
     )
     assert told.noise == local.noise
     assert "predictive" not in told.facts

@@ -7,7 +7,7 @@ import pytest
 
 import ifrfit
 from ifrfit.errors import IfrfitError
-from ifrfit.inference.model.error_model import DOF, PLAIN, make_scatter
+from ifrfit.inference.model.error_model import DOF, PLAIN, make_error_model
 from ifrfit.inference.result.restore import question
 from ifrfit.physics import rebound
 
@@ -59,17 +59,17 @@ def said(call):
     ],
 )
 def test_choices_that_cannot_be_are_refused_in_words(choice, words):
-    assert words in said(lambda: make_scatter(**choice))
+    assert words in said(lambda: make_error_model(**choice))
 
 
 def test_choices_come_back_as_they_were_made():
-    assert make_scatter() == PLAIN
-    assert make_scatter(tails="student-t").dof == DOF
-    chosen = make_scatter(
+    assert make_error_model() == PLAIN
+    assert make_error_model(tails="student-t").dof == DOF
+    chosen = make_error_model(
         tails="student-t", dof=7.0, angle_errors="measured", angle_population=(5.0, 80.0), sigma_gamma=0.7
     )
-    assert make_scatter(**chosen.choices()) == chosen
-    assert make_scatter(sigma_velocity=0.01, sigma_spin=0.02).is_plain
+    assert make_error_model(**chosen.choices()) == chosen
+    assert make_error_model(sigma_velocity=0.01, sigma_spin=0.02).is_plain
 
 
 # method, scatter, closure: run, or refused with these words (docs/noise.md shows the same table)
@@ -102,8 +102,8 @@ def test_support_of_method_by_noise_by_closure(tmp_path, closure, method, choice
         return
     result = run()
     assert result.method == method
-    assert result.noise.scatter == make_scatter(**choice)
-    assert result.noise.scatter.words in result.summary().replace("\n  ", " ")
+    assert result.noise.error_model == make_error_model(**choice)
+    assert result.noise.error_model.words in result.summary().replace("\n  ", " ")
     assert result.constants["mu"].interval95[0] < result.constants["mu"].interval95[1]
 
 
@@ -112,10 +112,10 @@ def test_result_file_keeps_the_scatter(tmp_path):
     result = ifrfit.fit(path, tails="student-t", angle_errors="set", fix={"e_n": 0.9})
     result.save(tmp_path / "r.json")
     again = ifrfit.load_result(tmp_path / "r.json")
-    assert again.noise.scatter == result.noise.scatter
+    assert again.noise.error_model == result.noise.error_model
     assert again.to_dict() == result.to_dict()
     problem, optimum = question(again)
-    assert problem.scatter == result.noise.scatter
+    assert problem.error_model == result.noise.error_model
     assert optimum.optimum.theta == pytest.approx(result.least_squares.optimum.theta, abs=1e-9)
     assert any("Student-t errors (4 degrees of freedom)" in warning for warning in result.warnings)
     assert not any("Not propagated" in warning for warning in result.warnings)

@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.error_model import Scatter
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import get_closure
 
 LAWS = {
-    "student": Scatter(dof=4.0),
-    "set": Scatter(angles="set"),
-    "measured": Scatter(angles="measured", population=(12.0, 78.0)),
-    "effective": Scatter(angles="effective"),
-    "student, set": Scatter(dof=4.0, angles="set"),
+    "student": ErrorModel(dof=4.0),
+    "set": ErrorModel(angles="set"),
+    "measured": ErrorModel(angles="measured", population=(12.0, 78.0)),
+    "effective": ErrorModel(angles="effective"),
+    "student, set": ErrorModel(dof=4.0, angles="set"),
 }
 
 
-def problem_of(scatter, *, closure="ifr", fix=None, prior=None, noise="known", separate=(), n=16):
+def problem_of(error_model, *, closure="ifr", fix=None, prior=None, noise="known", separate=(), n=16):
     rng = np.random.default_rng(11)
     gamma = np.linspace(12.0, 78.0, n)
     true = gamma + 2.0 * rng.standard_normal(n)
@@ -43,8 +43,8 @@ def problem_of(scatter, *, closure="ifr", fix=None, prior=None, noise="known", s
         }
     )
     chosen = get_closure(closure)
-    constants = make_constants(chosen, 0.4, fix=fix or {"e_n": 0.9}, prior=prior, separate=separate)
-    return replace(make_problem(Observations(table), chosen, 0.4, constants, noise), scatter=scatter)
+    constants = make_parameters(chosen, 0.4, fix=fix or {"e_n": 0.9}, prior=prior, separate=separate)
+    return replace(make_problem(Observations(table), chosen, 0.4, constants, noise), error_model=error_model)
 
 
 def summed(problem, low, high, n):
@@ -61,7 +61,7 @@ def summed(problem, low, high, n):
 
 
 def check(problem, low, high, n, *, tolerance=1e-3, allowed=0.01):
-    found = explore(problem, tolerance=tolerance)
+    found = integrate(problem, tolerance=tolerance)
     names, mean, sd, evidence = summed(problem, low, high, n)
     assert found.converged
     for name, m, s in zip(names, mean, sd, strict=True):
@@ -83,8 +83,8 @@ def test_posterior_of_two_constants(law):
 @pytest.mark.parametrize("closure", ["fr", "f", "ifr-contact"])
 def test_other_closures(law, closure):
     problem = problem_of(LAWS[law], closure=closure)
-    lower, upper = problem.bounds()
-    free = problem.free
+    lower, upper = problem.parameters.bounds()
+    free = problem.parameters.free
     low, high = lower[free].copy(), upper[free].copy()
     low[-1], high[-1] = 0.02, 0.4
     check(problem, low, high, 80 if closure != "f" else 2000, allowed=0.02)
@@ -107,40 +107,41 @@ def test_prior_of_mu_and_open_e_n():
 
 
 def test_an_outlier_moves_student_little():
-    def shift(scatter):
-        clean = problem_of(scatter)
+    def shift(error_model):
+        clean = problem_of(error_model)
         value = clean.rows.value.copy()
         value[10] += 0.6
         spoiled = replace(clean, rows=replace(clean.rows, value=value))
-        before, after = explore(clean, tolerance=1e-2), explore(spoiled, tolerance=1e-2)
+        before, after = integrate(clean, tolerance=1e-2), integrate(spoiled, tolerance=1e-2)
         return abs(after.mean("mu") - before.mean("mu")) / before.sd("mu")
 
-    assert shift(Scatter(dof=4.0)) < 0.5
-    assert shift(Scatter()) > 1.0
+    assert shift(ErrorModel(dof=4.0)) < 0.5
+    assert shift(ErrorModel()) > 1.0
 
 
 def test_least_squares_of_student_is_the_maximum_of_its_likelihood():
     problem = problem_of(LAWS["student"])
     found = least_squares(problem)
     density = Density(problem)
-    at = found.optimum.theta[problem.free]
+    at = found.optimum.theta[problem.parameters.free]
     top = density(at[None])[0]
     around = at + 1e-3 * np.random.default_rng(0).standard_normal((200, at.size))
     assert (density(around) <= top + 1e-9).all()
     assert not found.optimum.certified
     # the local picture has the size of the posterior, not of the weights
-    post = explore(problem, tolerance=1e-2)
+    post = integrate(problem, tolerance=1e-2)
     local = found.gaussian
-    sd = np.sqrt(np.diag(local.to_theta @ local.covariance(capped=True) @ local.to_theta.T))[problem.free]
+    sd = np.sqrt(np.diag(local.to_theta @ local.covariance(capped=True) @ local.to_theta.T))[
+        problem.parameters.free
+    ]
     assert sd == pytest.approx([post.sd("e_t"), post.sd("mu")], rel=0.3)
 
 
 def test_no_error_of_angle_is_no_scatter():
-    plain = problem_of(Scatter())
-    table = plain.observations.table.copy()
-    table["sigma_gamma_deg"] = 0.0
-    exact = replace(plain, observations=replace(plain.observations, table=table), scatter=LAWS["set"])
-    one, other = explore(plain, tolerance=1e-3), explore(exact, tolerance=1e-3)
+    plain = problem_of(ErrorModel())
+    rows = replace(plain.rows, sigma_gamma_deg=np.zeros(len(plain.rows)))
+    exact = replace(plain, rows=rows, error_model=LAWS["set"])
+    one, other = integrate(plain, tolerance=1e-3), integrate(exact, tolerance=1e-3)
     for name in ("e_t", "mu"):
         assert other.mean(name) == pytest.approx(one.mean(name), abs=2e-3 * one.sd(name))
     assert other.log_evidence == pytest.approx(one.log_evidence, abs=2e-3)

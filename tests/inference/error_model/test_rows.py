@@ -10,9 +10,9 @@ import pytest
 from scipy import integrate, stats
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.error_model import Scatter
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
 from ifrfit.physics import rebound
@@ -21,9 +21,9 @@ from ifrfit.physics.closures import get_closure
 THETA = {"e_n": 0.9, "e_t": -0.8, "mu": 0.15}
 TRANSITION = math.degrees(math.atan(2.5 * 0.15 * 1.9))
 LAWS = {
-    "set": Scatter(angles="set"),
-    "measured": Scatter(angles="measured", population=(12.0, 70.0)),
-    "set, student": Scatter(angles="set", dof=3.0),
+    "set": ErrorModel(angles="set"),
+    "measured": ErrorModel(angles="measured", population=(12.0, 70.0)),
+    "set, student": ErrorModel(angles="set", dof=3.0),
 }
 
 
@@ -41,7 +41,7 @@ def value_of(observable, gamma, spin_x=0.0, spin_y=0.0):
 
 
 def problem_of(
-    observable, scatter, *, sigma=0.1, sigma_gamma=3.0, sigma_spin=0.0, spin_y=0.0, ids="", gamma=None
+    observable, error_model, *, sigma=0.1, sigma_gamma=3.0, sigma_spin=0.0, spin_y=0.0, ids="", gamma=None
 ):
     gamma = np.array([13.0, 20.0, 30.0, TRANSITION, 40.0, 55.0, 69.0]) if gamma is None else np.asarray(gamma)
     observables = np.broadcast_to(np.asarray(observable), gamma.shape)
@@ -62,15 +62,15 @@ def problem_of(
         }
     )
     closure = get_closure("ifr")
-    made = make_problem(Observations(table), closure, 0.4, make_constants(closure, 0.4), "known")
-    return replace(made, scatter=scatter)
+    made = make_problem(Observations(table), closure, 0.4, make_parameters(closure, 0.4), "known")
+    return replace(made, error_model=error_model)
 
 
-def law_of(scatter):
-    return stats.norm() if scatter.dof is None else stats.t(scatter.dof)
+def law_of(error_model):
+    return stats.norm() if error_model.dof is None else stats.t(error_model.dof)
 
 
-def by_quadrature(scatter, center, sd, ends, kinks, density):
+def by_quadrature(error_model, center, sd, ends, kinks, density):
     """Integral of a density over a normal law of the true value, cut off at the ends."""
     low, high = max(ends[0], center - 9.0 * sd), min(ends[1], center + 9.0 * sd)
     points = [q for q in (*kinks, center) if low < q < high]
@@ -87,21 +87,21 @@ def by_quadrature(scatter, center, sd, ends, kinks, density):
 
 
 def theta_of(problem):
-    return np.array([[THETA[name] for name in problem.names]])
+    return np.array([[THETA[name] for name in problem.parameters.names]])
 
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("observable", ["beta", "v_x", "spin_y_after", "mu_app"])
 def test_true_angles_are_integrated_out(law, observable):
-    scatter = LAWS[law]
-    problem = problem_of(observable, scatter)
+    error_model = LAWS[law]
+    problem = problem_of(observable, error_model)
     found = Density(problem).impacts(theta_of(problem))[0]
     table = problem.observations.table
-    own = law_of(scatter)
+    own = law_of(error_model)
     expected = [
         math.log(
             by_quadrature(
-                scatter, g, 3.0, scatter.population or (0.0, 90.0), [TRANSITION],
+                error_model, g, 3.0, error_model.population or (0.0, 90.0), [TRANSITION],
                 lambda q, y=y: own.pdf((y - float(value_of(observable, q))) / 0.1) / 0.1,
             )
         )
@@ -112,14 +112,14 @@ def test_true_angles_are_integrated_out(law, observable):
 
 def test_steep_observables_get_more_nodes():
     """delta moves by ten of its sigma within one sd of the angle."""
-    scatter = LAWS["set"]
-    problem = problem_of("delta_deg", scatter, sigma=0.5)
+    error_model = LAWS["set"]
+    problem = problem_of("delta_deg", error_model, sigma=0.5)
     found = Density(problem).impacts(theta_of(problem))[0]
     table = problem.observations.table
     expected = [
         math.log(
             by_quadrature(
-                scatter, g, 3.0, (0.0, 90.0), [TRANSITION],
+                error_model, g, 3.0, (0.0, 90.0), [TRANSITION],
                 lambda q, y=y: stats.norm.pdf(y, float(value_of("delta_deg", q)), 0.5),
             )
         )
@@ -129,8 +129,8 @@ def test_steep_observables_get_more_nodes():
 
 
 def test_true_spins_are_integrated_out():
-    scatter = LAWS["set"]
-    problem = problem_of("beta", scatter, sigma_gamma=0.0, sigma_spin=0.08, spin_y=0.1)
+    error_model = LAWS["set"]
+    problem = problem_of("beta", error_model, sigma_gamma=0.0, sigma_spin=0.08, spin_y=0.1)
     found = Density(problem).impacts(theta_of(problem))[0]
     table = problem.observations.table
     tau = 2.5 * 0.15 * 1.9
@@ -139,14 +139,14 @@ def test_true_spins_are_integrated_out():
         sine, cosine = math.sin(math.radians(g)), math.cos(math.radians(g))
         kinks = [tau * cosine - sine, -tau * cosine - sine]
         density = lambda q, g=g, y=y: stats.norm.pdf(y, float(value_of("beta", g, 0.0, q)), 0.1)  # noqa: E731
-        expected.append(math.log(by_quadrature(scatter, 0.1, 0.08, (-9.0, 9.0), kinks, density)))
+        expected.append(math.log(by_quadrature(error_model, 0.1, 0.08, (-9.0, 9.0), kinks, density)))
     assert found == pytest.approx(expected, abs=3e-6)
 
 
 def test_angle_and_spin_together():
     """Both true values scatter: against a plain average over many of them."""
-    scatter = LAWS["set"]
-    problem = problem_of("beta", scatter, sigma_spin=0.08, spin_y=0.1)
+    error_model = LAWS["set"]
+    problem = problem_of("beta", error_model, sigma_spin=0.08, spin_y=0.1)
     found = Density(problem).impacts(theta_of(problem))[0]
     table = problem.observations.table
     rng = np.random.default_rng(1)
@@ -159,15 +159,17 @@ def test_angle_and_spin_together():
 
 
 def test_rows_of_one_impact_share_their_true_angle():
-    scatter = LAWS["set"]
+    error_model = LAWS["set"]
     gamma = [20.0, 20.0, 20.0, 50.0]
     ids = ["one", "one", "one", ""]
-    problem = problem_of(["v_x", "spin_y_after", "v_n", "beta"], scatter, sigma=0.02, ids=ids, gamma=gamma)
+    problem = problem_of(
+        ["v_x", "spin_y_after", "v_n", "beta"], error_model, sigma=0.02, ids=ids, gamma=gamma
+    )
     density = Density(problem)
     found = density.impacts(theta_of(problem))[0]
     values = problem.observations.table["value"].to_numpy()
     joint = by_quadrature(
-        scatter, 20.0, 3.0, (0.0, 90.0), [TRANSITION],
+        error_model, 20.0, 3.0, (0.0, 90.0), [TRANSITION],
         lambda q: math.prod(
             stats.norm.pdf(y, float(value_of(o, q)), 0.02)
             for o, y in zip(("v_x", "spin_y_after", "v_n"), values, strict=False)
@@ -176,13 +178,13 @@ def test_rows_of_one_impact_share_their_true_angle():
     assert found.size == 2
     assert found[0] == pytest.approx(math.log(joint), abs=1e-5)
     # the same rows as impacts of their own are another thing
-    apart = Density(problem_of(["v_x", "spin_y_after", "v_n", "beta"], scatter, sigma=0.02, gamma=gamma))
+    apart = Density(problem_of(["v_x", "spin_y_after", "v_n", "beta"], error_model, sigma=0.02, gamma=gamma))
     assert abs(apart.impacts(theta_of(problem))[0, :3].sum() - found[0]) > 0.1
 
 
 @pytest.mark.parametrize("observable", ["beta", "e_n"])
 def test_student_alone_is_scipys(observable):
-    problem = problem_of(observable, Scatter(dof=4.0))
+    problem = problem_of(observable, ErrorModel(dof=4.0))
     table = problem.observations.table
     expected = stats.t.logpdf(
         (table["value"] - value_of(observable, table["gamma_deg"])) / 0.1, 4.0
@@ -191,7 +193,7 @@ def test_student_alone_is_scipys(observable):
 
 
 def test_effective_variance_adds_the_slope():
-    problem = problem_of("beta", Scatter(angles="effective"), gamma=[20.0, 50.0, 65.0])
+    problem = problem_of("beta", ErrorModel(angles="effective"), gamma=[20.0, 50.0, 65.0])
     g = problem.observations.table["gamma_deg"].to_numpy()
     slope = np.where(g < TRANSITION, 0.0, -3.5 * 0.15 * 1.9 / np.sin(np.radians(g)) ** 2) * math.radians(3.0)
     sigma = np.hypot(0.1, slope)
@@ -202,22 +204,24 @@ def test_effective_variance_adds_the_slope():
 @pytest.mark.parametrize("law", [*LAWS, "student", "effective"])
 def test_probability_below_the_value_is_uniform(law):
     """Values drawn from the law itself: their probabilities are uniform, which is what residuals rest on."""
-    scatter = {**LAWS, "student": Scatter(dof=3.0), "effective": Scatter(angles="effective")}[law]
+    error_model = {**LAWS, "student": ErrorModel(dof=3.0), "effective": ErrorModel(angles="effective")}[law]
     rng = np.random.default_rng(8)
     n = 1500
     shown = rng.uniform(15.0, 68.0, n)
     sigma_gamma = 0.0 if law in ("student", "effective") else 2.0
     true = shown + sigma_gamma * rng.standard_normal(n)
-    if scatter.population:  # measured angles scatter about true ones
-        true = rng.uniform(*scatter.population, n)
+    if error_model.population:  # measured angles scatter about true ones
+        true = rng.uniform(*error_model.population, n)
         shown = true + sigma_gamma * rng.standard_normal(n)
-    noise = 0.05 * (rng.standard_normal(n) if scatter.dof is None else rng.standard_t(scatter.dof, n))
-    problem = problem_of("beta", scatter, sigma=0.05, sigma_gamma=sigma_gamma, gamma=shown)
+    noise = 0.05 * (rng.standard_normal(n) if error_model.dof is None else rng.standard_t(error_model.dof, n))
+    problem = problem_of("beta", error_model, sigma=0.05, sigma_gamma=sigma_gamma, gamma=shown)
     rows = replace(problem.rows, value=value_of("beta", true) + noise)
     own = RowLaw.of(replace(problem, rows=rows), np.arange(n), theta_of(problem)[0])
     p = own.below(at_theta(problem, theta_of(problem)))[0, 0]
     assert stats.kstest(p, "uniform").pvalue > 1e-3
     # and not if the angles are taken as exact
-    if scatter.integrates:
-        blind = RowLaw.of(replace(problem, rows=rows, scatter=Scatter(dof=scatter.dof or 1e6)), np.arange(n))
+    if error_model.integrates:
+        blind = RowLaw.of(
+            replace(problem, rows=rows, error_model=ErrorModel(dof=error_model.dof or 1e6)), np.arange(n)
+        )
         assert stats.kstest(blind.below(at_theta(problem, theta_of(problem)))[0, 0], "uniform").pvalue < 1e-3

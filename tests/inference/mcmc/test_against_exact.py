@@ -14,7 +14,7 @@ from ifrfit.data.catalogue import listing
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.mcmc import Sample, sample
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 from ifrfit.inference.result.fit_result import FitResult
 
 FAR = 5.5  # standard errors: some 40 comparisons a dataset, each wrong once in ten million
@@ -27,7 +27,7 @@ def fitted(name: str, method: str) -> FitResult:
     return ifrfit.fit(name, method=method)
 
 
-def check(drawn: Sample, exact: Posterior) -> None:
+def check(drawn: Sample, exact: QuadraturePosterior) -> None:
     """Means, sd and probabilities below the exact quantiles; effective draws say how near they must be."""
     law = drawn.law
     assert law.names == exact.names
@@ -70,12 +70,12 @@ def test_two_optima_have_their_weights(sigma: float) -> None:
     assert len(start.optimum.minima) == 2
     drawn = sample(problem, start, 0, max_steps=20_000)
     assert drawn.verdict.ok, drawn.verdict.says
-    check(drawn, explore(problem))
+    check(drawn, integrate(problem))
 
 
 def test_two_optima_are_both_found_in_a_short_walk() -> None:
     problem = Question(tuple(Row("beta", g, v, 0.02) for g, v in PAIR), fix={"e_n": 0.9}).problem()
-    exact = explore(problem)
+    exact = integrate(problem)
     drawn = sample(problem, least_squares(problem), 0, max_steps=400)
     edge = float(np.mean([theta[2] for _, theta in least_squares(problem).optimum.minima]))
     share, expected = float((drawn.law.values["mu"] < edge).mean()), float(exact.cdf("mu", edge))

@@ -45,9 +45,9 @@ def test_effective_draws_of_walkers_that_move_together(common: float) -> None:
 
 def test_they_are_what_the_scatter_of_repeated_runs_says() -> None:
     runs = [autoregressive((4, 500, 8), PHI, common=0.2, seed=seed) for seed in range(200)]
-    scatter = np.var([x.mean() for x in runs])
+    error_model = np.var([x.mean() for x in runs])
     stated = np.median([effective(x) for x in runs])
-    assert stated == pytest.approx(1.0 / scatter, rel=0.35)  # 200 repeats know a variance to 10 %
+    assert stated == pytest.approx(1.0 / error_model, rel=0.35)  # 200 repeats know a variance to 10 %
 
 
 def test_draws_in_one_row_would_look_independent() -> None:

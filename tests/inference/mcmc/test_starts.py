@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from posterior_questions import Question, Row, measured
 
-from ifrfit.inference.distributions.draws import Sampled
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.mcmc import Coordinates, starts
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
 DROPS = (Row("e_n", 5.0, 0.97, 0.03),)
@@ -74,7 +74,7 @@ def test_coordinates_there_and_back(name: str) -> None:
 @pytest.mark.parametrize("name", QUESTIONS)
 def test_quantities_are_named_like_the_exact_ones(name: str) -> None:
     coordinates = coordinates_of(QUESTIONS[name])
-    posterior = explore(coordinates.problem)
+    posterior = integrate(coordinates.problem)
     drawn = posterior.draws(20, np.random.default_rng(3))
     columns = [drawn[x] if "noise" not in x else np.log(drawn[x]) for x in coordinates.density.names]
     found = coordinates.quantities(coordinates.at(np.stack(columns, axis=-1)).reshape(4, 5, -1))
@@ -82,13 +82,13 @@ def test_quantities_are_named_like_the_exact_ones(name: str) -> None:
     for quantity, values in found.items():
         assert values.shape == (4, 5)
         assert values.reshape(-1) == pytest.approx(drawn[quantity], rel=1e-9)
-    assert Sampled.of(coordinates.problem, drawn).names == posterior.names
+    assert Draws.of(coordinates.problem, drawn).names == posterior.names
 
 
 def test_starts_are_wider_than_the_posterior() -> None:
     question = QUESTIONS["beta and e_n"]
     coordinates = coordinates_of(question)
-    posterior = explore(coordinates.problem)
+    posterior = integrate(coordinates.problem)
     found = least_squares(coordinates.problem)
     made = starts(coordinates, found, np.random.default_rng(4), ensembles=40)
     kappa = coordinates.quantities(made)["kappa"]

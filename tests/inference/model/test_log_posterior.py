@@ -10,9 +10,9 @@ from scipy import stats
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import get_closure
 
@@ -33,7 +33,7 @@ def problem_of(*, noise="known", fix=None, prior=None, ids=None, separate=()):
         }
     )
     closure = get_closure("ifr")
-    constants = make_constants(closure, 0.4, fix=fix, prior=prior, separate=separate)
+    constants = make_parameters(closure, 0.4, fix=fix, prior=prior, separate=separate)
     return make_problem(Observations(table), closure, 0.4, constants, noise)
 
 
@@ -59,7 +59,7 @@ def test_integral_of_the_density_is_the_exact_evidence(choice):
     density = Density(problem)
     points, cell = grid_of(density, 700)
     found = np.log(np.exp(density(points)).sum() * cell)
-    assert found == pytest.approx(explore(problem).log_evidence, abs=2e-3)
+    assert found == pytest.approx(integrate(problem).log_evidence, abs=2e-3)
 
 
 def test_each_noise_of_its_own_is_in_the_exact_evidence():
@@ -69,7 +69,7 @@ def test_each_noise_of_its_own_is_in_the_exact_evidence():
     points, cell = grid_of(density, 900)
     found = np.log(np.exp(density(points)).sum() * cell)
     # with all constants fixed the posterior is that of the two noises alone
-    rows = problem.rows.value - problem.fitted(np.array([0.9, -0.8, 0.15]))
+    rows = problem.rows.value - problem.predict(np.array([0.9, -0.8, 0.15]))
     expected = 0.0
     for group, (low, high) in density.noises.items():
         at = np.exp(np.linspace(math.log(low), math.log(high), 20001))
@@ -96,7 +96,7 @@ def test_rows_of_an_impact_are_added():
     assert impacts[3] == pytest.approx(rows[4] + rows[5] + rows[6])
     assert impacts.sum() == pytest.approx(rows.sum())
     by_hand = stats.norm.logpdf(
-        density.problem.rows.value, density.problem.fitted(point[0]), density.problem.sigma
+        density.problem.rows.value, density.problem.predict(point[0]), density.problem.noise.sigma
     )
     assert rows == pytest.approx(by_hand)
 

@@ -11,7 +11,7 @@ import pytest
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.diagnostics.thresholds import GAP
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.decomposition import Decomposition, GaussianMember, PiecewiseMember
@@ -42,9 +42,9 @@ def group_of(closure: str = "ifr", n: int = 30, sigma: float = 0.05, **choices) 
     columns = {"series": "a", "observable": "beta", "gamma_deg": gamma, "value": value}
     table = make_table({**columns, "sigma": np.full(n, sigma)})
     chosen = get_closure(closure)
-    constants = make_constants(chosen, 0.4, fix={"e_n": 0.9, **choices.pop("fix", {})}, **choices)
+    constants = make_parameters(chosen, 0.4, fix={"e_n": 0.9, **choices.pop("fix", {})}, **choices)
     problem = make_problem(Observations(table), chosen, 0.4, constants, "known")
-    return whole_group(problem, problem.sigma)
+    return whole_group(problem, problem.noise.sigma)
 
 
 def without_prior(group: ParameterGroup, unknown: int) -> ParameterGroup:
@@ -66,9 +66,9 @@ def members_of_random_problems(number: int) -> list[tuple[PiecewiseMember, float
     for child in np.random.SeedSequence(20230107).spawn(20 * number):
         rng = np.random.default_rng(child)
         problem = random_problem(rng)
-        if problem.closure.constant is None or problem.constants[0].fixed is None:
+        if problem.closure.constant is None or problem.parameters["e_n"].fixed is None:
             continue
-        groups = series_groups(problem, problem.sigma)
+        groups = series_groups(problem, problem.noise.sigma)
         name = str(rng.choice([problem.closure.constant, "mu"]))
         linked = LinkedGroups.of(groups, name, None)
         found += [(m, linked.decomposition.low, linked.decomposition.high) for m in linked.members]
@@ -164,16 +164,16 @@ def linked_random_problems(number: int) -> list[Decomposition]:
         rng = np.random.default_rng(child)
         problem = random_problem(rng)
         closure = problem.closure
-        fixed = problem.constants[0].fixed
+        fixed = problem.parameters["e_n"].fixed
         if closure.constant is None or fixed is None or len(problem.observations.table) < 6:
             continue
         table = problem.observations.table.copy()
         table["series"] = [f"s{i % int(rng.integers(2, 4))}" for i in range(len(table))]
         separate, shared = (("mu",), closure.constant) if rng.random() < 0.5 else ((closure.constant,), "mu")
-        constants = make_constants(closure, problem.inertia_factor, fix={"e_n": fixed}, separate=separate)
+        constants = make_parameters(closure, problem.inertia_factor, fix={"e_n": fixed}, separate=separate)
         problem = make_problem(Observations(table), closure, problem.inertia_factor, constants, "known")
         groups, _ = fix_restitution(
-            series_groups(problem, problem.sigma), whole_group(problem, problem.sigma)
+            series_groups(problem, problem.noise.sigma), whole_group(problem, problem.noise.sigma)
         )
         prior = (float(rng.uniform(0.0, 0.5)), 0.1) if rng.random() < 0.3 else None
         found.append(LinkedGroups.of(groups, shared, prior).decomposition)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import get_closure, get_observable, rebound
 
@@ -90,7 +90,7 @@ class Question:
     def problem(self) -> Problem:
         """The same as the package wants it."""
         closure = get_closure(self.closure)
-        constants = make_constants(
+        constants = make_parameters(
             closure,
             self.inertia_factor,
             fix=self.fix,
@@ -110,7 +110,7 @@ class Question:
             }
         )
         problem = make_problem(Observations(table), closure, self.inertia_factor, constants, self.noise)
-        return replace(problem, noise_bounds=dict(self.noise_bounds)) if self.noise_bounds else problem
+        return problem.with_noise(problem.noise.with_bounds(self.noise_bounds))
 
 
 def measured(

@@ -8,7 +8,7 @@ from posterior_dense import Dense
 from posterior_precise import Precise
 from posterior_questions import Question, Row, measured
 
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
 NORMAL = (Row("e_n", 5.0, 0.91, 0.03), Row("v_n", 20.0, 0.85, 0.02))
@@ -39,7 +39,7 @@ def closures_with_e_n() -> dict[str, Question]:
 @pytest.mark.parametrize("name", closures_with_e_n())
 def test_tangential_beside_e_n_to_seven_digits(name: str) -> None:
     question = closures_with_e_n()[name]
-    post = explore(question.problem(), tolerance=1e-8)
+    post = integrate(question.problem(), tolerance=1e-8)
     precise = Precise(question, order=10)
     moments = {name: {"mean": m, "sd": s} for name, (m, s) in precise.moments().items()}
     known = {"log_evidence": precise.log_evidence(), "quantities": moments}
@@ -75,7 +75,7 @@ def test_gaussian_priors(question: Question) -> None:
         "log_evidence": precise.log_evidence(),
         "quantities": {name: {"mean": m, "sd": s} for name, (m, s) in precise.moments().items()},
     }
-    check(explore(question.problem(), tolerance=1e-8), known, 1e-7)
+    check(integrate(question.problem(), tolerance=1e-8), known, 1e-7)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_gaussian_priors(question: Question) -> None:
 )
 def test_bounds_and_fixed_constants(question: Question) -> None:
     known = Dense(question, pieces=(1, 20, 40), order=12).summary()
-    check(explore(question.problem(), tolerance=1e-8), known, 2e-6)
+    check(integrate(question.problem(), tolerance=1e-8), known, 2e-6)
 
 
 @pytest.mark.parametrize(
@@ -135,8 +135,8 @@ def test_bounds_and_fixed_constants(question: Question) -> None:
 )
 def test_unknown_noise(question: Question) -> None:
     known = Dense(question, pieces=(1, 30, 70), order=8).summary()
-    check(explore(question.problem(), tolerance=1e-7), known, 1e-6)
-    check(explore(question.problem()), known, 1e-4)
+    check(integrate(question.problem(), tolerance=1e-7), known, 1e-6)
+    check(integrate(question.problem()), known, 1e-4)
 
 
 @pytest.mark.parametrize(
@@ -158,14 +158,14 @@ def test_unknown_noise(question: Question) -> None:
 )
 def test_unknown_noise_beside_e_n(question: Question) -> None:
     known = Dense(question, pieces=(12, 8, 120), order=12).summary()  # the tails are long
-    check(explore(question.problem()), known, 1e-4)
+    check(integrate(question.problem()), known, 1e-4)
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-6])
 def test_the_reached_error_is_what_was_asked_for_and_no_less_than_it_is(tolerance: float) -> None:
     question = closures_with_e_n()["ifr"]
     known = Dense(question, pieces=(14, 14, 24), order=9).summary()
-    post = explore(question.problem(), tolerance=tolerance)
+    post = integrate(question.problem(), tolerance=tolerance)
     check(post, known, tolerance)
     far = distances(post, known)
     evidence = far.pop("log evidence")

@@ -13,7 +13,7 @@ from posterior_agreement import check
 from posterior_questions import LEVELS, Question, Row, measured
 from scipy import special
 
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 
 STRICT = 1e-8
 SHARE = 2.0 / 7.0
@@ -95,7 +95,7 @@ def test_sticking_only_where_mu_cannot_reach_sliding(level: float) -> None:
         Row("beta", g, round(level + float(x), 4), s)
         for g, x, s in zip(STEEP, noise, (0.02, 0.03, 0.05, 0.02, 0.04), strict=True)
     )
-    post = explore(Question(rows, fix={"e_n": e_n}, bounds={"mu": (low, high)}).problem(), tolerance=1e-9)
+    post = integrate(Question(rows, fix={"e_n": e_n}, bounds={"mu": (low, high)}).problem(), tolerance=1e-9)
     _, value, sigma = columns(rows)
     weight = sigma**-2
     centre = float((weight * (value - 1.4)).sum() / weight.sum())
@@ -119,7 +119,7 @@ def test_sticking_at_one_angle_with_mu_free(e_t_true: float) -> None:
     e_n, gamma, sigma = 0.8, 10.0, 0.06
     value = round(e_t_true + 1.4 + 0.02, 4)
     question = Question((Row("beta", gamma, value, sigma),), fix={"e_n": e_n})
-    post = explore(question.problem(), tolerance=1e-9)
+    post = integrate(question.problem(), tolerance=1e-9)
     with mp.workdps(30):
         tau = mp.tan(mp.radians(mpf(gamma)))
         kink, top = mpf("0.4") * tau, 2 * (1 + mpf(e_n))
@@ -187,7 +187,7 @@ def test_sliding_only_is_jointly_normal() -> None:
     e_t, kappa = (
         normal(m, v**0.5) for m, v in zip(centre.tolist(), np.diag(covariance).tolist(), strict=True)
     )
-    post = explore(Question(rows, fix={"e_n": 0.9}).problem(), tolerance=1e-9)
+    post = integrate(Question(rows, fix={"e_n": 0.9}).problem(), tolerance=1e-9)
     known = {
         "log_evidence": log_z - math.log(0.6) - math.log(2.0 * 1.9),
         "quantities": {"e_t": e_t, "mu": scaled(kappa, 1.0 / 1.9), "kappa": kappa},
@@ -224,7 +224,7 @@ def test_beta_alone_leaves_e_n_to_the_prior_of_mu() -> None:
             "kappa": kappa,
         },
     }
-    check(explore(Question(rows).problem(), tolerance=1e-9), known, STRICT)
+    check(integrate(Question(rows).problem(), tolerance=1e-9), known, STRICT)
 
 
 # --- constants measured directly
@@ -248,7 +248,7 @@ def test_e_n_alone_is_a_truncated_normal_and_the_rest_is_prior(value: float) -> 
             "kappa": {"mean": mean, "sd": math.sqrt(square * 4.0 / 3.0 - mean**2)},
         },
     }
-    check(explore(Question(rows).problem(), tolerance=1e-9), known, STRICT)
+    check(integrate(Question(rows).problem(), tolerance=1e-9), known, STRICT)
 
 
 def test_e_n_alone_with_the_rest_fixed() -> None:
@@ -261,7 +261,7 @@ def test_e_n_alone_with_the_rest_fixed() -> None:
         "quantiles": [0.2 * (1.0 + x) for x in e_n["quantiles"]],
     }
     known = {"log_evidence": log_mass, "quantities": {"e_n": e_n, "kappa": kappa}}
-    check(explore(question.problem(), tolerance=1e-9), known, STRICT)
+    check(integrate(question.problem(), tolerance=1e-9), known, STRICT)
 
 
 def test_mu_alone_is_a_truncated_normal() -> None:
@@ -269,7 +269,7 @@ def test_mu_alone_is_a_truncated_normal() -> None:
     log_mass, mu = truncated(0.02, 0.03, 0.0, 2.0)
     question = Question(rows, fix={"e_n": 0.5}, closure="f")
     known = {"log_evidence": log_mass - math.log(2.0), "quantities": {"mu": mu, "kappa": scaled(mu, 1.5)}}
-    check(explore(question.problem(), tolerance=1e-9), known, STRICT)
+    check(integrate(question.problem(), tolerance=1e-9), known, STRICT)
 
 
 def test_a_gaussian_prior_and_no_other_word_on_a_constant() -> None:
@@ -277,7 +277,7 @@ def test_a_gaussian_prior_and_no_other_word_on_a_constant() -> None:
     centre, covariance, log_z = sliding_law(rows)
     log_prior, _ = truncated(0.97, 0.05, 0.0, 1.0)
     question = Question(rows, prior={"e_n": (0.97, 0.05), "e_t": (-0.72, 0.01)}, fix={"mu": 0.15})
-    post = explore(question.problem(), tolerance=1e-9)
+    post = integrate(question.problem(), tolerance=1e-9)
     # kappa = 0.15 (1 + e_n) is a third word on the normal law of (e_t, kappa)
     precision = np.linalg.inv(covariance) + np.diag([1e4, (0.15 * 0.05) ** -2])
     target = np.linalg.inv(covariance) @ centre + np.array([-0.72e4, 0.15 * 1.97 * (0.15 * 0.05) ** -2])
@@ -373,7 +373,7 @@ def test_e_n_alone_with_unknown_noise(
         noise=policy,
         noise_bounds={"" if policy == "scaled" else "run/e_n": (low, high)},
     )
-    post = explore(question.problem(), tolerance=1e-9)
+    post = integrate(question.problem(), tolerance=1e-9)
     with mp.workdps(25):
         student = Student(values, low, high, sigmas)
         known = student.known(name)

@@ -180,16 +180,16 @@ def test_rows_scatter_about_the_truth_as_the_scene_says(name):
     for _ in range(40):
         one = simulate(scene, rng)
         problem = one.problem
-        for constant in problem.entries():
+        for constant in problem.parameters.entries:
             assert constant.lower < constant.upper
-        theta = np.array([one.truth[x] for x in problem.names])
-        residual = problem.rows.value - problem.fitted(theta)
-        sigma = one.truth.get("noise", 1.0) * problem.sigma
+        theta = np.array([one.truth[x] for x in problem.parameters.names])
+        residual = problem.rows.value - problem.predict(theta)
+        sigma = one.truth.get("noise", 1.0) * problem.noise.sigma
         for group, rows in problem.groups().items():
             sigma[rows] = one.truth.get(f"noise[{group}]", sigma[rows])
         chi2 += float(((residual / sigma) ** 2).sum())
         n += residual.size
-        lower, upper = problem.bounds()
+        lower, upper = problem.parameters.bounds()
         assert ((theta >= lower) & (theta <= upper)).all()
     assert abs(chi2 - n) < 5.0 * math.sqrt(2.0 * n)
 
@@ -206,13 +206,13 @@ def test_scenes_are_what_they_are_called():
 
 def test_controls_see_the_same_rows_with_other_eyes():
     one = simulate(SCENES["both regimes"], np.random.default_rng(SEED))
-    theta = np.array([one.truth[x] for x in one.problem.names])
-    assert understated_sigma(one, 0.7).problem.sigma == pytest.approx(0.7 * one.problem.sigma)
+    theta = np.array([one.truth[x] for x in one.problem.parameters.names])
+    assert understated_sigma(one, 0.7).problem.noise.sigma == pytest.approx(0.7 * one.problem.noise.sigma)
     blind = without_kink(one).problem
     _, sticks = blind.impulse(*blind.per_row(theta))
     assert not sticks[blind.rows.rows_of("beta")].any()
     other = walton(one)
-    assert other.problem.names == ("e_n", "beta0", "mu")
+    assert other.problem.parameters.names == ("e_n", "beta0", "mu")
     assert other.truth["beta0"] == pytest.approx(one.truth["e_t"] + 1.4)
     for changed in (blind, other.problem):
         assert changed.rows.value == pytest.approx(one.problem.rows.value)
@@ -265,7 +265,7 @@ def test_method_that_dies_is_on_record(monkeypatch):
     def dies(*_, **__):
         raise ZeroDivisionError("for good")
 
-    monkeypatch.setattr("calibration_methods.explore", dies)
+    monkeypatch.setattr("calibration_methods.integrate", dies)
     outcome = run(Task("near a bound", 0, SEED))
     assert outcome.troubles[EXACT] == "ZeroDivisionError: for good"
     study = gather([outcome])

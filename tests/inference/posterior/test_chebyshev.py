@@ -8,7 +8,7 @@ import pytest
 import ifrfit
 from ifrfit.inference.posterior import chebyshev as smooth
 from ifrfit.inference.posterior import closure_constant as conditional
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.inference.posterior import sum_of_squares as misfit
 
 E_N, X = np.linspace(0.85, 0.95, 60), np.linspace(0.2, 3.0, 7)
@@ -49,6 +49,7 @@ def test_a_smooth_sum_is_had_from_few_places():
         lambda e_n, x, c: squares(e_n, x, c) + 3.0 * np.abs(e_n - 0.9),
         lambda e_n, x, c: squares(e_n, x, c) * (1.0 + 1e-6 * np.sin(300.0 * c)),
     ],
+    ids=["kink in c", "kink in e_n", "wave in c"],
 )
 def test_no_polynomial_is_offered_for_a_sum_that_is_none(odd):
     assert smooth.between(odd, E_N, X, C, ROWS.size) is None
@@ -100,7 +101,7 @@ def test_the_posterior_of_rebound_angles_is_the_same(monkeypatch, impacts, closu
     for many in (np.inf, 1):
         for module in (misfit, conditional):
             monkeypatch.setattr(module, "_MANY", many)
-        found.append(explore(start.problem, 1e-2, start.least_squares))
+        found.append(integrate(start.problem, 1e-2, start.least_squares))
     assert any(each is not None for each in offered)
     direct, between_them = found
     # the nodes lie elsewhere, about a mode found at some of them: alike to a tenth of the tolerance

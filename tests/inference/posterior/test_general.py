@@ -7,7 +7,7 @@ from posterior_agreement import check
 from posterior_dense import reference
 from posterior_questions import Question, Row, measured
 
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
 DROPS = (Row("e_n", 5.0, 0.91, 0.03),)
@@ -64,4 +64,4 @@ MIXTURES = {
 @pytest.mark.parametrize("name", MIXTURES)
 def test_mixture(name: str) -> None:
     question = MIXTURES[name]
-    check(explore(question.problem()), reference(question), 1e-4)
+    check(integrate(question.problem()), reference(question), 1e-4)

@@ -11,7 +11,7 @@ from posterior_dense import observe
 from posterior_questions import LEVELS, Question, Row, measured
 
 import ifrfit
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
 FAN = (25.0, 35.0, 45.0, 55.0, 65.0, 75.0)
 DROPS = (Row("e_n", 5.0, 0.8, 0.03),)
@@ -27,7 +27,7 @@ def bundled(name: str) -> Question:
         tuple(
             Row(rows.names[which], math.degrees(math.atan(tau)), value, sigma)
             for which, tau, value, sigma in zip(
-                rows.which, rows.tau.tolist(), rows.value.tolist(), problem.sigma.tolist(), strict=True
+                rows.which, rows.tau.tolist(), rows.value.tolist(), problem.noise.sigma.tolist(), strict=True
             )
         ),
         "fr",
@@ -85,8 +85,8 @@ def brute(name: str) -> tuple[float, dict[str, tuple[np.ndarray, np.ndarray]]]:
 
 
 @cache
-def posterior(name: str) -> Posterior:
-    return explore(QUESTIONS[name][0].problem(), tolerance=1e-3)
+def posterior(name: str) -> QuadraturePosterior:
+    return integrate(QUESTIONS[name][0].problem(), tolerance=1e-3)
 
 
 @pytest.mark.parametrize(

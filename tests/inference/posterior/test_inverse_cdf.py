@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ifrfit.inference.posterior.inverse_cdf import Tables, grid_of
-from ifrfit.inference.posterior.panel_cdf import Panels
-from ifrfit.inference.posterior.quadrature_axis import Axis
+from ifrfit.inference.posterior.inverse_cdf import InverseCdfTable, table_points
+from ifrfit.inference.posterior.panel_cdf import PanelCdf
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
 
-def made(rows: int, order: int = 12) -> tuple[Axis, Panels, np.ndarray]:
+def made(rows: int, order: int = 12) -> tuple[QuadratureAxis, PanelCdf, np.ndarray]:
     """Densities with tails, gaps and a second hump, and the points of their tables."""
-    axis = Axis.of(np.array([-40.0, -8.0, -4.0, -1.0, 0.0, 0.5, 2.0, 6.0, 30.0]), order)
+    axis = QuadratureAxis.of(np.array([-40.0, -8.0, -4.0, -1.0, 0.0, 0.5, 2.0, 6.0, 30.0]), order)
     x = axis.nodes()
     width = np.linspace(0.4, 2.0, rows)[:, None]
     density = np.exp(-0.5 * (x / width) ** 2) + 0.1 * np.exp(-0.5 * ((x - 4.0) / 0.5) ** 2)
-    panels = Panels.of(axis.low[None], axis.width[None], density.reshape(rows, *axis.shape))
-    return axis, panels, (axis.low[:, None] + axis.width[:, None] * grid_of(order)).reshape(1, -1)
+    panels = PanelCdf.of(axis.low[None], axis.width[None], density.reshape(rows, *axis.shape))
+    return axis, panels, (axis.low[:, None] + axis.width[:, None] * table_points(order)).reshape(1, -1)
 
 
 @pytest.mark.parametrize("rows", [1, 7])
@@ -26,7 +26,7 @@ def test_values_are_those_of_a_search(rows: int) -> None:
     rng = np.random.default_rng(rows)
     row, p = rng.integers(0, rows, 5000), rng.random(5000)
     p[:4] = 0.0, 1.0, 1e-12, 1.0 - 1e-12
-    table = Tables.of(panels)
+    table = InverseCdfTable.of(panels)
     value, before = table.inverse(row, p, places)
     for number in range(rows):
         own = row == number
@@ -44,14 +44,14 @@ def test_values_are_those_of_a_search(rows: int) -> None:
 def test_values_have_the_share_below_that_was_asked_for() -> None:
     _, panels, places = made(3)
     row, p = np.repeat(np.arange(3), 99), np.tile(np.linspace(0.01, 0.99, 99), 3)
-    value, _ = Tables.of(panels).inverse(row, p, places)
+    value, _ = InverseCdfTable.of(panels).inverse(row, p, places)
     below = panels.below(value[:, None])[np.arange(row.size), row] / panels.total[row]
     np.testing.assert_allclose(below, p, atol=2e-3)
 
 
 def test_places_may_differ_by_row() -> None:
     _, panels, places = made(2)
-    table = Tables.of(panels)
+    table = InverseCdfTable.of(panels)
     row, p = np.array([0, 1, 1]), np.array([0.3, 0.3, 0.8])
     both = np.concatenate((places, places + 100.0))
     found, _ = table.inverse(row, p, both)
@@ -60,6 +60,6 @@ def test_places_may_differ_by_row() -> None:
 
 def test_an_empty_row_gives_its_end() -> None:
     axis, _, places = made(1)
-    nothing = Panels.of(axis.low[None], axis.width[None], np.zeros((1, *axis.shape)))
-    value, _ = Tables.of(nothing).inverse(np.zeros(3, dtype=int), np.array([0.1, 0.5, 1.0]), places)
+    nothing = PanelCdf.of(axis.low[None], axis.width[None], np.zeros((1, *axis.shape)))
+    value, _ = InverseCdfTable.of(nothing).inverse(np.zeros(3, dtype=int), np.array([0.1, 0.5, 1.0]), places)
     assert np.isfinite(value).all()

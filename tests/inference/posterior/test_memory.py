@@ -13,7 +13,7 @@ from posterior_questions import Question, Row, measured
 
 import ifrfit
 from ifrfit.errors import UsageError
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
 
 def test_the_size_of_a_grid_is_foreseen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -21,21 +21,21 @@ def test_the_size_of_a_grid_is_foreseen(monkeypatch: pytest.MonkeyPatch) -> None
         "beta", [10.0, 30.0, 50.0, 70.0], seed=1, sigma=0.05, closure="ifr", c=-0.9, mu=0.15, e_n=0.9
     )
     problem = Question(rows, "ifr", fix={"e_n": 0.9}).problem()
-    grid = explore(problem).grid
+    grid = integrate(problem).grid
     assert grid.joint.size() == sum(tensor.f.size for tensor in grid.tensors)
     # the module, which is hidden by its function of the same name
-    module = importlib.import_module("ifrfit.inference.posterior.integrate")
+    module = importlib.import_module("ifrfit.inference.posterior.adaptive_quadrature")
     monkeypatch.setattr(module, "_MOST", grid.joint.size() // 4)
     with pytest.raises(UsageError, match="does not fit into memory"):
-        explore(problem)
+        integrate(problem)
 
 
 def test_the_last_grid_that_fits_is_what_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = ifrfit.fit("wang-2020", closure="fr", method="lsq").problem
-    whole = explore(problem, tolerance=1e-3)
-    module = importlib.import_module("ifrfit.inference.posterior.integrate")
+    whole = integrate(problem, tolerance=1e-3)
+    module = importlib.import_module("ifrfit.inference.posterior.adaptive_quadrature")
     monkeypatch.setattr(module, "_MOST", whole.grid.joint.size() - 1)
-    post = explore(problem, tolerance=1e-3)
+    post = integrate(problem, tolerance=1e-3)
     assert post.grid.joint.size() < whole.grid.joint.size()
     assert not post.converged
     assert post.quantile("mu", 0.5) == pytest.approx(whole.quantile("mu", 0.5), abs=1e-3)
@@ -54,8 +54,8 @@ ASKED = {
 
 
 @cache
-def posterior(name: str) -> Posterior:
-    return explore(ASKED[name].problem(), tolerance=1e-2)
+def posterior(name: str) -> QuadraturePosterior:
+    return integrate(ASKED[name].problem(), tolerance=1e-2)
 
 
 @pytest.mark.parametrize("name", ASKED)
@@ -77,7 +77,7 @@ def test_a_common_factor_is_the_mixture_over_its_values(name: str) -> None:
     for s in np.exp(log_factor):
         rows = tuple(replace(r, sigma=float(s) * r.sigma) for r in asked.rows if r.sigma is not None)
         known = replace(asked, rows=rows, noise="known", noise_bounds={})
-        each.append(explore(known.problem(), tolerance=1e-2))
+        each.append(integrate(known.problem(), tolerance=1e-2))
     log_z = np.array([p.log_evidence for p in each])
     share = weight * np.exp(log_z - log_z.max())
     post = posterior(name)

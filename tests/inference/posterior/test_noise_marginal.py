@@ -12,12 +12,12 @@ from mpmath import mp
 from scipy import special
 
 from ifrfit.inference.posterior.noise_marginal import _ORDER, _compressed, _edges
-from ifrfit.inference.posterior.noise_scale import UnknownNoise, _log_gamma_share
-from ifrfit.inference.posterior.quadrature_axis import Axis
+from ifrfit.inference.posterior.noise_scale import NoiseScale, _log_gamma_share
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
 
-def table(own: UnknownNoise, least: float, most: float) -> Axis:
-    return Axis.of(_edges(own, least, most), _ORDER)
+def table(own: NoiseScale, least: float, most: float) -> QuadratureAxis:
+    return QuadratureAxis.of(_edges(own, least, most), _ORDER)
 
 
 @settings(deadline=None, max_examples=150)
@@ -27,7 +27,7 @@ def table(own: UnknownNoise, least: float, most: float) -> Axis:
     st.floats(0.01, 7.0),  # half the logarithm of the ratio of the bounds
 )
 def test_density_integrates_to_one(n: int, log_rms: float, half_span: float) -> None:
-    own = UnknownNoise(n, math.exp(-half_span), math.exp(half_span))
+    own = NoiseScale(n, math.exp(-half_span), math.exp(half_span))
     square = n * math.exp(2.0 * log_rms)
     if own.log_likelihood(np.array([square]))[0] < -1e5:
         return  # no posterior goes there
@@ -57,7 +57,7 @@ def test_shares_below_all_numbers_keep_their_digits(a: float, low: float, high: 
 
 @pytest.mark.parametrize("n", [2, 5, 40, 500])
 def test_distribution_is_the_inverse_gamma_law(n: int) -> None:
-    own, square = UnknownNoise(n, 1e-6, 1e4), 0.05**2 * n
+    own, square = NoiseScale(n, 1e-6, 1e4), 0.05**2 * n
     axis = table(own, square, square)
     share = axis.weights()[0] * own.density(axis.nodes(), np.array(square))
     ends = axis.panels[:, 1]
@@ -69,7 +69,7 @@ def test_distribution_is_the_inverse_gamma_law(n: int) -> None:
 
 @pytest.mark.parametrize("rms", [1e-4, 0.02, 0.05, 1.0, 3.0, 8.0, 1e3])
 def test_draws_follow_the_density_where_bounds_cut_it_off(rms: float) -> None:
-    own = UnknownNoise(40, 0.05, 1.0)
+    own = NoiseScale(40, 0.05, 1.0)
     square = 40 * rms**2
     axis = table(own, square, square)
     share = axis.weights()[0] * own.density(axis.nodes(), np.array(square))
@@ -89,7 +89,7 @@ def test_a_few_sums_of_squares_stand_for_many(n: int) -> None:
     weight /= weight.sum(axis=1, keepdims=True)
     few, share = _compressed(square, weight, n, 0.0)
     assert few.size < 100
-    own = UnknownNoise(n, 1e-3, 1e3)
+    own = NoiseScale(n, 1e-3, 1e3)
     at = np.linspace(-2.0, 2.0, 60)
     np.testing.assert_allclose(
         share @ own.density(at, few[:, None]), weight @ own.density(at, square[:, None]), atol=1e-9

@@ -18,7 +18,7 @@ from hard_cases.cases import CASES
 from hard_cases.synthetic import TRUTH
 
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 from ifrfit.inference.result.fit_result import FitResult
 
 pytestmark = pytest.mark.long
@@ -52,19 +52,21 @@ def problems(name: str) -> tuple[Problem, ...]:
 
 
 @cache
-def explored(name: str) -> tuple[Posterior, ...]:
+def integrated(name: str) -> tuple[QuadraturePosterior, ...]:
     with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
         warnings.simplefilter("error")
-        return tuple(explore(problem) for problem in problems(name))
+        return tuple(integrate(problem) for problem in problems(name))
 
 
 @pytest.mark.parametrize("name", FITTED)
 def test_finite_silent_and_converged(name: str) -> None:
-    for problem, post in zip(problems(name), explored(name), strict=True):
+    for problem, post in zip(problems(name), integrated(name), strict=True):
         assert math.isfinite(post.log_evidence)
         # FR's transition has no end: a few of its smallest problems stop short of 1e-4, and say so
         assert post.converged or problem.closure.name == "fr", (post.error, post.error_evidence)
-        bounds = dict(zip(problem.names, zip(*problem.bounds(), strict=True), strict=True))
+        bounds = dict(
+            zip(problem.parameters.names, zip(*problem.parameters.bounds(), strict=True), strict=True)
+        )
         for quantity in post.names:
             low, high = bounds.get(quantity, (0.0, math.inf))
             mean, sd = post.mean(quantity), post.sd(quantity)
@@ -83,32 +85,32 @@ def test_finite_silent_and_converged(name: str) -> None:
         assert all(np.isfinite(x).all() for x in draws.values())
 
 
-def near(post: Posterior, sds: float = 5.0, **truth: float) -> None:
+def near(post: QuadraturePosterior, sds: float = 5.0, **truth: float) -> None:
     """The posterior holds the truth."""
     for name, value in truth.items():
         assert abs(post.mean(name) - value) <= sds * post.sd(name), (name, post.mean(name), post.sd(name))
 
 
-def is_uniform(post: Posterior, name: str, low: float, high: float) -> None:
+def is_uniform(post: QuadraturePosterior, name: str, low: float, high: float) -> None:
     """Nothing was learnt."""
     p = np.array([0.025, 0.3, 0.5, 0.9, 0.975])
     assert np.abs(np.asarray(post.quantile(name, p)) - (low + p * (high - low))).max() < 1e-4 * (high - low)
     assert abs(post.sd(name) * math.sqrt(12.0) / (high - low) - 1.0) < 1e-4
 
 
-def _sliding(post: Posterior) -> None:
+def _sliding(post: QuadraturePosterior) -> None:
     near(post, e_t=TRUTH["e_t"], mu=TRUTH["mu"])
     assert post.sd("mu") < 0.01
 
 
-def _sliding_wholly_free(post: Posterior) -> None:
+def _sliding_wholly_free(post: QuadraturePosterior) -> None:
     near(post, e_t=TRUTH["e_t"], kappa=TRUTH["mu"] * (1.0 + TRUTH["e_n"]))
     p = np.array([0.025, 0.5, 0.975])
     # e_n has what the uniform prior of mu leaves it
     assert np.abs(np.asarray(post.quantile("e_n", p)) - (2.0**p - 1.0)).max() < 1e-4
 
 
-def _sticking(post: Posterior) -> None:
+def _sticking(post: QuadraturePosterior) -> None:
     near(post, e_t=TRUTH["e_t"])
     least = post.quantile("mu", 0.001)
     assert 0.08 < least < TRUTH["mu"] + 0.03
@@ -117,32 +119,32 @@ def _sticking(post: Posterior) -> None:
     assert abs(rest - (2.0 - post.quantile("mu", 0.5)) / 0.5) < 1e-3
 
 
-def _silent(post: Posterior) -> None:
+def _silent(post: QuadraturePosterior) -> None:
     is_uniform(post, "e_t", -1.0, -0.4)
     is_uniform(post, "mu", 0.0, 2.0)
     assert abs(post.log_evidence + 3.0 * math.log(0.01 * math.sqrt(2.0 * math.pi))) < 1e-4
 
 
-def _open(post: Posterior) -> None:
+def _open(post: QuadraturePosterior) -> None:
     for name in ("e_t", "mu"):
         assert post.quantile(name, 0.005) <= TRUTH[name] <= post.quantile(name, 0.995)
 
 
-def _single(post: Posterior) -> None:
+def _single(post: QuadraturePosterior) -> None:
     near(post, **{"e_t[run]": TRUTH["e_t"], "mu[run]": TRUTH["mu"]})
     assert post.sd("mu[single]") > 3.0 * post.sd("mu[run]")
     assert post.sd("e_t[single]") > 3.0 * post.sd("e_t[run]")
 
 
-def _exactly(**truth: float) -> Callable[[Posterior], None]:
-    def test(post: Posterior) -> None:
+def _exactly(**truth: float) -> Callable[[QuadraturePosterior], None]:
+    def test(post: QuadraturePosterior) -> None:
         near(post, 0.5, **truth)
 
     return test
 
 
-def _on_bound(name: str, bound: float, sign: int) -> Callable[[Posterior], None]:
-    def test(post: Posterior) -> None:
+def _on_bound(name: str, bound: float, sign: int) -> Callable[[QuadraturePosterior], None]:
+    def test(post: QuadraturePosterior) -> None:
         sd = post.sd(name)
         assert 0.0 <= sign * (post.mean(name) - bound) < 4.0 * sd
         assert abs(post.quantile(name, 0.0 if sign > 0 else 1.0) - bound) < 0.2 * sd
@@ -151,7 +153,7 @@ def _on_bound(name: str, bound: float, sign: int) -> Callable[[Posterior], None]
     return test
 
 
-EXPECTED: dict[str, Callable[[Posterior], None]] = {
+EXPECTED: dict[str, Callable[[QuadraturePosterior], None]] = {
     "only sliding impacts": _sliding,
     "only sliding impacts, e_n free": _sliding_wholly_free,
     "only sticking impacts": _sticking,
@@ -174,21 +176,21 @@ for _constant, _bound, _sign in (("e_t", -1.0, 1), ("mu", 0.0, 1), ("e_n", 1.0, 
 
 @pytest.mark.parametrize("name", EXPECTED)
 def test_the_answer_expected(name: str) -> None:
-    for post in explored(name):
+    for post in integrated(name):
         EXPECTED[name](post)
 
 
 def test_every_row_thrice_is_a_third_of_the_variance() -> None:
     (thrice, once) = problems("duplicated rows")
-    sharp = explore(replace(once, sigma=once.sigma / math.sqrt(3.0)))
-    post = explore(thrice)
+    sharp = integrate(once.with_noise(replace(once.noise, sigma=once.noise.sigma / math.sqrt(3.0))))
+    post = integrate(thrice)
     for name in post.names:
         assert abs(post.mean(name) - sharp.mean(name)) < 2e-4 * post.sd(name)
         assert abs(post.sd(name) / sharp.sd(name) - 1.0) < 2e-4
 
 
 def test_an_outlier_moves_the_noise_and_not_much_else() -> None:
-    bad, good = explored("outlier at 50 sigma, sigma unknown")
+    bad, good = integrated("outlier at 50 sigma, sigma unknown")
     assert bad.mean("noise[run/beta]") > 4.0 * good.mean("noise[run/beta]")
     near(good, e_t=TRUTH["e_t"], mu=TRUTH["mu"])
     assert abs(good.quantile("noise[run/beta]", 0.5) / 0.01 - 1.0) < 0.4

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from posterior_questions import LEVELS, Question, Row, measured
 from scipy import special
 
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
 pytestmark = pytest.mark.long
 
@@ -48,7 +48,7 @@ def questions(draw: st.DrawFn) -> Question:
     )  # fmt: skip
 
 
-def same(one: Posterior, other: Posterior, evidence: float = 0.0) -> None:
+def same(one: QuadraturePosterior, other: QuadraturePosterior, evidence: float = 0.0) -> None:
     """Both within their tolerance of the same law; where FR says that it stops short of that, as it says."""
     assert one.names == other.names
     close = CLOSE
@@ -72,7 +72,7 @@ def same(one: Posterior, other: Posterior, evidence: float = 0.0) -> None:
 def test_the_order_of_rows_does_not_matter(question: Question, seed: int) -> None:
     order = np.random.default_rng(seed).permutation(len(question.rows))
     shuffled = replace(question, rows=tuple(question.rows[i] for i in order))
-    same(explore(question.problem()), explore(shuffled.problem()))
+    same(integrate(question.problem()), integrate(shuffled.problem()))
 
 
 @FEW
@@ -86,7 +86,7 @@ def test_a_row_is_two_rows_of_half_the_weight(question: Question, at: int) -> No
     evidence = math.log(row.sigma * math.sqrt(2.0 * math.pi)) - 2.0 * math.log(
         half.sigma * math.sqrt(2.0 * math.pi)  # type: ignore[operator]
     )
-    same(explore(twice.problem()), explore(question.problem()), evidence)
+    same(integrate(twice.problem()), integrate(question.problem()), evidence)
 
 
 @FEW
@@ -95,7 +95,7 @@ def test_a_common_factor_absorbs_the_scale_of_sigma(question: Question, factor: 
     rows = tuple(replace(r, sigma=r.sigma * factor) for r in question.rows if r.sigma is not None)
     low, high = question.noise_bounds[""]
     other = replace(question, rows=rows, noise_bounds={"": (low / factor, high / factor)})
-    one, two = explore(question.problem()), explore(other.problem())
+    one, two = integrate(question.problem()), integrate(other.problem())
     assert abs(one.log_evidence - two.log_evidence) < CLOSE
     for name in one.names:
         by = factor if name == "noise" else 1.0
@@ -120,7 +120,7 @@ def test_beta_said_as_v_x_is_the_same(question: Question) -> None:
         rows.append(replace(row, observable=OTHER[row.observable], value=value, sigma=row.sigma * factor))
         jacobian += math.log(factor)
     other = replace(question, rows=tuple(rows))
-    same(explore(question.problem()), explore(other.problem()), jacobian)
+    same(integrate(question.problem()), integrate(other.problem()), jacobian)
 
 
 @FEW
@@ -132,13 +132,13 @@ def test_a_prior_is_a_further_row(question: Question) -> None:
     as_prior = replace(question, rows=rest, prior={**question.prior, "e_n": (row.value, row.sigma)})
     cut = special.ndtr((1.0 - row.value) / row.sigma) - special.ndtr(-row.value / row.sigma)
     # the prior is normalised over [0, 1], the row is not; the uniform prior there is 1
-    same(explore(question.problem()), explore(as_prior.problem()), float(np.log(cut)))
+    same(integrate(question.problem()), integrate(as_prior.problem()), float(np.log(cut)))
 
 
 @FEW
 @given(question=questions())
 def test_every_marginal_is_a_law(question: Question) -> None:
-    post = explore(question.problem())
+    post = integrate(question.problem())
     p = np.array([1e-4, 1e-3, 0.01, 0.025, 0.1, 0.16, 0.3, 0.5, 0.7, 0.84, 0.9, 0.975, 0.99, 0.999, 0.9999])
     for name in post.names:
         q = np.asarray(post.quantile(name, p))
@@ -165,7 +165,7 @@ def test_every_marginal_is_a_law(question: Question) -> None:
 def test_a_far_outlier_of_e_n_keeps_its_digits() -> None:
     # forty sd beyond the bound: the law is exponential at 1, and no number underflows
     question = Question((Row("e_n", 5.0, 1.8, 0.02),), fix={"e_t": -0.9, "mu": 0.2})
-    post = explore(question.problem())
+    post = integrate(question.problem())
     rate = 0.8 / 0.02**2
     assert post.mean("e_n") == pytest.approx(1.0 - 1.0 / rate, abs=2e-3 / rate)
     log_z = float(special.log_ndtr(-40.0))

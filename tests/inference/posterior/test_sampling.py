@@ -10,7 +10,7 @@ import pytest
 from posterior_dense import Dense
 from posterior_questions import Question, Row, measured
 
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
 pytestmark = pytest.mark.long
 
@@ -49,8 +49,8 @@ QUESTIONS = {
 
 
 @cache
-def posterior(name: str) -> Posterior:
-    return explore(QUESTIONS[name].problem())
+def posterior(name: str) -> QuadraturePosterior:
+    return integrate(QUESTIONS[name].problem())
 
 
 @cache

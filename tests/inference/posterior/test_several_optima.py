@@ -11,7 +11,7 @@ from posterior_dense import Dense
 from posterior_questions import Question, Row
 from scipy import special
 
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 
 # two rows that sticking and sliding explain, and sliding alone does too, exactly as well
 PAIR = ((20.0, 0.42), (60.0, -0.5))
@@ -25,7 +25,7 @@ def pair(sigma: float) -> Question:
 def test_two_exact_explanations(sigma: float) -> None:
     question = pair(sigma)
     known = Dense(question, pieces=(1, 60, 120), order=8).summary()
-    check(explore(question.problem()), known, 1e-4)
+    check(integrate(question.problem()), known, 1e-4)
 
 
 def test_the_weights_of_two_narrow_optima_in_closed_form() -> None:
@@ -45,7 +45,7 @@ def test_the_weights_of_two_narrow_optima_in_closed_form() -> None:
     assert -1.0 < e_t_slide < -0.4
     assert -1.0 < e_t_stick < -0.4
     share = (1.0 / det_slide) / (1.0 / det_slide + 1.0 / det_stick)
-    post = explore(pair(sigma).problem())
+    post = integrate(pair(sigma).problem())
     between = 0.5 * (kappa_slide + kappa_stick)
     assert kappa_slide < between < kappa_stick
     assert abs(post.cdf("kappa", between) - share) < 1e-4
@@ -76,7 +76,7 @@ def test_a_second_optimum_of_less_weight(shift: float) -> None:
     )
     question = Question(rows, fix={"e_n": 0.9})
     known = Dense(question, pieces=(1, 40, 80), order=8).summary()
-    check(explore(question.problem()), known, 1e-4)
+    check(integrate(question.problem()), known, 1e-4)
 
 
 @pytest.mark.parametrize("closure", ["fr", "ifr-contact"])
@@ -84,20 +84,20 @@ def test_two_optima_of_other_closures(closure: str) -> None:
     rows = (Row("beta", 25.0, 0.2 if closure == "fr" else 0.3, 0.02), Row("beta", 60.0, -0.55, 0.02))
     question = Question(rows, closure, fix={"e_n": 0.9})
     known = Dense(question, pieces=(1, 40, 80), order=8).summary()
-    check(explore(question.problem()), known, 1e-4)
+    check(integrate(question.problem()), known, 1e-4)
 
 
 def test_two_optima_with_e_n_free() -> None:
     rows = (*(Row("beta", g, v, 0.02) for g, v in PAIR), Row("e_n", 5.0, 0.9, 0.05))
     question = Question(rows)
     known = Dense(question, pieces=(10, 16, 30), order=8).summary()
-    check(explore(question.problem()), known, 1e-4)
+    check(integrate(question.problem()), known, 1e-4)
 
 
 def test_few_rows_of_lambda() -> None:
     rows = (Row("lambda_deg", 40.0, -8.0, 3.0, spin_x=0.3), Row("lambda_deg", 20.0, -30.0, 4.0, spin_x=0.3))
     question = Question(rows, fix={"e_n": 0.9})
     known = Dense(question, pieces=(1, 30, 60), order=8).summary()
-    post = explore(question.problem())
+    post = integrate(question.problem())
     check(post, known, 1e-4)
     assert np.isfinite(post.quantile("mu", np.array([0.01, 0.99]))).all()

@@ -12,9 +12,9 @@ from posterior_dense import reference
 from posterior_questions import LEVELS, Question, Row, measured
 
 from ifrfit.data import combine, read
-from ifrfit.inference.model.parameters import make_constants
+from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 from ifrfit.physics import get_closure
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
@@ -78,15 +78,15 @@ NESTED = {
 @pytest.mark.parametrize("name", NESTED)
 def test_nested(name: str) -> None:
     question = NESTED[name]
-    check(explore(question.problem()), reference(question), 1e-4)
+    check(integrate(question.problem()), reference(question), 1e-4)
 
 
 def test_all_separate_is_each_alone_and_evidence_adds() -> None:
     e_n = {"a": 0.9, "b": 0.7, "c": 0.8}
     rows = {s: r + drops(s, e_n[s]) for s, r in (("a", A), ("b", B), ("c", C))}
     names = ("e_n", "e_t", "mu")
-    joint = explore(Question(sum(rows.values(), ()), separate=names).problem())
-    alone = {s: explore(Question(r).problem()) for s, r in rows.items()}
+    joint = integrate(Question(sum(rows.values(), ()), separate=names).problem())
+    alone = {s: integrate(Question(r).problem()) for s, r in rows.items()}
     assert set(joint.names) == {f"{n}[{s}]" for s in rows for n in (*names, "kappa")}
     assert abs(joint.log_evidence - sum(p.log_evidence for p in alone.values())) < 4e-4
     for s, post in alone.items():
@@ -101,7 +101,7 @@ def test_all_separate_is_each_alone_and_evidence_adds() -> None:
 def test_ten_series_of_their_own_mu() -> None:
     rows = sum((run(f"s{i}", 20 + i, mu=0.05 + 0.03 * i) for i in range(10)), ())
     question = Question(rows, fix={"e_n": 0.9}, separate=("mu",))
-    check(explore(question.problem()), reference(question), 1e-4)
+    check(integrate(question.problem()), reference(question), 1e-4)
 
 
 def test_two_files(tmp_path: Path) -> None:
@@ -112,7 +112,7 @@ def test_two_files(tmp_path: Path) -> None:
         path.write_text("\n".join(["gamma_deg,beta,sigma", *lines]) + "\n", encoding="utf-8")
         parts.append(read(path))
     closure = get_closure("ifr")
-    constants = make_constants(closure, 0.4, fix={"e_n": 0.9}, separate=("mu",))
+    constants = make_parameters(closure, 0.4, fix={"e_n": 0.9}, separate=("mu",))
     problem = make_problem(combine(parts), closure, 0.4, constants, None)
     question = Question(run("first", 31) + run("second", 32, mu=0.22), fix={"e_n": 0.9}, separate=("mu",))
-    check(explore(problem), reference(question), 1e-4)
+    check(integrate(problem), reference(question), 1e-4)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from posterior_questions import Question, measured
 
-from ifrfit.inference.posterior import explore
+from ifrfit.inference.posterior import integrate
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
 ROWS = {
@@ -19,14 +19,14 @@ ROWS = {
 
 def test_it_is_the_mixture_over_the_values_of_mu() -> None:
     question = Question(ROWS["a"] + ROWS["b"], "fr", fix={"e_n": 0.9}, separate=("beta0",))
-    post = explore(question.problem())
+    post = integrate(question.problem())
     assert post.converged
     x, w = np.polynomial.legendre.leggauss(64)
     low, high = 0.125, 0.175  # seven sd either side
     mu, weight = 0.5 * (low + high) + 0.5 * (high - low) * x, 0.5 * (high - low) * w / 2.0
     alone = {s: replace(question, rows=rows, separate=()) for s, rows in ROWS.items()}
     each = {
-        s: [explore(replace(q, fix={"e_n": 0.9, "mu": float(m)}).problem()) for m in mu]
+        s: [integrate(replace(q, fix={"e_n": 0.9, "mu": float(m)}).problem()) for m in mu]
         for s, q in alone.items()
     }
     log_z = np.array([a.log_evidence + b.log_evidence for a, b in zip(each["a"], each["b"], strict=True)])

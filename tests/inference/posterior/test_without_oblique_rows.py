@@ -11,7 +11,7 @@ from posterior_agreement import check
 from posterior_questions import LEVELS, Question, Row
 from scipy import special
 
-from ifrfit.inference.posterior import Posterior, explore
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
 E_N, MU = (0.93, 0.01), (0.25, 0.004)  # what the rows come to: value and sigma
 SHARE = 2.0 / 7.0  # of 1 + beta0 in the impulse of sticking
@@ -28,8 +28,8 @@ def question(**more: object) -> Question:
 
 
 @cache
-def posterior(tolerance: float) -> Posterior:
-    return explore(question().problem(), tolerance)
+def posterior(tolerance: float) -> QuadraturePosterior:
+    return integrate(question().problem(), tolerance)
 
 
 def normal(mean: float, sd: float) -> dict[str, object]:
@@ -84,10 +84,10 @@ def test_draws_have_the_transition_of_the_quantiles() -> None:
     ids=["free", "e_n fixed", "a prior on mu", "a common factor"],
 )
 def test_no_ridge_is_followed(asked: Question) -> None:
-    post = explore(asked.problem())
+    post = integrate(asked.problem())
     assert post.converged
     # as many places as a law in which nothing is tilted takes
-    untilted = explore(Question(asked.rows, "ifr", **_same(asked)).problem())
+    untilted = integrate(Question(asked.rows, "ifr", **_same(asked)).problem())
     assert post.grid.joint.size() <= 2 * untilted.grid.joint.size()
     for name in ("mu", "kappa"):
         assert post.quantile(name, 0.975) == pytest.approx(untilted.quantile(name, 0.975), abs=1e-4)

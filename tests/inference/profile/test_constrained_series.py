@@ -65,7 +65,7 @@ def test_a_held_mu_leaves_e_n_to_the_slope(
     separate: tuple[str, ...], sigma_e_n: float | None, tmp_path: Path
 ) -> None:
     problem, fit = question(tmp_path, sigma_e_n, separate=separate)
-    places = problem.positions()
+    places = problem.parameters.positions
     i_e, i_mu = int(places["e_n"][0]), int(places["mu"][0])
     for factor in (0.75, 1.2):
         mu = factor * float(fit.optimum.theta[i_mu])

@@ -9,7 +9,7 @@ import pytest
 
 import ifrfit
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.model.error_model import Scatter
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page import assemble
 from ifrfit.report.page.closure_comparison import compared
@@ -41,7 +41,7 @@ def test_a_result_from_a_file_is_compared_alike(results, asked, tmp_path):
 
 def test_constants_of_each_series_are_compared_with_constants_of_each_series(results):
     found, _ = compared(results("hostile"))
-    assert {entry.fit.problem.constants[-1].separate for entry in found.entries.values()} == {True}
+    assert {entry.fit.problem.parameters["mu"].separate for entry in found.entries.values()} == {True}
 
 
 @pytest.mark.parametrize("case", ["rows", "curved", "angles", "early"])
@@ -55,8 +55,8 @@ def test_what_would_take_long_or_cannot_be_done_is_said(results, case):
         result = replace(result, points=points)
         says = f"{len(points)} rebound angles or total restitutions take long: ifrfit compare"
     elif case == "angles":
-        scatter = Scatter(angles="set", gamma=1.0)
-        result = replace(result, noise=replace(result.noise, policy="scaled", scatter=scatter))
+        error_model = ErrorModel(angles="set", gamma=1.0)
+        result = replace(result, noise=replace(result.noise, policy="scaled", error_model=error_model))
         says = "Such a scatter with a noise that is not known takes long: ifrfit compare"
     else:
         result = replace(result, problem=None, asked=())

@@ -46,7 +46,7 @@ def effect_lines(
     for name, effect in EFFECTS.items():
         if name == "lateral-spin":
             continue
-        if name == "compliance" and problem.closure.name == "maw":
+        if name == problem.closure.effect:
             lines.append(EffectLine(name, says="in the closure"))
         elif effect.stage in ("tangential", "rolling") and not knows_kappa:
             lines.append(EffectLine(name, says="not known: kappa is not determined"))

@@ -138,9 +138,9 @@ def _kappa_factor(problem: Problem, theta: Array, columns: Array, sigma: Array) 
 
     Where the contact is compliant, a closure that ties sticking to sliding finds a kappa that lies off.
     """
-    residual = (problem.rows.value - problem.fitted(theta)) / sigma
+    residual = (problem.rows.value - problem.predict(theta)) / sigma
     step = np.linalg.lstsq(columns / sigma[:, None], residual, rcond=_STEP)[0]
-    places, series = problem.positions(), problem.rows.series
+    places, series = problem.parameters.positions, problem.rows.series
     at_e, at_mu = places["e_n"][series], places["mu"][series]
     e_n, _, mu = problem.per_row(theta)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -154,7 +154,7 @@ def _of_speed(
     """Laws e_n(v), adhesion, and friction that depends on the speed of sliding."""
     i = problem.rows.incidence
     normal, sliding = speed * i.cosine, speed * i.slip
-    places = problem.positions()
+    places = problem.parameters.positions
     row = np.arange(normal.size)
     e_n, c, mu = problem.per_row(theta)
     coming, slipping = normal > 0.0, (sliding > 0.0) & oblique(problem)
@@ -224,5 +224,5 @@ def _inertia(problem: Problem, theta: Array) -> Iterator[Direction]:
     spins = [name for name in tangential if name.startswith("spin_")]
     if spins and len(spins) < len(tangential):
         other = replace(problem, inertia_factor=problem.inertia_factor * (1.0 + _STEP))
-        change = (other.fitted(theta) - problem.fitted(theta)) / _STEP
+        change = (other.predict(theta) - problem.predict(theta)) / _STEP
         yield Direction("inertia-factor", change, two_sided=True)

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.lack_of_fit import p_text
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import RIVALS
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
 from ifrfit.inference.model.problem import Problem
 from ifrfit.physics.closures import get_closure
+from ifrfit.text import p_text
 
 _CALLED = {
     "compliance": "tangential compliance (microslip)",
@@ -137,7 +137,7 @@ def _remedy(problem: Problem, named: Sequence[Score]) -> str:
     names = [one.direction.name for one in named]
     if names[0] == "compliance" and problem.closure.constant is None:
         return "A closure with a constant of its own may do as well: ifrfit compare shows it"
-    if names[0] == "compliance" and not problem.scatter.is_plain:
+    if names[0] == "compliance" and not problem.error_model.is_plain:
         return "Closure maw holds it, with independent Gaussian errors of the values only"
     if names[0] == "compliance":
         return "Try --closure maw; ifrfit compare shows how much better it is"

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING
 from ifrfit.inference.diagnostics.interval_comparison import disagreements
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
+from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.constants_rows import table_rows
 from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.drawings.intervals import Span, draw_intervals
 from ifrfit.report.page.material import Material
 from ifrfit.report.regimes import transitions
-from ifrfit.report.rounding import interval_text, places_of, spread, value_text
+from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.sentences import METHODS, status_words
+from ifrfit.text import interval_text, sd_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,7 +82,7 @@ def _row(label: str, estimate: Estimate, remark: str) -> tuple[str, ...]:
     places = places_of(estimate)
     if estimate.status == "fixed":
         return (label, value_text(estimate), "", "", "", remark)
-    sd = "" if estimate.stderr is None or estimate.value is None else spread(estimate.stderr)
+    sd = "" if estimate.stderr is None or estimate.value is None else sd_text(estimate.stderr)
     inner, outer = (interval_text(each, places) for each in (estimate.interval68, estimate.interval95))
     return (label, value_text(estimate), sd, inner, outer, remark)
 
@@ -93,11 +95,15 @@ def derived(result: FitResult) -> list[tuple[str, Estimate]]:
         whose = f" [{series}]" if len(by_series) > 1 else ""
         for angle in transitions(result, series):
             found.append((f"transition angle, deg{whose}", angle))
-    sticking = result.derived.get("beta_sticking")
-    each = sticking if isinstance(sticking, Mapping) else {"": sticking}
+    closure = CLOSURES.get(result.closure)
+    meaning = None if closure is None or (closure.own and closure.own.meaning) else closure.meaning
+    if meaning is None:
+        return found  # what a closure itself declares stands beside its constant
+    entry = result.derived.get(meaning.name)
+    each = entry if isinstance(entry, Mapping) else {"": entry}
     for series, estimate in each.items():
         if isinstance(estimate, Estimate):
-            found.append((f"beta in sticking [{series}]" if series else "beta in sticking", estimate))
+            found.append((f"{meaning.words} [{series}]" if series else meaning.words, estimate))
     return found
 
 

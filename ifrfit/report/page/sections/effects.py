@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from ifrfit.inference.diagnostics.lack_of_fit import p_text
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.effects import EFFECTS
@@ -10,6 +9,7 @@ from ifrfit.report.page.blocks import Block, Paragraph, Section, Table
 from ifrfit.report.page.material import Material
 from ifrfit.report.page.phrases import sentence
 from ifrfit.report.sentences import scene_notes
+from ifrfit.text import p_text
 
 # what a misfit may be instead of an effect
 _RIVALS = {

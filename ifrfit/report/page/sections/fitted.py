@@ -7,7 +7,8 @@ from ifrfit.report.page.blocks import Block, Panel, Paragraph, Picture, Pictures
 from ifrfit.report.page.explorer import payload, why_not
 from ifrfit.report.page.material import Material
 from ifrfit.report.page.phrases import stand_in_words
-from ifrfit.report.regimes import joined, regime_lines
+from ifrfit.report.regimes import regime_lines
+from ifrfit.text import joined
 
 REGIMES = " Shaded: sticking; grey bar: where sticking turns into sliding."
 NO_POINTS = "The result holds no points (it keeps at most 100,000 rows), so there is nothing to draw."

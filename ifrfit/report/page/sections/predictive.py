@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from ifrfit.inference.diagnostics.lack_of_fit import p_text
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Section, Table
 from ifrfit.report.page.drawings.checks import draw_checks
 from ifrfit.report.page.material import Material
 from ifrfit.report.page.phrases import sentence
 from ifrfit.report.sentences import CHECKS
+from ifrfit.text import p_text
 
 MEANING = {
     "chi2": "whether the scatter is as large as sigma says",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Section
 from ifrfit.report.page.drawings.profiles import draw_profile
 from ifrfit.report.page.material import Material
@@ -52,4 +53,6 @@ def _says_more(material: Material, name: str) -> bool:
     kind = name.partition("[")[0]
     if kind == "kappa":
         return any(label.partition("[")[0] == "e_n" for label in material.free)
-    return kind != "beta_sticking"
+    closure = CLOSURES.get(material.result.closure)
+    meaning = None if closure is None else closure.meaning
+    return meaning is None or kind != meaning.name or not meaning.linear

@@ -12,16 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.inference.posterior import marginals as of
-from ifrfit.inference.posterior.convergence import largest_change, levels_of, panel_errors, quantiles_of
-from ifrfit.inference.posterior.free_parameter import Unknown
-from ifrfit.inference.posterior.integral_layout import Plan, make_plan
-from ifrfit.inference.posterior.joint_grid import Grid
-from ifrfit.inference.posterior.marginal_sources import quantities_of
-from ifrfit.inference.posterior.marginals import Quantity
-from ifrfit.inference.posterior.parameter_marginals import of_series
+from ifrfit.inference.posterior.convergence import largest_error, levels_of, panel_errors, quantiles_of
+from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
+from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.marginal_sources import marginals_of
+from ifrfit.inference.posterior.marginals import Marginal
+from ifrfit.inference.posterior.parameter_marginals import series_marginal
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ _CLEARLY = 1e-6  # the same on a first grid, which is not refined any further th
 
 
 @dataclass(frozen=True)
-class Posterior:
+class QuadraturePosterior:
     """What the data and the priors say of every constant, with the error that the quadrature reached.
 
     Attributes
@@ -64,9 +64,9 @@ class Posterior:
     error: float
     error_evidence: float
     tolerance: float
-    plan: Plan = field(repr=False)
-    grid: Grid = field(repr=False)
-    quantities: Mapping[str, Quantity] = field(repr=False)
+    plan: IntegralLayout = field(repr=False)
+    grid: JointDensity = field(repr=False)
+    quantities: Mapping[str, Marginal] = field(repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,11 +143,11 @@ class Posterior:
         block = self.problem.series.index(series) if len(self.plan.blocks) > 1 else 0
         part = self.plan.joint.series[self.plan.tangential[block]]
         c = self.plan.unknowns["c", block]
-        if part.misfit.law is not None or (part.stretched and isinstance(c, Unknown)):
-            own = of_series(self.grid, self.plan.tangential[block], "tau", "tau")
+        if part.misfit.law is not None or (part.stretched and isinstance(c, FreeParameter)):
+            own = series_marginal(self.grid, self.plan.tangential[block], "tau", "tau")
             share = quantiles_of(own, np.array(LEVELS), own.moments(0), self.tolerance)
             return np.asarray(part.unit * share / np.maximum(1.0 - share, _NO_END))
-        b = float(part.misfit.b(c if not isinstance(c, Unknown) else 0.0))
+        b = float(part.misfit.b(c if not isinstance(c, FreeParameter) else 0.0))
         names = [name for name in self.quantities if name.startswith("kappa")]
         name = next((n for n in names if n.endswith(f"[{series}]")), names[0])
         return np.asarray(self.quantile(name, LEVELS)) / b
@@ -159,12 +159,12 @@ class Posterior:
         return draw(self, n, rng)
 
 
-def explore(
+def integrate(
     problem: Problem,
     tolerance: float = TOLERANCE,
     start: LeastSquares | None = None,
     over: Callable[[], bool] | None = None,
-) -> Posterior:
+) -> QuadraturePosterior:
     """Integrate the posterior of a problem.
 
     Parameters
@@ -192,22 +192,22 @@ def explore(
     """
     if start is None:
         start = least_squares(problem)
-    plan = make_plan(problem, start, tolerance, apart=True)
+    plan = make_layout(problem, start, tolerance, apart=True)
     found = _refined(plan, problem, tolerance, over)
     if found is None or (plan.apart and touches_wall(plan, found.quantities)):
-        plan = make_plan(problem, start, tolerance, apart=False)
+        plan = make_layout(problem, start, tolerance, apart=False)
         found = _refined(plan, problem, tolerance, over)
     assert found is not None
     return found
 
 
-def touches_wall(plan: Plan, quantities: Mapping[str, Quantity], mass: float = _WALL) -> bool:
+def touches_wall(plan: IntegralLayout, quantities: Mapping[str, Marginal], mass: float = _WALL) -> bool:
     """Whether kappa reaches the end of its domain with that mass, where the bound of mu ties it to e_n."""
     for number in set(plan.tangential):
         unknown = plan.joint.series[number].mu
         if unknown is None:
             unknown = next(s.unknown for s in plan.joint.shared if s.kind == "mu")
-        assert isinstance(unknown, Unknown)
+        assert isinstance(unknown, FreeParameter)
         for name in (n for n in quantities if n.startswith("kappa")):
             if 1.0 - quantities[name].cdf(np.array([0.999 * unknown.upper]), 1)[0, 0] > mass:
                 return True
@@ -215,8 +215,8 @@ def touches_wall(plan: Plan, quantities: Mapping[str, Quantity], mass: float = _
 
 
 def _refined(
-    plan: Plan, problem: Problem, tolerance: float, over: Callable[[], bool] | None
-) -> Posterior | None:
+    plan: IntegralLayout, problem: Problem, tolerance: float, over: Callable[[], bool] | None
+) -> QuadraturePosterior | None:
     """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more.
 
     None where the plan takes e_n apart, and kappa clearly reaches the end of its domain.
@@ -239,10 +239,10 @@ def _refined(
         error_evidence = grid.evidence_error()
         last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST or (over is not None and over())
         if error_evidence <= tolerance or last:
-            quantities = quantities_of(plan, grid)
+            quantities = marginals_of(plan, grid)
             if plan.apart and open_ended and touches_wall(plan, quantities, _CLEARLY):
                 return None
-            error = largest_change(quantities, tolerance)
+            error = largest_error(quantities, tolerance)
             errors.append(error)
             patience = _PATIENCE if _size(grid) > _DEAR else _PATIENT
             stuck = len(errors) > patience and error > 0.5 * errors[-1 - patience]
@@ -256,17 +256,19 @@ def _refined(
         allowed = _finer(plan, grid, found, tolerance, allowed, everywhere=not helps or _size(grid) <= _CHEAP)
         if plan.joint.size() > _MOST:  # content with the last grid, and its error
             plan.joint.lay_out(layout)
-            quantities = quantities_of(plan, grid)
-            error = largest_change(quantities, tolerance)
+            quantities = marginals_of(plan, grid)
+            error = largest_error(quantities, tolerance)
             break
     log_evidence = float(grid.log_z[0])
-    return Posterior(problem, log_evidence, error, error_evidence, tolerance, plan, grid, quantities)
+    return QuadraturePosterior(
+        problem, log_evidence, error, error_evidence, tolerance, plan, grid, quantities
+    )
 
 
 def _finer(
-    plan: Plan,
-    grid: Grid,
-    quantities: Mapping[str, Quantity],
+    plan: IntegralLayout,
+    grid: JointDensity,
+    quantities: Mapping[str, Marginal],
     tolerance: float,
     allowed: float,
     *,
@@ -284,5 +286,5 @@ def _finer(
     return allowed
 
 
-def _size(grid: Grid) -> int:
+def _size(grid: JointDensity) -> int:
     return sum(max(tensor.f.size, tensor.g[0].size) for tensor in grid.tensors)

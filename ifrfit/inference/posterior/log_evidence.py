@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
-from ifrfit.inference.posterior.integral_layout import Plan, make_plan
-from ifrfit.inference.posterior.integrate import TOLERANCE, touches_wall
-from ifrfit.inference.posterior.joint_grid import Grid
-from ifrfit.inference.posterior.marginal_sources import quantities_of
+from ifrfit.inference.posterior.adaptive_quadrature import TOLERANCE, touches_wall
+from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
+from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.marginal_sources import marginals_of
 
 _ROUNDS = 30
 _NOTHING = 1e-7  # share of the mass, times the tolerance, that a first look may leave out
@@ -27,18 +27,18 @@ def log_evidence(problem: Problem, tolerance: float = TOLERANCE, start: LeastSqu
     Raises
     ------
     DataError, UsageError
-        As `explore`.
+        As `integrate`.
     """
     if start is None:
         start = least_squares(problem)
-    plan = make_plan(problem, start, tolerance, apart=True)
+    plan = make_layout(problem, start, tolerance, apart=True)
     grid = _integrated(plan, tolerance)
-    if plan.apart and touches_wall(plan, quantities_of(plan, grid)):
-        grid = _integrated(make_plan(problem, start, tolerance, apart=False), tolerance)
+    if plan.apart and touches_wall(plan, marginals_of(plan, grid)):
+        grid = _integrated(make_layout(problem, start, tolerance, apart=False), tolerance)
     return float(grid.log_z[0])
 
 
-def _integrated(plan: Plan, tolerance: float) -> Grid:
+def _integrated(plan: IntegralLayout, tolerance: float) -> JointDensity:
     """Refine until the evidence comes to rest, or nothing helps any more."""
     allowed = tolerance
     plan.joint.scout(_NOTHING * tolerance)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.model.parameters import Constant
+from ifrfit.inference.model.parameters import Parameter
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ _WIDE = 10.0  # sd beyond the mean of a Gaussian prior to which an unbounded dom
 
 
 @dataclass(frozen=True)
-class Unknown:
+class FreeParameter:
     """One free entry of theta.
 
     Attributes
@@ -39,7 +39,7 @@ class Unknown:
     log_scale: float
 
     @classmethod
-    def of(cls, name: str, constant: Constant) -> Unknown:
+    def of(cls, name: str, constant: Parameter) -> FreeParameter:
         """The unknown behind a constant; an unbounded mu reaches to the end of its default prior."""
         lower, upper = constant.lower, constant.upper
         if math.isinf(upper):

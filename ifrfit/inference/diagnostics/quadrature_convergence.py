@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.posterior.integrate import Posterior
+from ifrfit.inference.posterior.adaptive_quadrature import QuadraturePosterior
 from ifrfit.inference.result.types import Fact
 
 
-def exact_converged(posterior: Posterior, settled: Fact) -> Fact:
+def quadrature_convergence(posterior: QuadraturePosterior, settled: Fact) -> Fact:
     """Whether the quadrature reached its tolerance, and the noise of the least squares behind it settled."""
     figures = {
         "error": posterior.error,

@@ -1,9 +1,11 @@
-"""Tables and JSON of a simulation."""
+"""What was simulated: impacts and outcomes of a scene, with their tables and their JSON."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +15,74 @@ from ifrfit.data.observations import SCHEMA
 from ifrfit.data.schema import OBSERVABLES as COMMON
 from ifrfit.data.schema import TINY
 from ifrfit.data.validate import without_value
-from ifrfit.physics.effects import EFFECTS
+from ifrfit.inference.result.display import Display
+from ifrfit.physics.effects import EFFECTS, Contact, Impacts, Outcome, Plan, PlanLine
 from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.physics.scenes import Scene
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from ifrfit.physics.effects import PlanLine
-    from ifrfit.simulation.simulate import Simulation
 
 Array = NDArray[np.float64]
 
 VERSION = "ifrfit/simulation/1"
 QUANTILES = (0.16, 0.84, 0.025, 0.975)
+
+
+@dataclass(frozen=True)
+class Simulation(Display):
+    """Simulated impacts of a scene. Frozen.
+
+    Attributes
+    ----------
+    scene : Scene
+    contact : Contact
+        With the inertia factor that was used.
+    impacts : Impacts
+        Flat: the samples of a grid point follow one another.
+    outcome : Outcome
+        Of the same shape.
+    plan : Plan
+    points : int
+        Number of grid points.
+    samples : int
+        Impacts at each.
+    noise : mapping
+        Observable to the noise added to each impact.
+    closure : str
+    seed : int
+    notes : tuple of str
+        What the user should know.
+    """
+
+    scene: Scene
+    contact: Contact
+    impacts: Impacts
+    outcome: Outcome
+    plan: Plan
+    points: int
+    samples: int
+    noise: Mapping[str, Array]
+    closure: str
+    seed: int
+    notes: tuple[str, ...]
+    drawn_by: ClassVar[str] = "ifrfit.report.simulation"
+
+    def rebounds(self) -> pd.DataFrame:
+        """Observations in the common schema, provenance ``simulated``; see `rebounds_of`."""
+        return rebounds_of(self)
+
+    def table(self) -> pd.DataFrame:
+        """One impact a row: conditions, constants, what came out; see `impacts_of`."""
+        return impacts_of(self)
+
+    def curves(self) -> pd.DataFrame:
+        """Each observable at each grid point, with bands where anything was drawn; see `curves_of`."""
+        return curves_of(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Exactly the content of simulation.json."""
+        return to_dict(self)
 
 
 def observed(simulation: Simulation, name: str) -> Array:

@@ -1,0 +1,46 @@
+"""How results are shown: by a module of the layers above, looked up by its name when asked.
+
+Results stand below the reports that draw them, so no module here imports one. Each class names the package
+that draws it; this is the one place where such a name becomes an import.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Renderer(Protocol):
+    """What a package that draws a class of results must offer."""
+
+    def summary(self, shown: Any, /) -> str:
+        """The result as text for a terminal."""
+
+    def plot(self, shown: Any, /) -> Figure:
+        """Its figure."""
+
+    def html(self, shown: Any, /) -> str:
+        """An HTML fragment for notebooks; what comes from data is escaped."""
+
+
+class Display:
+    """Text, figure and notebook table of a result, drawn by the package that `drawn_by` names."""
+
+    drawn_by: ClassVar[str]
+
+    def summary(self) -> str:
+        """The result as text for a terminal, at most 100 columns."""
+        return self._renderer().summary(self)
+
+    def plot(self) -> Figure:
+        """Figure of the result; not known to pyplot."""
+        return self._renderer().plot(self)
+
+    def _repr_html_(self) -> str:
+        return self._renderer().html(self)
+
+    def _renderer(self) -> Renderer:
+        return cast("Renderer", import_module(self.drawn_by))
