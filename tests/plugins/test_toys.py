@@ -72,7 +72,7 @@ def fits(folder: Path, toys: None) -> dict[str, Any]:
 # ---- closures
 
 
-@pytest.mark.parametrize("method", ESTIMATORS)
+@pytest.mark.parametrize("method", tuple(ESTIMATORS))
 def test_a_closure_with_a_new_constant_is_fitted_by_every_method(folder: Path, method: str) -> None:
     found = ifrfit.fit(table(folder, GRIP), closure="grip", method=method, fix={"e_n": 0.9})
     estimate = found.constants["g_rip"]

@@ -1,14 +1,11 @@
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
-import sys
 from dataclasses import fields, replace
 from importlib.resources import files
-from pathlib import Path
-from types import ModuleType
 
+import built_results as made
 import jsonschema
 import numpy as np
 import pandas as pd
@@ -56,20 +53,6 @@ CASES = (
     "posterior",
     "scaled_posterior",
 )
-
-
-def results_module() -> ModuleType:
-    path = Path(__file__).parents[2] / "report" / "results.py"
-    spec = importlib.util.spec_from_file_location("made_results_for_json", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-made = results_module()
 
 
 @pytest.fixture(scope="module")
