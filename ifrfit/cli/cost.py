@@ -79,6 +79,6 @@ def costing(fit: Callable[..., None]) -> Callable[..., None]:
 
 
 def _json(costs: Costs) -> str:
-    from ifrfit.cost.report.to_json import dumps
+    from ifrfit.inference.io.json_text import dumps
 
-    return dumps(costs)
+    return dumps(costs.to_dict())

@@ -14,7 +14,7 @@ import ifrfit
 from ifrfit import UsageError
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.io.read_result import from_dict
-from ifrfit.inference.io.write_result import dumps
+from ifrfit.inference.io.json_text import dumps
 
 GAMMA = np.linspace(5.0, 85.0, 30)
 

@@ -12,12 +12,12 @@ import pandas as pd
 import pytest
 import referencing
 from comparison_data import FOUR, observations
+from ifrfit.inference.comparison.write_json import dumps
 
 import ifrfit
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.closure_questions import chosen_closures
-from ifrfit.inference.comparison.write_json import dumps
 from ifrfit.physics.closures import CLOSURES
 
 
