@@ -41,7 +41,6 @@ UNNEEDED = (
 KNOWN_CIRCLES = tuple(
     {f"ifrfit.inference.{module}" for module in circle.split()}
     for circle in (
-        "bootstrap.summary result.method_results",
         "model.latent_quadrature model.row_likelihood",
         "optimize.local_minima optimize.piecewise optimize.refinement optimize.regime_sums",
         "optimize.irls optimize.least_squares",

@@ -12,7 +12,7 @@ from ifrfit.cost.compared_estimates import (
     QUANTITIES,
     Numbers,
     largest_errors,
-    of_law,
+    of_distribution,
     of_least_squares,
     of_profiles,
 )
@@ -180,7 +180,7 @@ def inference_costs(
             + " --kind physics or arithmetic."
         )
     reference = Reference(finest.tolerance, finest.error)
-    right = of_law(problem, finest)
+    right = of_distribution(problem, finest)
     return Measured(
         tuple(cost for a in answers for cost in _costs(a, right, reference)), reference, tuple(notes)
     )
@@ -218,7 +218,7 @@ def _deterministic(
 
 
 def _exact(problem: Problem, tolerance: float) -> Callable[[], Numbers]:
-    return lambda: of_law(problem, integrate(problem, tolerance))
+    return lambda: of_distribution(problem, integrate(problem, tolerance))
 
 
 def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[float], QuadraturePosterior]:
@@ -269,7 +269,7 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
             if drawn.answered < _FEWEST:
                 notes.append("The bootstrap is left out: hardly a replicate has an answer.")
                 return
-            numbers.append(of_law(problem, Draws.of(problem, drawn.draws)))
+            numbers.append(of_distribution(problem, Draws.of(problem, drawn.draws)))
             seconds.append(time.perf_counter() - begin)
         each = max(seconds) / replicates
         yield _Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds))

@@ -74,7 +74,7 @@ def _plain(value: object) -> str:
 
 
 @dataclass(frozen=True)
-class Done:
+class FittedCase:
     """A case with its fit and its lines; no fit where the user's own data do not have what it asks for."""
 
     name: str
@@ -83,7 +83,7 @@ class Done:
     result: FitResult | None
     lines: tuple[Line, ...]
     refusal: str = ""
-    again: bool = False
+    repeats_data: bool = False
 
     @property
     def stand_in(self) -> bool:
@@ -132,7 +132,7 @@ def _finite(end: float) -> float | None:
     return end if math.isfinite(end) else None
 
 
-def held(done: Iterable[Done]) -> tuple[int, int]:
+def count_recovered(done: Iterable[FittedCase]) -> tuple[int, int]:
     """Count intervals of stand-ins that hold the value put in.
 
     Returns
@@ -141,9 +141,9 @@ def held(done: Iterable[Done]) -> tuple[int, int]:
         k intervals come from the data: those of constants that are determined or one-sided. Impacts that are
         fitted again through another observable do not count again.
     """
-    lines = [line for d in done if d.stand_in and not d.again for line in d.lines]
-    told = [line.recovers for line in lines if line.recovers is not None]
-    return sum(told), len(told)
+    lines = [line for d in done if d.stand_in and not d.repeats_data for line in d.lines]
+    recovered = [line.recovers for line in lines if line.recovers is not None]
+    return sum(recovered), len(recovered)
 
 
 def chance(hits: int, k: int) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.paper.axes import Abscissa, Ordinate
-from ifrfit.report.style import Look
+from ifrfit.report.style import SeriesStyle
 
 Array = NDArray[np.float64]
 Kind = Literal["data", "printed_constants", "recovered", "as_printed", "other"]
@@ -75,18 +75,18 @@ class Curve:
 class Points:
     """Observations of one series. Residuals are standardised; None where the points are not fitted.
 
-    `ringed` tells the outliers.
+    `is_outlier` tells the outliers.
     """
 
     label: str
     x: Array
     y: Array
     sigma: Array
-    look: Look
+    series_style: SeriesStyle
     provenance: str
     sticking: NDArray[np.bool_] | None = None
     residual: Array | None = None
-    ringed: NDArray[np.bool_] | None = None
+    is_outlier: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
@@ -102,11 +102,11 @@ class Mark:
 
 @dataclass(frozen=True)
 class Regimes:
-    """Ranges of x with their regime; the look of their series where several differ."""
+    """Ranges of x with their regime; the style of their series where several differ."""
 
     spans: tuple[tuple[float, float, str], ...]
     marks: tuple[Mark, ...]
-    look: Look | None = None
+    series_style: SeriesStyle | None = None
 
 
 @dataclass(frozen=True)

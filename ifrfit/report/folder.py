@@ -93,7 +93,7 @@ def deliver(fill: Callable[[Path], list[str]], target: Path, of: Contents, *, fo
     place = target.resolve()
     check_free(target, force=force, of=of)
     fresh = _beside(place, "new")
-    made = [parent for parent in fresh.parents if not parent.exists()]
+    created = [parent for parent in fresh.parents if not parent.exists()]
     try:
         fresh.mkdir(parents=True)
         names = fill(fresh)
@@ -104,7 +104,7 @@ def deliver(fill: Callable[[Path], list[str]], target: Path, of: Contents, *, fo
         ) from None
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
-        for parent in made:  # empty ones only: what holds a result stays
+        for parent in created:  # empty ones only: what holds a result stays
             with contextlib.suppress(OSError):
                 parent.rmdir()
     return names

@@ -195,13 +195,13 @@ def curves_of(simulation: Simulation) -> pd.DataFrame:
 
     scene, shape = simulation.scene, (simulation.points, simulation.samples)
     given = {name: column.reshape(shape)[:, 0] for name, column in conditions(simulation).items()}
-    asked = scene.grid()
+    axis_values = scene.grid()
     captured = simulation.outcome.captured.reshape(shape).mean(axis=1)
     parts = []
     for name in scene.observables:
         middle, band = _bands(observed(simulation, name).reshape(shape))
         frame: dict[str, Any] = {"observable": name}
-        frame |= {axis: asked[axis] if scene.spin_unit else given[axis] for axis in scene.axes}
+        frame |= {axis: axis_values[axis] if scene.spin_unit else given[axis] for axis in scene.axes}
         frame |= {"value": middle}
         frame |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
         parts.append(pd.DataFrame(frame | {"captured": captured}))

@@ -10,7 +10,7 @@ import pytest
 from ifrfit.data.catalogue import dataset_names, install, load_dataset, printed_constants
 from ifrfit.errors import UsageError
 from ifrfit.paper import cases, reproduce
-from ifrfit.paper.figure_selection import chosen
+from ifrfit.paper.figure_selection import select_figures
 from ifrfit.paper.figures import FIGURES
 from ifrfit.paper.recovered_constants import chance
 
@@ -197,7 +197,7 @@ def test_a_second_whole_run_writes_the_same_bytes(whole, tmp_path):
     ],
 )
 def test_figures_are_chosen_by_name(wanted, stems):
-    assert [figure.stem for figure in chosen(wanted, False).figures] == stems
+    assert [figure.stem for figure in select_figures(wanted, False).figures] == stems
 
 
 @pytest.mark.parametrize("name", ["10", "", "A3", "kharaz-gamma", "a"])
@@ -205,7 +205,7 @@ def test_an_unknown_figure_is_refused_with_those_there_are(name):
     with pytest.raises(
         UsageError, match=r"there is no such figure\. There are 1, 2, 3, 4a, .*kharaz-delta\."
     ):
-        chosen((name,), False)
+        select_figures((name,), False)
 
 
 def test_one_figure_leaves_the_others_and_the_table_alone(tmp_path):

@@ -14,7 +14,7 @@ says what null stands for in it, so that it can be read back.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sized
+from collections.abc import Callable, Mapping, Sequence, Sized
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cache
 from types import NoneType, UnionType
@@ -214,6 +214,7 @@ _WORDS: dict[type, str] = {
     float: "a number",
     NoneType: "null",
 }
+_LISTS = (tuple, Sequence)
 
 
 def from_plain(hint: Any, node: Node, beside: Node | None = None) -> Any:
@@ -222,8 +223,8 @@ def from_plain(hint: Any, node: Node, beside: Node | None = None) -> Any:
     Parameters
     ----------
     hint
-        Dataclass, mapping of str, tuple, Literal, union, str, bool, int, float, None or Any; ``Annotated``
-        with `Null` or `Shape`.
+        Dataclass, mapping of str, tuple or sequence, Literal, union, str, bool, int, float, None or Any;
+        ``Annotated`` with `Null` or `Shape`.
     node : Node
     beside : Node, optional
         The object that `node` stands in, for a `Shape`.
@@ -250,7 +251,7 @@ def from_plain(hint: Any, node: Node, beside: Node | None = None) -> Any:
     if kind is Mapping:
         node.check(dict)
         return {key: from_plain(args[1], node[key]) for key in node.value}
-    if kind is tuple:
+    if kind in _LISTS:
         return tuple(node.each(lambda item: from_plain(args[0], item)))
     if is_dataclass(hint):
         return _instance(hint, node)
@@ -287,7 +288,7 @@ def _member(kinds: tuple[Any, ...], node: Node) -> Any:
     value = node.value
     if value is None and NoneType in kinds:
         return NoneType
-    lists = [kind for kind in kinds if get_origin(kind) is tuple]
+    lists = [kind for kind in kinds if get_origin(kind) in _LISTS]
     if isinstance(value, list) and lists:
         return lists[0]
     others = [kind for kind in kinds if kind is not NoneType and kind not in lists] or lists

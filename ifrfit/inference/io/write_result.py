@@ -16,6 +16,7 @@ from ifrfit.inference.accuracy.types import Effort
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
 from ifrfit.inference.io.plain import OPTIONAL, Nulls, Shape, to_plain
 from ifrfit.inference.result.types import (
+    Angles,
     Constants,
     Estimate,
     Fact,
@@ -35,8 +36,6 @@ MOST_ROWS = 100_000
 NULL_MARK = "Written as null: "
 # what the noise common to all rows is called in the file; every other noise has a slash in its name
 FACTOR = "factor"
-
-Angles = Estimate | tuple[Estimate, ...] | None
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ class ResultFile:
     asked: Mapping[str, ParameterInFile] = field(default_factory=dict, metadata=OPTIONAL)
     effort: Effort | None = field(default=None, metadata=OPTIONAL)
     constants: Constants
-    derived: Mapping[str, Angles | Mapping[str, Angles]]
+    derived: Mapping[str, Estimate | Mapping[str, Angles]]
     correlation: Correlation
     fit: FitStatistics
     facts: Mapping[str, Fact]

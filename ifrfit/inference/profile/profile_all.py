@@ -14,13 +14,13 @@ from ifrfit.inference.profile.intervals import profile_of
 from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, profile_curve, quantities_of, transition_tau
 from ifrfit.inference.profile.types import Profile
-from ifrfit.inference.result.types import Constants, Estimate
-from ifrfit.inference.summary.derived import Angles, angle_near, median_spin, transitions_of
+from ifrfit.inference.result.types import Angles, Constants, Estimate
+from ifrfit.inference.summary.derived import angle_near, constant_bound, median_spin, transitions_of
 from ifrfit.inference.summary.estimates import kappa_of_constants
 from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
 from ifrfit.inference.summary.status import KAPPA, Domain, Known, fixed_estimate, linear
-from ifrfit.physics.closures import Coefficients, Meaning
+from ifrfit.physics.closures import Meaning
 from ifrfit.physics.transition import transition_angles
 
 
@@ -84,17 +84,17 @@ def _transitions(
 ) -> dict[str, Profile]:
     """Transition angle(s) of a series: what its slip ratio at the transition becomes at its median spin."""
     problem, fit = misfit.problem, misfit.fit
-    law = problem.closure.law(problem.inertia_factor)
+    b = constant_bound(problem)
     kappa = found.get("kappa") or found.get(f"kappa[{series}]")
     if kappa is None:
         return {}
-    if isinstance(law, Coefficients) and law.b1 == 0.0:
-        tau = kappa.mapped("transition_tau", lambda x: x / law.b0)
+    if b is not None:
+        tau = kappa.mapped("transition_tau", lambda x: x / b)
     else:
         quantity = transition_tau(problem, fit, number)
         if quantity is None:
             return {}
-        tau = _profile(misfit, quantity, Known(kappa.stated), curves)
+        tau = _profile(misfit, quantity, Known(kappa.has_value), curves)
     spin_x, spin_y = median_spin(problem, number)
     angles = transition_angles(tau.value, spin_x, spin_y)
     out = {}

@@ -91,9 +91,9 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
         if mu.fixed is not None:
             e = min(max(x / mu.fixed - 1.0, e_n.lower), e_n.upper) if mu.fixed > 0.0 else e_n.lower
             return best_with(problem, sigma, {i_e: e}, near)
-        settled = settled_e_n(problem, sigma, series)
-        if settled is not None:
-            at = {i_mu: x / (1.0 + settled)} | ({} if e_n.fixed is not None else {i_e: settled})
+        best_e_n = settled_e_n(problem, sigma, series)
+        if best_e_n is not None:
+            at = {i_mu: x / (1.0 + best_e_n)} | ({} if e_n.fixed is not None else {i_e: best_e_n})
             return best_with(problem, sigma, at, near)
         found = best_over_e_n(problem, sigma, x, kappa_range(x, mu), near)
         if found is not None:

@@ -29,8 +29,8 @@ from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.fit_statistics import statistics_of
 from ifrfit.inference.result.state import state_of
-from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, Noise
-from ifrfit.inference.summary.derived import Angles, derived_of, transitions_of
+from ifrfit.inference.result.types import Angles, Constants, Estimate, Fact, FitStatistics, Noise
+from ifrfit.inference.summary.derived import derived_of, transitions_of
 from ifrfit.inference.summary.estimates import correlation_of, estimates_of, noise_of
 from ifrfit.inference.summary.gaussian import gaussian_approximation
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,16 @@ from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.profile.types import Profile
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
-from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, Noise, State
+from ifrfit.inference.result.types import (
+    Angles,
+    Constants,
+    Derived,
+    Estimate,
+    Fact,
+    FitStatistics,
+    Noise,
+    State,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,7 +89,7 @@ class Findings:
     inputs: tuple[Source, ...]
     noise: Noise
     constants: Constants
-    derived: Mapping[str, Any]
+    derived: Derived
     correlation: tuple[tuple[str, ...], NDArray[np.float64]]
     fit: FitStatistics
     facts: Mapping[str, Fact]
@@ -124,6 +133,12 @@ class Findings:
     def provenance(self) -> tuple[str, ...]:
         """Distinct provenances of the data used."""
         return tuple(dict.fromkeys(source.provenance for source in self.inputs))
+
+    @property
+    def transitions(self) -> Mapping[str, Angles]:
+        """Transition angles in degrees by series: one, two, or None."""
+        found = self.derived.get("transition_angle_deg", {})
+        return {} if isinstance(found, Estimate) else found
 
     def flat_constants(self) -> dict[str, Estimate]:
         """Constants by name, with the series in brackets where separate."""

@@ -47,7 +47,7 @@ def question(result: FitResult) -> tuple[Problem, LeastSquares]:
         )
     observations = Observations(result.points[list(TABLE_COLUMNS)], result.inputs)
     problem = make_problem(observations, closure, result.inertia_factor, result.asked, result.noise.policy)
-    problem = with_error_model(problem, result.noise.error_model, result.method)
+    problem = with_error_model(problem, result.noise.error_model)
     return problem, least_squares(problem)
 
 

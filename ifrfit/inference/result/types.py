@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
@@ -159,3 +159,5 @@ class State:
 
 
 Constants = Mapping[str, Estimate | Mapping[str, Estimate]]
+Angles = Estimate | Sequence[Estimate] | None  # one transition, two, or none
+Derived = Mapping[str, Estimate | Mapping[str, Estimate] | Mapping[str, Angles]]

@@ -11,16 +11,14 @@ import numpy as np
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution, transition_name
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.result.types import Constants, Estimate
-from ifrfit.physics.closures import Meaning
+from ifrfit.inference.result.types import Angles, Constants, Derived, Estimate
+from ifrfit.physics.closures import Coefficients, Meaning
 from ifrfit.physics.transition import transition_angles
-
-Angles = Estimate | list[Estimate] | None
 
 
 def derived_of(
     problem: Problem, constants: Constants, kappas: Mapping[str, Estimate], transitions: Mapping[str, Angles]
-) -> dict[str, Any]:
+) -> Derived:
     """kappa, transition_angle_deg, what the closure constant stands for; by series where they differ."""
     separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     return {
@@ -86,7 +84,7 @@ def transitions_of(
         By series; their status is that of the angles, and without a value there is none.
     distribution : Distribution, optional
         Its quantiles of the transition are taken, its median for the value; by default the Gaussian's, and
-        the optimum.
+        the optimum. Where the transition is kappa over a number, the estimate of kappa is all it takes.
     """
     found: dict[str, Angles] = {}
     for number, series in enumerate(problem.series):
@@ -97,11 +95,28 @@ def transitions_of(
             continue
         # a fixed kappa leaves the closure constant to the transition, which the Gaussian knows
         own = gaussian if distribution is None or kappa.status == "fixed" else distribution
-        taus = np.asarray(own.quantile(name, LEVELS), dtype=float).tolist()
-        if own is gaussian:
-            taus[2] = at_optimum.mode
+        b = constant_bound(problem)
+        if b is not None:
+            ends = (
+                kappa.interval95[0],
+                kappa.interval68[0],
+                kappa.value,
+                kappa.interval68[1],
+                kappa.interval95[1],
+            )
+            taus = [end / b for end in ends]
+        else:
+            taus = np.asarray(own.quantile(name, LEVELS), dtype=float).tolist()
+            if own is gaussian:
+                taus[2] = at_optimum.mode
         found[series] = _angles(problem, number, at_optimum.mode, taus, kappa)
     return found
+
+
+def constant_bound(problem: Problem) -> float | None:
+    """b of the transition tau = kappa/b where it does not depend on the closure constant; else None."""
+    law = problem.closure.law(problem.inertia_factor)
+    return law.b0 if isinstance(law, Coefficients) and law.b1 == 0.0 else None
 
 
 def _angles(problem: Problem, number: int, tau: float, taus: list[float], kappa: Estimate) -> Angles:

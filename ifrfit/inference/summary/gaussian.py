@@ -89,12 +89,12 @@ def _transition(problem: Problem, fit: LeastSquares, series: int, gradient: Arra
         return None
     kappa, functional = kappa_at(problem, fit, series)
     tau, functional = kappa / b, functional / b
+    if own:
+        functional = functional - tau * float(law.bound_slope(c)) / b * fit.local.to_theta[place]
+    bounds = Domain(0.0, math.inf, 1.0)
     if isinstance(law, Coefficients) and law.b1 == 0.0:
         domain = kappa_domain(problem, series)
         bounds = Domain(domain.lower / b, domain.upper / b, domain.prior_upper / b)
-    else:
-        functional = functional - tau * float(law.bound_slope(c)) / b * fit.local.to_theta[place]
-        bounds = Domain(0.0, math.inf, 1.0)
     return _marginal(fit, tau, functional, bounds, fit.noise_dof, gradient)
 
 

@@ -24,7 +24,7 @@ LARGEST_MU = 2.0
 RIDGE = 1e-12  # of a correlation matrix: a direction without any spread still has a distance
 
 
-def why_not(result: FitResult) -> str:
+def reason_without_panel(result: FitResult) -> str:
     """Why there is no panel; empty where there is one."""
     if result.closure not in CLOSURES or not CLOSURES[result.closure].bilinear:
         return f"The panel knows no closure {result.closure}: the picture above stands alone."
@@ -42,7 +42,7 @@ def payload(result: FitResult) -> dict[str, Any]:
     Parameters
     ----------
     result : FitResult
-        With points; `why_not` of it is empty.
+        With points; `reason_without_panel` of it is empty.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def payload(result: FitResult) -> dict[str, Any]:
     step = -(-len(points) // MOST_ROWS)
     shown = points.iloc[::step]
     series = [str(name) for name in result.points["series"].unique()]
-    look = style.looks(series)
+    styles = style.series_styles(series)
     yardstick = "sigma" if result.noise.policy == "scaled" else "sigma_used"
     return {
         "inertia": float(result.inertia_factor),
@@ -79,8 +79,8 @@ def payload(result: FitResult) -> dict[str, Any]:
             {
                 "name": name,
                 "short": shortened(name, 40),
-                "colour": look[name].colour,
-                "marker": look[name].marker,
+                "colour": styles[name].colour,
+                "marker": styles[name].marker,
                 "spin_x": _median(points, name, "spin_x"),
                 "spin_y": _median(points, name, "spin_y"),
             }
@@ -114,13 +114,13 @@ def _yardstick(result: FitResult) -> str:
     """Which sigma chi2 rests on: as in the result, that of the data where they have one."""
     if result.noise.policy == "unknown":
         return "the noise of the fit"
-    stated = "the sigma that the data state"
+    words = "the sigma that the data state"
     if result.noise.policy == "known":
-        return stated
+        return words
     found = result.noise.estimates.get("")
     optimum = float((result.points["sigma_used"] / result.points["sigma"]).median())
     factor = optimum if found is None or found.value is None else found.value
-    return f"{stated}; the noise of the fit is {factor:.3g} times that"
+    return f"{words}; the noise of the fit is {factor:.3g} times that"
 
 
 def _observables(result: FitResult) -> list[str]:

@@ -54,16 +54,16 @@ def environment() -> Environment:
     """Jinja2 with escaping on and undefined names refused."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    made = Environment(
+    found = Environment(
         loader=PackageLoader("ifrfit.report.page"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["data_uri"] = data_uri
-    made.filters["picture"] = _picture
-    return made
+    found.filters["data_uri"] = data_uri
+    found.filters["picture"] = _picture
+    return found
 
 
 def asset(*names: str) -> str:

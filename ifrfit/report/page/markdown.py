@@ -25,7 +25,7 @@ def markdown_files(report: Report, stem: str) -> dict[str, bytes]:
         lines += ["", f"## {escaped(section.title)}", ""]
         for block in section.blocks:
             lines += [*_block(block, folder, figures), ""]
-    lines += ["---", "", escaped(", ".join(f"{name} {text}" for name, text in report.made.items())), ""]
+    lines += ["---", "", escaped(", ".join(f"{name} {text}" for name, text in report.footer.items())), ""]
     text = "\n".join(lines)
     return {f"{stem}.md": text.encode("utf-8"), **figures}
 

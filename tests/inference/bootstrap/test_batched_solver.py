@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bootstrap_scenes import fitted, scene
 from random_problems import random_problem
-from scenes import fitted, scene
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.bootstrap.batched_solver import Together

@@ -1,25 +1,21 @@
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
-import sys
 from dataclasses import fields, replace
-from importlib.resources import files
-from pathlib import Path
-from types import ModuleType
 
-import jsonschema
+import built_results as made
 import numpy as np
 import pandas as pd
 import pytest
+from json_schemas import validator
 
 import ifrfit
 from ifrfit.errors import DataError
 from ifrfit.inference.io import json_text
 from ifrfit.inference.io import write_result as serialise
-from ifrfit.inference.io.read_result import from_dict, load_result
 from ifrfit.inference.io.json_text import dumps
+from ifrfit.inference.io.read_result import from_dict, load_result
 from ifrfit.inference.io.write_result import NULL_MARK, to_dict
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Fact
@@ -59,25 +55,9 @@ CASES = (
 )
 
 
-def results_module() -> ModuleType:
-    path = Path(__file__).parents[2] / "report" / "results.py"
-    spec = importlib.util.spec_from_file_location("made_results_for_json", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-made = results_module()
-
-
 @pytest.fixture(scope="module")
 def schema():
-    content = json.loads(files("ifrfit").joinpath("result.schema.json").read_text(encoding="utf-8"))
-    jsonschema.Draft202012Validator.check_schema(content)
-    return jsonschema.Draft202012Validator(content)
+    return validator("result")
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -7,24 +7,19 @@ are MINPACK's on a model written out by hand, so that they share nothing with th
 from __future__ import annotations
 
 import os
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from calibrate import compare, compare_many, summary
+from local_search import Local
+from random_problems import random_problem
 
 import ifrfit.inference.optimize.group_optimum as block_solver
 from ifrfit.inference.optimize.optimum import objective_at
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, PiecewiseProblem
 from ifrfit.inference.optimize.piecewise import minimise as certified_minimum
 from ifrfit.inference.optimize.solve import solve
-
-sys.path.insert(0, str(Path(__file__).parents[3] / "scripts"))  # workers find the module by it, too
-
-from calibrate import compare, compare_many, summary
-from local_search import Local
-from random_problems import random_problem
 
 SEED = 20230101
 

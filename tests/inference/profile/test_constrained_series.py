@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hard_cases.synthetic import FAN, HEADER, noise, rows, values
 
 import ifrfit
 from ifrfit.inference.model.problem import Problem
@@ -16,10 +16,6 @@ from ifrfit.inference.optimize.optimum import objective_at
 from ifrfit.inference.profile.constrained_fit import best_with
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import Profile
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from hard_cases.synthetic import FAN, HEADER, noise, rows, values
 
 DROPS = (5.0, 10.0)
 
@@ -49,7 +45,7 @@ def test_mu_of_a_series_goes_with_an_open_restitution(tmp_path: Path) -> None:
     for series in ("first", "second"):
         mu, kappa = found[f"mu[{series}]"], found[f"kappa[{series}]"]
         assert kappa.status == "determined"
-        assert (mu.status, mu.stated) == ("not_determined", False)
+        assert (mu.status, mu.has_value) == ("not_determined", False)
         for level in ("central68", "central95"):
             low, high = getattr(kappa, level)
             assert getattr(mu, level) == pytest.approx((low / 2.0, high), rel=1e-5)

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hard_cases.synthetic import FAN, GRAZING, HEADER, STEEP, TRUTH, noise, rows, table, values
 from scipy import special
 
 import ifrfit
@@ -20,10 +20,6 @@ from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import Profile
 from ifrfit.inference.result.build import build_result
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from hard_cases.synthetic import FAN, GRAZING, HEADER, STEEP, TRUTH, noise, rows, table, values
 
 KNOWN = {"e_n": TRUTH["e_n"]}
 Z = float(special.ndtri(0.975))

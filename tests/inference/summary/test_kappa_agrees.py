@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import ifrfit
+from ifrfit import Bootstrap
 from ifrfit.inference.result.types import Estimate
 
 GAMMA = [5.0, 15.0, 25.0, 35.0, 45.0, 60.0, 75.0]
@@ -15,8 +16,8 @@ METHODS = {
     "lsq": {"method": "lsq"},
     "profile": {"method": "profile"},
     "exact": {"method": "exact"},
-    "bootstrap": {"method": "bootstrap", "replicates": 100},
-    "wild": {"method": "bootstrap", "resample": "wild", "replicates": 100},
+    "bootstrap": {"method": Bootstrap(replicates=100)},
+    "wild": {"method": Bootstrap("wild", replicates=100)},
 }
 CHOICES: dict[str, dict[str, Any]] = {
     "free": {},

@@ -21,7 +21,7 @@ from ifrfit.report.page.drawings.residuals import draw_against, draw_quantiles, 
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.page.sections.identifiability import directions
 from ifrfit.report.page.svg import inline
-from ifrfit.report.style import looks
+from ifrfit.report.style import series_styles
 
 
 def marks(axes):
@@ -45,7 +45,7 @@ def test_the_band_of_ordered_residuals_holds_95_per_cent_of_each():
 
 def test_residuals_are_drawn_where_they_are(results):
     result = results("hostile")
-    look = looks(list(result.points["series"].unique()))
+    look = series_styles(list(result.points["series"].unique()))
     z = result.points["standardised"].to_numpy()
     for figure in (
         draw_against(result, look, result.points["gamma_deg"].to_numpy(), "γ"),

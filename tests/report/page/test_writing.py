@@ -6,12 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
+from factories import small_report
 
 from ifrfit.errors import UsageError
 from ifrfit.report.page import write_batch, write_report
-from ifrfit.report.page.batch import index, named
-from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Report, Section
-from ifrfit.report.page.drawings.checks import draw_checks
+from ifrfit.report.page.batch import index, named_entries
 from ifrfit.report.page.html import fill
 from ifrfit.report.page.markdown import escaped, markdown_files
 
@@ -21,10 +20,7 @@ KINDS = {"html": b"<!DOCTYPE html>", "md": b"<!-- ifrfit report -->", "pdf": b"%
 @pytest.fixture
 def small(monkeypatch):
     """Reports of one paragraph and one picture, where only their files matter."""
-    picture = Picture("checks", "Checks", "one", draw_checks({"chi2": 0.5}))
-    sections = (Section("one", "One", (Paragraph("Words."), Pictures((picture,), "A caption."))),)
-    report = Report("small", (), ("It is.", "Nothing."), False, sections, {"ifrfit": "1"})
-    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_, **__: report)
+    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_: small_report())
 
 
 @pytest.mark.usefixtures("small")
@@ -76,7 +72,7 @@ def test_markdown_has_its_pictures_beside_it(reports):
 
 def test_names_in_a_batch_are_unique_and_safe(results):
     paths = ("a/result.json", "b/a.json", "c/A.json", "d/index.json", "x/<img>.json", "y/..json")
-    entries = named([(Path(path), results("lsq")) for path in paths], "html")
+    entries = named_entries([(Path(path), results("lsq")) for path in paths], "html")
     names = [entry.name for entry in entries]
     assert names[:4] == ["a", "a-2", "A-3", "index-2"]
     assert len({name.lower() for name in names}) == len(names)
@@ -107,7 +103,7 @@ def test_a_batch_has_an_index_of_all(results, appraisals, tmp_path):
 
 
 def test_the_index_sorts_and_does_no_harm(results, opened):
-    entries = named(
+    entries = named_entries(
         [(Path(f"{n}.json"), results(n)) for n in ("fixed", "loose", "hostile", "digitised")], "html"
     )
     shown = opened(index(entries))

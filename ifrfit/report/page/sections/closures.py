@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import title
 from ifrfit.report.comparison.criteria_columns import CROSS_VALIDATION, criteria, cross_validated
-from ifrfit.report.comparison.figure import along_the_angle, plot
+from ifrfit.report.comparison.figure import observables_over_angle, plot
 from ifrfit.report.comparison.findings import findings, prior_line
 from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Table
 from ifrfit.report.page.phrases import sentence, stand_in_words
@@ -28,7 +28,7 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     head = ("closure", *(name for name, _ in columns))
     says = sentence(comparison.verdict.says)
     picture = Picture("closures", "Closures", says, plot(comparison, titled=False))
-    told = set(given.result.warnings)
+    shown_above = set(given.result.warnings)
     return (
         Paragraph(says),
         Table(prior_line(comparison), head, rows, frozenset(range(1, len(head)))),
@@ -36,12 +36,12 @@ def build(given: ReportInput) -> Sequence[Block] | None:
             (picture,),
             f"{stand_in_words(given.result)}{_caption(comparison)}",
         ),
-        Findings(tuple(item for item in findings(comparison) if item[1] not in told)),
+        Findings(tuple(item for item in findings(comparison) if item[1] not in shown_above)),
     )
 
 
 def _caption(comparison: Comparison) -> str:
-    if not along_the_angle(comparison):
+    if not observables_over_angle(comparison):
         return "Log Bayes factors against the best."
     return (
         "Data with the best curve of each closure, the residuals of each in units of its own sigma, and log "

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
+from ifrfit.inference.estimators import label_of, title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.physics.closures import CLOSURES
@@ -18,7 +19,7 @@ from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.regimes import transitions
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import METHODS, status_words
+from ifrfit.report.sentences import status_words
 from ifrfit.text import interval_text, sd_text
 
 if TYPE_CHECKING:
@@ -26,13 +27,6 @@ if TYPE_CHECKING:
 
 HEAD = ("constant", "value", "sd", "68 % interval", "95 % interval", "status")
 MOST_PICTURES = 8
-SHORT = {
-    "lsq": "least squares",
-    "exact": "exact",
-    "mcmc": "MCMC",
-    "bootstrap": "bootstrap",
-    "profile": "profile",
-}
 
 
 def build(given: ReportInput) -> Sequence[Block]:
@@ -40,7 +34,7 @@ def build(given: ReportInput) -> Sequence[Block]:
     blocks: list[Block] = [
         Table(
             "Constants, what follows from them, and the noise. Values and standard deviations as the "
-            f"{METHODS.get(given.result.method, given.result.method)} gives them.",
+            f"{title_of(given.result.method)} gives them.",
             HEAD,
             tuple(_rows(given.result)),
             frozenset({1, 2, 3, 4}),
@@ -61,9 +55,9 @@ def build(given: ReportInput) -> Sequence[Block]:
             Paragraph(f"Other methods are not shown here. {given.appraisal.without_profiles}", "note")
         )
     else:
-        said = [("note", sentence) for sentence in disagreements(given.appraisal.intervals)]
+        notes = [("note", sentence) for sentence in disagreements(given.appraisal.intervals)]
         if "exact" in _methods(given.appraisal.intervals):
-            blocks.append(Findings(tuple(said or [("ok", "the methods agree")])))
+            blocks.append(Findings(tuple(notes or [("ok", "the methods agree")])))
     return blocks
 
 
@@ -93,9 +87,8 @@ def _row(label: str, estimate: Estimate, remark: str) -> tuple[str, ...]:
 def derived(result: FitResult) -> list[tuple[str, Estimate]]:
     """Transition angles and the restitution in sticking, by name."""
     found = []
-    by_series = result.derived.get("transition_angle_deg") or {}
-    for series in by_series:
-        whose = f" [{series}]" if len(by_series) > 1 else ""
+    for series in result.transitions:
+        whose = f" [{series}]" if len(result.transitions) > 1 else ""
         for angle in transitions(result, series):
             found.append((f"transition angle, deg{whose}", angle))
     closure = CLOSURES.get(result.closure)
@@ -132,7 +125,7 @@ def _pictures(given: ReportInput) -> list[Picture]:
 
 
 def _spans(given: ReportInput, name: str, estimate: Estimate) -> tuple[Span, ...]:
-    method = SHORT.get(given.result.method, given.result.method)
+    method = label_of(given.result.method)
     spans = [Span(f"this fit ({method})", estimate.value, estimate.interval68, estimate.interval95)]
     table = given.appraisal.intervals
     if table is None or name not in table.index:

@@ -25,14 +25,14 @@ def build(given: ReportInput) -> Sequence[Block]:
     result = given.result
     paragraphs = []
     for source in result.inputs:
-        told = provenance_sentences(result, source)
+        origin = provenance_sentences(result, source)
         if STAND_IN in kinds_of(result, source):
             # of several kinds this one is told first
-            paragraphs.append(Paragraph(f"{source.name}: {told[0]}", "stand-in"))
-            told = told[1:]
+            paragraphs.append(Paragraph(f"{source.name}: {origin[0]}", "stand-in"))
+            origin = origin[1:]
         sentences = [
             f"{source.name}: {contents(result, source)}.",
-            *told,
+            *origin,
             reference(source, full=True),
             left_out(source),
         ]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ifrfit.report.figures import plot
 from ifrfit.report.page.blocks import Block, Panel, Paragraph, Picture, Pictures
-from ifrfit.report.page.explorer import payload, why_not
+from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.phrases import stand_in_words
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
@@ -34,7 +34,7 @@ def build(given: ReportInput) -> Sequence[Block]:
             f"and standardised residuals.{REGIMES if result.points['gamma_deg'].notna().any() else ''}",
         )
     ]
-    reason = why_not(result)
+    reason = reason_without_panel(result)
     blocks.append(Paragraph(reason, "note") if reason else Panel(payload(result)))
     return blocks
 

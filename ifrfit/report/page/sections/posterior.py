@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ifrfit.inference.estimators import title_of
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Table
 from ifrfit.report.page.drawings.corner import draw_corner
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
-from ifrfit.report.sentences import METHODS
 
 MOST = 6
 
@@ -29,7 +29,7 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     if result.state.sample is None:
         law = "the Gaussian around the optimum, cut at the bounds"
     else:
-        law = f"the {METHODS.get(result.method, result.method)}"
+        law = f"the {title_of(result.method)}"
     left_out = f" Not shown: {', '.join(names[MOST:])}." if len(names) > MOST else ""
     described = "; ".join(
         f"{name}: mean {column.mean():.4g}, sd {column.std():.2g}" for name, column in columns.items()

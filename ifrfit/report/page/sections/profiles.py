@@ -24,7 +24,7 @@ def build(given: ReportInput) -> Sequence[Block]:
     profiles = given.appraisal.profiles
     if not profiles:
         return (Paragraph(given.appraisal.without_profiles, "note"),)
-    names = [name for name in profiles if profiles[name].x.size > 1 and _says_more(given, name)]
+    names = [name for name in profiles if profiles[name].x.size > 1 and _is_informative(given, name)]
     pictures = tuple(
         Picture(
             f"profile-{number}",
@@ -48,7 +48,7 @@ def build(given: ReportInput) -> Sequence[Block]:
     return (Pictures(pictures, caption),)
 
 
-def _says_more(given: ReportInput, name: str) -> bool:
+def _is_informative(given: ReportInput, name: str) -> bool:
     """Whether a profile is more than that of a constant on a stretched axis.
 
     The restitution in sticking runs with the closure's constant, kappa with mu where e_n is fixed.

@@ -20,7 +20,7 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     points = result.points
     if not len(points):
         return None
-    look = style.looks([str(name) for name in points["series"].unique()])
+    styles = style.series_styles([str(name) for name in points["series"].unique()])
     z = points["standardised"].to_numpy(dtype=float)
     largest = int(np.nanargmax(np.abs(z))) if np.isfinite(z).any() else 0
     place = points.iloc[largest]
@@ -34,7 +34,7 @@ def build(given: ReportInput) -> Sequence[Block] | None:
                 "residuals-angle",
                 "Residuals against the incidence angle",
                 f"Residuals from {np.nanmin(gamma):.3g} to {np.nanmax(gamma):.3g} degrees. {beyond}",
-                draw_against(result, look, gamma, "incidence angle γ (deg)"),
+                draw_against(result, styles, gamma, "incidence angle γ (deg)"),
             )
         )
     order = np.arange(1.0, z.size + 1.0)
@@ -43,13 +43,13 @@ def build(given: ReportInput) -> Sequence[Block] | None:
             "residuals-order",
             "Residuals in the order of the rows",
             f"Standardised residuals row by row. {worst}",
-            draw_against(result, look, order, "row (number, in order)"),
+            draw_against(result, styles, order, "row (number, in order)"),
         ),
         Picture(
             "residuals-quantiles",
             "Residuals against normal quantiles",
             f"Ordered residuals against the normal law. {beyond}",
-            draw_quantiles(result, look),
+            draw_quantiles(result, styles),
         ),
     ]
     caption = (
