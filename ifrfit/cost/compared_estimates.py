@@ -82,8 +82,8 @@ def of_least_squares(problem: Problem, found: LeastSquares) -> Numbers:
 
     Directions that the data leave loose have the standard deviation of the default prior.
     """
-    to_theta = found.local.to_theta
-    covariance = to_theta @ found.local.covariance(capped=True) @ to_theta.T
+    to_theta = found.gaussian.to_theta
+    covariance = to_theta @ found.gaussian.covariance(capped=True) @ to_theta.T
     sd = np.sqrt(np.diag(covariance))[problem.parameters.free]
     low, high = _domain(problem)
     value = np.clip(found.optimum.theta[problem.parameters.free], low, high)

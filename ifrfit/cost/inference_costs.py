@@ -20,7 +20,7 @@ from ifrfit.cost.timing import Cost, Timing, in_turns
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.tolerance_ladder import foreseen
 from ifrfit.inference.bootstrap import bootstrap
-from ifrfit.inference.bootstrap.batched_solver import Together
+from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
@@ -280,7 +280,7 @@ def _seconds_a_replicate(problem: Problem) -> float:
     begin = time.perf_counter()
     start = least_squares(problem)
     taken = time.perf_counter() - begin
-    return 0.0 if Together.of(problem, start) is not None else taken
+    return 0.0 if BatchedSolver.of(problem, start) is not None else taken
 
 
 def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:

@@ -14,7 +14,7 @@ from toys import BEND, GRIP, HALF_DROP, SPIN_GAINED, TILT
 
 import ifrfit
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.fit import METHODS
+from ifrfit.inference.estimators import ESTIMATORS
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.registry import registered
@@ -72,7 +72,7 @@ def fits(folder: Path, toys: None) -> dict[str, Any]:
 # ---- closures
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", tuple(ESTIMATORS))
 def test_a_closure_with_a_new_constant_is_fitted_by_every_method(folder: Path, method: str) -> None:
     found = ifrfit.fit(table(folder, GRIP), closure="grip", method=method, fix={"e_n": 0.9})
     estimate = found.constants["g_rip"]

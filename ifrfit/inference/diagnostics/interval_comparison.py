@@ -59,7 +59,7 @@ def intervals(
         if name not in found:
             continue
         profile = found[name]
-        sd = math.sqrt(fit.local.variance(functional, 1.0))
+        sd = math.sqrt(fit.gaussian.variance(functional, 1.0))
         half = half_width(_LEVEL, fit.noise_dof) * sd
         exact = (math.nan, math.nan)
         if posterior is not None and name in posterior.names:
@@ -83,7 +83,7 @@ def intervals(
 
 def _quantities(problem: Problem, fit: LeastSquares) -> list[tuple[str, float, Any]]:
     """Name, value and derivative by the local coordinates of each free constant and of kappa."""
-    theta, to_theta = fit.optimum.theta, fit.local.to_theta
+    theta, to_theta = fit.optimum.theta, fit.gaussian.to_theta
     found = [
         (problem.parameters.names[i], float(theta[i]), to_theta[i])
         for i in np.flatnonzero(problem.parameters.free).tolist()

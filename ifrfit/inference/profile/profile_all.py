@@ -48,7 +48,7 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
     reasons = prior_reasons(problem, fit)
     found = {}
     for name, quantity in quantities_of(problem, fit).items():
-        sd = math.sqrt(fit.local.variance(quantity.functional, quantity.domain.prior_sd))
+        sd = math.sqrt(fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd))
         found[name] = _profile(misfit, quantity, known_of(problem, fit, name, sd, reasons), curves)
     e_n, mu = problem.parameters["e_n"], problem.parameters["mu"]
     if e_n.fixed is not None:
