@@ -12,7 +12,7 @@ from ifrfit.cost.compared_estimates import (
     QUANTITIES,
     Numbers,
     largest_errors,
-    of_law,
+    of_distribution,
     of_least_squares,
     of_profiles,
 )
@@ -20,7 +20,7 @@ from ifrfit.cost.timing import Cost, Timing, in_turns
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.tolerance_ladder import foreseen
 from ifrfit.inference.bootstrap import bootstrap
-from ifrfit.inference.bootstrap.batched_solver import Together
+from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
@@ -180,7 +180,7 @@ def inference_costs(
             + " --kind physics or arithmetic."
         )
     reference = Reference(finest.tolerance, finest.error)
-    right = of_law(problem, finest)
+    right = of_distribution(problem, finest)
     return Measured(
         tuple(cost for a in answers for cost in _costs(a, right, reference)), reference, tuple(notes)
     )
@@ -218,7 +218,7 @@ def _deterministic(
 
 
 def _exact(problem: Problem, tolerance: float) -> Callable[[], Numbers]:
-    return lambda: of_law(problem, integrate(problem, tolerance))
+    return lambda: of_distribution(problem, integrate(problem, tolerance))
 
 
 def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[float], QuadraturePosterior]:
@@ -269,7 +269,7 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
             if drawn.answered < _FEWEST:
                 notes.append("The bootstrap is left out: hardly a replicate has an answer.")
                 return
-            numbers.append(of_law(problem, Draws.of(problem, drawn.draws)))
+            numbers.append(of_distribution(problem, Draws.of(problem, drawn.draws)))
             seconds.append(time.perf_counter() - begin)
         each = max(seconds) / replicates
         yield _Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds))
@@ -280,7 +280,7 @@ def _seconds_a_replicate(problem: Problem) -> float:
     begin = time.perf_counter()
     start = least_squares(problem)
     taken = time.perf_counter() - begin
-    return 0.0 if Together.of(problem, start) is not None else taken
+    return 0.0 if BatchedSolver.of(problem, start) is not None else taken
 
 
 def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:

@@ -22,7 +22,16 @@ from ifrfit.inference.profile.types import Profile
 from ifrfit.inference.result.display import Display, Renderer, appraisal_of
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
-from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, Noise, State
+from ifrfit.inference.result.types import (
+    Angles,
+    Constants,
+    Derived,
+    Estimate,
+    Fact,
+    FitStatistics,
+    Noise,
+    State,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,7 +104,7 @@ class FitResult(Display):
     inputs: tuple[Source, ...]
     noise: Noise
     constants: Constants
-    derived: Mapping[str, Any]
+    derived: Derived
     correlation: tuple[tuple[str, ...], NDArray[np.float64]]
     fit: FitStatistics
     facts: Mapping[str, Fact]
@@ -140,6 +149,12 @@ class FitResult(Display):
     def provenance(self) -> tuple[str, ...]:
         """Distinct provenances of the data used."""
         return tuple(dict.fromkeys(source.provenance for source in self.inputs))
+
+    @property
+    def transitions(self) -> Mapping[str, Angles]:
+        """Transition angles in degrees by series: one, two, or None."""
+        found = self.derived.get("transition_angle_deg", {})
+        return {} if isinstance(found, Estimate) else found
 
     def flat_constants(self) -> dict[str, Estimate]:
         """Constants by name, with the series in brackets where separate."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -155,3 +155,5 @@ class State:
 
 
 Constants = Mapping[str, "Estimate | Mapping[str, Estimate]"]
+Angles = Estimate | Sequence[Estimate] | None  # one transition, two, or none
+Derived = Mapping[str, Estimate | Mapping[str, Estimate] | Mapping[str, Angles]]

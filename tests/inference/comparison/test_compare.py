@@ -20,6 +20,7 @@ from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.closure_questions import chosen_closures
 from ifrfit.inference.comparison.write_json import dumps
 from ifrfit.physics.closures import CLOSURES
+from ifrfit.registry import registered
 
 
 @pytest.fixture(scope="module")
@@ -50,10 +51,9 @@ def test_every_closure_of_the_registry_takes_part(data):
     assert ifrfit.compare is compare
 
 
-def test_a_closure_added_later_takes_part(monkeypatch, data):
-    other = replace(CLOSURES["ifr"], name="other", title="Other")
-    monkeypatch.setitem(CLOSURES, "other", other)
-    found = compare(data, ("ifr", "other"), loo=False, fix={"e_n": 0.9}, noise="known")
+def test_a_closure_added_later_takes_part(data):
+    with registered(replace(CLOSURES["ifr"], name="other", title="Other")):
+        found = compare(data, ("ifr", "other"), loo=False, fix={"e_n": 0.9}, noise="known")
     assert found.entries["other"].log_evidence == pytest.approx(found.entries["ifr"].log_evidence, abs=1e-9)
     assert {"ifr", "other"} <= set(found.verdict.tied)
 

@@ -53,7 +53,7 @@ def row(**values) -> pd.DataFrame:
 def test_linear_data_have_one_interval(tmp_path: Path) -> None:
     problem, fit = asked(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
     sd = {
-        name: math.sqrt(fit.local.variance(fit.local.to_theta[i], 1.0))
+        name: math.sqrt(fit.gaussian.variance(fit.gaussian.to_theta[i], 1.0))
         for i, name in enumerate(problem.parameters.names)
     }
     value = dict(zip(problem.parameters.names, fit.optimum.theta.tolist(), strict=True))

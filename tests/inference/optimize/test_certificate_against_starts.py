@@ -15,9 +15,9 @@ from local_search import Local
 from random_problems import random_problem
 
 import ifrfit.inference.optimize.group_optimum as block_solver
+from ifrfit.inference.optimize.branch_and_bound import minimise as certified_minimum
 from ifrfit.inference.optimize.optimum import objective_at
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, PiecewiseProblem
-from ifrfit.inference.optimize.piecewise import minimise as certified_minimum
 from ifrfit.inference.optimize.solve import solve
 
 SEED = 20230101

@@ -45,7 +45,7 @@ def test_mu_of_a_series_goes_with_an_open_restitution(tmp_path: Path) -> None:
     for series in ("first", "second"):
         mu, kappa = found[f"mu[{series}]"], found[f"kappa[{series}]"]
         assert kappa.status == "determined"
-        assert (mu.status, mu.stated) == ("not_determined", False)
+        assert (mu.status, mu.has_value) == ("not_determined", False)
         for level in ("central68", "central95"):
             low, high = getattr(kappa, level)
             assert getattr(mu, level) == pytest.approx((low / 2.0, high), rel=1e-5)
