@@ -39,8 +39,6 @@ KNOWN_CIRCLES = tuple(
         "model.latent_quadrature model.row_likelihood",
         "optimize.local_minima optimize.piecewise optimize.refinement optimize.regime_sums",
         "optimize.irls optimize.least_squares",
-        "posterior.conditional_cdf posterior.density_grid posterior.series_integrand",
-        "posterior.adaptive_quadrature posterior.sampling",
     )
 )
 

@@ -1,4 +1,8 @@
-"""Where else the sum of squares has a minimum: beside the optimum, in other intervals between kinks."""
+"""Minima of the sum of squares between kinks, about which the first panels are laid: section 5 of the theory.
+
+The certified minima of the least squares are those within 4 of the least; a posterior needs all that can hold
+more of the mass than its tolerance. See ``docs/theory/posterior.md``.
+"""
 
 from __future__ import annotations
 

@@ -117,6 +117,11 @@ class _FrictionKnown:
 
     k: Coefficients
 
+    def kappa_ends(self, known: Values) -> tuple[Array, Array]:
+        """kappa itself, twice."""
+        kappa = known.mu * (1.0 + known.e_n)
+        return kappa, kappa
+
     def friction(self, values: Values, x: Array, c: Array) -> Array:
         """mu as it is known."""
         return values.mu[..., None]
@@ -157,10 +162,6 @@ class ClosureConstantFree(_FrictionKnown):
     c: FreeParameter
     has_axis: bool = True
 
-    def kappa_ends(self, known: Values) -> tuple[Array, Array]:
-        """kappa itself, twice."""
-        return known.mu * (1.0 + known.e_n), known.mu * (1.0 + known.e_n)
-
     def solve(self, x: Array, known: Values) -> tuple[Values, Array, Array]:
         """c at transitions, with |dc/dx| = kappa/(|b1| x^2)."""
         k, room = self.k, self.c.upper - self.c.lower
@@ -183,10 +184,6 @@ class TransitionKnown(_FrictionKnown):
 
     frictionless: bool
     has_axis: bool = False
-
-    def kappa_ends(self, known: Values) -> tuple[Array, Array]:
-        """kappa itself, twice."""
-        return known.mu * (1.0 + known.e_n), known.mu * (1.0 + known.e_n)
 
     def solve(self, x: Array, known: Values) -> tuple[Values, Array, Array]:
         """The transition in place of x."""
