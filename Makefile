@@ -21,14 +21,15 @@ test: lint types
 
 # The inner loop, under a minute on two cores: the physics against its references, what is read, the texts of the
 # commands, and of each kind of inference its independent oracle. Not a substitute for make test.
-FAST = tests/physics tests/data tests/cli/test_golden.py tests/test_paper_pages.py \
+FAST = tests/physics --ignore tests/physics/compliance --ignore tests/physics/kernels tests/data tests/simulation \
+       $(addprefix tests/,test_paper_pages.py test_registry.py test_text.py cli/test_golden.py) \
        $(addprefix tests/inference/,test_fit.py optimize/test_piecewise.py result/test_prediction.py \
          io/test_write_result.py diagnostics/test_thresholds.py posterior/test_analytic.py \
          posterior/test_oracles.py posterior/test_noise_marginal.py mcmc/test_checkpoint.py mcmc/test_stopping.py) \
-       tests/simulation $(addprefix tests/report/,test_rounding.py test_tables.py test_terminal.py)
+       $(addprefix tests/report/,test_rounding.py test_tables.py test_terminal.py)
 
 check-fast: lint
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --ignore tests/physics/kernels $(FAST)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto $(FAST)
 
 lint: $(READY)
 	$(BIN)/ruff check .

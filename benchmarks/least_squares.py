@@ -82,7 +82,7 @@ class Case:
         return float(r @ r)
 
     def ours(self) -> tuple[float, float]:
-        theta = solve(self.problem, self.problem.sigma).theta
+        theta = solve(self.problem, self.problem.noise.sigma).theta
         return float(theta[1]), float(theta[2])
 
     def lmfit_from(
@@ -153,7 +153,7 @@ def measure(n: int, budget: float) -> list[dict[str, object]]:
     }
     chi2[WHOLE] = chi2[OURS]
     best = min(chi2.values())
-    optimum = solve(case.problem, case.problem.sigma)
+    optimum = solve(case.problem, case.problem.noise.sigma)
     rows = []
     for name in (OURS, WHOLE, ONE, PLAIN, MANY, TRF):
         median = several if name == MANY else statistics.median(times[name])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -228,8 +228,8 @@ def _scene(
     observations = Observations(table)
     noise = "unknown" if unknown_noise else "known"
     problem = make_problem(observations, closure, J, make_parameters(closure, J, **options), noise)
-    if unknown_noise and "noise_bounds" in {f.name for f in fields(Problem)}:
-        problem = replace(problem, noise_bounds=dict.fromkeys(problem.groups(), NOISE_DOMAIN))
+    if unknown_noise:
+        problem = problem.with_noise(problem.noise.with_bounds(dict.fromkeys(problem.groups(), NOISE_DOMAIN)))
     tan = np.tan(np.radians(gamma))
     return Scene(
         key=key,

@@ -25,6 +25,8 @@ _HOMES = (
     "ifrfit.physics.closures",
     "ifrfit.physics.observables",
     "ifrfit.physics.effects.registry",
+    "ifrfit.inference.estimators",
+    "ifrfit.report.page.registries",
 )
 
 
@@ -54,7 +56,8 @@ class Registry(Mapping[str, T]):
     entries : iterable, optional
         The package's own.
     check : callable, optional
-        Raises `UsageError` for an entry that cannot be used.
+        Raises `UsageError` for an entry that cannot be used; asked of those that are added later. The
+        package's own are checked by its tests.
     order : callable, optional
         From an entry to its place in the listing, where that is not the order of addition.
 
@@ -78,7 +81,7 @@ class Registry(Mapping[str, T]):
         self._order = order
         self._entries: dict[str, T] = {}
         for entry in entries:
-            self.add(entry)
+            self._put(entry)
         _REGISTRIES.append(self)
 
     def accepts(self, entry: object) -> bool:
@@ -93,6 +96,12 @@ class Registry(Mapping[str, T]):
         UsageError
             If the name is taken or not a word of lower case, or the entry cannot be used.
         """
+        if self._check is not None:
+            self._check(entry)
+        self._put(entry)
+        return entry
+
+    def _put(self, entry: T) -> None:
         name = entry.name
         if not name or name != name.strip().lower() or any(letter.isspace() for letter in name):
             raise UsageError(
@@ -100,12 +109,9 @@ class Registry(Mapping[str, T]):
             )
         if name in self._entries:
             raise UsageError(f"There is a {self.kind} '{name}' already: give this one another name.")
-        if self._check is not None:
-            self._check(entry)
         self._entries[name] = entry
         if self._order is not None:
             self._entries = {each.name: each for each in sorted(self._entries.values(), key=self._order)}
-        return entry
 
     def remove(self, name: str) -> None:
         """Take an entry out again.

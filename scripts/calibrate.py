@@ -86,12 +86,12 @@ class Comparison:
 
 def compare(problem: Problem, n_starts: int, rng: np.random.Generator, solver: Solver = solve) -> Comparison:
     """Hold the solver's answer against the best of random local starts."""
-    optimum = solver(problem, problem.sigma)
+    optimum = solver(problem, problem.noise.sigma)
     local = Local(problem)
     ends = [local.search(local.start(rng)) for _ in range(n_starts)]
     reached = np.array([value for value, _ in ends])
-    objective = objective_at(problem, problem.sigma, optimum.theta)
-    best = objective_at(problem, problem.sigma, ends[int(reached.argmin())][1])
+    objective = objective_at(problem, problem.noise.sigma, optimum.theta)
+    best = objective_at(problem, problem.noise.sigma, ends[int(reached.argmin())][1])
     least = min(best, objective)
     return Comparison(
         f"{problem.closure.name}, {problem.rows.value.size} rows of {', '.join(problem.rows.names)}, "

@@ -255,9 +255,9 @@ def simulate(scene: Scene, rng: np.random.Generator) -> Experiment:
     constants = make_parameters(closure, INERTIA, bounds=dict(scene.bounds), separate=scene.separate)
     observations = with_propagated_sigma(Observations(table), scene.error_model)
     problem = make_problem(observations, closure, INERTIA, constants, scene.policy)
-    problem = with_error_model(problem, scene.error_model, "exact")
+    problem = with_error_model(problem, scene.error_model)
     if scene.noise_bounds:
-        problem = replace(problem, noise_bounds=scene.noise_groups)
+        problem = problem.with_noise(problem.noise.with_bounds(scene.noise_groups))
     return Experiment(scene, truth, problem)
 
 
@@ -287,7 +287,8 @@ def share_sliding(experiment: Experiment) -> float:
 
 def understated_sigma(experiment: Experiment, factor: float) -> Experiment:
     """The same rows, with a sigma that claims to be smaller than it is: a wrong likelihood."""
-    problem = replace(experiment.problem, sigma=factor * experiment.problem.sigma)
+    noise = experiment.problem.noise
+    problem = experiment.problem.with_noise(replace(noise, sigma=factor * noise.sigma))
     return replace(experiment, problem=problem)
 
 
@@ -298,10 +299,9 @@ def without_kink(experiment: Experiment) -> Experiment:
     slides = Closure(
         right.name,
         "IFR without its sticking",
-        right.constant,
         lambda _: Coefficients(share, share, ALWAYS_SLIDES, 0.0),
-        right.domain,
         right.source,
+        right.own,
     )
     return replace(experiment, problem=replace(experiment.problem, closure=slides))
 

@@ -23,12 +23,12 @@ class Local:
     def __init__(self, problem: Problem) -> None:
         rows = problem.rows
         self.problem = problem
-        self.weight = 1.0 / problem.sigma
+        self.weight = 1.0 / problem.noise.sigma
         self.linear = problem.closure.coefficients(problem.inertia_factor)
         with np.errstate(divide="ignore"):
             self.cot = 1.0 / rows.tau
         n, ones = rows.value.size, np.ones(rows.value.size)
-        kind = np.array([OBSERVABLES[x].kind for x in rows.names])[rows.which]
+        kind = rows.kinds
         scale = np.array([OBSERVABLES[x].scale for x in rows.names])[rows.which]
         self.tangential, self.friction = kind == "tangential", kind == "friction"
         # the rebound at k = 0 and k = 1 with e_n = 1 fixes the straight line in k

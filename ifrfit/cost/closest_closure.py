@@ -1,4 +1,4 @@
-"""Constants with which a bilinear closure comes closest to a given beta."""
+"""Constants with which a closure comes closest to a given beta."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> 
     Parameters
     ----------
     closure : Closure
-        A bilinear one: its optimum is the global one, see `ifrfit.inference.optimize.solve.solve`.
+        Of a bilinear one the optimum is the global one, see `ifrfit.inference.optimize.solve.solve`; of
+        another, the best of many local ones.
     incidence : Incidence
         Of solid spheres, without lateral spin.
     beta : ndarray, (n,)
@@ -45,5 +46,7 @@ def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> 
     table = make_table(columns | {"value": beta, "sigma": 1.0, "provenance": "simulated"})
     constants = make_parameters(closure, 0.4, fix={"e_n": e_n})
     problem = make_problem(Observations(table), closure, 0.4, constants, "known")
-    theta = dict(zip(problem.parameters.names, solve(problem, problem.sigma).theta.tolist(), strict=True))
+    theta = dict(
+        zip(problem.parameters.names, solve(problem, problem.noise.sigma).theta.tolist(), strict=True)
+    )
     return Constants(theta["e_n"], theta.get(closure.constant or "", 0.0), theta["mu"])

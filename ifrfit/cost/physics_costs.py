@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -15,11 +15,11 @@ from ifrfit.cost.threads import one_thread
 from ifrfit.cost.timing import Cost, Timing, timed
 from ifrfit.errors import UsageError
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.closures import get_closure, rotational_share
+from ifrfit.physics.closures import CLOSURES, get_closure, rotational_share
 from ifrfit.physics.compiling import available
 from ifrfit.physics.compliance import rebound_ratio
-from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI
-from ifrfit.physics.kernels import rebound_many
+from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI, Compliance
+from ifrfit.physics.kernels import has_loop, rebound_many
 from ifrfit.physics.rebound import rebound_of
 
 Array = NDArray[np.float64]
@@ -29,7 +29,6 @@ MANY, FEW = 200_000, 2_000  # impacts a call: closures and table; Stronge's mode
 FEWER = 4  # impacts a call: annuli, where one takes milliseconds
 INERTIA = 0.4
 SHARE = rotational_share(INERTIA)
-BILINEAR = ("f", "fr", "ifr", "ifr-contact")
 
 
 @dataclass(frozen=True)
@@ -65,8 +64,7 @@ def physics_costs(
     e_n: float,
     mu: float,
     chi: float,
-    e_t: float | None = None,
-    beta0: float | None = None,
+    given: Mapping[str, float] | None = None,
     quick: bool = False,
 ) -> list[Cost]:
     """Time an impact takes, and error of beta, of every contact law that is computed here.
@@ -78,9 +76,9 @@ def physics_costs(
         with both ends; those without slip or without approach have no beta and are left out.
     e_n, mu, chi : float
         Of the compliant contact that is taken for true; a solid sphere.
-    e_t, beta0 : float, optional
-        Constants of IFR and of FR, with this mu. A closure without them, and F and IFR-contact always, takes
-        the constants with which it comes closest to the exact beta of these impacts in least squares.
+    given : mapping of str to float, optional
+        Closure to its own constant, with this mu. Every other closure takes the constants with which it comes
+        closest to the exact beta of these impacts in least squares.
     quick : bool
         Fewer settings and repeats.
 
@@ -108,10 +106,9 @@ def physics_costs(
     scene = Scene.of(gamma_deg, spin_y, e_n, mu, chi)
     extent = QUICK if quick else WHOLE
     exact, own = scene.reference(extent.reference)
-    given = {"ifr": e_t, "fr": beta0}
     found = []
     for method, setting, beta, time in (
-        *_closures(scene, exact, given, extent),
+        *_closures(scene, exact, given or {}, extent),
         *_table(scene, extent),
         *_stronge(scene, extent),
         *_solvers(scene, extent),
@@ -207,9 +204,11 @@ class Scene:
 Row = tuple[str, str, Array, Timing]  # method, setting, beta, time an impact
 
 
-def _closures(scene: Scene, exact: Array, given: dict[str, float | None], extent: Extent) -> Iterator[Row]:
-    for name in BILINEAR:
-        closure, own = get_closure(name), given.get(name)
+def _closures(scene: Scene, exact: Array, given: Mapping[str, float], extent: Extent) -> Iterator[Row]:
+    for name, closure in CLOSURES.items():
+        if isinstance(closure.law(INERTIA), Compliance):
+            continue  # that is the table
+        own = given.get(name)
         if own is None:
             constants, words = closest(closure, scene.incidence, exact, scene.e_n), "closest"
         else:
@@ -238,7 +237,7 @@ def _vectorised(
 
     time = timed(plain, repeats=extent.repeats, enough=extent.enough).per(MANY)
     yield method, _words(setting, "numpy"), beta, time
-    if not available():
+    if not available() or not has_loop(closure, INERTIA):
         return
     columns = many.sine, many.cosine, many.spin_y
     out = [np.empty(MANY) for _ in range(3)]

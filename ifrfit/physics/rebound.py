@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -178,7 +179,7 @@ def rebound_with(
     return Rebound(v_x, v_y, v_n, s_x, s_y, c_x, c_y, sticking, k, incidence, e_n, j)
 
 
-def closure_constant(closure: Closure, given: dict[str, ArrayLike | None]) -> ArrayLike:
+def closure_constant(closure: Closure, given: Mapping[str, ArrayLike | None]) -> ArrayLike:
     """Pick the closure's own constant out of those given; refuse a missing or a foreign one."""
     foreign = [name for name, value in given.items() if value is not None and name != closure.constant]
     if foreign:
@@ -206,6 +207,7 @@ def rebound(
     closure: str = "ifr",
     inertia_factor: float = 0.4,
     degrees: bool = False,
+    **constants: ArrayLike,
 ) -> Rebound:
     """Rebound of a sphere from a rough, massive wall, per incoming speed u.
 
@@ -230,6 +232,8 @@ def rebound(
         J = I/(m R^2): 2/5 solid sphere, 2/3 thin shell, 1/2 disc on its edge.
     degrees : bool
         Take gamma in degrees; exact at 0, 30, 60 and 90.
+    **constants : array_like
+        Of a closure that was registered: its own constant by its name.
 
     Returns
     -------
@@ -248,7 +252,7 @@ def rebound(
     Maw, Barber & Fawcett (1976) instead, see `ifrfit.physics.compliance`.
     """
     chosen = get_closure(closure)
-    c = closure_constant(chosen, {"e_t": e_t, "beta0": beta0, "chi": chi})
+    c = closure_constant(chosen, {"e_t": e_t, "beta0": beta0, "chi": chi, **constants})
     if not 0.0 < inertia_factor < np.inf:
         raise UsageError(f"inertia_factor is {inertia_factor}: it must be positive (2/5 for a solid sphere).")
     incidence = Incidence.of(gamma, spin_x, spin_y, degrees=degrees)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
+from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.sentences import status_words
 from ifrfit.text import decimals, fixed, joined
 
@@ -47,7 +48,7 @@ class Row:
 
 
 def table_rows(result: FitResult) -> list[Row]:
-    """Constants in the order of the closure, then kappa and the Poisson ratio behind chi, then the noise."""
+    """Constants in the order of the closure, then kappa and what the closure's stands for, then the noise."""
     rows = [
         Row(name, series, estimate, "", status_words(estimate))
         for name, entry in result.constants.items()
@@ -57,11 +58,20 @@ def table_rows(result: FitResult) -> list[Row]:
         Row("kappa", series, estimate, "", _kappa_words(estimate))
         for series, estimate in _each(result.derived.get("kappa"))
     ]
-    rows += [
-        Row("nu", series, estimate, "", "Poisson ratio, if sphere and wall are of one material")
-        for series, estimate in _each(result.derived.get("poisson_ratio"))
-    ]
+    closure = CLOSURES.get(result.closure)
+    meaning = closure.own.meaning if closure is not None and closure.own is not None else None
+    if meaning is not None:
+        rows += [
+            Row(meaning.symbol, series, estimate, "", meaning.words)
+            for series, estimate in _each(result.derived.get(meaning.name))
+        ]
     return rows + list(_noise_rows(result))
+
+
+def constant_symbols() -> dict[str, str]:
+    """Every closure's constant in LaTeX, as mathtext knows it, too."""
+    constants = (closure.own for closure in CLOSURES.values())
+    return {own.name: f"${own.latex}$" for own in constants if own is not None}
 
 
 def _each(entry: Any) -> list[tuple[str, Estimate]]:

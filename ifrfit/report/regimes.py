@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
-from ifrfit.physics import OBSERVABLES
+from ifrfit.physics import CLOSURES, OBSERVABLES
 from ifrfit.report.rounding import places_of, value_text
 from ifrfit.text import interval_text, joined, sd_text
 
@@ -15,18 +15,20 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_COMPLIANT = {"sticking": "partial slip", "sliding": "gross slip"}  # the regimes of tangential compliance
+_REGIMES = ("sticking", "sliding")
 
 
 def regime_name(result: FitResult, regime: str) -> str:
     """What a regime, "sticking" or "sliding", is called under the result's closure."""
-    return _COMPLIANT[regime] if result.closure == "maw" else regime
+    closure = CLOSURES.get(result.closure)
+    return regime if closure is None else closure.regimes[_REGIMES.index(regime)]
 
 
 def does(result: FitResult, regime: str, *, one: bool = False) -> str:
     """What impacts of a regime do, in words; what one does."""
-    if result.closure == "maw":
-        return f"in {regime_name(result, regime)}"
+    name = regime_name(result, regime)
+    if name not in _REGIMES:
+        return f"in {name}"
     return {"sticking": "stick", "sliding": "slide"}[regime] + ("s" if one else "")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.constants_rows import Row, table_rows
+from ifrfit.report.constants_rows import Row, constant_symbols, table_rows
 from ifrfit.report.provenance import (
     contents,
     is_stand_in,
@@ -22,9 +22,6 @@ from ifrfit.text import interval_text, sd_text
 
 _LATEX_NAMES = {
     "e_n": "$e_n$",
-    "e_t": "$e_t$",
-    "beta0": r"$\beta_0$",
-    "chi": r"$\chi$",
     "mu": r"$\mu$",
     "kappa": r"$\kappa$",
 }
@@ -68,7 +65,7 @@ def latex(result: FitResult) -> str:
         r"\hline",
     ]
     for row in table_rows(result):
-        name = _LATEX_NAMES.get(row.name, _latex(row.name)) + (
+        name = (_LATEX_NAMES | constant_symbols()).get(row.name, _latex(row.name)) + (
             f" ({_latex(row.series)})" if row.series else ""
         )
         value = _plus_minus(row, r"\pm")

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ifrfit._version import __version__
 from ifrfit.data.observations import SCHEMA
-from ifrfit.data.schema import OBSERVABLES as COMMON
 from ifrfit.data.schema import TINY
 from ifrfit.data.validate import without_value
 from ifrfit.inference.result.display import Display
@@ -93,7 +92,7 @@ def observed(simulation: Simulation, name: str) -> Array:
     outcome, given = simulation.outcome, conditions(simulation)
     value = np.array(OBSERVABLES[name].value(outcome, simulation.impacts.mu), dtype=float)
     where = without_value(given["gamma_deg"], given["spin_x"], given["spin_y"])
-    for reason in COMMON[name].undefined:
+    for reason in OBSERVABLES[name].undefined:
         value[where[reason]] = math.nan
     if name != "e_n":
         value[outcome.captured] = math.nan
@@ -195,13 +194,13 @@ def curves_of(simulation: Simulation) -> pd.DataFrame:
 
     scene, shape = simulation.scene, (simulation.points, simulation.samples)
     given = {name: column.reshape(shape)[:, 0] for name, column in conditions(simulation).items()}
-    asked = scene.grid()
+    axis_values = scene.grid()
     captured = simulation.outcome.captured.reshape(shape).mean(axis=1)
     parts = []
     for name in scene.observables:
         middle, band = _bands(observed(simulation, name).reshape(shape))
         frame: dict[str, Any] = {"observable": name}
-        frame |= {axis: asked[axis] if scene.spin_unit else given[axis] for axis in scene.axes}
+        frame |= {axis: axis_values[axis] if scene.spin_unit else given[axis] for axis in scene.axes}
         frame |= {"value": middle}
         frame |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
         parts.append(pd.DataFrame(frame | {"captured": captured}))

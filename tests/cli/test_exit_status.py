@@ -31,7 +31,7 @@ def test_a_delivered_result_is_0(cli):
         (("--closure", "walton"), "There is no closure 'walton'. Choose one of f, fr, ifr, ifr-contact"),
         (
             ("--method", "anneal"),
-            "There is no method 'anneal'. This version has exact, lsq, profile, mcmc, bootstrap.",
+            "There is no method 'anneal'. Choose one of exact, lsq, profile, mcmc, bootstrap.",
         ),
         (
             ("--method", "lsq", "--workers", "2"),

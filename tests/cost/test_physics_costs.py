@@ -20,7 +20,7 @@ GAMMA = np.linspace(1.0, 85.0, 25)
 
 @pytest.fixture(scope="module")
 def costs():
-    return physics_costs(gamma_deg=GAMMA, **CALL, e_t=-0.93, quick=True)
+    return physics_costs(gamma_deg=GAMMA, **CALL, given={"ifr": -0.93}, quick=True)
 
 
 def error(costs, method, setting=""):

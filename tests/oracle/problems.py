@@ -45,6 +45,9 @@ TOLERANCES = {
     ),
 }
 
+# Chains are the same as long as no rounding decides where they start: problems of mcmc are such that the last
+# bit of the measured values does not.
+
 # Entries that hang on a rounding and are not compared. In netl-lsq nothing is known of e_t, and its local
 # Gaussian is centred on its bound: the tail that a draw is taken from is the sign of a zero.
 UNSTABLE: Mapping[str, tuple[str, ...]] = {"netl-lsq": ("draws.e_t",)}
@@ -271,7 +274,7 @@ METHODS = (
     fit("mcmc", "table:beta-e_n", method="mcmc", max_steps=100, seed=3, predict=BETA),
     fit("mcmc-unknown", "table:beta-bare", method="mcmc", max_steps=100, seed=4),
     fit("mcmc-student-t", "table:outliers", method="mcmc", tails="student-t", max_steps=100, seed=5),
-    fit("mcmc-fr", "table:fr", closure="fr", method="mcmc", max_steps=100, seed=6),
+    fit("mcmc-fr", "table:fr", closure="fr", method="mcmc", gamma_min=8.0, max_steps=100, seed=6),
     fit("mcmc-delta", "table:delta-small", method="mcmc", max_steps=60, seed=8),
     fit("mcmc-maw", "table:maw-few", closure="maw", method="mcmc", prior={"e_n": (0.95, 0.01)}, max_steps=40),
     fit("mcmc-angles", "table:angles-centre", method="mcmc", angle_errors="set", max_steps=40),

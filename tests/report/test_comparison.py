@@ -174,7 +174,7 @@ def test_folder_appears_whole_or_not_at_all(found, tmp_path, monkeypatch):
 
 def test_a_fit_and_a_comparison_share_a_folder(found, tmp_path):
     write_comparison(found, tmp_path / "both", force=False)
-    write_folder(found.best, tmp_path / "both", force=False, figures=False)
+    write_folder(found.best, None, tmp_path / "both", force=False)
     names = {path.name for path in (tmp_path / "both").iterdir()}
     assert names == {"compare.json", "compare.svg", "compare.png", "result.json"}
 

@@ -14,10 +14,10 @@ import pytest
 from ifrfit.errors import UsageError
 from ifrfit.inference.result.types import Fact
 from ifrfit.report import legend, plot
-from ifrfit.report.outlier_marks import outlier_limit, ringed
+from ifrfit.report.outlier_marks import is_outlier, outlier_limit
 from ifrfit.report.panels import axis_label
 from ifrfit.report.shading import regime_key, spans
-from ifrfit.report.style import looks, save_figure
+from ifrfit.report.style import save_figure, series_styles
 
 
 def texts(figure) -> list[str]:
@@ -119,18 +119,18 @@ def test_the_rows_that_the_fit_names_are_ringed_whatever_their_residuals(made):
     row = points.iloc[3]
     name = f"{row['source']} line {row['row']} ({row['observable']})"
     fact = Fact(False, "", {"rows": [name], "limit": 3.6}, "")
-    marked = ringed(replace(result, facts={"outliers": fact}), points)
+    marked = is_outlier(replace(result, facts={"outliers": fact}), points)
     assert list(np.flatnonzero(marked)) == list(np.flatnonzero(points["row"] == row["row"]))
     assert abs(row["standardised"]) < 3.6
     none = Fact(True, "Too few rows.", {"rows": [], "limit": None}, "")
     loud = made.contradicted()
-    assert not ringed(replace(loud, facts={"outliers": none}), loud.points).any()
+    assert not is_outlier(replace(loud, facts={"outliers": none}), loud.points).any()
 
 
 def test_rows_are_ringed_by_bonferroni_at_one_percent_where_the_fit_does_not_judge(made):
     result = replace(made.contradicted(), facts={})
     assert 34 * math.erfc(outlier_limit(result) / math.sqrt(2.0)) == pytest.approx(0.01)
-    assert list(np.flatnonzero(ringed(result, result.points))) == [20]
+    assert list(np.flatnonzero(is_outlier(result, result.points))) == [20]
 
 
 def test_provenance_is_in_the_legend(made):
@@ -149,9 +149,12 @@ def test_a_stand_in_is_written_across_the_picture(made):
 
 
 def test_series_differ_by_marker_and_line_not_only_by_colour():
-    given = looks([f"run {i}" for i in range(7)])
+    given = series_styles([f"run {i}" for i in range(7)])
     assert len({look.marker for look in given.values()}) == 7
-    assert len({(look.marker, str(look.line)) for look in looks([str(i) for i in range(40)]).values()}) == 40
+    assert (
+        len({(look.marker, str(look.line)) for look in series_styles([str(i) for i in range(40)]).values()})
+        == 40
+    )
 
 
 def test_transitions_that_differ_are_shown_series_by_series(made):

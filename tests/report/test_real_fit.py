@@ -8,6 +8,7 @@ import pytest
 
 from ifrfit.data import Observations, Source
 from ifrfit.inference import load_result
+from ifrfit.inference.appraise import appraise
 from ifrfit.inference.fit import fit
 from ifrfit.report import plot, summary, write_folder
 
@@ -24,7 +25,7 @@ def test_a_real_fit_is_shown_saved_and_read_back(result, tmp_path):
     text = summary(result)
     assert text.startswith("impacts.csv   68 impacts, beta, measured, no sigma given\n")
     assert "a: 12 impacts stick, 22 slide; transition at " in text
-    names = write_folder(result, tmp_path / "out", force=False)
+    names = write_folder(result, appraise(result), tmp_path / "out", force=False)
     assert names == ["result.json", "fit.svg", "fit.png", "report.html"]
     back = load_result(tmp_path / "out" / "result.json")
     assert summary(back) == text

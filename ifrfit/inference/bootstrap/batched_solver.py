@@ -27,7 +27,6 @@ from ifrfit.inference.bootstrap.replicate_fits import (
 )
 from ifrfit.inference.bootstrap.schemes import Lot
 from ifrfit.inference.diagnostics.thresholds import AT_REST
-from ifrfit.inference.model.forward import fitted_at
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquares, inputs_of, n_taken
@@ -86,7 +85,7 @@ class Together:
         places = tuple(
             np.array([at["e_n"][i], at[own][i] if own else -1, at["mu"][i]]) for i in range(len(parts))
         )
-        return cls(problem, tuple(parts), places, noise_groups(problem))
+        return cls(problem, tuple(parts), places, problem.noise_groups())
 
     def solve(self, lot: Lot) -> Solved:
         """Fit every replicate of a lot; noise that is not known is looked for until it comes to rest."""
@@ -135,7 +134,7 @@ class Together:
     def _first_noise(self, lot: Lot) -> Array:
         """Where the search for the noise begins, as in least squares: at the scatter of the values."""
         noise = np.ones((lot.size, len(self.groups)))
-        if self.problem.noise == "unknown":
+        if self.problem.noise.is_unknown:
             value = self.problem.rows.value + (0.0 if lot.shift is None else lot.shift)
             counts = np.ones_like(value) if lot.counts is None else lot.counts
             for i, rows in enumerate(self.groups.values()):
@@ -147,7 +146,7 @@ class Together:
 
     def _sigma(self, noise: Array) -> Array:
         """Noise of each row, (m, n) or (1, n)."""
-        base = base_of(self.problem)
+        base = self.problem.noise.base
         if not self.groups:
             return base[None]
         return np.asarray(base * noise[:, _codes(self.groups, base.size)])
@@ -181,8 +180,8 @@ class Together:
         n = self.problem.rows.value.size
         counts = np.ones((lot.size, n)) if lot.counts is None else lot.counts
         value = self.problem.rows.value + (0.0 if lot.shift is None else lot.shift)
-        base = base_of(self.problem)
-        square = counts * ((value - fitted_at(self.problem, theta)) / base) ** 2
+        base = self.problem.noise.base
+        square = counts * ((value - self.problem.predict(theta)) / base) ** 2
         weight = counts / self._sigma(noise) ** 2
         leverage = np.zeros_like(weight)
         for part, one in zip(self.parts, solved, strict=True):
@@ -240,18 +239,6 @@ class Together:
         grazing = part.always[(part.always >= 0) & np.isinf(self.problem.rows.tau[part.always])]
         slides = bool(left[part.switching[n_stick:]].any() or left[grazing].any())
         return slides, bool(left[part.switching[:n_stick]].any())
-
-
-def noise_groups(problem: Problem) -> dict[str, Index]:
-    """Rows of each noise that is looked for; "" where one factor is common to all rows."""
-    if problem.noise == "known":
-        return {}
-    return {"": np.arange(problem.rows.value.size)} if problem.noise == "scaled" else problem.groups()
-
-
-def base_of(problem: Problem) -> Array:
-    """What the noise of each row is a multiple of: the given sigma, or 1 where it is unknown."""
-    return np.ones(problem.rows.value.size) if problem.noise == "unknown" else problem.sigma
 
 
 def _codes(groups: Mapping[str, Index], n: int) -> Index:

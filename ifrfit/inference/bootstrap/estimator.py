@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.bootstrap.batched_solver import Together, noise_groups
+from ifrfit.inference.bootstrap.batched_solver import Together
 from ifrfit.inference.bootstrap.replicate_fits import Solved, joined
 from ifrfit.inference.bootstrap.schemes import Scheme, lot_of, make_scheme
 from ifrfit.inference.bootstrap.sequential_solver import OneByOne
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
-from ifrfit.inference.distributions.draws import kappas_of
-from ifrfit.inference.model.noise_prior import noise_label
+from ifrfit.inference.distributions.draws import kappa_draws
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 
@@ -79,7 +79,7 @@ class Bootstrap:
     @cached_property
     def kappas(self) -> Mapping[str, Array]:
         """Draws of kappa, by the names of `Distribution`."""
-        return kappas_of(self.problem, self.draws)
+        return kappa_draws(self.problem, self.draws)
 
 
 def bootstrap(
@@ -185,8 +185,8 @@ def _gathered(problem: Problem, chosen: Scheme, solved: Solved, seed: int) -> Bo
     free = zip(problem.parameters.names, theta.T, problem.parameters.free, strict=True)
     draws = {name: column for name, column, is_free in free if is_free}
     if chosen.tells_noise:
-        noises = zip(noise_groups(problem), solved.noise[answered].T, strict=True)
-        draws |= {noise_label(group): column for group, column in noises}
+        noises = zip(problem.noise_groups(), solved.noise[answered].T, strict=True)
+        draws |= {noise_name(group): column for group, column in noises}
     is_open: dict[str, Counter[str]] = {}
     for number in np.flatnonzero(~answered):
         for place in np.flatnonzero(solved.open[number]):

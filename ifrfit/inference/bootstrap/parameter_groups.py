@@ -176,9 +176,7 @@ def _normal(part: Part, weight: Array, shift: Array | None, mean: Array) -> tupl
 
 def _normal_factor(part: Part) -> Array:
     """What e_n is multiplied with in each row that measures it."""
-    rows, at = part.block.rows, part.block.of_kind("normal")
-    is_e_n = np.array([name == "e_n" for name in rows.names])[rows.which[at]]
-    return np.asarray(np.where(is_e_n, 1.0, rows.incidence.cosine[at]))
+    return part.block.rows.normal_factor(part.block.of_kind("normal"))
 
 
 def leverage_of(part: Part, weight: Array, solved: PartSolved) -> Array:

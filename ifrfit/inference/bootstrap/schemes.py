@@ -204,7 +204,7 @@ class Residuals:
     def of(cls, problem: Problem, found: LeastSquares) -> Residuals:
         """Residuals of a fit."""
         residual = corrected(problem, found) / found.sigma
-        groups = problem.groups() if problem.noise == "unknown" else {"all": np.arange(residual.size)}
+        groups = problem.groups() if problem.noise.is_unknown else {"all": np.arange(residual.size)}
         pools, few = [], []
         for name, rows in groups.items():
             own = residual[rows][1.0 - found.local.leverage[rows] > _OWN]
@@ -212,7 +212,7 @@ class Residuals:
             if own.size < FEWEST:
                 few.append(f"{own.size} in {name}")
         scarce = f"residuals, {'; '.join(few)}: use --method exact" if few else ""
-        base = problem.fitted(found.optimum.theta) - problem.rows.value
+        base = problem.predict(found.optimum.theta) - problem.rows.value
         apart = int(number_impacts(problem).max()) + 1 < residual.size
         return cls(tuple(pools), base, found.sigma, fitted_means(problem, found), scarce, apart)
 
@@ -260,7 +260,7 @@ class Wild:
         )
         return cls(
             number_impacts(problem),
-            problem.fitted(found.optimum.theta) - problem.rows.value,
+            problem.predict(found.optimum.theta) - problem.rows.value,
             corrected(problem, found),
             weights,
             chance,
@@ -277,7 +277,7 @@ class Wild:
 
 def corrected(problem: Problem, found: LeastSquares) -> Array:
     """Residuals over sqrt(1 - leverage), with the variance of their noise; 0 where a row fits itself."""
-    raw = problem.rows.value - problem.fitted(found.optimum.theta)
+    raw = problem.rows.value - problem.predict(found.optimum.theta)
     left = 1.0 - found.local.leverage
     return np.asarray(np.where(left > _OWN, raw / np.sqrt(np.maximum(left, _OWN)), 0.0))
 

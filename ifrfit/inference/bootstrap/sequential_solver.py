@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import DataError
-from ifrfit.inference.bootstrap.batched_solver import base_of, noise_groups
 from ifrfit.inference.bootstrap.replicate_fits import (
     NO_NOISE,
     NO_SLIDING,
@@ -23,7 +22,6 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.laplace import Local
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
-from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -55,7 +53,7 @@ class OneByOne:
         return joined([self._fit(lot, number) for number in range(lot.size)])
 
     def _fit(self, lot: Lot, number: int) -> Solved:
-        groups, base = noise_groups(self.problem), base_of(self.problem)
+        groups, base = self.problem.noise_groups(), self.problem.noise.base
         rows = drawn_rows(self.problem, lot, number)
         drawn = replicate(self.problem, lot, number)
         noise = np.ones(len(groups))
@@ -104,7 +102,7 @@ def _loose(problem: Problem, local: Local) -> Bool:
 
 def _why(drawn: Problem, found: LeastSquares) -> str:
     """Why a replicate leaves a constant open."""
-    kinds = np.array([OBSERVABLES[name].kind for name in drawn.rows.names])[drawn.rows.which]
+    kinds = drawn.rows.kinds
     oblique = np.isin(kinds, ("tangential", "curved"))
     _, sticks = drawn.impulse(*drawn.per_row(found.optimum.theta))
     if oblique.any() and sticks[oblique].all():

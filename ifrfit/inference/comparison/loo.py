@@ -14,10 +14,10 @@ from scipy import special
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.noise_prior import noise_bounds
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import TOLERANCE, log_evidence
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.restore import posterior_of
 
 Array = NDArray[np.float64]
 
@@ -44,12 +44,13 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     Vehtari, Gelman & Gabry (2017), Statistics and Computing 27, 1413; Vehtari, Simpson, Gelman, Yao & Gabry
     (2024), Journal of Machine Learning Research 25(72).
     """
-    problem: Problem = fit.problem
+    problem, _ = fit.problem_and_optimum()
+    posterior = posterior_of(fit)
     n_draws = min(DRAWS, _LARGEST // problem.rows.value.size)
     if n_draws < _FEWEST:
         return None
     density = Density(problem)
-    draws = fit.law.draws(n_draws, np.random.default_rng(seed))
+    draws = posterior.draws(n_draws, np.random.default_rng(seed))
     each = _likelihoods(density, _points(density, draws, n_draws))
     elpd, k = _smoothed(each)
     threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
@@ -57,7 +58,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
     refitted = []
     for i in high[:MOST_REFITS]:
-        exact = left_out(problem, fit.law.log_evidence, density.impact != i, fit.law.tolerance)
+        exact = left_out(problem, posterior.log_evidence, density.impact != i, posterior.tolerance)
         if exact is not None:
             elpd[i] = exact
             refitted.append(names[i])
@@ -87,10 +88,10 @@ def left_out(
     `whole` is the log evidence of all rows. The noise keeps the prior that it has with all rows.
     """
     rest = problem.with_rows(np.flatnonzero(keep))
-    groups = {"": None, **rest.groups()}
-    bounds = {name: ends for name, ends in noise_bounds(problem).items() if name in groups}
+    groups = rest.noise_groups()
+    bounds = {name: ends for name, ends in problem.noise_bounds().items() if name in groups}
     try:
-        return whole - log_evidence(replace(rest, noise_bounds=bounds), tolerance)
+        return whole - log_evidence(rest.with_noise(rest.noise.with_bounds(bounds)), tolerance)
     except (DataError, UsageError):
         return None
 

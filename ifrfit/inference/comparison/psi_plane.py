@@ -92,7 +92,7 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     n = rows.tau.size
     if n < _FEWEST:
         return PsiPlane(f"{n} row{'s' if n > 1 else ''} cannot tell two slopes", n=n, left_out=left_out)
-    fitted = _fit(rows, known=problem.noise == "known")
+    fitted = _fit(rows, known=problem.noise.is_known)
     if fitted is None:
         return PsiPlane("the rows leave no misfit to tell their noise from", n=n, left_out=left_out)
     t = fitted.optimum.t

@@ -137,9 +137,9 @@ def psi_rows(problem: Problem) -> tuple[PsiRows | None, dict[str, str]]:
     if not parts:
         return None, left_out
     rows, value, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
-    base = np.ones(rows.size) if problem.noise == "unknown" else problem.sigma[rows]
+    base = problem.noise.base[rows]
     group = np.zeros(rows.size, dtype=np.intp)
-    if problem.noise == "unknown":
+    if problem.noise.is_unknown:
         for number, own in enumerate(_groups(problem).values()):
             group[np.isin(rows, own)] = number
     return PsiRows(problem.rows.tau[rows], value, weight, base, group), left_out

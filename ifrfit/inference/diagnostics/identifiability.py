@@ -80,7 +80,8 @@ def _advice(problem: Problem, fit: LeastSquares, loose: list[str], n_sticking: i
     observed = ", ".join(problem.rows.names)
     says = []
     alone = {name.split("[")[0] for name in loose if " " not in name}
-    own = problem.closure.constant
+    closure, j = problem.closure, problem.inertia_factor
+    own = closure.constant
     if "e_n" in alone and only_kappa_is_seen(problem):
         mu = "" if n_sliding == 0 else " to get mu"
         says.append(
@@ -90,13 +91,13 @@ def _advice(problem: Problem, fit: LeastSquares, loose: list[str], n_sticking: i
         )
     elif "e_n" in alone:
         says.append("nothing here fixes e_n: give it a value (--fix e_n=...) or measure it (a drop test)")
-    if n_sliding == 0 and n_sticking > 0 and problem.closure.bilinear:
+    if n_sliding == 0 and n_sticking > 0 and closure.bilinear:
         steepest = _steepest(problem)
         says.append(
             "no impact slides, and sticking impacts say only how large mu must at least be: "
             f"measure beyond {steepest:.0f} degrees"
         )
-    elif n_sticking == 0 and n_sliding > 0 and own in ("beta0", "chi"):
+    elif n_sticking == 0 and n_sliding > 0 and own and not closure.acts_in_sliding(j):
         says.append(f"no impact sticks, and {own} shows only in sticking: measure nearer to the normal")
     elif (alone & {"kappa", "mu", own}) or any(" " in name for name in loose):
         if n_sticking + n_sliding == 0:
@@ -118,7 +119,7 @@ def only_kappa_is_seen(problem: Problem) -> bool:
     """Whether friction enters through kappa alone: tangential rows, and nothing that knows e_n or mu."""
     rows = all(
         (OBSERVABLES[name].kind == "tangential" and OBSERVABLES[name].scale == "one")
-        or name in ("lambda_deg", "psi_after_deg")
+        or OBSERVABLES[name].without_e_n
         for name in problem.rows.names
     )
     free = all(c.fixed is None and c.prior is None for c in problem.parameters if c.name in ("e_n", "mu"))

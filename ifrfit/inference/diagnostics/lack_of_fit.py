@@ -42,7 +42,7 @@ def residuals_of(problem: Problem, fit: LeastSquares) -> Residuals:
     Where sigma comes from the misfit, a row is left out of its own yardstick (external studentisation), so
     that an outlier does not hide behind the noise it feigns.
     """
-    raw = problem.rows.value - problem.fitted(fit.optimum.theta)
+    raw = problem.rows.value - problem.predict(fit.optimum.theta)
     standardised = raw / fit.sigma
     internal = standardised / np.sqrt(np.maximum(1.0 - fit.local.leverage, 1e-6))
     if math.isinf(fit.noise_dof) or fit.noise_dof <= 1.0:
@@ -62,7 +62,7 @@ def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals, *, re
     runs = _runs(problem, r)
     rule = FACTS["lack_of_fit"]
     figures: dict[str, object] = {"dof": dof, "p_runs": runs}
-    if problem.noise == "known":
+    if problem.noise.is_known:
         test = "chi2"
         p = float(special.chdtrc(dof, float(r @ r))) if dof > 0 else math.nan
     else:

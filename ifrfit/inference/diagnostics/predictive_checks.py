@@ -13,8 +13,8 @@ from scipy import special
 from ifrfit.inference.diagnostics.lack_of_fit import misfit, oblique_groups
 from ifrfit.inference.diagnostics.outliers import row_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
-from ifrfit.inference.model.forward import fitted_at
 from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.result.types import Fact
@@ -124,8 +124,7 @@ def _look(problem: Problem, draws: Mapping[str, Array]) -> _Seen:
     n = problem.rows.value.size
     names = zip(problem.parameters.names, problem.parameters.entries, strict=True)
     given = [draws[name] if c.fixed is None else np.array([c.fixed]) for name, c in names]
-    groups = problem.groups() if problem.noise == "unknown" else {}
-    noise = [draws[f"noise[{g}]"] for g in groups] or ([draws["noise"]] if problem.noise == "scaled" else [])
+    noise = [draws[noise_name(group)] for group in problem.noise_groups()]
     m = min(max(x.size for x in (*given, *noise)), max(_FEWEST, _MOST // n))
     theta = np.stack([np.broadcast_to(x[:m], m) for x in given], axis=1)
     first, second = _neighbours(problem)
@@ -133,7 +132,7 @@ def _look(problem: Problem, draws: Mapping[str, Array]) -> _Seen:
     step = max(1, _AT_ONCE // n)
     for start in range(0, m, step):
         at = slice(start, min(start + step, m))
-        z = _standardised(problem, theta[at], [x[at] for x in noise], groups)
+        z = _standardised(problem, theta[at], [x[at] for x in noise])
         size, positive = np.abs(z), z > 0.0
         chi2[at] = np.einsum("ij,ij->i", z, z)
         largest[at] = size.max(axis=1)
@@ -143,18 +142,15 @@ def _look(problem: Problem, draws: Mapping[str, Array]) -> _Seen:
     return _Seen(chi2, largest, inside, changes, first.size, total / m)
 
 
-def _standardised(problem: Problem, theta: Array, noise: list[Array], groups: Mapping[str, Index]) -> Array:
+def _standardised(problem: Problem, theta: Array, noise: list[Array]) -> Array:
     """Residuals that are standard normal numbers if the model holds, (m, n)."""
     if not problem.error_model.is_plain:
         density = Density(problem)
         points = np.column_stack((theta[:, problem.parameters.free], *(np.log(x) for x in noise)))
         return np.asarray(special.ndtri(np.clip(density.below(points), _TAIL, 1.0 - _TAIL)))
-    z = problem.rows.value - fitted_at(problem, theta)
-    if problem.noise != "unknown":
-        z /= problem.sigma if problem.noise == "known" else problem.sigma * noise[0][:, None]
-    for rows, own in zip(groups.values(), noise, strict=False):
-        z[:, rows] /= own[:, None]
-    return z
+    sizes = np.array(noise).reshape(len(noise), len(theta)).T
+    sigma = problem.noise.sigma_at(sizes, problem.noise_groups().values())
+    return np.asarray((problem.rows.value - problem.predict(theta)) / sigma)
 
 
 def _neighbours(problem: Problem) -> tuple[Index, Index]:
@@ -212,7 +208,7 @@ def _reason(problem: Problem, seen: _Seen, figures: dict[str, Any]) -> str:
     if failed == ["largest"]:
         return ""
     if failed == ["share"] and figures["share_inside"] > _SHARE:
-        if problem.noise != "known":
+        if not problem.noise.is_known:
             return ""
         remedy = "" if _without_scatter(seen) else ": --noise scaled takes it from the data"
         return f"; sigma is larger than the scatter{remedy}"

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.problem import Problem
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.observables import get_observable
 from ifrfit.physics.rebound import rebound
@@ -97,15 +96,15 @@ def minimizer_result(result: FitResult) -> Any:
     """
     import lmfit
 
-    problem: Problem | None = result.problem
-    if problem is None:
+    problem, optimum = result.problem, result.least_squares
+    if problem is None or optimum is None:
         raise UsageError(
             "lmfit_result needs the fit itself; a result read from a file holds only its findings."
         )
     sigma = result.points["sigma_used"].to_numpy(dtype=float)
     params = lmfit.Parameters()
     labels = [_label(name) for name in problem.parameters.names]
-    theta = result.least_squares.optimum.theta
+    theta = optimum.optimum.theta
     lower, upper = problem.parameters.bounds()
     settled = _settled(result)
     for label, name, value, low, high, free in zip(
@@ -118,7 +117,7 @@ def minimizer_result(result: FitResult) -> Any:
 
     def residual(p: Any) -> Any:
         at = np.array([p[label].value for label in labels])
-        data = (problem.rows.value - problem.fitted(at)) / sigma
+        data = (problem.rows.value - problem.predict(at)) / sigma
         return np.concatenate((data, problem.parameters.prior_residuals(at)))
 
     return lmfit.minimize(residual, params, method="least_squares", scale_covar=False, xtol=1e-14, ftol=1e-14)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import uuid
 import zipfile
@@ -14,6 +13,7 @@ import numpy as np
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.mcmc.chains import Chains
 from ifrfit.inference.mcmc.ensemble import Rest
+from ifrfit.inference.model.digest import digest
 from ifrfit.inference.model.problem import Problem
 
 FILE = "chains.npz"
@@ -118,21 +118,5 @@ def _chains(place: Path, content: dict[str, Any]) -> Chains:
 
 
 def question_of(problem: Problem, seed: int) -> str:
-    """SHA-256 of everything that the chains depend on: rows, closure, constants, noise, seed."""
-    rows = problem.rows
-    i = rows.incidence
-    told = hashlib.sha256()
-    for part in (
-        problem.closure.name,
-        problem.inertia_factor,
-        problem.parameters,
-        problem.series,
-        problem.noise,
-        sorted(problem.noise_bounds.items()),
-        rows.names,
-        seed,
-    ):
-        told.update(repr(part).encode())
-    for array in (rows.value, rows.which, rows.series, problem.sigma, i.sine, i.cosine, i.slip_x, i.slip_y):
-        told.update(np.ascontiguousarray(array).tobytes())
-    return told.hexdigest()
+    """SHA-256 of everything that the chains depend on: the problem and the seed."""
+    return digest((problem.digest, seed))

@@ -80,11 +80,9 @@ def _gaussian(coordinates: Coordinates, found: LeastSquares, theta: Array) -> tu
 def _noise(coordinates: Coordinates, found: LeastSquares) -> tuple[Array, Array]:
     """Logarithm of each noise at the optimum, and its sd."""
     problem = coordinates.problem
-    groups = problem.groups() if problem.noise == "unknown" else {"": np.arange(problem.sigma.size)}
-    base = problem.sigma if problem.noise == "scaled" else np.ones(problem.sigma.size)
+    base = problem.noise.base
     centre, spread = [], []
-    for name in coordinates.density.noises:
-        rows = groups[name]
+    for rows in problem.noise_groups().values():
         centre.append(math.log(float(np.median(found.sigma[rows] / base[rows]))))
         spread.append(1.0 / math.sqrt(2.0 * max(rows.size - 1, 1)))
     return np.array(centre), np.array(spread)

@@ -8,14 +8,14 @@ import numpy as np
 import pandas as pd
 
 from ifrfit.data import Observations
-from ifrfit.errors import DataError, UsageError
+from ifrfit.errors import DataError
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.error_propagation import propagated_sigma
-from ifrfit.inference.model.noise_prior import noise_bounds
+from ifrfit.inference.model.noise import NoiseModel, Policy
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.physics.observables import Observable
 
 
 def with_propagated_sigma(observations: Observations, error_model: ErrorModel) -> Observations:
@@ -45,7 +45,7 @@ def with_propagated_sigma(observations: Observations, error_model: ErrorModel) -
     return replace(observations, table=table)
 
 
-def with_error_model(problem: Problem, error_model: ErrorModel, method: str) -> Problem:
+def with_error_model(problem: Problem, error_model: ErrorModel) -> Problem:
     """The problem under this error model.
 
     One unknown noise becomes a common factor on a sigma of 1: the factor has the prior of the noise.
@@ -53,85 +53,52 @@ def with_error_model(problem: Problem, error_model: ErrorModel, method: str) -> 
     Raises
     ------
     UsageError
-        If the method does not know this error model.
+        If the closure does not know this error model.
     DataError
         If the data lack the errors of angle and spin, or have several unknown noises.
     """
-    _check_method(problem, error_model, method)
+    error_model.check_closure(problem.closure)
     if error_model.angles != "none":
         _check_errors_of_angles(problem, error_model)
     if error_model.is_plain:
         return replace(problem, error_model=error_model)
-    if problem.noise == "unknown":
+    if problem.noise.is_unknown:
         groups = problem.groups()
         if len(groups) > 1:
             raise DataError(
-                f"{len(groups)} unknown noises ({', '.join(groups)}) beside {_said(error_model)}: give a "
+                f"{len(groups)} unknown noises ({', '.join(groups)}) beside {error_model.option}: give a "
                 "sigma in every row and --noise scaled, or fit one observable of one series at a time."
             )
-        (ends,) = noise_bounds(problem).values()
-        ones = np.ones(problem.sigma.size)
-        problem = replace(problem, noise="scaled", sigma=ones, noise_bounds={"": ends})
+        (ends,) = problem.noise_bounds().values()
+        problem = problem.with_noise(NoiseModel("scaled", np.ones(len(problem.rows)), {"": ends}))
     return replace(problem, error_model=error_model)
 
 
-def reported_policy(problem: Problem) -> str:
+def reported_policy(problem: Problem) -> Policy:
     """Noise policy as the user knows it: an unknown noise that became a factor is unknown all the same."""
-    if problem.noise == "scaled" and not np.isfinite(problem.observations.table["sigma"]).all():
+    if problem.noise.is_scaled and not np.isfinite(problem.observations.table["sigma"]).all():
         return "unknown"
-    return problem.noise
-
-
-def _said(error_model: ErrorModel) -> str:
-    return f"--angle-errors {error_model.angles}" if error_model.angles != "none" else "--tails student-t"
-
-
-def _check_method(problem: Problem, error_model: ErrorModel, method: str) -> None:
-    if error_model.is_plain:
-        return
-    if not problem.closure.bilinear:
-        raise UsageError(
-            f"Closure {problem.closure.title} knows independent Gaussian errors of the values only: leave "
-            f"{_said(error_model)} out, or choose another closure."
-        )
-    if method in ("profile", "bootstrap"):
-        raise UsageError(
-            f"--method {method} knows independent Gaussian errors of the values only: use --method exact or "
-            f"mcmc with {_said(error_model)}."
-        )
-    if not error_model.integrates:
-        return
-    if method == "lsq":
-        raise UsageError(
-            "--method lsq cannot integrate true angles out: use --method exact or mcmc with "
-            f"{_said(error_model)}, or --angle-errors effective."
-        )
-    tied = tied_to_e_n(problem, error_model) if method == "exact" else []
-    if tied:
-        raise UsageError(
-            f"--angle-errors {error_model.angles} with {', '.join(tied)}: the true angle ties e_n to the "
-            "tangential constants, which the quadrature does not take on. Use --method mcmc, or fix e_n."
-        )
+    return problem.noise.policy
 
 
 def tied_to_e_n(problem: Problem, error_model: ErrorModel) -> list[str]:
     """Observables whose true angle, integrated out, ties a free e_n to the tangential constants."""
-    free = any(c.name == "e_n" and c.fixed is None for c in problem.parameters)
-    return [name for name in problem.rows.names if _couples(name)] if error_model.integrates and free else []
+    if not error_model.integrates or problem.parameters["e_n"].fixed is not None:
+        return []
+    return [o.name for o in problem.rows.observables if _couples(o)]
 
 
-def _couples(name: str) -> bool:
+def _couples(o: Observable) -> bool:
     """Whether a row sees e_n together with the true angle."""
-    o = OBSERVABLES[name]
     if o.kind == "normal":
-        return o.name != "e_n"
+        return o.has_angle
     return (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n)
 
 
 def _check_errors_of_angles(problem: Problem, error_model: ErrorModel) -> None:
     """Refuse data that do not say how uncertain any angle or spin is, and angles outside their population."""
     table = problem.observations.table
-    has_angle = np.array([OBSERVABLES[n].has_angle for n in problem.rows.names])[problem.rows.which]
+    has_angle = problem.rows.has_angle
     spins = table[["sigma_spin_x", "sigma_spin_y"]].fillna(0.0).to_numpy(dtype=float)
     of_angle = table["sigma_gamma_deg"].fillna(error_model.gamma or 0.0).to_numpy(dtype=float)
     if not (has_angle & ((spins > 0.0).any(axis=1) | (of_angle > 0.0))).any():

@@ -10,18 +10,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.forward import fitted_at
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.latent_quadrature import At
-from ifrfit.inference.model.noise_prior import noise_bounds, noise_label
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.row_likelihood import RowLaw, at_theta, impacts_of
+from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import least_squares
 
 Array = NDArray[np.float64]
-
-_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 
 
 @dataclass(frozen=True)
@@ -39,21 +36,20 @@ class Density:
 
     problem: Problem
 
-    @cached_property
+    @property
     def unknowns(self) -> tuple[FreeParameter, ...]:
         """Free entries of theta."""
-        pairs = zip(self.problem.parameters.names, self.problem.parameters.entries, strict=True)
-        return tuple(FreeParameter.of(name, constant) for name, constant in pairs if constant.fixed is None)
+        return self.problem.free_parameters
 
     @cached_property
     def noises(self) -> Mapping[str, tuple[float, float]]:
         """Ends of each unknown noise by its group; "" is a common factor on sigma."""
-        return noise_bounds(self.problem)
+        return self.problem.noise_bounds()
 
     @property
     def names(self) -> tuple[str, ...]:
         """What the coordinates of a point stand for: free constants, then noises."""
-        return (*(u.name for u in self.unknowns), *(noise_label(group) for group in self.noises))
+        return (*(u.name for u in self.unknowns), *(noise_name(group) for group in self.noises))
 
     @cached_property
     def lower(self) -> Array:
@@ -90,9 +86,7 @@ class Density:
 
     def rows(self, points: Array) -> Array:
         """Log likelihood of each row where rows are independent, (m, n)."""
-        sigma = self.sigma(points)
-        z = (self.problem.rows.value - fitted_at(self.problem, self.theta(points))) / sigma
-        return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
+        return self.problem.row_log_likelihood(self.theta(points), np.exp(points[:, len(self.unknowns) :]))
 
     def impacts(self, points: Array) -> Array:
         """Log likelihood of each impact, (m, n_impacts), in the order of `impact`."""
@@ -106,7 +100,7 @@ class Density:
     @cached_property
     def impact(self) -> Index:
         """Impact of each row, (n,), numbered as they first occur; a row without an impact_id is its own."""
-        return impacts_of(self.problem.observations.table)
+        return self.problem.rows.impacts
 
     def _scattered(self, points: Array, n: int) -> Array:
         """The same where angles or tails make the scatter other than plain."""
@@ -128,7 +122,7 @@ class Density:
     def _laws_at(self, points: Array) -> Iterator[tuple[RowLaw, At]]:
         """Law of each series with the constants at the points; its `order` counts the problem's rows."""
         theta = self.theta(points)
-        scaled = self.problem.noise == "scaled"
+        scaled = self.problem.noise.is_scaled
         factor: Array | float = np.exp(points[:, len(self.unknowns)]) if scaled else 1.0
         for series, law in self._laws:
             yield law, at_theta(self.problem, theta, factor, series)
@@ -155,15 +149,7 @@ class Density:
     def sigma(self, points: Array) -> Array:
         """Noise of each row, (m, n) or (1, n)."""
         noise = np.exp(points[:, len(self.unknowns) :])
-        if self.problem.noise == "known":
-            return self.problem.sigma[None, :]
-        if self.problem.noise == "scaled":
-            return np.asarray(noise * self.problem.sigma)
-        sigma = np.empty((points.shape[0], self.problem.rows.value.size))
-        groups = self.problem.groups()
-        for name, own in zip(self.noises, noise.T, strict=True):
-            sigma[:, groups[name]] = own[:, None]
-        return sigma
+        return self.problem.noise.sigma_at(noise, self.problem.noise_groups().values())
 
     def draws(self, points: Array) -> dict[str, Array]:
         """The points as the exact posterior names its draws, noises as they are; without kappa."""

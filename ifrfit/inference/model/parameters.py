@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.closures import Closure
-from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -29,7 +28,7 @@ class Parameter:
     Attributes
     ----------
     name : str
-        e_n, e_t, beta0, chi or mu.
+        e_n, mu, or that of the closure.
     lower, upper : float
         Domain; by default the passive one.
     fixed : float or None
@@ -227,6 +226,7 @@ def make_parameters(
     for name in closure.constants:
         lower, upper = bounds.get(name, default[name])
         _check_bounds(name, lower, upper)
+        _check_limits(closure, name, lower, upper)
         fixed = fix.get(name)
         if fixed is not None:
             _check_fixed(name, fixed, lower, upper, name in prior, name in separate)
@@ -253,12 +253,17 @@ def _check_bounds(name: str, lower: float, upper: float) -> None:
     physical = {"e_n": (0.0, math.inf), "mu": (0.0, math.inf)}.get(name)
     if physical and lower < physical[0]:
         raise UsageError(f"--bounds {name}: {name} cannot be negative, so the lower end must be 0 or more.")
-    if name == "chi" and not LOWEST_CHI <= lower < upper <= HIGHEST_CHI:
-        raise UsageError(
-            f"chi from {lower:g} to {upper:g}: the table of closure MAW reaches from {LOWEST_CHI:g} to "
-            f"{HIGHEST_CHI:g}. Give --bounds chi=LO,HI inside (a solid sphere of the wall's material has "
-            "7/6 to 7/4)."
-        )
+
+
+def _check_limits(closure: Closure, name: str, lower: float, upper: float) -> None:
+    own = closure.own
+    if own is None or own.name != name or own.limits[0] <= lower < upper <= own.limits[1]:
+        return
+    advice = f" ({own.advice})" if own.advice else ""
+    raise UsageError(
+        f"{name} from {lower:g} to {upper:g}: {own.limits_words or f'closure {closure.title}'} reaches from "
+        f"{own.limits[0]:g} to {own.limits[1]:g}. Give --bounds {name}=LO,HI inside{advice}."
+    )
 
 
 def _check_fixed(

@@ -1,42 +1,65 @@
-"""A fit's question: which rows, which closure, which constants, what noise."""
+"""The question of a fit: which rows, which closure, which parameters, what noise and errors."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.model.digest import EXCLUDED, digest
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
-from ifrfit.inference.model.parameters import Parameter, ParameterSet
-from ifrfit.inference.model.rows import Array, Index, Rows
-from ifrfit.physics.angles import Incidence
-from ifrfit.physics.closures import Closure
-from ifrfit.physics.observables import OBSERVABLES, get_observable
+from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.model.noise import POLICIES, NoiseModel, Policy
+from ifrfit.inference.model.parameters import Parameter, ParameterSet, make_parameters
+from ifrfit.inference.model.rows import OBLIQUE, Array, Index, Rows
+from ifrfit.physics.closures import Closure, Coefficients
 from ifrfit.physics.rebound import rebound_with
 
+_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 _STEP = 1e-6  # of central differences of the curved observables: error about 1e-11
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Observations, closure, parameters and noise policy. Evaluation is pure.
+    """Rows, closure, parameters, noise and error model. Evaluation is pure.
 
     The vector theta holds the entries of `parameters`, fixed ones included.
+
+    Attributes
+    ----------
+    rows : Rows
+    closure : Closure
+    inertia_factor : float
+        J of the ball, 0.4 for a solid sphere.
+    parameters : ParameterSet
+    noise : NoiseModel
+    error_model : ErrorModel
+    observations : Observations
+        Where the rows come from, for what is reported of them. Nothing that is computed depends on it.
     """
 
-    observations: Observations
+    rows: Rows
     closure: Closure
     inertia_factor: float
     parameters: ParameterSet
-    rows: Rows
-    sigma: Array  # as given; nan where not
-    noise: str  # known, scaled or unknown
-    noise_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of its prior, if chosen
+    noise: NoiseModel
+    observations: Observations = field(metadata=EXCLUDED)
     error_model: ErrorModel = PLAIN
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of everything that the answer depends on: every field but `observations`.
+
+        The closure counts with its coefficients, too, where it is bilinear.
+        """
+        law = self.closure.law(self.inertia_factor)
+        return digest((self, law if isinstance(law, Coefficients) else None))
 
     @property
     def series(self) -> tuple[str, ...]:
@@ -46,20 +69,43 @@ class Problem:
     @property
     def has_oblique(self) -> bool:
         """Whether any row knows the closure: one that measures neither e_n nor mu alone."""
-        return any(OBSERVABLES[name].kind in ("tangential", "curved") for name in self.rows.names)
+        return self.rows.has_kind(*OBLIQUE)
 
     def per_row(self, theta: Array) -> tuple[Array, Array, Array]:
-        """(e_n, closure constant, mu) of each row."""
+        """(e_n, closure constant, mu) of each row at theta, (p,); (n,) each."""
         places = self.parameters.positions
         series = self.rows.series
         c = theta[places[self.closure.constant]][series] if self.closure.constant else np.zeros(series.size)
         return theta[places["e_n"]][series], c, theta[places["mu"]][series]
 
-    def fitted(self, theta: Array) -> Array:
-        """Value of each row at theta."""
-        e_n, c, mu = self.per_row(theta)
-        k, _ = self.impulse(e_n, c, mu)
-        return self.values_with(k, e_n, mu)
+    def predict(self, theta: Array) -> Array:
+        """Value of each row without noise.
+
+        Parameters
+        ----------
+        theta : ndarray, (..., p)
+            Entries as in `parameters.names`, fixed ones included.
+
+        Returns
+        -------
+        ndarray, (..., n)
+        """
+        flat = theta.reshape(-1, theta.shape[-1])
+        e_n, c, mu = self._columns(flat)
+        law = self.closure.law(self.inertia_factor)
+        k, _ = law.impulse(self.rows.incidence, c, mu * (1.0 + e_n))
+        return self.values_with(k, e_n, mu).reshape(*theta.shape[:-1], len(self.rows))
+
+    def _columns(self, theta: Array) -> tuple[Array, Array, Array]:
+        """(e_n, closure constant, mu), each (m, n), or (m, 1) where all rows share it."""
+        places = self.parameters.positions
+
+        def column(name: str | None) -> Array:
+            if name is None:
+                return np.zeros((theta.shape[0], 1))
+            return theta[:, places[name][self.rows.series if self.parameters[name].separate else [0]]]
+
+        return column("e_n"), column(self.closure.constant), column("mu")
 
     def impulse(self, e_n: Array, c: Array, mu: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Impulse factor k of each row, and whether it sticks."""
@@ -68,15 +114,16 @@ class Problem:
         return k, sticks.astype(bool)
 
     def values_with(self, k: Array, e_n: Array, mu: Array) -> Array:
-        """Value of each row, given its impulse factor."""
-        out = np.empty(k.size)
-        for name in self.rows.names:
+        """Value of each row, (..., n), given its impulse factor k, (..., n); e_n and mu broadcast to it."""
+        k = np.broadcast_to(k, (*k.shape[:-1], len(self.rows)))
+        out = np.empty(k.shape)
+        free = np.zeros(1, dtype=bool)  # whether a row sticks does not matter once k is known
+        for name, observable in zip(self.rows.names, self.rows.observables, strict=True):
             at = self.rows.rows_of(name)
             part = self.rows.take(at)
-            state = rebound_with(
-                part.incidence, k[at], np.zeros(at.size, dtype=bool), e_n[at], self.inertia_factor
-            )
-            out[at] = get_observable(name).value(state, mu[at])
+            own_e_n, own_mu = (x if x.shape[-1] == 1 else x[..., at] for x in (e_n, mu))
+            state = rebound_with(part.incidence, k[..., at], free, own_e_n, self.inertia_factor)
+            out[..., at] = observable.value(state, own_mu)
         return out
 
     def jacobian(self, theta: Array) -> Array:
@@ -87,10 +134,9 @@ class Problem:
         by_e = self._difference(k, e_n, mu, 0.0, 1.0)
         law = self.closure.law(self.inertia_factor)
         by_c, by_kappa = law.slopes(self.rows.incidence, c, mu * (1.0 + e_n))
-        is_mu = np.array([OBSERVABLES[n].kind == "friction" for n in self.rows.names])[self.rows.which]
         columns = {
             "e_n": by_e + by_k * mu * by_kappa,
-            "mu": np.where(is_mu, 1.0, by_k * (1.0 + e_n) * by_kappa),
+            "mu": np.where(self.rows.of_kind("friction"), 1.0, by_k * (1.0 + e_n) * by_kappa),
         }
         if self.closure.constant:
             columns[self.closure.constant] = by_k * by_c
@@ -104,6 +150,80 @@ class Problem:
         down = self.values_with(k - _STEP * dk, e_n - _STEP * de, mu)
         return (up - down) / (2.0 * _STEP)
 
+    @cached_property
+    def free_parameters(self) -> tuple[FreeParameter, ...]:
+        """Domain and prior of each free entry of theta."""
+        pairs = zip(self.parameters.names, self.parameters.entries, strict=True)
+        return tuple(FreeParameter.of(name, each) for name, each in pairs if each.fixed is None)
+
+    def log_posterior(self, theta: Array, noise: Array | None = None) -> Array:
+        """Log of the normalised prior times the likelihood, for who brings a sampler.
+
+        Parameters
+        ----------
+        theta : ndarray, (..., p)
+            Entries as in `parameters.names`, fixed ones included.
+        noise : ndarray, (..., k), optional
+            Unknown noises as in `noise_bounds`; needed where there are any. Their prior is uniform in the
+            logarithm: the density is one over the free entries of theta and the logarithms of the noises.
+
+        Returns
+        -------
+        ndarray, (...)
+            -inf outside the domain.
+
+        Raises
+        ------
+        UsageError
+            If unknown noises are missing, or errors are other than independent and Gaussian: those need nodes
+            about an optimum, as `ifrfit.inference.model.log_posterior.Density` has them.
+        """
+        if not self.error_model.is_plain:
+            raise UsageError(
+                f"{self.error_model.option} has no density by rows. Take "
+                "ifrfit.inference.model.log_posterior.Density(problem)."
+            )
+        bounds = list(self.noise_bounds().values())
+        if noise is None and bounds:
+            names = ", ".join(name or "a common factor" for name in self.noise_bounds())
+            raise UsageError(f"The noise is unknown ({names}): give log_posterior the noises, too.")
+        theta = np.asarray(theta, dtype=float)
+        flat = theta.reshape(-1, theta.shape[-1])
+        noises = np.ones((len(flat), 0)) if noise is None else np.reshape(noise, (-1, len(bounds)))
+        total = np.zeros(len(flat))
+        for each, value in zip(self.free_parameters, flat[:, self.parameters.free].T, strict=True):
+            inside = (value >= each.lower) & (value <= each.upper)
+            total = total + np.where(inside, each.log_prior(value), -np.inf)
+        for (low, high), value in zip(bounds, noises.T, strict=True):
+            inside = (value >= low) & (value <= high)
+            total = total + np.where(inside, -math.log(math.log(high / low)), -np.inf)
+        inside = np.isfinite(total)
+        total[inside] += self.row_log_likelihood(flat[inside], noises[inside]).sum(axis=1)
+        return total.reshape(theta.shape[:-1])
+
+    def row_log_likelihood(self, theta: Array, noise: Array) -> Array:
+        """Log likelihood of each row under Gaussian errors, (m, n), at theta, (m, p), and noises, (m, k)."""
+        sigma = self.noise.sigma_at(noise, self.noise_groups().values())
+        z = (self.rows.value - self.predict(theta)) / sigma
+        return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
+
+    def groups(self) -> Mapping[str, Index]:
+        """Rows of each "series/observable"."""
+        code = self.rows.series * len(self.rows.names) + self.rows.which
+        found = {}
+        for value in np.unique(code):
+            series, which = divmod(int(value), len(self.rows.names))
+            found[f"{self.series[series]}/{self.rows.names[which]}"] = np.flatnonzero(code == value)
+        return found
+
+    def noise_groups(self) -> Mapping[str, Index]:
+        """Rows that share an unknown noise, by the name of the group; see `NoiseModel`."""
+        return self.noise.groups(self.groups())
+
+    def noise_bounds(self) -> Mapping[str, tuple[float, float]]:
+        """Ends of the log-uniform prior of each unknown noise, by the name of its group."""
+        return self.noise.bounds(self.rows, self.groups())
+
     def with_parameters(self, parameters: Iterable[Parameter]) -> Problem:
         """The same question with other parameters in the place of those of the same names."""
         return replace(self, parameters=self.parameters.with_parameters(parameters))
@@ -112,6 +232,41 @@ class Problem:
         """The same question with parameters, or single entries of theta, fixed at values by name."""
         return replace(self, parameters=self.parameters.with_fixed(values))
 
+    def with_closure(self, closure: Closure, parameters: Iterable[Parameter] | None = None) -> Problem:
+        """The same question for another closure.
+
+        Parameters
+        ----------
+        closure : Closure
+        parameters : iterable of Parameter, optional
+            Of that closure. By default each constant that both closures have is fixed, known before, bounded
+            and separate as it is here; bounds that are the domain of this closure become those of the other.
+
+        Raises
+        ------
+        UsageError
+            If the closure does not know the error model, or has an empty domain.
+        """
+        self.error_model.check_closure(closure)
+        made = self._parameters_of(closure) if parameters is None else tuple(parameters)
+        return replace(self, closure=closure, parameters=ParameterSet(made, self.series))
+
+    def _parameters_of(self, closure: Closure) -> tuple[Parameter, ...]:
+        here = {each.name: each for each in self.parameters}
+        domains = {each.name: each for each in make_parameters(self.closure, self.inertia_factor)}
+        found = []
+        for own in make_parameters(closure, self.inertia_factor):
+            each = here.get(own.name, own)
+            before = domains.get(own.name, own)
+            if (each.lower, each.upper) == (before.lower, before.upper):
+                each = replace(each, lower=own.lower, upper=own.upper)
+            found.append(each)
+        return tuple(found)
+
+    def with_noise(self, noise: NoiseModel) -> Problem:
+        """The same question under another noise."""
+        return replace(self, noise=noise)
+
     def with_rows(self, rows: Index) -> Problem:
         """The same question of some of the rows."""
         table = self.observations.table.iloc[rows]
@@ -119,17 +274,8 @@ class Problem:
             self,
             observations=replace(self.observations, table=table),
             rows=self.rows.take(rows),
-            sigma=self.sigma[rows],
+            noise=self.noise.take(rows),
         )
-
-    def groups(self) -> dict[str, Index]:
-        """Rows of each "series/observable", the groups that share an unknown noise."""
-        code = self.rows.series * len(self.rows.names) + self.rows.which
-        found = {}
-        for value in np.unique(code):
-            series, which = divmod(int(value), len(self.rows.names))
-            found[f"{self.series[series]}/{self.rows.names[which]}"] = np.flatnonzero(code == value)
-        return found
 
 
 def make_problem(
@@ -161,40 +307,28 @@ def make_problem(
     table = observations.table
     if len(table) == 0:
         raise DataError("No rows are left to fit.")
-    gamma = np.nan_to_num(table["gamma_deg"].to_numpy(dtype=float))
-    incidence = Incidence.of(
-        gamma, table["spin_x"].to_numpy(dtype=float), table["spin_y"].to_numpy(dtype=float), degrees=True
-    )
-    series, series_index = _codes(table["series"])
-    names, which = _codes(table["observable"])
-    rows = Rows(incidence, incidence.tau, names, which, series_index, table["value"].to_numpy(dtype=float))
+    rows, series = Rows.of(table)
     sigma = table["sigma"].to_numpy(dtype=float)
-    policy = _noise_policy(observations, sigma, noise)
+    model = NoiseModel(_noise_policy(observations, sigma, noise), sigma)
     return Problem(
-        observations, closure, inertia_factor, ParameterSet(tuple(parameters), series), rows, sigma, policy
+        rows, closure, inertia_factor, ParameterSet(tuple(parameters), series), model, observations
     )
 
 
-def _codes(column: object) -> tuple[tuple[str, ...], Index]:
-    import pandas as pd
-
-    codes, labels = pd.factorize(pd.Series(column))
-    return tuple(str(label) for label in labels), np.asarray(codes, dtype=np.intp)
-
-
-def _noise_policy(observations: Observations, sigma: Array, noise: str | None) -> str:
+def _noise_policy(observations: Observations, sigma: Array, noise: str | None) -> Policy:
     has_all = bool(np.isfinite(sigma).all())
     if noise is None:
         stated = {s.descriptor.noise for s in observations.sources if s.descriptor and s.descriptor.noise}
         # where sources differ the most careful policy holds: a sigma that is not the whole noise never is
-        careful = next((policy for policy in ("unknown", "scaled") if policy in stated), "known")
+        careful = next(policy for policy in reversed(POLICIES) if policy in {"known", *stated})
         return careful if has_all else "unknown"
-    if noise not in ("known", "scaled", "unknown"):
+    policy = next((policy for policy in POLICIES if policy == noise), None)
+    if policy is None:
         raise UsageError(f"--noise {noise}: choose known, scaled or unknown.")
-    if noise != "unknown" and not has_all:
+    if policy != "unknown" and not has_all:
         row = observations.table[~np.isfinite(sigma)].iloc[0]
         raise DataError(
             f"{row['source']}, line {row['row']}: no sigma, but --noise {noise} needs one in every row. "
             "Add it, or use --noise unknown."
         )
-    return noise
+    return policy

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
@@ -17,7 +16,6 @@ from ifrfit.inference.model.latent_quadrature import At, pieces, slopes
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 
@@ -72,15 +70,16 @@ class RowLaw:
             Entries of theta near which it is asked for. The steeper the values are there in the angle, the
             more nodes are taken.
         """
-        table = problem.observations.table.iloc[rows]
         own = problem.rows.take(rows)
-        has_angle = np.array([OBSERVABLES[name].has_angle for name in own.names])[own.which]
-        sd = [np.where(has_angle, table[f"sigma_{name}"].fillna(0.0), 0.0) for name in ("spin_x", "spin_y")]
-        of_angle = table["sigma_gamma_deg"].fillna(problem.error_model.gamma or 0.0)
-        gamma = np.where(has_angle, table["gamma_deg"].fillna(0.0), 0.0)
+        has_angle = own.has_angle
+        sd = [np.where(has_angle, x, 0.0) for x in (own.sigma_spin_x, own.sigma_spin_y)]
+        of_angle = np.where(
+            np.isnan(own.sigma_gamma_deg), problem.error_model.gamma or 0.0, own.sigma_gamma_deg
+        )
+        gamma = np.where(has_angle, own.gamma_deg, 0.0)
         columns = np.column_stack((gamma, own.incidence.spin_x, own.incidence.spin_y))
         columns = np.column_stack((columns, np.where(has_angle, of_angle, 0.0), *sd))
-        key = np.column_stack((impacts_of(table), columns))
+        key = np.column_stack((own.impacts, columns))
         _, first, unit = np.unique(key, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(unit, kind="stable")
         gamma, spin_x, spin_y, sd_gamma, sd_x, sd_y = columns[first].T
@@ -88,8 +87,8 @@ class RowLaw:
         latent = Latent(gamma, spin_x, spin_y, sd_gamma, sd_x, sd_y, ends, np.ones(gamma.size, dtype=np.intp))
         own = own.take(order) if rows.size > 1 else own
         law = cls(
-            problem.error_model, own.names, own.which, unit[order], own.value, problem.sigma[rows][order],
-            own.incidence, latent, problem.inertia_factor, order,
+            problem.error_model, own.names, own.which, unit[order], own.value,
+            problem.noise.sigma[rows][order], own.incidence, latent, problem.inertia_factor, order,
         )  # fmt: skip
         return law if reference is None else law._fine_enough(problem, reference)
 
@@ -177,11 +176,3 @@ def at_theta(problem: Problem, theta: Array, factor: Array | float = 1.0, series
         x = np.where(b > 0.0, mu * (1.0 + e_n) / b, np.inf)
     scale = np.broadcast_to(np.asarray(factor, dtype=float), theta.shape[0])
     return At(x, *(part[:, None] for part in (k.a0 + k.a1 * c, b, e_n, mu, scale)))
-
-
-def impacts_of(table: pd.DataFrame) -> Index:
-    """Impact of each row, numbered as they first occur; a row without an impact_id is its own."""
-    alone = pd.Series([f"row {i}" for i in range(len(table))], index=table.index)
-    named = table["source"].astype(str) + "/" + table["impact_id"].astype(str)
-    codes, _ = pd.factorize(named.where(table["impact_id"] != "", alone))
-    return np.asarray(codes, dtype=np.intp)

@@ -1,34 +1,49 @@
-"""The rows of a problem as arrays."""
+"""The rows of a problem as arrays: what was set, what was measured, and which rows are of which kind."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ifrfit.physics.angles import Incidence
+from ifrfit.physics.observables import OBSERVABLES, Observable
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Bool = NDArray[np.bool_]
+
+OBLIQUE = ("tangential", "curved")  # kinds of observables that know the closure
 
 
 @dataclass(frozen=True)
 class Rows:
-    """What each row measures, as numbers.
+    """What each row measures, as numbers; n rows.
 
     Attributes
     ----------
     incidence : Incidence
-    tau : ndarray
+    tau : ndarray, (n,)
         |U_t|/U_n.
     names : tuple of str
         The observables that occur.
-    which : ndarray of int
+    which : ndarray of int, (n,)
         Observable of each row, an index into `names`.
-    series : ndarray of int
-        Series of each row.
-    value : ndarray
+    series : ndarray of int, (n,)
+        Series of each row, an index into the series of the `ParameterSet`.
+    value : ndarray, (n,)
+    impact : ndarray of int, (n,)
+        Impact of each row: rows of the same number were measured on the same impact.
+    gamma_deg : ndarray, (n,)
+        Angle of incidence in degrees; 0 where none is given.
+    sigma_gamma_deg : ndarray, (n,)
+        Standard uncertainty of the angle in degrees; nan where none is stated.
+    sigma_spin_x, sigma_spin_y : ndarray, (n,)
+        Standard uncertainties of the spins R omega/u; 0 where none is stated.
     """
 
     incidence: Incidence
@@ -37,12 +52,103 @@ class Rows:
     which: Index
     series: Index
     value: Array
+    impact: Index
+    gamma_deg: Array
+    sigma_gamma_deg: Array
+    sigma_spin_x: Array
+    sigma_spin_y: Array
+
+    @classmethod
+    def of(cls, table: pd.DataFrame) -> tuple[Rows, tuple[str, ...]]:
+        """Rows of a table in the common schema, and the names of its series."""
+        columns = {
+            name: table[name].to_numpy(dtype=float)
+            for name in ("gamma_deg", "spin_x", "spin_y", "value", "sigma_gamma_deg")
+        }
+        gamma = np.nan_to_num(columns["gamma_deg"])
+        incidence = Incidence.of(gamma, columns["spin_x"], columns["spin_y"], degrees=True)
+        series, series_index = _codes(table["series"])
+        names, which = _codes(table["observable"])
+        spins = (np.nan_to_num(table[f"sigma_spin_{x}"].to_numpy(dtype=float)) for x in ("x", "y"))
+        rows = cls(
+            incidence,
+            incidence.tau,
+            names,
+            which,
+            series_index,
+            columns["value"],
+            _impacts(table),
+            gamma,
+            columns["sigma_gamma_deg"],
+            *spins,
+        )
+        return rows, series
+
+    def __len__(self) -> int:
+        return int(self.tau.size)
+
+    @property
+    def observables(self) -> tuple[Observable, ...]:
+        """The observables that occur, in the order of `names`."""
+        return tuple(OBSERVABLES[name] for name in self.names)
 
     def rows_of(self, name: str) -> Index:
         """Rows of one observable."""
         if len(self.names) == 1:
             return np.arange(self.which.size)
         return np.flatnonzero(self.which == self.names.index(name))
+
+    def has_kind(self, *kinds: str) -> bool:
+        """Whether any observable is of one of these kinds."""
+        return any(o.kind in kinds for o in self.observables)
+
+    def of_kind(self, *kinds: str) -> Bool:
+        """Which rows have an observable of one of these kinds, (n,)."""
+        return self._spread([o.kind in kinds for o in self.observables])
+
+    def of_scale(self, scale: str) -> Bool:
+        """Which rows have a tangential observable of this scale, (n,)."""
+        return self._spread([o.kind == "tangential" and o.scale == scale for o in self.observables])
+
+    @property
+    def kinds(self) -> NDArray[np.str_]:
+        """Kind of the observable of each row, (n,)."""
+        return np.array([o.kind for o in self.observables])[self.which]
+
+    @property
+    def is_oblique(self) -> Bool:
+        """Which rows know the closure: they measure neither e_n nor mu alone, (n,)."""
+        return self.of_kind(*OBLIQUE)
+
+    @property
+    def has_angle(self) -> Bool:
+        """Which rows have an observable that the angle of incidence enters, (n,)."""
+        return self._spread([o.has_angle for o in self.observables])
+
+    @property
+    def has_rebound_scale(self) -> bool:
+        """Whether any value is over the outgoing normal velocity, which has no limit at e_n = 0."""
+        return any(o.scale == "rebound" for o in self.observables)
+
+    def _spread(self, of_observable: Sequence[bool]) -> Bool:
+        return np.array(of_observable, dtype=bool)[self.which]
+
+    @cached_property
+    def impacts(self) -> Index:
+        """Impact of each row, (n,), numbered from 0 as they first occur."""
+        _, first, inverse = np.unique(self.impact, return_index=True, return_inverse=True)
+        number = np.empty(first.size, dtype=np.intp)
+        number[np.argsort(first)] = np.arange(first.size)
+        return number[inverse]
+
+    def normal_factor(self, at: Index | Bool) -> Array:
+        """What e_n is multiplied by in rows of the normal kind, of which `at` are some."""
+        factor = np.ones(self.which.size)
+        for number, observable in enumerate(self.observables):
+            if observable.by_e_n is not None:
+                here = self.which == number
+                factor[here] = observable.by_e_n(self.incidence)[here]
+        return np.asarray(factor[at])
 
     def take(self, rows: Index) -> Rows:
         """The same for some rows."""
@@ -52,6 +158,21 @@ class Rows:
         incidence = Incidence(
             i.sine[rows], i.cosine[rows], i.spin_x[rows], i.spin_y[rows], i.slip_x[rows], i.slip_y[rows]
         )
-        return Rows(
-            incidence, self.tau[rows], self.names, self.which[rows], self.series[rows], self.value[rows]
-        )
+        columns = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in _WHOLE}
+        return replace(self, incidence=incidence, **columns)
+
+
+_WHOLE = ("incidence", "names")  # fields that are not one number a row
+
+
+def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:
+    codes, labels = pd.factorize(column)
+    return tuple(str(label) for label in labels), np.asarray(codes, dtype=np.intp)
+
+
+def _impacts(table: pd.DataFrame) -> Index:
+    """Impact of each row, numbered as they first occur; a row without an impact_id is its own."""
+    alone = pd.Series([f"row {i}" for i in range(len(table))], index=table.index)
+    named = table["source"].astype(str) + "/" + table["impact_id"].astype(str)
+    _, codes = _codes(named.where(table["impact_id"] != "", alone))
+    return codes

@@ -117,13 +117,11 @@ class Forms:
         return values if self.all else values[self.switching]
 
     def add_normal(self, unknown: int) -> None:
-        """Rows e_n and v_n = e_n cos gamma."""
+        """Rows of the normal kind, such as e_n and v_n = e_n cos gamma."""
         at = self.block.of_kind("normal")
         if not at.any():
             return
-        is_e_n = np.array([name == "e_n" for name in self.block.rows.names])[self.block.rows.which]
-        factor = np.where(is_e_n, 1.0, self.block.rows.incidence.cosine)[at]
-        self._add(unknown, factor, np.flatnonzero(at))
+        self._add(unknown, self.block.rows.normal_factor(at), np.flatnonzero(at))
 
     def add_friction(self, unknown: int, factor: float) -> None:
         """Rows of mu."""

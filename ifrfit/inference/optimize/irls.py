@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.error_model import ITERATED, PLAIN, ErrorModel
 from ifrfit.inference.model.latent_quadrature import slopes
+from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
 from ifrfit.inference.optimize.laplace import local_picture
@@ -35,32 +36,32 @@ def reweighted(problem: Problem) -> LeastSquares:
     LeastSquares
         With `sigma` as weighted, and intervals of the local picture widened to Student's information.
     """
-    plain = replace(problem, error_model=PLAIN, noise="known")
-    base, factor = problem.sigma, 1.0
-    if problem.noise == "scaled":
-        factor = float(np.median(least_squares(replace(problem, error_model=PLAIN)).sigma / base))
+    plain = replace(problem, error_model=PLAIN)
+    base, factor = problem.noise.sigma, 1.0
+    if problem.noise.is_scaled:
+        factor = float(np.median(least_squares(plain).sigma / base))
     nu = problem.error_model.dof
     sigma, change = base * factor, math.inf
-    found = least_squares(replace(plain, sigma=sigma))
+    found = least_squares(plain.with_noise(NoiseModel("known", sigma)))
     for _ in range(_ITERATIONS):
         theta = found.optimum.theta
         wide = effective_sigma(problem, theta, factor)
-        z = (problem.rows.value - problem.fitted(theta)) / wide
+        z = (problem.rows.value - problem.predict(theta)) / wide
         weight = np.ones(z.size) if nu is None else (nu + 1.0) / (nu + z * z)
-        if problem.noise == "scaled":
+        if problem.noise.is_scaled:
             dof = max(z.size - float(found.local.leverage.sum()), 0.5)
             factor = max(factor * math.sqrt(float(weight @ (z * z)) / dof), _SMALLEST)
             wide = effective_sigma(problem, theta, factor)
         new = wide / np.sqrt(weight)
         change = float(np.abs(new / sigma - 1.0).max())
         sigma = new
-        found = least_squares(replace(plain, sigma=sigma))
+        found = least_squares(plain.with_noise(NoiseModel("known", sigma)))
         if change <= _CONVERGED:
             break
     information = 1.0 if nu is None else math.sqrt((nu + 3.0) / (nu + 1.0))
     local = local_picture(plain, sigma * information, found.optimum.theta)
     dof = math.inf
-    if problem.noise == "scaled":
+    if problem.noise.is_scaled:
         dof = max(sigma.size - float(local.leverage.sum()), 0.5)
     optimum = replace(found.optimum, gap=None, road=f"{found.optimum.road}, {ITERATED}")
     return LeastSquares(optimum, sigma, group_sigma(problem, base * factor), dof, change, local)
@@ -68,7 +69,7 @@ def reweighted(problem: Problem) -> LeastSquares:
 
 def effective_sigma(problem: Problem, theta: Array, factor: float = 1.0) -> Array:
     """Error of each row with those of its angle and spin added through the slope at theta, (n,)."""
-    sigma = problem.sigma * factor
+    sigma = problem.noise.sigma * factor
     if problem.error_model.angles == "none":
         return np.asarray(sigma)
     square = sigma**2

@@ -97,7 +97,7 @@ def local_picture(problem: Problem, sigma: Array, theta: Array, *, with_priors: 
     """
     names, phi, to_theta = kappa_coordinates(problem, theta)
     jacobian = problem.jacobian(theta) / sigma[:, None]
-    residual = (problem.rows.value - problem.fitted(theta)) / sigma
+    residual = (problem.rows.value - problem.predict(theta)) / sigma
     entries = problem.parameters.entries
     if with_priors:
         index = [i for i, c in enumerate(entries) if c.prior is not None]

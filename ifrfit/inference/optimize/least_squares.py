@@ -74,17 +74,19 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
         from ifrfit.inference.optimize.irls import reweighted  # which calls this for each set of weights
 
         return reweighted(problem)
-    if problem.noise == "known":
-        optimum = solve(problem, problem.sigma, start)
-        local = local_picture(problem, problem.sigma, optimum.theta)
-        return LeastSquares(optimum, problem.sigma, group_sigma(problem, problem.sigma), math.inf, 0.0, local)
-    groups = {"": np.arange(problem.rows.value.size)} if problem.noise == "scaled" else problem.groups()
+    if problem.noise.is_known:
+        optimum = solve(problem, problem.noise.sigma, start)
+        local = local_picture(problem, problem.noise.sigma, optimum.theta)
+        return LeastSquares(
+            optimum, problem.noise.sigma, group_sigma(problem, problem.noise.sigma), math.inf, 0.0, local
+        )
+    groups = problem.noise_groups()
     for name, rows in groups.items():
         _refuse_exact(problem, name, rows)
-    base = problem.sigma if problem.noise == "scaled" else np.ones(problem.rows.value.size)
+    base = problem.noise.base
     factor = np.ones(base.size)
     change = math.inf
-    if problem.noise == "unknown":
+    if problem.noise.is_unknown:
         for rows in groups.values():
             factor[rows] = max(float(np.std(problem.rows.value[rows])), 1e-6)
     near = start  # a search that found the optimum once follows it while the noise settles
@@ -107,7 +109,7 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
 
 def _factors(problem: Problem, theta: Array, base: Array, groups: Mapping[str, Index], local: Local) -> Array:
     """Noise factor of each row: misfit of its group over the degrees of freedom that the group keeps."""
-    residual = (problem.rows.value - problem.fitted(theta)) / base
+    residual = (problem.rows.value - problem.predict(theta)) / base
     factor = np.empty(base.size)
     for name, rows in groups.items():
         square = float(residual[rows] @ residual[rows])

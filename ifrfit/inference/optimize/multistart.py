@@ -32,7 +32,7 @@ def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Opt
 
     def residuals(x: Array) -> Array:
         theta = full(x)
-        data = (problem.rows.value - problem.fitted(theta)) / sigma
+        data = (problem.rows.value - problem.predict(theta)) / sigma
         return np.concatenate((data, problem.parameters.prior_residuals(theta)))
 
     def jacobian(x: Array) -> Array:
@@ -105,7 +105,7 @@ def _distinct(
     for value, theta in found:
         if value > best + 4.0 or any(np.abs(theta - other).max() <= 1e-3 for _, other in kept):
             continue
-        fitted = np.concatenate((problem.fitted(theta) / sigma, problem.parameters.prior_residuals(theta)))
+        fitted = np.concatenate((problem.predict(theta) / sigma, problem.parameters.prior_residuals(theta)))
         if all(np.abs(fitted - other).max() > 1e-3 for other in values):
             kept.append((value, theta))
             values.append(fitted)

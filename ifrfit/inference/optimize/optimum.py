@@ -73,6 +73,6 @@ def theta_of(problem: Problem, per_series: list[Constants]) -> Array:
 
 def objective_at(problem: Problem, sigma: Array, theta: Array) -> float:
     """chi2 plus prior_chi2 at theta, from the rows themselves."""
-    residual = (problem.rows.value - problem.fitted(theta)) / sigma
+    residual = (problem.rows.value - problem.predict(theta)) / sigma
     prior = problem.parameters.prior_residuals(theta)
     return float(residual @ residual + prior @ prior)

@@ -82,8 +82,7 @@ def is_separable(block: Block) -> bool:
 def normal_sums(block: Block) -> tuple[float, float, float]:
     """Sums (w, w y, w y^2) of everything that measures e_n directly: rows of e_n and v_n, and its prior."""
     at = block.of_kind("normal")
-    is_e_n = np.array([name == "e_n" for name in block.rows.names])[block.rows.which[at]]
-    factor = np.where(is_e_n, 1.0, block.rows.incidence.cosine[at]) * block.weight[at]
+    factor = block.rows.normal_factor(at) * block.weight[at]
     value = block.rows.value[at] * block.weight[at]
     if block.e_n.prior is not None:
         mean, sd = block.e_n.prior
@@ -101,9 +100,7 @@ def normal_part(block: Block) -> tuple[float, float]:
     if weight == 0.0:
         return 0.5 * (block.e_n.lower + block.e_n.upper), 0.0
     e_n = min(max(product / weight, block.e_n.lower), block.e_n.upper)
-    is_e_n = np.array([name == "e_n" for name in block.rows.names])[block.rows.which[at]]
-    factor = np.where(is_e_n, 1.0, block.rows.incidence.cosine[at])
-    residual = (block.rows.value[at] - factor * e_n) * block.weight[at]
+    residual = (block.rows.value[at] - block.rows.normal_factor(at) * e_n) * block.weight[at]
     objective = float(residual @ residual)
     if block.e_n.prior is not None:
         objective += ((e_n - block.e_n.prior[0]) / block.e_n.prior[1]) ** 2

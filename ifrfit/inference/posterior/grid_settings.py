@@ -10,7 +10,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.noise_prior import noise_bounds
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
@@ -37,7 +36,7 @@ class GridSettings:
     @cached_property
     def bounds(self) -> Mapping[str, tuple[float, float]]:
         """Of the noises' priors."""
-        return noise_bounds(self.problem)
+        return self.problem.noise_bounds()
 
     @cached_property
     def groups(self) -> Mapping[str, Index]:

@@ -90,7 +90,7 @@ def _noise(
 ) -> tuple[tuple[str, ...], list[Index], tuple[NoiseScale, ...] | None, Array, Array]:
     """Names, rows and laws of the noises integrated inside, weights of the rows, and likely sigmas."""
     problem, start = settings.problem, settings.start
-    if problem.noise == "unknown":
+    if problem.noise.is_unknown:
         place = np.full(problem.rows.value.size, -1)
         place[at] = np.arange(at.size)
         of_rows = [(name, place[group]) for name, group in settings.groups.items()]
@@ -100,11 +100,13 @@ def _noise(
         sigma = np.array([start.noise[name] for name in names])
         return names, [group for _, group in of_rows], noise, np.ones(at.size), sigma
     everything = [np.arange(at.size)]
-    factor = np.array([float(np.median(start.sigma / problem.sigma)) if problem.noise == "scaled" else 1.0])
+    factor = np.array(
+        [float(np.median(start.sigma / problem.noise.sigma)) if problem.noise.is_scaled else 1.0]
+    )
     if not problem.error_model.is_plain:  # the sums only say where to look
         return (), everything, None, factor[0] / start.sigma[at], np.ones(1)
-    weight = 1.0 / problem.sigma[at]
-    if problem.noise == "known":
+    weight = 1.0 / problem.noise.sigma[at]
+    if problem.noise.is_known:
         return (), everything, None, weight, np.ones(1)
     if holds_all_rows:
         return ("",), everything, (NoiseScale(at.size, *settings.bounds[""]),), weight, factor

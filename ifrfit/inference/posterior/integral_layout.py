@@ -101,7 +101,7 @@ def _block_parameter(settings: GridSettings, kind: str, block: int) -> FreeParam
         return constant.fixed or 0.0
     free = FreeParameter.of(settings.problem.parameters.names[at], constant)
     rows = settings.problem.rows
-    if kind == "e_n" and any(OBSERVABLES[name].scale == "rebound" for name in rows.names):
+    if kind == "e_n" and rows.has_rebound_scale:
         # values over the outgoing velocity have no meaning at e_n = 0
         return replace(free, lower=max(free.lower, LOWEST))
     return free
@@ -148,9 +148,7 @@ def _noise_is_closed_with_e_n(settings: GridSettings) -> bool:
     """
     problem = settings.problem
     one_block = len(problem.series) == 1 or not any(c.separate for c in problem.parameters)
-    return (
-        problem.noise == "scaled" and one_block and problem.error_model.is_plain and _bound_varies(settings)
-    )
+    return problem.noise.is_scaled and one_block and problem.error_model.is_plain and _bound_varies(settings)
 
 
 def _bound_varies(settings: GridSettings) -> bool:
@@ -257,10 +255,10 @@ def _kappa(parameters: Mapping[tuple[str, int], FreeParameter | float], block: i
 def _shared_noise(settings: GridSettings, series: Sequence[SeriesIntegral]) -> list[SharedParameter]:
     """A common factor of the noise, where no series integrates it in closed form."""
     problem = settings.problem
-    if problem.noise != "scaled" or any(one.noise for one in series):
+    if not problem.noise.is_scaled or any(one.noise for one in series):
         return []
     low, high = settings.bounds[""]
-    factor = float(np.median(settings.start.sigma / problem.sigma))
+    factor = float(np.median(settings.start.sigma / problem.noise.sigma))
     relative = 1.0 / math.sqrt(2.0 * max(problem.rows.value.size - 3, 1))
     parameter = FreeParameter("noise", low, high, None, -math.log(math.log(high / low)))
     edges = ladder(math.log(factor), relative, math.log(low), math.log(high))

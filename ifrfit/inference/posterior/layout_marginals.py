@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.noise_prior import noise_label
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import (
@@ -41,7 +41,7 @@ def marginals_of(layout: IntegralLayout, density: JointDensity) -> dict[str, Mar
         found["noise"] = shared_marginal(density, number, "noise")
     for number, names in enumerate(layout.noise_groups):
         for group, name in enumerate(names):
-            label = noise_label(name)
+            label = noise_name(name)
             found[label] = noise_marginal(density, number, group, label)
     return found
 

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 _LAST_SHARE = 1e-12  # the transition's scale is not followed beyond 1 less this
 _AT_ONCE = 256  # thresholds of a distribution function
-_GRAIN = 0.02  # sd: from a bound to where the density is taken
+_RESOLUTION = 0.02  # sd: from a bound to where the density is taken
 
 
 @dataclass(frozen=True)
@@ -63,12 +63,12 @@ class QuadraturePosterior:
         return tuple(self.marginals)
 
     @property
-    def grain(self) -> float:
+    def resolution(self) -> float:
         """Width, in sd, over which a density is taken."""
-        return _GRAIN
+        return _RESOLUTION
 
     @property
-    def kept(self) -> float:
+    def n_draws(self) -> float:
         """There is no end to its draws."""
         return math.inf
 
@@ -93,7 +93,9 @@ class QuadraturePosterior:
         """Posterior quantiles; p scalar or array, 0 to 1."""
         wanted = np.atleast_1d(np.asarray(p, dtype=float))
         known = self._quantiles_at_levels
-        if bool(np.isin(wanted, LEVELS).all()):
+        if name.startswith("transition_tau["):
+            found = self._transition(name[len("transition_tau[") : -1], wanted)
+        elif bool(np.isin(wanted, LEVELS).all()):
             if name not in known:
                 known[name] = quantiles_of(self.marginals[name], np.array(LEVELS), self.tolerance)
             found = known[name][np.searchsorted(LEVELS, wanted)]
@@ -116,20 +118,20 @@ class QuadraturePosterior:
         """Posterior covariance of free entries of theta, (n, n)."""
         return covariance(self.density, [self.marginals[name] for name in names])
 
-    def transition(self, series: str) -> Array:
-        """Quantiles, at `LEVELS`, of the tau at which sticking ends in a series."""
+    def _transition(self, series: str, p: Array) -> Array:
+        """Quantiles of the tau at which sticking ends in a series."""
         block = self.problem.series.index(series) if len(self.layout.blocks) > 1 else 0
         number = self.layout.oblique_series[block]
         own = self.layout.integral.series[number]
         c = self.layout.parameters["c", block]
         if own.squares.law is not None or (own.is_unbounded and isinstance(c, FreeParameter)):
             scaled = transition_marginal(self.density, number, "tau")
-            share = quantiles_of(scaled, np.array(LEVELS), self.tolerance)
+            share = quantiles_of(scaled, p, self.tolerance)
             return np.asarray(own.unit * share / np.maximum(1.0 - share, _LAST_SHARE))
         b = float(own.squares.b(0.0 if isinstance(c, FreeParameter) else c))
         names = [name for name in self.marginals if name.startswith("kappa")]
         name = next((n for n in names if n.endswith(f"[{series}]")), names[0])
-        return np.asarray(self.quantile(name, LEVELS)) / b
+        return np.asarray(self.quantile(name, p)) / b
 
     def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
         """Independent draws of all constants, kappa and free noises together, from the quadrature itself."""

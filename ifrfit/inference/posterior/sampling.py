@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.noise_prior import noise_label
+from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.posterior.closure_constant import ConditionalCoordinate
 from ifrfit.inference.posterior.density_grid import DensityGrid
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
@@ -61,7 +61,7 @@ def draw(
         found["noise"] = shared["noise"]
     for grid, groups, own in zip(density.grids, layout.noise_groups, parts, strict=True):
         for group, name in enumerate(groups):
-            found[noise_label(name)] = _noise(grid, group, own, rng)
+            found[noise_name(name)] = _noise(grid, group, own, rng)
     return {name: found[name] for name in names}
 
 

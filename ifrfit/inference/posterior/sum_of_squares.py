@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.rows import Index, Rows
+from ifrfit.inference.model.rows import OBLIQUE, Index, Rows
 from ifrfit.inference.posterior.chebyshev import on_grid
 from ifrfit.inference.posterior.quadratic_sums import PAIRS, PrefixSums, Quadratic, expand, scale_factor
 from ifrfit.physics.angles import Incidence
@@ -83,7 +83,7 @@ class SumOfSquares:
         self.rows, self.weight, self.groups = rows, weight, tuple(groups)
         # of any other law than a bilinear one, whose rows are not linear; and of one with a tilted bound that
         # no row sees: at given mu and e_n the transition would still run with the closure constant
-        oblique = any(OBSERVABLES[name].kind in ("tangential", "curved") for name in rows.names)
+        oblique = rows.has_kind(*OBLIQUE)
         straight = closure.bilinear and (oblique or closure.coefficients(inertia_factor).b1 == 0.0)
         self.law: Law | None = None if straight else closure.law(inertia_factor)
         self.coefficients = closure.coefficients(inertia_factor) if self.law is None else _BY_KAPPA
@@ -161,8 +161,7 @@ class SumOfSquares:
         return PrefixSums(scale, part.tau, products)
 
     def _normal_rows(self, at: Index) -> _DirectRows:
-        is_e_n = np.array([name == "e_n" for name in self.rows.names])[self.rows.which[at]]
-        factor = np.where(is_e_n, 1.0, self.rows.incidence.cosine[at]) * self.weight[at]
+        factor = self.rows.normal_factor(at) * self.weight[at]
         left = self.rows.value[at] * self.weight[at] - factor * self.reference.e_n
         return _DirectRows(float(factor @ factor), float(factor @ left), float(left @ left))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,8 +15,6 @@ from ifrfit.inference.optimize.optimum import Array, objective_at
 from ifrfit.inference.optimize.parameter_group import is_separable, normal_part
 from ifrfit.inference.optimize.solve import series_blocks, solve, whole_block
 from ifrfit.inference.profile.constrained_series import best_of_series
-from ifrfit.inference.profile.scalar_profile import series_problem
-from ifrfit.physics.observables import OBSERVABLES
 
 LOWEST = 1e-3
 _REACH = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
@@ -76,6 +75,18 @@ def _alone(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array
     return theta
 
 
+def series_problem(problem: Problem, sigma: Array, series: int) -> tuple[Problem, Array]:
+    """The rows of one series alone, with constants of its own."""
+    rows = np.flatnonzero(problem.rows.series == series)
+    part = problem.with_rows(rows)
+    part = replace(
+        part,
+        parameters=problem.parameters.of_series(series),
+        rows=replace(part.rows, series=np.zeros(rows.size, dtype=np.intp)),
+    )
+    return part, sigma[rows]
+
+
 def _held(problem: Problem, at: Mapping[int, float]) -> Problem:
     """The problem with entries of theta fixed, by their places."""
     return problem.with_fixed({problem.parameters.names[i]: x for i, x in at.items()})
@@ -130,7 +141,7 @@ def best_over_e_n(
 
 def lowest_e_n(problem: Problem) -> float:
     """The e_n below which a value over the outgoing normal velocity is not meant seriously; else 0."""
-    return LOWEST if any(OBSERVABLES[name].scale == "rebound" for name in problem.rows.names) else 0.0
+    return LOWEST if problem.rows.has_rebound_scale else 0.0
 
 
 def best_tied(
@@ -168,7 +179,7 @@ def best_tied(
 
         def residuals(x: Array, start: Array = start) -> Array:
             theta = full(x, start)
-            data = (problem.rows.value - problem.fitted(theta)) / sigma
+            data = (problem.rows.value - problem.predict(theta)) / sigma
             return np.concatenate((data, problem.parameters.prior_residuals(theta)))
 
         if free.any():

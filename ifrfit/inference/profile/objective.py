@@ -61,12 +61,7 @@ class Misfit:
     @classmethod
     def of(cls, problem: Problem, fit: LeastSquares) -> Misfit:
         """The misfit under the problem's noise policy."""
-        n = problem.rows.value.size
-        if problem.noise == "known":
-            return cls(problem, fit, (), problem.sigma, np.empty(0), np.empty(0))
-        scaled = problem.noise == "scaled"
-        groups = (np.arange(n),) if scaled else tuple(problem.groups().values())
-        base = problem.sigma if scaled else np.ones(n)
+        groups, base = tuple(problem.noise_groups().values()), problem.noise.base
         dof = np.array([rows.size - float(fit.local.leverage[rows].sum()) for rows in groups])
         bare = cls(problem, fit, groups, base, dof, np.ones(dof.size))
         return cls(problem, fit, groups, base, dof, bare._squares(fit.optimum.theta))
@@ -125,11 +120,11 @@ class Misfit:
         return float(residual @ residual)
 
     def _chi2(self, theta: Array) -> float:
-        residual = (self.problem.rows.value - self.problem.fitted(theta)) / self.base
+        residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
         return float(residual @ residual)
 
     def _squares(self, theta: Array) -> Array:
-        residual = (self.problem.rows.value - self.problem.fitted(theta)) / self.base
+        residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
         value = self.problem.rows.value / self.base
         found = np.empty(len(self.groups))
         for i, rows in enumerate(self.groups):

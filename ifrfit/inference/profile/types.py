@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.inference.optimize.optimum import Array
+from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.result.types import Estimate, Interval, Status
+from ifrfit.inference.summary.status import AT_BOUND
 
 Shape = Literal["bounded", "one_sided", "flat", "multimodal"]
-
-AT_BOUND = 1e-9
 
 
 @dataclass(frozen=True)
@@ -89,6 +89,10 @@ class Profile:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
+    def cut(self, level: float) -> float:
+        """Rise at the ends of the central interval of this level."""
+        return limit(level, self.dof)
+
     def estimate(self) -> Estimate:
         """The same as an `Estimate`, for results."""
         value, stderr = (self.value, self.stderr) if self.stated else (None, None)
@@ -140,11 +144,11 @@ def hull(pieces: tuple[Interval, ...]) -> Interval:
 def closed(interval: Interval, lower: float, upper: float) -> tuple[bool, bool]:
     """Whether the interval ends before the domain does, below and above."""
 
-    def apart(end: float, bound: float) -> bool:
+    def differs(end: float, bound: float) -> bool:
         return math.isinf(bound) or abs(end - bound) > AT_BOUND * max(1.0, abs(bound))
 
-    return apart(interval[0], lower) and not math.isinf(interval[0]), (
-        apart(interval[1], upper) and not math.isinf(interval[1])
+    return differs(interval[0], lower) and not math.isinf(interval[0]), (
+        differs(interval[1], upper) and not math.isinf(interval[1])
     )
 
 

@@ -14,8 +14,14 @@ from ifrfit.data import Source
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.types import Effort
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
+from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.model.parameters import Parameter
-from ifrfit.inference.result.display import Display, Renderer
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.result.display import Display, Renderer, appraisal_of
+from ifrfit.inference.result.estimation import Saves
+from ifrfit.inference.result.state import distribution_of
 from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, Noise, State
 
 if TYPE_CHECKING:
@@ -28,7 +34,10 @@ class FitRenderer(Renderer, Protocol):
     def summary(self, shown: Any, style: str = "text", /) -> str:
         """Table of the findings."""
 
-    def write_report(self, result: Any, path: Path, /) -> list[str]:
+    def check_report(self, path: Path, /) -> None:
+        """Refuse a path where no report can be written."""
+
+    def write_report(self, result: Any, appraisal: Any, path: Path, /) -> list[str]:
         """Write the uncertainty report."""
 
 
@@ -68,8 +77,16 @@ class FitResult(Display):
     effects : tuple of EffectLine
         Each effect's criterion on that scene; empty without one. What the residuals call for is the fact
         ``effects``.
-    problem, least_squares, law, profiles, sample
-        What the result rests on, for further questions; not kept in result.json.
+    distribution : Distribution
+        Of the parameters, kappa, the transition and free noises:
+        ``fit.distribution.quantile("kappa", [0.025, 0.975])``. Of a result that was read from a file it is
+        what the file keeps: draws, or the Gaussian about the optimum.
+    problem, least_squares
+        The question and its optimum, for further questions; None where the result was read from a file.
+    profiles : mapping of str to Profile
+        By name of the quantity, of --method profile; not kept in result.json.
+    files : mapping of str to Saves
+        File name to what the method writes beside result.json.
     """
 
     closure: str
@@ -93,12 +110,31 @@ class FitResult(Display):
     effort: Effort | None = None
     scene: SceneOfData | None = None
     effects: tuple[EffectLine, ...] = ()
-    problem: Any = field(default=None, repr=False, compare=False)
-    least_squares: Any = field(default=None, repr=False, compare=False)
-    law: Any = field(default=None, repr=False, compare=False)
-    profiles: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
-    sample: Any = field(default=None, repr=False, compare=False)
+    problem: Problem | None = field(default=None, repr=False, compare=False)
+    least_squares: LeastSquares | None = field(default=None, repr=False, compare=False)
+    # None stands for what `state` keeps of it, see __post_init__
+    distribution: Distribution = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
+    profiles: Mapping[str, Profile] = field(default_factory=dict, repr=False, compare=False)
+    files: Mapping[str, Saves] = field(default_factory=dict, repr=False, compare=False)
     drawn_by: ClassVar[str] = "ifrfit.report"
+
+    def __post_init__(self) -> None:
+        if cast("Distribution | None", self.distribution) is None:
+            object.__setattr__(self, "distribution", distribution_of(self.state))
+
+    def problem_and_optimum(self) -> tuple[Problem, LeastSquares]:
+        """The question of the fit and its optimum.
+
+        Raises
+        ------
+        UsageError
+            For a result that was read from a file, which holds neither.
+        """
+        if self.problem is None or self.least_squares is None:
+            raise UsageError(
+                "A result that was read from a file holds no problem any more: fit the data again."
+            )
+        return self.problem, self.least_squares
 
     @property
     def provenance(self) -> tuple[str, ...]:
@@ -202,8 +238,8 @@ class FitResult(Display):
         Returns
         -------
         DataFrame
-            See `ifrfit.inference.diagnostics.interval_comparison`; `disagreements` says where they differ
-            and which to believe.
+            See `ifrfit.inference.diagnostics.interval_comparison`; `interval_disagreements` beside it says
+            where they differ and which to believe.
 
         Raises
         ------
@@ -223,11 +259,10 @@ class FitResult(Display):
                 "Intervals are compared for independent Gaussian errors of the values only: leave out "
                 "--intervals, or the choice of scatter."
             )
-        law = self.law
-        posterior = (
-            law if isinstance(law, QuadraturePosterior) else integrate(self.problem, start=self.least_squares)
-        )
-        return intervals(self.problem, self.least_squares, posterior, self.profiles or None)
+        problem, optimum = self.problem_and_optimum()
+        own = self.distribution
+        posterior = own if isinstance(own, QuadraturePosterior) else integrate(problem, start=optimum)
+        return intervals(problem, optimum, posterior, self.profiles or None)
 
     def to_arviz(self) -> Any:
         """The posterior as ArviZ's object; its own ``to_netcdf`` writes it.
@@ -281,7 +316,9 @@ class FitResult(Display):
         UsageError
             For another suffix, or where something else lies there.
         """
-        self._renderer().write_report(self, Path(path))
+        renderer, path = self._renderer(), Path(path)
+        renderer.check_report(path)
+        renderer.write_report(self, appraisal_of(self), path)
 
     def _renderer(self) -> FitRenderer:
         return cast("FitRenderer", super()._renderer())

@@ -1,4 +1,4 @@
-"""Counts and misfit of a fit, and the local state that predictions start from."""
+"""Counts and misfit of a fit."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from scipy.special import chdtrc
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.result.types import FitStatistics, State
-from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.inference.result.types import FitStatistics
 
 
 def statistics_of(
@@ -22,23 +21,19 @@ def statistics_of(
     r = residuals.raw
     n = r.size
     dof = n - round(float(found.local.leverage.sum()))
-    yardstick = problem.sigma if problem.noise == "scaled" else found.sigma
+    yardstick = problem.noise.sigma if problem.noise.is_scaled else found.sigma
     chi2 = float(((r / yardstick) ** 2).sum())
-    is_chi2 = problem.noise == "known" and problem.error_model.is_plain
+    is_chi2 = problem.noise.is_known and problem.error_model.is_plain
     prior = problem.parameters.prior_residuals(found.optimum.theta)
-    likely, n_noise = found.sigma, 0
-    if problem.noise != "known":
-        groups = {"": np.arange(n)} if problem.noise == "scaled" else problem.groups()
-        n_noise = len(groups)
-        likely = found.sigma.copy()  # the most likely noise, without the correction for the constants
-        for rows in groups.values():
-            likely[rows] *= math.sqrt(float(((r[rows] / likely[rows]) ** 2).mean()))
+    groups = problem.noise_groups()
+    likely = found.sigma.copy()  # the most likely noise, without the correction for the constants
+    for rows in groups.values():
+        likely[rows] *= math.sqrt(float(((r[rows] / likely[rows]) ** 2).mean()))
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
     if not problem.error_model.is_plain:
         log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
-    k = found.local.rank + n_noise
-    oblique = np.array([OBSERVABLES[x].kind in ("tangential", "curved") for x in problem.rows.names])
-    regime = oblique[problem.rows.which]
+    k = found.local.rank + len(groups)
+    regime = problem.rows.is_oblique
     return FitStatistics(
         n=n,
         n_sliding=int((regime & ~sticks).sum()),
@@ -47,29 +42,10 @@ def statistics_of(
         prior_chi2=float(prior @ prior),
         chi2=chi2,
         dof=dof,
-        reduced_chi2=chi2 / dof if dof > 0 and problem.noise != "unknown" else None,
+        reduced_chi2=chi2 / dof if dof > 0 and not problem.noise.is_unknown else None,
         p_value=float(chdtrc(dof, chi2)) if dof > 0 and is_chi2 else None,
         rmse=float(np.sqrt((r * r).mean())),
         log_likelihood=log_l,
         aic=2.0 * k - 2.0 * log_l,
         bic=k * math.log(n) - 2.0 * log_l,
     )
-
-
-def state_of(problem: Problem, found: LeastSquares) -> State:
-    """Coordinates for predictions; a centre beyond a bound only where the bound holds the optimum back."""
-    local = found.local
-    covariance = local.covariance(capped=True)
-    lower, upper = problem.parameters.bounds()
-    entries = problem.parameters.entries
-    gradient = np.zeros(local.phi.size)
-    low, high = lower.copy(), upper.copy()
-    for i, (name, constant) in enumerate(zip(local.names, entries, strict=True)):
-        if name.startswith("kappa"):
-            e_n = float(problem.per_row(found.optimum.theta)[0][0])
-            low[i], high[i] = lower[i] * (1.0 + e_n), upper[i] * (1.0 + e_n)
-        value = local.phi[i]
-        if constant.fixed is None and (value - low[i] <= 1e-9 or high[i] - value <= 1e-9):
-            gradient[i] = local.gradient[i]
-    shift = -0.5 * covariance @ gradient
-    return State(local.names, local.phi, local.phi + shift, covariance, low, high)

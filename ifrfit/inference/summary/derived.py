@@ -8,126 +8,146 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.inference.distributions.truncated_normal import quantile
+from ifrfit.inference.distributions.protocol import LEVELS, Distribution, transition_name
+from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.result.types import Estimate
-from ifrfit.inference.summary.kappa import kappa_of
-from ifrfit.physics.closures import rotational_share
-from ifrfit.physics.compliance import poisson_ratio
+from ifrfit.inference.result.types import Constants, Estimate
+from ifrfit.physics.closures import Coefficients, Meaning
 from ifrfit.physics.transition import transition_angles
+
+Angles = Estimate | list[Estimate] | None
 
 
 def derived_of(
-    problem: Problem, fit: LeastSquares, constants: Mapping[str, Estimate | Mapping[str, Estimate]]
+    problem: Problem, constants: Constants, kappas: Mapping[str, Estimate], transitions: Mapping[str, Angles]
 ) -> dict[str, Any]:
-    """kappa, transition_angle_deg, and beta_sticking or poisson_ratio; by series where they differ."""
-    each_kappa = {s: kappa_of(problem, fit, i) for i, s in enumerate(problem.series)}
+    """kappa, transition_angle_deg, what the closure constant stands for; by series where they differ."""
     separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     return {
-        "kappa": each_kappa if separate else each_kappa[problem.series[0]],
-        "transition_angle_deg": {
-            s: transition(problem, fit, i, each_kappa[s]) for i, s in enumerate(problem.series)
-        },
+        "kappa": dict(kappas) if separate else kappas[problem.series[0]],
+        "transition_angle_deg": dict(transitions),
     } | meaning_of(problem, constants)
 
 
-def meaning_of(
-    problem: Problem, constants: Mapping[str, Estimate | Mapping[str, Estimate]]
-) -> dict[str, Any]:
-    """What the closure constant stands for: beta_sticking; of chi the poisson_ratio of like materials."""
-    if problem.closure.constant != "chi":
-        return {"beta_sticking": sticking_of(problem, constants)}
-    found = constants["chi"]
+def meaning_of(problem: Problem, constants: Constants) -> dict[str, Any]:
+    """What the closure constant stands for, see `Closure.meaning`; empty where nothing is known of it."""
+    closure, j = problem.closure, problem.inertia_factor
+    meaning = closure.meaning
+    if meaning is None:
+        return {}
+    if closure.constant is None:
+        value = meaning.value(0.0, j)
+        reason = f"{f'{value:g}' if value else 'zero'} in closure {closure.title}"
+        return {meaning.name: Estimate(value, None, (value, value), (value, value), "fixed", reason)}
+    found = constants[closure.constant]
     if isinstance(found, Estimate):
-        return {"poisson_ratio": poisson_of(problem, found)}
-    return {"poisson_ratio": {series: poisson_of(problem, each) for series, each in found.items()}}
+        return {meaning.name: _meant(meaning, found, j)}
+    return {meaning.name: {series: _meant(meaning, each, j) for series, each in found.items()}}
 
 
-def poisson_of(problem: Problem, chi: Estimate) -> Estimate:
-    """Poisson ratio of sphere and wall of one material; it falls as chi rises."""
+def _meant(meaning: Meaning, c: Estimate, j: float) -> Estimate:
+    """The quantity by the estimate of the constant: intervals map, as it is monotone."""
 
-    def nu(value: float) -> float:
-        return float(poisson_ratio(value, problem.inertia_factor))
+    def value(x: float) -> float:
+        return meaning.value(x, j)
 
-    ends = [(nu(high), nu(low)) for low, high in (chi.interval68, chi.interval95)]
-    return Estimate(
-        None if chi.value is None else nu(chi.value),
-        None if chi.stderr is None else 0.5 * (ends[0][1] - ends[0][0]),
-        ends[0],
-        ends[1],
-        chi.status,
-        chi.reason,
+    inner, outer = (
+        (min(ends), max(ends))
+        for ends in ((value(low), value(high)) for low, high in (c.interval68, c.interval95))
     )
-
-
-def sticking_of(problem: Problem, constants: Mapping[str, Estimate | Mapping[str, Estimate]]) -> Any:
-    """Restitution of the contact point in sticking, from the estimates of the closure constant."""
-    own = problem.closure.constant
-    if own is None:
-        return Estimate(0.0, None, (0.0, 0.0), (0.0, 0.0), "fixed", "zero in closure F")
-    found = constants[own]
-    if isinstance(found, Estimate):
-        return beta_sticking(problem, found)
-    return {series: beta_sticking(problem, each) for series, each in found.items()}
-
-
-def beta_sticking(problem: Problem, c: Estimate) -> Estimate:
-    """(a + b)/(J/(1 + J)) - 1, linear in the closure constant."""
-    linear = problem.closure.coefficients(problem.inertia_factor)
-    share = rotational_share(problem.inertia_factor)
-    offset, slope = (linear.a0 + linear.b0) / share - 1.0, (linear.a1 + linear.b1) / share
+    sd = None
+    if c.stderr is not None:
+        sd = abs(value(1.0) - value(0.0)) * c.stderr if meaning.linear else 0.5 * (inner[1] - inner[0])
     return Estimate(
-        None if c.value is None else offset + slope * c.value,
-        None if c.stderr is None else slope * c.stderr,
-        (offset + slope * c.interval68[0], offset + slope * c.interval68[1]),
-        (offset + slope * c.interval95[0], offset + slope * c.interval95[1]),
+        None if c.value is None else value(c.value),
+        sd,
+        inner,
+        outer,
         c.status,
         c.reason,
-        None if c.mean is None else offset + slope * c.mean,
+        value(c.mean) if meaning.linear and c.mean is not None else None,
     )
 
 
-def transition(
-    problem: Problem, fit: LeastSquares, series: int, kappa: Estimate
-) -> Estimate | list[Estimate] | None:
-    """Transition angle(s) at the series' median spin; a list where there are two."""
-    rows = problem.rows.series == series
-    spin_x = float(np.median(problem.rows.incidence.spin_x[rows]))
-    spin_y = float(np.median(problem.rows.incidence.spin_y[rows]))
-    own = problem.closure.constant
-    places = problem.parameters.positions
-    c = float(fit.optimum.theta[places[own][series]]) if own else 0.0
+def transitions_of(
+    problem: Problem,
+    gaussian: TruncatedGaussian,
+    kappas: Mapping[str, Estimate],
+    distribution: Distribution | None = None,
+) -> dict[str, Angles]:
+    """Transition angle(s) of each series at its median spin; a list where there are two, None without any.
+
+    Parameters
+    ----------
+    problem : Problem
+    gaussian : TruncatedGaussian
+        Of least squares: its optimum says how many angles there are.
+    kappas : mapping
+        By series; their status is that of the angles, and without a value there is none.
+    distribution : Distribution, optional
+        Its quantiles of the transition are taken, its median for the value; by default the Gaussian's, and
+        the optimum. Where the transition is kappa over a number, the estimate of kappa is all it takes.
+    """
+    found: dict[str, Angles] = {}
+    for number, series in enumerate(problem.series):
+        name, kappa = transition_name(series), kappas[series]
+        at_optimum = gaussian.marginals.get(name)
+        if at_optimum is None or kappa.value is None:
+            found[series] = None
+            continue
+        # a fixed kappa leaves the closure constant to the transition, which the Gaussian knows
+        own = gaussian if distribution is None or kappa.status == "fixed" else distribution
+        b = constant_bound(problem)
+        if b is not None:
+            ends = (
+                kappa.interval95[0],
+                kappa.interval68[0],
+                kappa.value,
+                kappa.interval68[1],
+                kappa.interval95[1],
+            )
+            taus = [end / b for end in ends]
+        else:
+            taus = np.asarray(own.quantile(name, LEVELS), dtype=float).tolist()
+            if own is gaussian:
+                taus[2] = at_optimum.mode
+        found[series] = _angles(problem, number, at_optimum.mode, taus, kappa)
+    return found
+
+
+def constant_bound(problem: Problem) -> float | None:
+    """b of the transition tau = kappa/b where it does not depend on the closure constant; else None."""
     law = problem.closure.law(problem.inertia_factor)
-    bound = float(law.bound(c))
-    if kappa.value is None or bound <= 0.0:
-        return None
-    tau = kappa.value / bound
-    angles = transition_angles(tau, spin_x, spin_y)
-    if not angles:
-        return None
-    i_e, i_mu = places["e_n"][series], places["mu"][series]
-    e_n, mu = fit.optimum.theta[i_e], fit.optimum.theta[i_mu]
-    functional = ((1.0 + e_n) * fit.local.to_theta[i_mu] + mu * fit.local.to_theta[i_e]) / bound
-    if own:
-        functional = (
-            functional - tau * float(law.bound_slope(c)) / bound * fit.local.to_theta[places[own][series]]
-        )
-    sd = math.sqrt(fit.local.variance(functional, 1.0))
+    return law.b0 if isinstance(law, Coefficients) and law.b1 == 0.0 else None
+
+
+def _angles(problem: Problem, number: int, tau: float, taus: list[float], kappa: Estimate) -> Angles:
+    """The branches of the transition at quantiles of tau: an angle runs with tau one way or the other."""
+    spin = median_spin(problem, number)
     found = []
-    for number, angle in enumerate(angles):
-        ends = []
-        for p in (0.16, 0.84), (0.025, 0.975):
-            taus = [quantile(q, tau, sd, 0.0, math.inf, fit.noise_dof) for q in p]
-            at = [angle_near(t, spin_x, spin_y, number, len(angles), angle) for t in taus]
-            ends.append((min(at), max(at)))
-        half = 0.5 * (ends[0][1] - ends[0][0]) if kappa.stderr is not None else None
-        found.append(Estimate(angle, half, ends[0], ends[1], kappa.status, kappa.reason))
+    angles = transition_angles(tau, *spin)
+    for branch, angle in enumerate(angles):
+        low95, low68, best, high68, high95 = (angle_near(t, *spin, branch, len(angles), angle) for t in taus)
+        within68 = min(low68, high68), max(low68, high68)
+        within95 = min(low95, high95), max(low95, high95)
+        half = 0.5 * (within68[1] - within68[0]) if kappa.stderr is not None else None
+        found.append(Estimate(best, half, within68, within95, kappa.status, kappa.reason))
+    if not found:
+        return None
     return found[0] if len(found) == 1 else found
+
+
+def median_spin(problem: Problem, series: int) -> tuple[float, float]:
+    """R omega/u before impact, of the median row of a series, along and across the slip."""
+    rows = problem.rows.series == series
+    incidence = problem.rows.incidence
+    return float(np.median(incidence.spin_x[rows])), float(np.median(incidence.spin_y[rows]))
 
 
 def angle_near(tau: float, spin_x: float, spin_y: float, number: int, count: int, angle: float) -> float:
     """The same branch of the transition at another tau; the end of the scale where it has none."""
+    if math.isinf(tau):  # every impact sticks
+        return 0.0 if count == 2 and number == 0 else 90.0
     angles = transition_angles(tau, spin_x, spin_y)
     if len(angles) == count:
         return angles[number]

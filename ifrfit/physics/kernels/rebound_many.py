@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.closures import Closure, get_closure, rotational_share
 from ifrfit.physics.compiling import available
+from ifrfit.physics.compliance.law import Compliance
 from ifrfit.physics.compliance.table import compliance_table
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.rebound import closure_constant
@@ -57,6 +58,7 @@ def rebound_many(
     closure: str = "ifr",
     inertia_factor: float = 0.4,
     out: Sequence[Real] | None = None,
+    **constants: float,
 ) -> Many:
     """Velocities and spins after many impacts: as `ifrfit.rebound`, one set of constants, compiled.
 
@@ -67,7 +69,7 @@ def rebound_many(
     spin_y, spin_x : ndarray, (n,)
         R omega_y/u and R omega_x/u before, below 1e150 (1e15 in single precision). Without spin_x the planar
         loop runs.
-    e_n, mu, e_t, beta0, chi, closure, inertia_factor
+    e_n, mu, e_t, beta0, chi, closure, inertia_factor, **constants
         As in `ifrfit.rebound`, numbers.
     out : sequence of ndarray, optional
         Where to write: (v_x, v_n, spin_y), or (v_x, v_y, v_n, spin_x, spin_y) with lateral spin.
@@ -79,8 +81,8 @@ def rebound_many(
     Raises
     ------
     UsageError
-        Without numba, for arrays that differ in shape or type, and for constants that do not belong to the
-        closure.
+        Without numba, for arrays that differ in shape or type, for constants that do not belong to the
+        closure, and for a closure whose law has no loop, see `has_loop`.
 
     Notes
     -----
@@ -92,7 +94,7 @@ def rebound_many(
     from ifrfit.physics.kernels import loops
 
     chosen = get_closure(closure)
-    given: dict[str, ArrayLike | None] = {"e_t": e_t, "beta0": beta0, "chi": chi}
+    given = {"e_t": e_t, "beta0": beta0, "chi": chi, **constants}
     own = float(np.asarray(closure_constant(chosen, given)))
     inputs = [sine, cosine, *([] if spin_x is None else [spin_x]), spin_y]
     outputs = [np.empty_like(sine) for _ in range(3 if spin_x is None else 5)] if out is None else list(out)
@@ -108,6 +110,11 @@ def rebound_many(
         return Many(*outputs)
     v_x, v_y, v_n, after_x, after_y = outputs
     return Many(v_x, v_n, after_y, v_y, after_x)
+
+
+def has_loop(closure: Closure, inertia_factor: float = 0.4) -> bool:
+    """Whether there is a compiled loop for the closure's law: bilinear, or that of closure MAW."""
+    return isinstance(closure.law(inertia_factor), Coefficients | Compliance)
 
 
 def _check(inputs: Sequence[Real], outputs: Sequence[Real], count: int) -> None:
@@ -130,6 +137,10 @@ def _constants(
     if isinstance(law, Coefficients):
         numbers = [law.a0 + law.a1 * own, law.b0 + law.b1 * own, kappa]
         return (np.array(numbers, dtype),), np.array([e_n, j], dtype)
+    if not isinstance(law, Compliance):
+        raise UsageError(
+            f"The law of closure {closure.title} has no compiled loop: take ifrfit.rebound, which knows all."
+        )
     share = rotational_share(j)
     table = compliance_table()
     cubics = share * table.cubics(own)

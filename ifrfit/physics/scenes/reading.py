@@ -161,16 +161,17 @@ def _constants(table: Table, path: Path, j: float) -> tuple[str, dict[str, Quant
         raise DataError(
             f"{table.at('closure')}: there is no closure '{closure}'. Known are {', '.join(CLOSURES)}."
         )
-    own = CLOSURES[closure].constant
     found = {"e_n": table.quantity("e_n", low=0.0, high=1.0)}
-    if own in ("e_t", "beta0"):
+    # the constant of a closure whose law is an effect is that of the effect, which chi gives
+    own = None if CLOSURES[closure].effect else CLOSURES[closure].constant
+    if own is not None:
         low, high = CLOSURES[closure].domain(j)  # beyond it kinetic energy would be created
         found[own] = table.quantity(own, low=low, high=high)
     found["mu"] = table.quantity("mu", low=0.0, high=100.0)
     found["chi"] = table.quantity("chi", low=0.0, high=100.0)
-    if own in ("e_t", "beta0") and found[own] is not None and found["chi"] is not None:
+    if own is not None and found[own] is not None and found["chi"] is not None:
         raise DataError(f"{table.at('chi')}: takes the place of {own}, which is given. Remove one.")
-    for name in ("e_t", "beta0"):
+    for name in dict.fromkeys(each.own.name for each in CLOSURES.values() if each.own and not each.effect):
         if name != own and table.has(name):
             raise DataError(
                 f"{table.at(name)}: closure {CLOSURES[closure].title} has no {name}; it takes "
@@ -190,7 +191,7 @@ def _observables(top: Table, conditions: dict[str, Quantity]) -> tuple[str, ...]
     if names is None:
         lateral = any(number != 0.0 for number in conditions["spin_x"].numbers)
         return ("e_n", "beta", "delta_deg", *(("lambda_deg",) if lateral else ()))
-    known = [name for name in OBSERVABLES if name != "mu"]
+    known = [name for name, each in OBSERVABLES.items() if each.kind != "friction"]
     for name in names:
         if name not in known:
             raise DataError(

@@ -99,7 +99,7 @@ def test_no_replicate_of_random_problems_lies_above_the_certified_optimum() -> N
         for number in range(lot.size):
             one = replicate(problem, lot, number)
             best = least_squares(one).optimum
-            ours = objective_at(one, one.sigma, solved.theta[number])
+            ours = objective_at(one, one.noise.sigma, solved.theta[number])
             assert ours == pytest.approx(best.objective, rel=1e-9, abs=1e-9)
             n += 1
     assert n > 20
@@ -128,7 +128,7 @@ def _counted(problem, **only: object) -> Lot:
         keep &= names != only["without"]
     if "first" in only:
         keep &= (np.arange(keep.size) < only["first"]) | (names == "e_n")
-    exact = problem.fitted(np.array(only["exact"])) - problem.rows.value if "exact" in only else 0.0 * tau
+    exact = problem.predict(np.array(only["exact"])) - problem.rows.value if "exact" in only else 0.0 * tau
     return Lot(keep[None].astype(float), exact[None], np.full((1, len(problem.parameters)), np.nan))
 
 

@@ -131,7 +131,7 @@ def test_rows_drawn_in_the_place_of_impacts_come_out_too_narrow() -> None:
 def test_replicates_without_an_answer_are_counted_with_their_reasons() -> None:
     gamma = [5.0, 10.0, 15.0, 20.0, 22.0, 24.0, 26.0, 28.0, 60.0]
     problem = scene(gamma=gamma)
-    problem = with_values(problem, problem.fitted(np.array(list(TRUTH.values()))))
+    problem = with_values(problem, problem.predict(np.array(list(TRUTH.values()))))
     found = made(problem, replicates=2000)
     # the one sliding impact of nine is missing with probability (8/9)^9
     expected = (8.0 / 9.0) ** 9

@@ -73,7 +73,7 @@ def test_impacts_that_a_third_one_links_are_of_one_kind() -> None:
 def test_residuals_are_centred_and_have_the_variance_of_their_noise() -> None:
     problem, found = fitted(scene(60, noise="unknown", seed=3))
     scheme = Residuals.of(problem, found)
-    drawn = problem.rows.value + draws(scheme) - problem.fitted(found.optimum.theta)
+    drawn = problem.rows.value + draws(scheme) - problem.predict(found.optimum.theta)
     for name, rows in problem.groups().items():
         sigma = found.noise[name]
         assert drawn[:, rows].mean() == pytest.approx(0.0, abs=5.0 * sigma / math.sqrt(N * rows.size))
@@ -97,7 +97,7 @@ def test_wild_weights_have_the_moments_they_are_named_for(name, third) -> None:
     scheme = make_scheme(name, problem, found)
     assert isinstance(scheme, Wild)
     residual = corrected(problem, found)
-    weight = (draws(scheme, 2 * N) + problem.rows.value - problem.fitted(found.optimum.theta)) / residual
+    weight = (draws(scheme, 2 * N) + problem.rows.value - problem.predict(found.optimum.theta)) / residual
     error = 5.0 / math.sqrt(len(weight))
     assert weight.mean(axis=0) == pytest.approx(np.zeros(24), abs=error)
     assert (weight**2).mean(axis=0) == pytest.approx(np.ones(24), abs=2.0 * error)

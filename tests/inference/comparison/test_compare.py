@@ -14,6 +14,7 @@ import referencing
 from comparison_data import FOUR, observations
 
 import ifrfit
+from ifrfit import Noise
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.closure_questions import chosen_closures
@@ -177,19 +178,21 @@ def test_save_writes_the_whole_file(found, tmp_path):
 
 
 def test_scatter_that_a_closure_does_not_know_leaves_it_out(data):
-    every, said = chosen_closures(None, {})
+    every, said = chosen_closures(None, plain=True)
     assert [c.name for c in every] == list(CLOSURES)
     assert said == ()
-    some, said = chosen_closures(None, {"tails": "student-t"})
+    some, said = chosen_closures(None, plain=False)
     assert [c.name for c in some] == list(FOUR)
     assert said == ("MAW is left out: it knows independent Gaussian errors of the values only.",)
     with pytest.raises(UsageError, match=r"^Closure MAW knows independent Gaussian errors"):
-        compare(data, ("ifr", "maw"), loo=False, fix={"e_n": 0.9}, tails="student-t")
+        compare(data, ("ifr", "maw"), loo=False, fix={"e_n": 0.9}, noise=Noise(tails="student-t"))
 
 
 def test_student_errors_are_compared_by_their_own_evidence(data):
-    found = compare(data, ("f", "ifr"), fix={"e_n": 0.9, "mu": 0.15}, noise="known", tails="student-t")
-    own = ifrfit.fit(data, closure="ifr", fix={"e_n": 0.9, "mu": 0.15}, noise="known", tails="student-t")
+    found = compare(data, ("f", "ifr"), fix={"e_n": 0.9, "mu": 0.15}, noise=Noise("known", tails="student-t"))
+    own = ifrfit.fit(
+        data, closure="ifr", fix={"e_n": 0.9, "mu": 0.15}, noise=Noise("known", tails="student-t")
+    )
     assert found.entries["ifr"].log_evidence == own.fit.log_evidence
     assert found.psi_plane.reason == "it knows Gaussian errors of the values only"
     assert found.entries["ifr"].loo is not None

@@ -12,7 +12,8 @@ import pytest
 from scipy import special
 
 import ifrfit
-from ifrfit.inference.diagnostics.interval_comparison import disagreements, intervals
+from ifrfit.inference.diagnostics.interval_comparison import intervals
+from ifrfit.inference.diagnostics.interval_disagreements import disagreements
 from ifrfit.inference.optimize.least_squares import least_squares
 
 sys.path.insert(0, str(Path(__file__).parents[2]))

@@ -41,7 +41,7 @@ def build(mu=(0.1, 0.1), *, rows=12, separate=(), fix=None, prior=None, closure=
         return make_problem(Observations(table), chosen, 0.4, constants, "known")
 
     apart = problem_of(table, make_parameters(chosen, 0.4, separate=("mu",)))
-    value = apart.fitted(np.array([0.9, -0.8, *mu])) + SIGMA * rng.standard_normal(n)
+    value = apart.predict(np.array([0.9, -0.8, *mu])) + SIGMA * rng.standard_normal(n)
     constants = make_parameters(chosen, 0.4, separate=separate, fix=fix, prior=prior)
     return problem_of(table.assign(value=value), constants)
 
@@ -211,7 +211,7 @@ def grid(problem):
     plain = make_problem(problem.observations, problem.closure, 0.4, shared, "known")
     z = np.empty((mu.size, plain.rows.value.size))
     for i, value in enumerate(mu):
-        z[i] = (plain.rows.value - plain.fitted(np.array([0.9, -0.8, value]))) / plain.sigma
+        z[i] = (plain.rows.value - plain.predict(np.array([0.9, -0.8, value]))) / plain.noise.sigma
     for series in range(len(problem.series)):
         log_l[series] = -0.5 * (z[:, plain.rows.series == series] ** 2).sum(axis=1)
 

@@ -10,7 +10,7 @@ from scipy import stats
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.diagnostics import predictive_checks as module
-from ifrfit.inference.diagnostics.predictive_checks import fitted_at, predictive
+from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
@@ -44,13 +44,13 @@ def build(
     constants = make_parameters(chosen, 0.4, separate=separate, fix=fix)
     empty = make_problem(Observations(table), chosen, 0.4, constants, noise)
     values = dict(zip(("e_n", chosen.constant, "mu"), truth, strict=True))
-    return with_values(empty, empty.fitted(np.array([values[c.name] for c in empty.parameters.entries])))
+    return with_values(empty, empty.predict(np.array([values[c.name] for c in empty.parameters.entries])))
 
 
 def with_values(problem, value):
     table = problem.observations.table.assign(value=value)
     return make_problem(
-        Observations(table), problem.closure, problem.inertia_factor, problem.parameters, problem.noise
+        Observations(table), problem.closure, problem.inertia_factor, problem.parameters, problem.noise.policy
     )
 
 
@@ -71,16 +71,16 @@ def test_many_draws_at_once_are_the_same_as_one_by_one(closure, separate):
     problem = build(60, CURVED_TOO, closure=closure, series=3, separate=separate, truth=truth)
     scale = {"e_n": (0.2, 1.0), "mu": (0.0, 1.5), constant: (-1.0, -0.4)}
     theta = np.column_stack([rng.uniform(*scale[c.name], 50) for c in problem.parameters.entries])
-    expected = np.array([problem.fitted(row) for row in theta])
+    expected = np.array([problem.predict(row) for row in theta])
     assert np.isfinite(expected).all()
-    np.testing.assert_allclose(fitted_at(problem, theta), expected, rtol=1e-13, atol=1e-14)
+    np.testing.assert_allclose(problem.predict(theta), expected, rtol=1e-13, atol=1e-14)
 
 
 def test_every_observable_can_be_checked():
     for name in OBSERVABLES:
         problem = build(12, (name,))
         at = np.array([[0.9, -0.8, 0.15], [0.7, -0.6, 0.4]])
-        np.testing.assert_allclose(fitted_at(problem, at)[1], problem.fitted(at[1]), rtol=1e-13)
+        np.testing.assert_allclose(problem.predict(at)[1], problem.predict(at[1]), rtol=1e-13)
 
 
 def test_p_values_at_the_truth_are_uniform():
@@ -126,7 +126,7 @@ def test_the_figures_are_means_over_the_draws():
     }
     z = np.array(
         [
-            (problem.rows.value - problem.fitted(np.array(theta))) / problem.sigma
+            (problem.rows.value - problem.predict(np.array(theta))) / problem.noise.sigma
             for theta in zip(draws["e_n"], draws["e_t"], draws["mu"], strict=True)
         ]
     )

@@ -139,9 +139,8 @@ def test_least_squares_of_student_is_the_maximum_of_its_likelihood():
 
 def test_no_error_of_angle_is_no_scatter():
     plain = problem_of(ErrorModel())
-    table = plain.observations.table.copy()
-    table["sigma_gamma_deg"] = 0.0
-    exact = replace(plain, observations=replace(plain.observations, table=table), error_model=LAWS["set"])
+    rows = replace(plain.rows, sigma_gamma_deg=np.zeros(len(plain.rows)))
+    exact = replace(plain, rows=rows, error_model=LAWS["set"])
     one, other = integrate(plain, tolerance=1e-3), integrate(exact, tolerance=1e-3)
     for name in ("e_t", "mu"):
         assert other.mean(name) == pytest.approx(one.mean(name), abs=2e-3 * one.sd(name))

@@ -13,6 +13,7 @@ from posterior_questions import Question, Row, measured
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.mcmc import Chains, begin, run
 from ifrfit.inference.mcmc.checkpoint import FILE, load_chains, question_of, save_chains
+from ifrfit.inference.model.error_model import ErrorModel
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
 
@@ -105,7 +106,10 @@ def test_the_question_is_all_that_the_chains_depend_on() -> None:
         Question(rows, fix={"e_n": 0.9}, closure="fr").problem(),
         Question(rows, fix={"e_n": 0.9}, inertia_factor=0.5).problem(),
         Question((*rows[1:], Row("beta", 8.0, 0.1)), fix={"e_n": 0.9}).problem(),
-        replace(problem, noise_bounds={"": (0.1, 1.0)}),
+        problem.with_noise(problem.noise.with_bounds({"": (0.1, 1.0)})),
+        replace(problem, error_model=ErrorModel(dof=4.0)),
+        replace(problem, error_model=ErrorModel(angles="set", gamma=1.0)),
+        replace(problem, rows=replace(problem.rows, sigma_gamma_deg=np.full(len(rows), 0.5))),
     ]
     told = {same, question_of(problem, 2), *(question_of(other, 1) for other in others)}
     assert len(told) == len(others) + 2

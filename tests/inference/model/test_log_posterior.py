@@ -69,7 +69,7 @@ def test_each_noise_of_its_own_is_in_the_exact_evidence():
     points, cell = grid_of(density, 900)
     found = np.log(np.exp(density(points)).sum() * cell)
     # with all constants fixed the posterior is that of the two noises alone
-    rows = problem.rows.value - problem.fitted(np.array([0.9, -0.8, 0.15]))
+    rows = problem.rows.value - problem.predict(np.array([0.9, -0.8, 0.15]))
     expected = 0.0
     for group, (low, high) in density.noises.items():
         at = np.exp(np.linspace(math.log(low), math.log(high), 20001))
@@ -96,7 +96,7 @@ def test_rows_of_an_impact_are_added():
     assert impacts[3] == pytest.approx(rows[4] + rows[5] + rows[6])
     assert impacts.sum() == pytest.approx(rows.sum())
     by_hand = stats.norm.logpdf(
-        density.problem.rows.value, density.problem.fitted(point[0]), density.problem.sigma
+        density.problem.rows.value, density.problem.predict(point[0]), density.problem.noise.sigma
     )
     assert rows == pytest.approx(by_hand)
 

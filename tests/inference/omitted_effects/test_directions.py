@@ -27,12 +27,12 @@ def problem(make):
 
 
 def by_name(problem, theta, **choices):
-    sigma = np.ones(problem.sigma.size)
+    sigma = np.ones(problem.noise.sigma.size)
     return {d.name: d for d in directions(problem, theta, problem.jacobian(theta), sigma, **choices)}
 
 
 def effect(problem, theta, contact, name, radius=RADIUS):
-    impacts = impacts_of(problem, theta, speeds(problem), np.full(problem.sigma.size, radius))
+    impacts = impacts_of(problem, theta, speeds(problem), np.full(problem.noise.sigma.size, radius))
     return computed(problem, contact, impacts, (name,)) - computed(problem, contact, impacts, ())
 
 
@@ -61,7 +61,7 @@ def test_adhesion(problem):
 def test_laws_of_e_n(problem, name, contact):
     """From the constant e_n that would be fitted to a law, a direction leads to the very law."""
     problem, theta = problem
-    law = effect(problem, theta, contact, name) + problem.fitted(theta)
+    law = effect(problem, theta, contact, name) + problem.predict(theta)
     at = problem.rows.rows_of("v_n")
     cosine = problem.rows.incidence.cosine[at]
     # the constant that would be fitted to the law's own v_n = e_n cos(gamma)
@@ -72,7 +72,7 @@ def test_laws_of_e_n(problem, name, contact):
     direction = next(one for one in found if one.name == name)
     assert direction.whole
     assert direction.figures["fall"] > 0.0
-    assert np.allclose(problem.fitted(there) + direction.change, law, rtol=2e-3, atol=2e-3)
+    assert np.allclose(problem.predict(there) + direction.change, law, rtol=2e-3, atol=2e-3)
 
 
 def test_compliance(problem):

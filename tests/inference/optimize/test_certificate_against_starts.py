@@ -57,7 +57,7 @@ def test_model_by_hand_is_the_model(problems):
         theta = local.start(rng)
         x = local.unknowns(theta)
         r = local.residuals(x)
-        expected = objective_at(problem, problem.sigma, local.theta(x))
+        expected = objective_at(problem, problem.noise.sigma, local.theta(x))
         assert r @ r == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
@@ -79,7 +79,7 @@ def test_derivative_by_hand_is_the_derivative(problems):
 def test_one_local_search_that_calls_itself_certified_is_caught(problems):
     """Negative control: a certificate that looks at the local cell only."""
 
-    template = solve(problems[0], problems[0].sigma)
+    template = solve(problems[0], problems[0].noise.sigma)
 
     def only_here(problem, sigma):
         local = Local(problem)
@@ -108,7 +108,7 @@ def test_second_best_cell_taken_for_the_best_is_caught(problems, monkeypatch):
     caught = total = 0
     for i, problem in enumerate(problems):
         swapped.clear()
-        optimum = solve(problem, problem.sigma)
+        optimum = solve(problem, problem.noise.sigma)
         if not swapped or not optimum.certified:
             continue
         total += 1

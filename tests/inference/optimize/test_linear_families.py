@@ -44,13 +44,13 @@ def test_a_noisy_problem_is_certified_and_no_grid_point_lies_lower(name, impacts
     observables, choices, road = ROADS[name]
     path = impacts(gamma=GAMMA, observables=observables, noise=0.03, sigma=0.03, seed=4)
     problem = problem_of(path, **choices)
-    found = solve(problem, problem.sigma)
+    found = solve(problem, problem.noise.sigma)
     assert found.road == road
     assert found.certified
-    assert found.objective == pytest.approx(objective_at(problem, problem.sigma, found.theta), rel=1e-9)
+    assert found.objective == pytest.approx(objective_at(problem, problem.noise.sigma, found.theta), rel=1e-9)
     e_n = [0.94] if "fix" in choices else np.linspace(0.5, 1.0, 13)
     grid = itertools.product(e_n, np.linspace(-1.0, -0.4, 13), np.linspace(0.0, 0.3, 31))
-    lowest = min(objective_at(problem, problem.sigma, np.array(theta)) for theta in grid)
+    lowest = min(objective_at(problem, problem.noise.sigma, np.array(theta)) for theta in grid)
     assert found.objective <= lowest
 
 
@@ -58,7 +58,7 @@ def test_a_noisy_problem_is_certified_and_no_grid_point_lies_lower(name, impacts
 def test_noise_free_constants_come_back(name, impacts):
     observables, choices, _ = ROADS[name]
     problem = problem_of(impacts(gamma=GAMMA, observables=observables, sigma=0.05), **choices)
-    found = solve(problem, problem.sigma)
+    found = solve(problem, problem.noise.sigma)
     # where e_n is searched for, its place is known to the square root of rounding
     places = 1e-10 if found.road == "all partitions" else 1e-6
     np.testing.assert_allclose(found.theta, [0.94, -0.9, 0.12], rtol=0, atol=places)
@@ -99,14 +99,14 @@ def test_separate_friction_is_certified_through_the_dual(impacts):
     ]
     path = impacts(*parts)
     problem = problem_of(path, fix={"e_n": 0.94}, separate=("mu",))
-    found = solve(problem, problem.sigma)
+    found = solve(problem, problem.noise.sigma)
     assert found.certified
     assert found.road.startswith("all partitions of each series")
     rng = np.random.default_rng(0)
     for _ in range(300):
         theta = found.theta * (1.0 + 0.05 * rng.standard_normal(found.theta.size))
         theta[0] = 0.94
-        assert objective_at(problem, problem.sigma, theta) >= found.objective
+        assert objective_at(problem, problem.noise.sigma, theta) >= found.objective
     result = ifrfit.fit(path, fix={"e_n": 0.94}, separate="mu", method="lsq")
     each = result.constants["mu"]
     for mu in (0.08, 0.12, 0.3):
@@ -121,12 +121,12 @@ def test_a_prior_on_the_shared_constant_takes_part_in_the_proof(impacts):
         for i, mu in enumerate((0.08, 0.15, 0.3))
     ]
     problem = problem_of(impacts(*parts), fix={"e_n": 0.94}, separate=("mu",), prior={"e_t": (-0.7, 0.02)})
-    found = solve(problem, problem.sigma)
+    found = solve(problem, problem.noise.sigma)
     assert found.certified
-    assert found.objective == pytest.approx(objective_at(problem, problem.sigma, found.theta), rel=1e-9)
+    assert found.objective == pytest.approx(objective_at(problem, problem.noise.sigma, found.theta), rel=1e-9)
     for shift in (-0.01, -0.001, 0.001, 0.01):
         moved = found.theta + np.where(np.arange(found.theta.size) == 1, shift, 0.0)
-        assert objective_at(problem, problem.sigma, moved) > found.objective
+        assert objective_at(problem, problem.noise.sigma, moved) > found.objective
 
 
 def test_all_constants_separate_equals_fits_one_by_one(impacts):
@@ -151,7 +151,7 @@ def test_without_oblique_rows_every_closure_has_the_means_as_its_proven_optimum(
     path = tmp_path / "apart.csv"
     path.write_text("observable,gamma_deg,value,sigma\n" + "\n".join(lines))
     problem = problem_of(path, closure, **choices)
-    found = solve(problem, problem.sigma)
+    found = solve(problem, problem.noise.sigma)
     assert found.certified
     assert (found.gap, found.n_near) == (0.0, 1)
 

@@ -32,7 +32,7 @@ def block_of(closure: str = "ifr", n: int = 30, sigma: float = 0.05, **choices) 
     chosen = get_closure(closure)
     constants = make_parameters(chosen, 0.4, fix={"e_n": 0.9, **choices.pop("fix", {})}, **choices)
     problem = make_problem(Observations(table), chosen, 0.4, constants, "known")
-    return whole_block(problem, problem.sigma)
+    return whole_block(problem, problem.noise.sigma)
 
 
 def without_prior(block: Block, place: int) -> Block:

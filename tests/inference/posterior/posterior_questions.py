@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -110,7 +110,7 @@ class Question:
             }
         )
         problem = make_problem(Observations(table), closure, self.inertia_factor, constants, self.noise)
-        return replace(problem, noise_bounds=dict(self.noise_bounds)) if self.noise_bounds else problem
+        return problem.with_noise(problem.noise.with_bounds(self.noise_bounds))
 
 
 def measured(

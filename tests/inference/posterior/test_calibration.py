@@ -183,8 +183,8 @@ def test_rows_scatter_about_the_truth_as_the_scene_says(name):
         for constant in problem.parameters.entries:
             assert constant.lower < constant.upper
         theta = np.array([one.truth[x] for x in problem.parameters.names])
-        residual = problem.rows.value - problem.fitted(theta)
-        sigma = one.truth.get("noise", 1.0) * problem.sigma
+        residual = problem.rows.value - problem.predict(theta)
+        sigma = one.truth.get("noise", 1.0) * problem.noise.sigma
         for group, rows in problem.groups().items():
             sigma[rows] = one.truth.get(f"noise[{group}]", sigma[rows])
         chi2 += float(((residual / sigma) ** 2).sum())
@@ -207,7 +207,7 @@ def test_scenes_are_what_they_are_called():
 def test_controls_see_the_same_rows_with_other_eyes():
     one = simulate(SCENES["both regimes"], np.random.default_rng(SEED))
     theta = np.array([one.truth[x] for x in one.problem.parameters.names])
-    assert understated_sigma(one, 0.7).problem.sigma == pytest.approx(0.7 * one.problem.sigma)
+    assert understated_sigma(one, 0.7).problem.noise.sigma == pytest.approx(0.7 * one.problem.noise.sigma)
     blind = without_kink(one).problem
     _, sticks = blind.impulse(*blind.per_row(theta))
     assert not sticks[blind.rows.rows_of("beta")].any()

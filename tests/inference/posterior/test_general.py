@@ -57,12 +57,6 @@ MIXTURES = {
     "FR, mu and beta0 fixed": Question(
         measured("beta", FAN, seed=24, closure="fr", c=0.4), "fr", fix={"mu": 0.15, "beta0": 0.4}
     ),
-    "FR, e_n, a common factor": Question(
-        measured("beta", FAN, seed=25, closure="fr", c=0.4) + DROPS,
-        "fr",
-        noise="scaled",
-        noise_bounds={"": (0.1, 10.0)},
-    ),
     "FR, priors on mu and e_n": Question(
         measured("beta", FAN, seed=23, closure="fr", c=0.4),
         "fr",

@@ -27,7 +27,7 @@ def bundled(name: str) -> Question:
         tuple(
             Row(rows.names[which], math.degrees(math.atan(tau)), value, sigma)
             for which, tau, value, sigma in zip(
-                rows.which, rows.tau.tolist(), rows.value.tolist(), problem.sigma.tolist(), strict=True
+                rows.which, rows.tau.tolist(), rows.value.tolist(), problem.noise.sigma.tolist(), strict=True
             )
         ),
         "fr",

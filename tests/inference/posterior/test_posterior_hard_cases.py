@@ -182,7 +182,7 @@ def test_the_answer_expected(name: str) -> None:
 
 def test_every_row_thrice_is_a_third_of_the_variance() -> None:
     (thrice, once) = problems("duplicated rows")
-    sharp = integrate(replace(once, sigma=once.sigma / math.sqrt(3.0)))
+    sharp = integrate(once.with_noise(replace(once.noise, sigma=once.noise.sigma / math.sqrt(3.0))))
     post = integrate(thrice)
     for name in post.names:
         assert abs(post.mean(name) - sharp.mean(name)) < 2e-4 * post.sd(name)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,13 @@ import pytest
 from scipy import special
 
 import ifrfit
+from ifrfit.inference.estimations import profile_estimation
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.inference.profile.objective import limit
-from ifrfit.inference.profile.profile_all import profile_all, profiled_estimates
+from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.result.build import build_result
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -40,6 +42,12 @@ def question(folder: Path, text: str, **options: Any) -> tuple[Problem, LeastSqu
     options = {"fix": KNOWN, "method": "lsq", **options}
     problem = ifrfit.fit(path, **options).problem
     return problem, least_squares(problem)
+
+
+def profiled_estimates(problem: Problem, fit: LeastSquares) -> tuple[Any, Any, Mapping[str, Profile]]:
+    """Constants, derived quantities and profiles of --method profile."""
+    found = build_result(problem, fit, profile_estimation(problem, fit))
+    return found.constants, found.derived, found.profiles
 
 
 def profiles(folder: Path, text: str, **options: Any) -> dict[str, Profile]:

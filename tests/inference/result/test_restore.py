@@ -32,7 +32,7 @@ def test_the_question_comes_back_from_the_file(fits):
         problem, optimum = question(loaded)
         assert problem.parameters.names == fit.problem.parameters.names
         assert problem.series == fit.problem.series
-        assert problem.noise == fit.problem.noise
+        assert problem.noise.policy == fit.problem.noise.policy
         assert np.array_equal(problem.rows.value, fit.problem.rows.value)
         np.testing.assert_array_equal(optimum.optimum.theta, fit.least_squares.optimum.theta)
         assert question(fit) == (fit.problem, fit.least_squares)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from ifrfit.physics.angles import Incidence, sincos
 from ifrfit.physics.compliance.memory import _collision, _steps, memory_ratio
 from ifrfit.physics.compliance.table import compliance_table
 from ifrfit.physics.kernels import available, rebound_many
-from ifrfit.physics.kernels import rebound_many as many
 from ifrfit.physics.rebound import rebound_of
 
 needs_numba = pytest.mark.skipif(not available(), reason="numba is not installed")
@@ -129,7 +129,9 @@ def test_compiled_table_equals_the_plain_one() -> None:
 
 def test_without_numba(monkeypatch: pytest.MonkeyPatch) -> None:
     """The loops say what is missing; the memory function runs as plain Python, with the same result."""
-    monkeypatch.setattr(many, "available", lambda: False)
+    # by its full name: the package has the function of that name
+    module = importlib.import_module("ifrfit.physics.kernels.rebound_many")
+    monkeypatch.setattr(module, "available", lambda: False)
     sine, cosine, _, s_y = scene(10)
     with pytest.raises(UsageError, match=r"need numba, which is not installed: pip install 'ifrfit\[fast\]'"):
         rebound_many(sine, cosine, s_y, **call("ifr"))

@@ -16,6 +16,8 @@ import pytest
 
 import ifrfit
 from ifrfit import FitResult
+from ifrfit.inference.appraisal import Appraisal
+from ifrfit.inference.appraise import appraise
 from ifrfit.report.page import assemble
 from ifrfit.report.page.blocks import Report
 from ifrfit.report.page.html import render
@@ -77,9 +79,17 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], FitResu
 
 
 @pytest.fixture(scope="session")
-def reports(results: Callable[[str], FitResult]) -> Callable[[str], Report]:
+def appraisals(results: Callable[[str], FitResult]) -> Callable[[str], Appraisal]:
+    """Their appraisals, each computed once, closures not compared."""
+    return functools.cache(lambda name: appraise(results(name), closures=False))
+
+
+@pytest.fixture(scope="session")
+def reports(
+    results: Callable[[str], FitResult], appraisals: Callable[[str], Appraisal]
+) -> Callable[[str], Report]:
     """The reports of these results, each put together once."""
-    return functools.cache(lambda name: assemble(results(name)))
+    return functools.cache(lambda name: assemble(results(name), appraisals(name)))
 
 
 @pytest.fixture(scope="session")

@@ -20,8 +20,8 @@ def first_number(text: str) -> float:
 def chi2(result, e_n, c, mu):
     """Misfit of all rows at other constants, by the package."""
     problem = result.problem
-    residual = problem.rows.value - problem.fitted(np.array([e_n, c, mu]))
-    yardstick = problem.sigma if problem.noise == "scaled" else result.points["sigma_used"].to_numpy()
+    residual = problem.rows.value - problem.predict(np.array([e_n, c, mu]))
+    yardstick = problem.noise.sigma if problem.noise.is_scaled else result.points["sigma_used"].to_numpy()
     return float(((residual / yardstick) ** 2).sum())
 
 
@@ -133,7 +133,7 @@ def test_a_series_with_constants_of_its_own_is_judged_by_its_own_rows(opened, pa
     _, best, _, _ = coordinates(result, names[1])
     theta = np.array([0.94, best[1], 0.0, best[2] / 1.94])
     rows = result.problem.rows.series == 1
-    residual = (result.problem.rows.value - result.problem.fitted(theta)) / result.problem.sigma
+    residual = (result.problem.rows.value - result.problem.predict(theta)) / result.problem.noise.sigma
     assert second == pytest.approx(float((residual[rows] ** 2).sum()), rel=1e-3)
     assert first != second
     assert names[1] in shown.text("note")

@@ -15,7 +15,7 @@ from ifrfit.report.page.a4.figure_block import SHRUNK
 from ifrfit.report.page.a4.flow import sheets
 from ifrfit.report.page.a4.pictures import GAP, SMALLEST, rows_of, size_of
 from ifrfit.report.page.a4.sheet_style import FOOT, HEIGHT, MARGIN, WIDTH
-from ifrfit.report.page.a4.tables import drawn, shared
+from ifrfit.report.page.a4.tables import column_widths, table_flowable
 from ifrfit.report.page.blocks import (
     Badge,
     Code,
@@ -68,11 +68,11 @@ def test_all_that_is_said_can_be_found_as_text(reports, name):
     content = pdf(one)
     # breaks of lines and pages may stand anywhere
     text = re.sub(r"\s", "", "".join(page.extract_text() for page in PdfReader(io.BytesIO(content)).pages))
-    assert [each for each in said(one) if re.sub(r"\s", "", each) not in text] == []
+    assert [each for each in literal_paragraph(one) if re.sub(r"\s", "", each) not in text] == []
     assert pdf(one) == content
 
 
-def said(one):
+def literal_paragraph(one):
     yield one.title
     yield from one.verdict
     for section in one.sections:
@@ -258,7 +258,7 @@ def test_an_endless_caption_goes_on():
 def test_columns_fit_and_the_widest_give_way(columns, room):
     natural = [wide for wide, _ in columns]
     least = [wide * share for wide, share in columns]
-    found = shared(natural, least, room)
+    found = column_widths(natural, least, room)
     assert sum(found) <= room * (1 + 1e-9)
     if sum(natural) <= room:
         assert found == natural
@@ -270,9 +270,9 @@ def test_columns_fit_and_the_widest_give_way(columns, room):
 def test_a_wide_table_stays_on_the_sheet():
     head = tuple(f"a long heading {i}" for i in range(14))
     rows = (tuple(f"-1{i}.2345678" for i in range(14)),) * 3
-    table = drawn(Table("wide", head, rows, frozenset(range(14))))
+    table = table_flowable(Table("wide", head, rows, frozenset(range(14))))
     assert table.wrap(WIDTH, HEIGHT)[0] <= WIDTH + 1e-6
-    text = drawn(Table("text", ("a", "b"), (("x", "a very long sentence " * 20),)))
+    text = table_flowable(Table("text", ("a", "b"), (("x", "a very long sentence " * 20),)))
     assert text.wrap(WIDTH, HEIGHT)[0] <= WIDTH + 1e-6
 
 

@@ -46,7 +46,7 @@ def effect_lines(
     for name, effect in EFFECTS.items():
         if name == "lateral-spin":
             continue
-        if name == "compliance" and problem.closure.name == "maw":
+        if name == problem.closure.effect:
             lines.append(EffectLine(name, says="in the closure"))
         elif effect.stage in ("tangential", "rolling") and not knows_kappa:
             lines.append(EffectLine(name, says="not known: kappa is not determined"))
@@ -112,7 +112,7 @@ class _Scene:
         most = int(np.argmax(np.abs(left)))
         observable = problem.rows.names[problem.rows.which[most]]
         size, signal = float(abs(left[most]) * sigma[most]), float(np.linalg.norm(left))
-        unit = OBSERVABLES[observable].unit
+        unit = "deg" if OBSERVABLES[observable].unit == "deg" else ""
         amount = f"{size:.2g}{' degrees' if unit else ''}"
         says = f"{start}; would change {observable} by {amount}, {size / sigma[most]:.2g} times its noise"
         if size <= 1e-9 * sigma[most]:

@@ -138,7 +138,7 @@ def _kappa_factor(problem: Problem, theta: Array, columns: Array, sigma: Array) 
 
     Where the contact is compliant, a closure that ties sticking to sliding finds a kappa that lies off.
     """
-    residual = (problem.rows.value - problem.fitted(theta)) / sigma
+    residual = (problem.rows.value - problem.predict(theta)) / sigma
     step = np.linalg.lstsq(columns / sigma[:, None], residual, rcond=_STEP)[0]
     places, series = problem.parameters.positions, problem.rows.series
     at_e, at_mu = places["e_n"][series], places["mu"][series]
@@ -221,8 +221,8 @@ def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
 def _inertia(problem: Problem, theta: Array) -> Iterator[Direction]:
     """Relative derivative by the inertia factor; spins beside velocities show it as they do rolling."""
     tangential = [name for name in problem.rows.names if OBSERVABLES[name].kind in ("tangential", "curved")]
-    spins = [name for name in tangential if name.startswith("spin_")]
+    spins = [name for name in tangential if OBSERVABLES[name].numerator == "spin"]
     if spins and len(spins) < len(tangential):
         other = replace(problem, inertia_factor=problem.inertia_factor * (1.0 + _STEP))
-        change = (other.fitted(theta) - problem.fitted(theta)) / _STEP
+        change = (other.predict(theta) - problem.predict(theta)) / _STEP
         yield Direction("inertia-factor", change, two_sided=True)

@@ -46,12 +46,12 @@ def effects_fact(
     theta = fit.optimum.theta
     jacobian = problem.jacobian(theta)
     every = directions(problem, theta, jacobian, fit.sigma, chi=chi, speed=speed, knows_e_n=knows_e_n)
-    residual = (problem.rows.value - problem.fitted(theta)) / fit.sigma
+    residual = (problem.rows.value - problem.predict(theta)) / fit.sigma
     tested = scores(
         [replace(d, change=d.change / fit.sigma) for d in every],
         jacobian / fit.sigma[:, None],
         residual,
-        known=problem.noise == "known" and problem.error_model.is_plain,
+        known=problem.noise.is_known and problem.error_model.is_plain,
     )
     if all(one.direction.name in RIVALS for one in tested):
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ifrfit.report.constants_rows import constant_symbols
 from ifrfit.report.style import MM_PER_INCH, PANEL_WIDTH_MM
 
 if TYPE_CHECKING:
@@ -12,11 +13,8 @@ if TYPE_CHECKING:
 
 LEFT, RIGHT, BOTTOM, TOP = 13.0, 3.0, 10.0, 3.0  # mm
 
-SYMBOLS = {
+_SYMBOLS = {
     "e_n": r"$e_n$",
-    "e_t": r"$e_t$",
-    "beta0": r"$\beta_0$",
-    "chi": r"$\chi$",
     "mu": r"$\mu$",
     "kappa": r"$\kappa$",
     "beta_sticking": r"$\beta$ in sticking",
@@ -54,7 +52,7 @@ def panel(
 def symbol(name: str, longest: int = 24) -> str:
     """A constant as axes write it; its series in brackets as it is, cut where it is longer than `longest`."""
     kind, bracket, rest = name.partition("[")
-    shown = SYMBOLS.get(kind, plain(kind))
+    shown = (_SYMBOLS | constant_symbols()).get(kind, plain(kind))
     return shown + (plain(f" [{shortened(rest.removesuffix(']'), longest)}]") if bracket else "")
 
 

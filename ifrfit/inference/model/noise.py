@@ -1,0 +1,136 @@
+"""The noise of the rows: given, given up to a common factor, or unknown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.model.parameters import entry_name
+from ifrfit.inference.model.rows import Rows
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+Policy = Literal["known", "scaled", "unknown"]
+POLICIES: tuple[Policy, ...] = get_args(Policy)
+
+_DECIMALS = 6  # finest resolution taken for a value that is written with more
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """What is known of the size of the errors.
+
+    Rows whose errors share an unknown size form a group, and the group's noise is a parameter: under "scaled"
+    one factor on the given sigma of all rows, its group named ""; under "unknown" one sigma for each series
+    and observable, its group named "series/observable".
+
+    Attributes
+    ----------
+    policy : {"known", "scaled", "unknown"}
+    sigma : ndarray, (n,)
+        Standard uncertainty of each row as given; nan where none is.
+    prior_bounds : mapping of str to (float, float)
+        Ends of the log-uniform prior of a group's noise, where they are chosen; see `bounds` for the others.
+    """
+
+    policy: Policy
+    sigma: Array
+    prior_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether sigma is taken as given."""
+        return self.policy == "known"
+
+    @property
+    def is_scaled(self) -> bool:
+        """Whether one unknown factor is common to the given sigma of all rows."""
+        return self.policy == "scaled"
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether each series and observable has an unknown sigma, and given ones are not used."""
+        return self.policy == "unknown"
+
+    @cached_property
+    def base(self) -> Array:
+        """Standard uncertainty of each row up to the noise of its group, (n,): 1 where that is unknown."""
+        return np.ones(self.sigma.size) if self.is_unknown else self.sigma
+
+    def groups(self, measured: Mapping[str, Index]) -> Mapping[str, Index]:
+        """Rows of each group with an unknown noise, by its name; empty where sigma is known.
+
+        Parameters
+        ----------
+        measured : mapping of str to ndarray of int
+            Rows of each "series/observable".
+        """
+        if self.is_known:
+            return {}
+        return {"": np.arange(self.sigma.size)} if self.is_scaled else measured
+
+    def sigma_at(self, noise: Array, groups: Iterable[Index]) -> Array:
+        """Standard uncertainty of each row, (m, n), or (1, n) where it is known.
+
+        Parameters
+        ----------
+        noise : ndarray, (m, n_groups)
+            Noise of each group.
+        groups : iterable of ndarray of int
+            Rows of each group, in the same order; together all rows.
+        """
+        if self.is_known:
+            return self.sigma[None, :]
+        sigma = np.empty((noise.shape[0], self.sigma.size))
+        for rows, own in zip(groups, noise.T, strict=True):
+            sigma[:, rows] = own[:, None] * self.base[rows]
+        return sigma
+
+    def bounds(self, rows: Rows, measured: Mapping[str, Index]) -> Mapping[str, tuple[float, float]]:
+        """Ends of the log-uniform prior of each group's noise; empty where sigma is known.
+
+        From the resolution of the values (their last decimal, at most the sixth, over sqrt(12): what rounding
+        alone leaves) to the natural scale of the observable: 1, or 90 degrees for an angle, or the largest
+        value if that is larger. A common factor has the ends of sigma over the given sigma.
+        """
+        if self.is_known:
+            return {}
+        found = {}
+        for name, own in measured.items():
+            value = rows.value[own]
+            unit = rows.observables[rows.which[own[0]]].unit
+            natural = max(90.0 if unit == "deg" else 1.0, float(np.abs(value).max()))
+            found[name] = (_resolution(value) / math.sqrt(12.0), natural)
+        if self.is_unknown:
+            return found | dict(self.prior_bounds)
+        low = min(found[name][0] / float(self.sigma[own].max()) for name, own in measured.items())
+        high = max(found[name][1] / float(self.sigma[own].min()) for name, own in measured.items())
+        return {"": (low, high)} | dict(self.prior_bounds)
+
+    def with_bounds(self, bounds: Mapping[str, tuple[float, float]]) -> NoiseModel:
+        """The same with chosen ends of the priors, by the name of the group."""
+        return replace(self, prior_bounds=dict(bounds))
+
+    def take(self, rows: Index) -> NoiseModel:
+        """The same for some rows."""
+        return replace(self, sigma=self.sigma[rows])
+
+
+def noise_name(group: str) -> str:
+    """Name of a group's noise among the parameters: "noise", or "noise[series/observable]"."""
+    return entry_name("noise", group)
+
+
+def _resolution(value: Array) -> float:
+    """The last decimal that any value is written with."""
+    steps = 10.0 ** -np.arange(_DECIMALS)
+    in_steps = value / steps[:, None]
+    written = (np.abs(in_steps - np.round(in_steps)) < 1e-7).all(axis=1)
+    return float(steps[np.argmax(written)]) if written.any() else float(10.0**-_DECIMALS)
