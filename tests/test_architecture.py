@@ -41,9 +41,6 @@ UNNEEDED = (
 KNOWN_CIRCLES = tuple(
     {f"ifrfit.inference.{module}" for module in circle.split()}
     for circle in (
-        "result.fit_result result.prediction io.arviz io.lmfit io.write_result",
-        "comparison.result comparison.write_json",
-        "bootstrap.summary result.method_results",
         "model.latent_quadrature model.row_likelihood",
         "posterior.conditional_cdf posterior.density_grid posterior.series_integrand",
         "posterior.adaptive_quadrature posterior.sampling",
