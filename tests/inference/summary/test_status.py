@@ -67,7 +67,7 @@ def test_the_domain_of_kappa_follows_from_those_of_mu_and_e_n() -> None:
 
 
 def test_a_linear_function_keeps_the_status_and_names_its_own_bound() -> None:
-    mu = Estimate(0.2, 0.01, (0.19, 0.2), (0.17, 0.2), "one_sided", "lies on its bound 0.2", 0.19)
+    mu = Estimate(0.2, 0.01, (0.19, 0.2), (0.17, 0.2), "one_sided", "lies on its bound 0.2", mean=0.19)
     kappa = linear(mu, 0.0, 1.5, Domain(0.15, 0.3, 0.3))
     assert (kappa.status, kappa.reason) == ("one_sided", "lies on its bound 0.3")
     assert kappa.interval95 == pytest.approx((0.255, 0.3))
