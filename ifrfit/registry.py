@@ -25,6 +25,8 @@ _HOMES = (
     "ifrfit.physics.closures",
     "ifrfit.physics.observables",
     "ifrfit.physics.effects.registry",
+    "ifrfit.inference.estimators",
+    "ifrfit.report.page.registries",
 )
 
 

@@ -93,7 +93,7 @@ def treat(task: tuple[int, str, int]) -> list[Found]:
     plain = make_problem(Observations(table), closure, 0.4, constants, "known")
     found = []
     for name, error_model in TREATMENTS.items():
-        problem = with_error_model(plain, error_model, "exact")
+        problem = with_error_model(plain, error_model)
         post = integrate(problem, tolerance=TOLERANCE, start=least_squares(problem))
         inside = []
         for constant in ASKED:

@@ -13,10 +13,10 @@ from scipy import special
 
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.posterior import TOLERANCE, integrate
+from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.result.types import Estimate, Interval
-from ifrfit.inference.summary.estimates import constants_of
-from ifrfit.inference.summary.kappa import kappa_of
+from ifrfit.inference.summary.gaussian import truncated_gaussian
 
 Array = NDArray[np.float64]
 Score = tuple[float, float, float, float]  # rank of the truth, whether it is in the 50, 68, 95 % interval
@@ -119,11 +119,13 @@ def score_bounded(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]
     """Scores of the 68 and 95 % intervals that least squares reports, its bounds heeded."""
     label = experiment.scene.label
     estimates: dict[str, Estimate] = {}
-    for name, found in constants_of(experiment.problem, fit).items():
+    gaussian = truncated_gaussian(experiment.problem, fit)
+    constants, kappas = estimates_of_optimum(experiment.problem, fit, gaussian)
+    for name, found in constants.items():
         each = {"": found} if isinstance(found, Estimate) else found
         estimates |= {label(name, series): estimate for series, estimate in each.items()}
-    for number, series in enumerate(experiment.problem.series):
-        estimates[label("kappa", series)] = kappa_of(experiment.problem, fit, number)
+    for series, kappa in kappas.items():
+        estimates[label("kappa", series)] = kappa
     return {
         name: _two(experiment.truth[name], estimate.interval68, estimate.interval95)
         for name, estimate in estimates.items()

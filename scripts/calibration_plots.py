@@ -56,7 +56,7 @@ def ranks(lines: Sequence[Line]) -> Figure:
             heading.set_in_layout(False)  # it runs over the whole row
         figure.supxlabel("rank of the truth in its posterior", fontsize=8.0)
         figure.supylabel(f"experiments a bin, over the expected ({BINS} bins)", fontsize=8.0)
-        style.settle(figure)
+        style.fix_layout(figure)
     return figure
 
 
@@ -111,7 +111,7 @@ def coverage(lines: Sequence[Line]) -> Figure:
             axes.set_xlabel(f"in the {100 * LEVELS[level]:.0f} % interval (%)")
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=2, handletextpad=0.3)
-        style.settle(figure)
+        style.fix_layout(figure)
     return figure
 
 

@@ -255,7 +255,7 @@ def simulate(scene: Scene, rng: np.random.Generator) -> Experiment:
     constants = make_parameters(closure, INERTIA, bounds=dict(scene.bounds), separate=scene.separate)
     observations = with_propagated_sigma(Observations(table), scene.error_model)
     problem = make_problem(observations, closure, INERTIA, constants, scene.policy)
-    problem = with_error_model(problem, scene.error_model, "exact")
+    problem = with_error_model(problem, scene.error_model)
     if scene.noise_bounds:
         problem = problem.with_noise(problem.noise.with_bounds(scene.noise_groups))
     return Experiment(scene, truth, problem)

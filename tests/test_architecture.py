@@ -7,6 +7,8 @@ packages, whose stubs say where a name comes from.
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -29,13 +31,16 @@ LAYERS = (
 )
 # the places that look a module up by its name: the package that draws a result, the homes of registries
 LATE = {"ifrfit.inference.result.display", "ifrfit.physics.closures", "ifrfit.registry"}
+# what no fit by least squares, nor one with the exact posterior, may import
+UNNEEDED = (
+    *(f"ifrfit.{part}." for part in ("cli", "cost", "paper", "report", "simulation")),
+    *(f"ifrfit.inference.{part}." for part in ("appraise", "bootstrap", "comparison", "mcmc")),
+    *(f"{package}." for package in ("arviz", "emcee", "jinja2", "lmfit", "matplotlib", "typer")),
+)
 # circles that are left: none may be added or grow
 KNOWN_CIRCLES = tuple(
     {f"ifrfit.inference.{module}" for module in circle.split()}
     for circle in (
-        "result.fit_result result.prediction io.arviz io.lmfit io.write_result",
-        "comparison.result comparison.write_json",
-        "bootstrap.summary result.method_results",
         "model.latent_quadrature model.row_likelihood",
         "posterior.conditional_cdf posterior.density_grid posterior.series_integrand",
         "posterior.adaptive_quadrature posterior.sampling",
@@ -163,6 +168,19 @@ def test_names_become_imports_in_stated_places():
         and (node.id if isinstance(node, ast.Name) else node.attr) in ("import_module", "__import__")
     }
     assert late == LATE
+
+
+@pytest.mark.parametrize("method", ["lsq", "exact"])
+def test_a_fit_imports_nothing_that_it_does_not_need(method):
+    code = f"""
+import sys, ifrfit
+ifrfit.fit("cross-2019", fix={{"e_n": 0.94}}, method="{method}")
+print(*sys.modules)
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = run.stdout.split()
+    assert "ifrfit.inference.fit" in loaded
+    assert [name for name in loaded if f"{name}.".startswith(UNNEEDED)] == []
 
 
 def test_an_arrow_upwards_and_a_circle_would_be_seen(tmp_path):

@@ -2,83 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ifrfit.cli.compare import SHARED as COMPARED
-from ifrfit.cli.options import Repeated, choices_of, command_line, with_options_of
+from ifrfit.cli.options import Repeated, SharedCommand, command_line
 from ifrfit.cli.progress import working
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
     from ifrfit.cost.result import Costs
 
-# those of `compare`, and a single closure
-SHARED = ("data", "closure", *(name for name in COMPARED if name != "data"))
 
+@SharedCommand
+def cost(
+    question: dict[str, Any],
+    kind: Annotated[
+        Repeated,
+        typer.Option(metavar="KIND", help="inference, physics or arithmetic; by default all three."),
+    ] = [],  # noqa: B006
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer settings and repeats: seconds.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write cost.csv and the diagrams there.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace earlier costs in DIR.")] = False,
+    as_json: Annotated[
+        bool,
+        typer.Option(
+            "--json", help="cost.csv and what follows from it as JSON on standard output, nothing else."
+        ),
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors; needs --out.")] = False,
+) -> None:
+    """What accuracy costs in time, measured now, on your data."""
+    if quiet and out is None and not as_json:
+        raise UsageError("--quiet without --out leaves nothing of the measurement: add --out DIR.")
+    from ifrfit.cost.measure import measure_costs
+    from ifrfit.cost.report.folder import COSTS
+    from ifrfit.report.folder import check_free
 
-def costing(fit: Callable[..., None]) -> Callable[..., None]:
-    """The command, with the options of `fit` that choose data and constants.
-
-    Parameters
-    ----------
-    fit : callable
-        The command `fit`.
-    """
-
-    def cost(
-        kind: Annotated[
-            Repeated,
-            typer.Option(metavar="KIND", help="inference, physics or arithmetic; by default all three."),
-        ] = [],  # noqa: B006
-        quick: Annotated[bool, typer.Option("--quick", help="Fewer settings and repeats: seconds.")] = False,
-        out: Annotated[
-            Path | None, typer.Option(metavar="DIR", help="Write cost.csv and the diagrams there.")
-        ] = None,
-        force: Annotated[bool, typer.Option("--force", help="Replace earlier costs in DIR.")] = False,
-        as_json: Annotated[
-            bool,
-            typer.Option(
-                "--json", help="cost.csv and what follows from it as JSON on standard output, nothing else."
-            ),
-        ] = False,
-        quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors; needs --out.")] = False,
-        **chosen: Any,
-    ) -> None:
-        """What accuracy costs in time, measured now, on your data."""
-        if quiet and out is None and not as_json:
-            raise UsageError("--quiet without --out leaves nothing of the measurement: add --out DIR.")
-        from ifrfit.cost.measure import measure_costs
-        from ifrfit.cost.report.folder import COSTS
-        from ifrfit.report.folder import check_free
-
-        if out is not None:
-            check_free(out, force=force, of=COSTS)
-        choices = choices_of(chosen)
-        with working(quiet or as_json, "measuring", "choices") as progress:
-            found = measure_costs(
-                choices.pop("data"),
-                kinds=kind,
-                quick=quick,
-                command=command_line(),
-                progress=progress,
-                **choices,
-            )
-            written = found.save(out, force=force) if out is not None else []
-        if as_json:
-            typer.echo(_json(found), nl=False)
-        elif not quiet:
-            typer.echo(found.summary())
-            if written:
-                typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
-
-    return with_options_of(fit, SHARED, cost)
+    if out is not None:
+        check_free(out, force=force, of=COSTS)
+    with working(quiet or as_json, "measuring", "choices") as progress:
+        found = measure_costs(
+            kinds=kind,
+            quick=quick,
+            command=command_line(),
+            progress=progress,
+            **question,
+        )
+        written = found.save(out, force=force) if out is not None else []
+    if as_json:
+        typer.echo(_json(found), nl=False)
+    elif not quiet:
+        typer.echo(found.summary())
+        if written:
+            typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
 
 
 def _json(costs: Costs) -> str:
-    from ifrfit.cost.report.to_json import dumps
+    from ifrfit.inference.io.json_text import dumps
 
-    return dumps(costs)
+    return dumps(costs.to_dict())

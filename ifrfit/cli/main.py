@@ -13,8 +13,8 @@ from typing import Annotated
 import typer
 
 from ifrfit._version import __version__
-from ifrfit.cli.compare import comparing
-from ifrfit.cli.cost import costing
+from ifrfit.cli.compare import compare
+from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
 from ifrfit.cli.errors import command
 from ifrfit.cli.fit import fit
@@ -36,7 +36,7 @@ app = typer.Typer(
 app.add_typer(datasets, name="datasets")
 
 app.command()(command(fit))
-app.command()(command(comparing(fit)))
+app.command()(command(compare))
 
 
 @app.command()
@@ -102,7 +102,7 @@ def reproduce(
 
 
 app.command()(simulate)
-app.command()(command(costing(fit)))
+app.command()(command(cost))
 
 
 def _version(wanted: bool) -> None:

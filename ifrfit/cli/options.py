@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.estimators import ESTIMATORS, make_estimator
+from ifrfit.inference.keywords import method_options
+from ifrfit.inference.option_fields import Form, Option, build, options_of
+from ifrfit.inference.options import Model, Noise
 
 Repeated = list[str]
 Data = Annotated[Repeated, typer.Argument(metavar="DATA...", help="Files, or names of bundled datasets.")]
-
-_PAIRS = {"fix": "NAME=VALUE", "prior": "NAME=MEAN,SD", "bounds": "NAME=LO,HI"}
 
 
 def pairs(option: str, given: Sequence[str], form: str) -> dict[str, Any]:
@@ -67,29 +71,155 @@ def command_line() -> str:
     return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
 
 
-def choices_of(chosen: Mapping[str, Any]) -> dict[str, Any]:
-    """Keywords of the library from options that are shared with `fit`."""
-    found: dict[str, Any] = {
-        name: pairs(f"--{name}", value, _PAIRS[name]) if name in _PAIRS else value
-        for name, value in chosen.items()
-    }
-    if "angle_population" in found:
-        found["angle_population"] = ends("--angle-population", found["angle_population"])
-    return found
+# options of the rows that are used, and of the run: annotation and default
+_ROWS: Mapping[str, tuple[Any, object]] = {
+    "observable": (
+        Annotated[Repeated, typer.Option(metavar="NAME", help="Use only this observable.")],
+        [],
+    ),
+    "series": (Annotated[Repeated, typer.Option(metavar="NAME", help="Use only this series.")], []),
+    "gamma_min": (
+        Annotated[float | None, typer.Option(metavar="DEG", help="Use only impacts at this angle or more.")],
+        None,
+    ),
+    "gamma_max": (
+        Annotated[float | None, typer.Option(metavar="DEG", help="Use only impacts at this angle or less.")],
+        None,
+    ),
+    "speed_min": (
+        Annotated[float | None, typer.Option(metavar="M_S", help="Use only impacts at this speed or more.")],
+        None,
+    ),
+    "speed_max": (
+        Annotated[float | None, typer.Option(metavar="M_S", help="Use only impacts at this speed or less.")],
+        None,
+    ),
+    "exclude": (
+        Annotated[
+            Repeated,
+            typer.Option(metavar="ROW|ID", help="Leave out a line of the file, FILE:LINE, or an impact."),
+        ],
+        [],
+    ),
+    "independent": (
+        Annotated[
+            bool, typer.Option("--independent", help="Count faces of the same impacts as independent.")
+        ],
+        False,
+    ),
+    "convention": (
+        Annotated[
+            Repeated,
+            typer.Option(metavar="NAME=CHOICE", help="How a column is meant, as angle=alpha_deg:from-wall."),
+        ],
+        [],
+    ),
+}
+_RUN: Mapping[str, tuple[Any, object]] = {
+    "scene": (
+        Annotated[
+            Path | None,
+            typer.Option(metavar="SCENE.toml", help="What hit what, to see which effects that calls for."),
+        ],
+        None,
+    ),
+    "seed": (Annotated[int, typer.Option(help="Seed of the random draws behind the bands.", min=0)], 0),
+}
 
 
-def with_options_of(
-    model: Callable[..., None], shared: Sequence[str], own: Callable[..., None]
-) -> Callable[..., None]:
-    """Put shared options of one command before another's own, in the place of its keywords."""
-    found = []
-    for function, names in ((model, shared), (own, None)):
-        hints = get_type_hints(inspect.unwrap(function), include_extras=True)
-        parameters = inspect.signature(function).parameters
-        for name in names or parameters:
-            if parameters[name].kind is not inspect.Parameter.VAR_KEYWORD:
-                kind = inspect.Parameter.KEYWORD_ONLY
-                found.append(parameters[name].replace(annotation=hints[name], kind=kind))
-    own.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
-    own.__annotations__ = {parameter.name: parameter.annotation for parameter in found}
-    return own
+class SharedCommand:
+    """A command that puts a question to data: its options are its own and those of the question.
+
+    The latter come from the fields of `Model`, `Noise` and, for `fit`, of the methods. They are looked up
+    when the signature is asked for: methods may be registered after this module was imported.
+
+    Parameters
+    ----------
+    run : callable
+        The command. It takes ``question``, the keywords of the library by name, and its own options.
+    closure : bool
+        Whether it takes one closure.
+    methods : bool
+        Whether it takes a method with its options: then ``question`` holds the object as ``method``.
+    """
+
+    def __init__(self, run: Callable[..., None], *, closure: bool = True, methods: bool = False) -> None:
+        functools.update_wrapper(self, run)
+        self._run = run
+        self._closure = closure
+        self._methods = methods
+
+    def _model(self) -> dict[str, Option]:
+        found = options_of(Model)
+        if not self._closure:
+            del found["closure"]
+        return found
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        """Data, model, method, noise, rows, the method's options, the run, and the command's own options."""
+        parts = [_keyword("data", Data, inspect.Parameter.empty), *map(_parameter, self._model().values())]
+        if self._methods:
+            parts.append(_method())
+        parts += map(_parameter, options_of(Noise).values())
+        parts += (_keyword(name, *each) for name, each in _ROWS.items())
+        if self._methods:
+            parts += map(_parameter, method_options().values())
+        parts += (_keyword(name, *each) for name, each in _RUN.items())
+        hints = get_type_hints(self._run, include_extras=True)
+        own = inspect.signature(self._run).parameters
+        parts += (_keyword(name, hints[name], own[name].default) for name in own if name != "question")
+        return inspect.Signature(parts)
+
+    def __call__(self, **given: Any) -> None:
+        """Run the command with what the command line gave."""
+        options = self._model() | options_of(Noise) | (method_options() if self._methods else {})
+        values = {key: _read(option, given.pop(key)) for key, option in options.items()}
+        question = {key: given.pop(key) for key in ("data", *_ROWS, *_RUN)}
+        question["model"] = build(Model, values)
+        question["noise"] = build(Noise, values)
+        if self._methods:
+            question["method"] = make_estimator(given.pop("method"), values)
+        self._run(question, **given)
+
+
+# annotation of an option on the command line, by its form; the default is the field's where there is one
+_FORMS: Mapping[Form, Any] = {
+    "text": str | None,
+    "number": float | None,
+    "integer": int | None,
+    "path": Path | None,
+    "names": Repeated,
+    "values": Repeated,
+    "pairs": Repeated,
+    "range": str | None,
+}
+
+
+def _parameter(option: Option) -> inspect.Parameter:
+    annotation, default = _FORMS[option.form], option.default
+    if annotation is Repeated:
+        default = []
+    elif default is not None:
+        annotation = type(default)
+    info = typer.Option(metavar=option.metavar, help=option.help)
+    return _keyword(option.keyword, Annotated[annotation, info], default)
+
+
+def _method() -> inspect.Parameter:
+    said = [f"{name}: {each.summary}" for name, each in ESTIMATORS.items()]
+    said[0] = said[0].replace(":", " (the default):", 1)
+    info = typer.Option(help=f"{'; '.join(said)}.")
+    return _keyword("method", Annotated[str | None, info], None)
+
+
+def _keyword(name: str, annotation: Any, default: object) -> inspect.Parameter:
+    kind = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(name, kind, default=default, annotation=annotation)
+
+
+def _read(option: Option, value: Any) -> Any:
+    """A value of the library from what the command line gave."""
+    if option.form in ("values", "pairs"):
+        return pairs(option.flag, value, str(option.metavar))
+    return ends(option.flag, value) if option.form == "range" else value

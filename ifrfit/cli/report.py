@@ -11,8 +11,6 @@ import typer
 
 from ifrfit.errors import UsageError
 
-FORMATS = ("html", "md", "pdf")
-
 
 def report(
     results: Annotated[list[Path], typer.Argument(metavar="RESULT.json...")],
@@ -32,8 +30,8 @@ def report(
     quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
 ) -> None:
     """Uncertainty report of a result: one self-contained page; of several results with an index."""
-    if form is not None and form not in FORMATS:
-        raise UsageError(f"--format {form}: choose one of {', '.join(FORMATS)}.")
+    if form is not None:
+        _check_format(form)
     if len(results) > 1:
         written = _batch(results, out, form or "html", force, quiet)
     else:
@@ -42,9 +40,17 @@ def report(
         typer.echo(f"written: {written}")
 
 
+def _check_format(form: str) -> None:
+    from ifrfit.report.page.registries import FORMATS
+
+    if form not in FORMATS:
+        raise UsageError(f"--format {form}: choose one of {', '.join(FORMATS)}.")
+
+
 def _single(path: Path, out: Path | None, form: str | None, force: bool, quiet: bool) -> str:
     from ifrfit.inference import load_result
-    from ifrfit.report.page.writing import check_free, write_report
+    from ifrfit.inference.appraise import appraise
+    from ifrfit.report import check_report, write_report
 
     if out is None:
         stem = "report" if path.stem == "result" else path.stem
@@ -55,10 +61,10 @@ def _single(path: Path, out: Path | None, form: str | None, force: bool, quiet: 
         target = out
         if form is not None and target.suffix != f".{form}":
             raise UsageError(f"--out {out} does not end in .{form}, as --format says: change one of them.")
-    check_free(target, force=force)
+    check_report(target, force=force)
     result = load_result(path)
     with _working(quiet, "drawing"):
-        write_report(result, target, force=force)
+        write_report(result, appraise(result), target, force=force)
     return str(target)
 
 
@@ -66,6 +72,7 @@ def _batch(paths: list[Path], out: Path | None, form: str, force: bool, quiet: b
     if out is None:
         raise UsageError("Several results need a folder for their reports: name it with --out.")
     from ifrfit.inference import load_result
+    from ifrfit.inference.appraise import appraise
     from ifrfit.report.page import write_batch
 
     loaded = [(path, load_result(path)) for path in paths]
@@ -75,7 +82,7 @@ def _batch(paths: list[Path], out: Path | None, form: str, force: bool, quiet: b
             if status is not None:
                 status.update(f"drawing {name}")
 
-        names = write_batch(loaded, out, suffix=form, force=force, progress=progress)
+        names = write_batch(loaded, appraise, out, suffix=form, force=force, progress=progress)
     return f"{out}/  {names[0]} and {len(names) - 1} reports"
 
 

@@ -67,13 +67,13 @@ def free_names(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def of_law(problem: Problem, law: Distribution) -> Numbers:
+def of_distribution(problem: Problem, distribution: Distribution) -> Numbers:
     """From marginals: of the exact posterior, of chains, of replicates."""
     names = free_names(problem)
     return Numbers(
-        np.array([law.mean(name) for name in names]),
-        np.array([law.sd(name) for name in names]),
-        np.array([np.asarray(law.quantile(name, _TAILS)) for name in names]),
+        np.array([distribution.mean(name) for name in names]),
+        np.array([distribution.sd(name) for name in names]),
+        np.array([np.asarray(distribution.quantile(name, _TAILS)) for name in names]),
     )
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.cost.starting_optimum import beginning, error_model_of, without_laws
+from ifrfit.cost.starting_optimum import beginning
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.closure_questions import choices_for, constant_choices
+from ifrfit.inference.fit import Question
+from ifrfit.inference.options import Model
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import get_closure
 
@@ -19,7 +19,6 @@ Array = NDArray[np.float64]
 
 SOLID = 0.4  # inertia factor
 _ANGLES = 181
-_NAMED = ("closure", "fix", "prior", "bounds", "separate", "params")
 _LEAST = 1e-3  # friction below which hardly anything sticks or slides by it
 
 
@@ -62,17 +61,16 @@ class Setting:
         return f"at {at}, e_t = {own['e_t']:.4g}; the data's own impacts and hard ones"
 
 
-def setting_of(found: FitResult, data: Any, choices: Mapping[str, Any]) -> Setting:
+def setting_of(found: FitResult, question: Question, model: Model) -> Setting:
     """Angles and spins of the data, and the constants that least squares finds in them.
 
     Parameters
     ----------
     found : FitResult
         A fit of the data by any closure.
-    data
-        The data, as given.
-    choices : mapping
-        The keywords it was made with.
+    question : Question
+    model : Model
+        What it was made with.
 
     Raises
     ------
@@ -91,15 +89,15 @@ def setting_of(found: FitResult, data: Any, choices: Mapping[str, Any]) -> Setti
             f"{found.inertia_factor:g}: add --kind inference."
         )
     # e_n and mu are those of IFR, so that its e_t goes with them
-    constants = _optimum(found if found.closure == "ifr" else _fitted("ifr", data, choices))
+    constants = _optimum(found if found.closure == "ifr" else _fitted("ifr", question, model))
     notes: list[str] = []
-    error_model = error_model_of(choices)
+    error_model = question.noise.error_model
     if error_model.integrates:
         notes.append(
             "The constants at which contact laws and precisions are measured are those of effective "
             "variance: least squares cannot integrate true angles out."
         )
-    chi = _chi(found, data, choices)
+    chi = _chi(found, question, model)
     if chi is not None and not error_model.is_plain:
         notes.append("chi is that of independent Gaussian errors: closure MAW knows no others.")
     if chi is None:
@@ -114,26 +112,25 @@ def setting_of(found: FitResult, data: Any, choices: Mapping[str, Any]) -> Setti
     return Setting(gamma, spin_y, constants | {"chi": chi}, tuple(notes))
 
 
-def _chi(found: FitResult, data: Any, choices: Mapping[str, Any]) -> float | None:
+def _chi(found: FitResult, question: Question, model: Model) -> float | None:
     """Least squares of closure MAW, in the first series; None where the data do not tell it."""
+    plain = replace(question, noise=question.noise.with_gaussian_values())
     try:
-        own = found if found.closure == "maw" else _fitted("maw", data, without_laws(choices))
+        own = found if found.closure == "maw" else _fitted("maw", plain, model)
     except (DataError, UsageError):
         return None
     estimate = next(each for name, each in own.flat_constants().items() if name.startswith("chi"))
     return estimate.value
 
 
-def _fitted(name: str, data: Any, choices: Mapping[str, Any]) -> FitResult:
+def _fitted(name: str, question: Question, model: Model) -> FitResult:
     """Least squares of another closure, with what of the user's choices holds for it."""
-    rest = {key: value for key, value in choices.items() if key not in _NAMED}
-    kept = choices_for(get_closure(name), constant_choices(choices))
-    return beginning(data, posterior=False, closure=name, **rest, **kept)
+    return beginning(question, model.with_closure(get_closure(name)), posterior=False)
 
 
 def _optimum(found: FitResult) -> dict[str, float]:
     """Constants in the first series; where the data leave one open, at the end of its default prior."""
-    entries = found.problem.parameters.entries
-    theta = found.least_squares.optimum.theta
-    places = found.problem.parameters.positions
+    problem, optimum = found.problem_and_optimum()
+    entries, theta = problem.parameters.entries, optimum.optimum.theta
+    places = problem.parameters.positions
     return {name: float(min(theta[at[0]], entries[at[0]].prior_upper)) for name, at in places.items()}

@@ -4,27 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 from ifrfit.cost.conditions import Setting, setting_of
 from ifrfit.cost.inference_costs import FULL, QUICK, Reference, inference_costs
 from ifrfit.cost.result import Costs
 from ifrfit.cost.starting_optimum import beginning
 from ifrfit.cost.timing import KINDS, Cost, Kind
-from ifrfit.data import Observations
 from ifrfit.errors import UsageError
+from ifrfit.inference.fit import Data, make_question
+from ifrfit.inference.keywords import CostKeywords, check_keywords, model_of, noise_of
+from ifrfit.inference.options import Model, Noise
 from ifrfit.text import power_of_ten
 
 
 def measure_costs(
-    data: str | Path | Observations | Sequence[str | Path | Observations],
+    data: Data | Sequence[Data],
+    model: Model | None = None,
     *,
+    noise: str | Noise | None = None,
     kinds: str | Sequence[str] = KINDS,
     quick: bool = False,
     seed: int = 0,
     command: str = "",
+    scene: str | Path | None = None,
     progress: Callable[[int, int], None] | None = None,
-    **choices: Any,
+    **keywords: Unpack[CostKeywords],
 ) -> Costs:
     """Measure times and errors, here and now.
 
@@ -32,6 +37,10 @@ def measure_costs(
     ----------
     data : str, Path, Observations, or a sequence of them
         As in `ifrfit.fit`.
+    model : Model, optional
+        As in `ifrfit.fit`.
+    noise : {"known", "scaled", "unknown"} or Noise, optional
+        As in `ifrfit.fit`. Methods that do not know the errors are left out, which the notes say.
     kinds : str or sequence of str
         inference: every method of `fit` on these data; physics: contact laws at the angles of the data;
         arithmetic: single and double precision against 50 digits.
@@ -43,9 +52,10 @@ def measure_costs(
         The command line, for the record.
     progress : callable, optional
         Called with the number of choices of inference measured and the most there may be.
-    **choices
-        Keywords of `ifrfit.fit` that choose data, closure, constants, noise and scatter. Methods that do not
-        know the scatter are left out, which the notes say.
+    scene : str or Path, optional
+        As in `ifrfit.fit`.
+    **keywords
+        Those of `ifrfit.fit` but for the options of methods.
 
     Returns
     -------
@@ -59,18 +69,23 @@ def measure_costs(
     DataError
         As `ifrfit.fit`.
     """
-    wanted = _kinds(kinds)
-    found = beginning(data, posterior="inference" in wanted, seed=seed, command=command, **choices)
+    check_keywords("measure_costs", CostKeywords, keywords)
+    requested = _kinds(kinds)
+    chosen = model_of(model, keywords)
+    question = make_question(data, chosen, noise_of(noise, keywords), seed, scene, keywords)
+    found = beginning(question, chosen, posterior="inference" in requested, seed=seed, command=command)
     costs: list[Cost] = []
     about: dict[str, str] = {}
     notes: list[str] = []
     reference: Reference | None = None
-    others = [kind for kind in wanted if kind != "inference"]
+    others = [kind for kind in requested if kind != "inference"]
     # before anything is measured: it may refuse
-    setting = setting_of(found, data, choices) if others else None
-    if "inference" in wanted:
+    setting = setting_of(found, question, chosen) if others else None
+    if "inference" in requested:
         extent = QUICK if quick else FULL
-        measured = inference_costs(found.problem, extent=extent, seed=seed, progress=progress)
+        measured = inference_costs(
+            found.problem_and_optimum()[0], extent=extent, seed=seed, progress=progress
+        )
         costs += measured.costs
         reference = measured.reference
         notes += measured.notes
@@ -79,7 +94,7 @@ def measure_costs(
             costs += _OTHERS[kind](setting, quick)
             about[kind] = setting.words(kind)
         notes += setting.notes
-        if "physics" in wanted and setting.constants["e_n"] < 1.0:
+        if "physics" in requested and setting.constants["e_n"] < 1.0:
             notes.append(_doubt(setting))
     return Costs(tuple(costs), found, reference, about, tuple(notes))
 

@@ -13,9 +13,7 @@ from ifrfit.data.cell_table import Cells
 from ifrfit.data.conventions import Conventions, suggest
 from ifrfit.data.units import UNITS, parse_header, units_of
 from ifrfit.errors import DataError
-
-# An angle above this many units cannot be in radians: it would be outside its range.
-_LARGEST_RAD = {"lambda_deg": math.pi}
+from ifrfit.physics.observables import OBSERVABLES
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,9 @@ def to_degrees(values: NDArray[np.float64], column: Column, cells: Cells) -> NDA
         return values
     if column.unit == "rad":
         return np.asarray(np.degrees(values))
-    largest = _LARGEST_RAD.get(column.key.removeprefix("sigma:"), math.pi / 2)
+    # an angle above this many units cannot be in radians: it would be outside its range
+    observable = OBSERVABLES.get(column.key.removeprefix("sigma:"))
+    largest = math.radians(90.0 if observable is None else observable.high)
     if column.key.startswith("sigma") or not np.any(np.abs(values) > largest * (1 + 1e-9)):
         if np.all(np.isnan(values)):
             return values

@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from ifrfit.data.schema import OBSERVABLES
 from ifrfit.data.units import UNITS, Header, parse_header
+from ifrfit.physics.observables import OBSERVABLES
 
 # name -> dimension
 COMMON = {

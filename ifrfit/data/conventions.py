@@ -7,9 +7,10 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ifrfit.data.column_names import RAW, close_names, named_role
-from ifrfit.data.schema import OBSERVABLES, PROVENANCES, provenance_name
+from ifrfit.data.schema import PROVENANCES, provenance_name
 from ifrfit.data.units import UNITS, unit_name
 from ifrfit.errors import UsageError
+from ifrfit.physics.observables import OBSERVABLES
 
 ANGLE_FROM = ("from-normal", "from-wall")
 ANGLE_UNITS = ("deg", "rad", "tan")

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.schema import OBSERVABLES
 from ifrfit.errors import UsageError
+from ifrfit.physics.observables import OBSERVABLES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,7 +23,6 @@ Mask = NDArray[np.bool_]
 Faces = Mapping[str, Sequence[Sequence[str]]]
 
 _BIT = {"Tx": 1, "Ty": 2, "Sx": 4, "Sy": 8, "N": 16}
-_BITS = {name: sum(_BIT[slot] for slot in o.takes) for name, o in OBSERVABLES.items()}
 
 
 def counted_twice(
@@ -69,16 +68,22 @@ def counted_twice(
     return twice, _notes(table, names, labels, twice)
 
 
+def _bits_of(name: str) -> int:
+    """Which measurements an observable takes up, as bits."""
+    return sum(_BIT[slot] for slot in OBSERVABLES[name].takes)
+
+
 def _later_faces(names: NDArray[np.object_], labels: NDArray[np.object_], members: Mask) -> Mask:
     """Choose whole (observable, series) pairs: faces need not share angles or identifiers."""
     out = np.zeros(len(names), dtype=bool)
     taken = 0
-    for name in (o for o in OBSERVABLES if _BITS[o]):
+    for name in (o for o in OBSERVABLES if _bits_of(o)):
+        bits = _bits_of(name)
         for label in dict.fromkeys(labels[members & (names == name)]):
-            if taken & _BITS[name]:
+            if taken & bits:
                 out |= members & (names == name) & (labels == label)
             else:
-                taken |= _BITS[name]
+                taken |= bits
     return out
 
 
@@ -91,11 +96,11 @@ def _within_impacts(table: pd.DataFrame, names: NDArray[np.object_], free: Mask)
         return out
     impact = table.groupby(["source", "impact_id"], sort=False).ngroup().to_numpy()
     taken = np.zeros(int(impact.max()) + 1, dtype=np.uint8)
-    for name in (o for o in OBSERVABLES if _BITS[o]):
+    for name in (o for o in OBSERVABLES if _bits_of(o)):
         rows = np.flatnonzero(linked & (names == name))
         if not rows.size:
             continue
-        bits = np.uint8(_BITS[name])
+        bits = np.uint8(_bits_of(name))
         first = np.zeros(len(rows), dtype=bool)
         first[np.unique(impact[rows], return_index=True)[1]] = True
         good = first & ((taken[impact[rows]] & bits) == 0)
@@ -110,7 +115,7 @@ def _refuse_named(
     named: Sequence[tuple[str, Sequence[str], NDArray[np.object_]]],
 ) -> None:
     """Refuse a conflict among several observables, or several series, that the user named."""
-    bits = np.array([_BITS[name] for name in table["observable"]], dtype=np.uint8)
+    bits = table["observable"].map(_bits_of).to_numpy(dtype=np.uint8)
     for option, chosen, column in named:
         if len(set(chosen)) < 2:
             continue

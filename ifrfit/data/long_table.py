@@ -11,8 +11,8 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import closest, role_of
 from ifrfit.data.conventions import OPEN_QUESTIONS
 from ifrfit.data.partial_table import Piece, common_columns, repeats, uncertainty
-from ifrfit.data.schema import OBSERVABLES
 from ifrfit.errors import DataError
+from ifrfit.physics.observables import OBSERVABLES
 
 
 def read_long(layout: Layout) -> list[Piece]:

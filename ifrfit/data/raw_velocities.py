@@ -19,13 +19,13 @@ from ifrfit.data.column_names import RAW
 from ifrfit.data.conventions import suggest
 from ifrfit.data.incoming_motion import Incoming, read_incoming, require, stated, z_remedy, z_rule
 from ifrfit.data.partial_table import Piece
-from ifrfit.data.schema import OBSERVABLES, TINY
+from ifrfit.data.schema import TINY
 from ifrfit.data.wide_table import impact_ids
 from ifrfit.errors import DataError
+from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 
-_NOT_RAW = ("spin_", "sd:", *(f"sigma:{name}" for name in OBSERVABLES))
 _LARGEST = 1e9  # m/s, rad/s or m: beyond anything that hits a wall, far from overflow when squared
 
 
@@ -126,13 +126,14 @@ def _headers(layout: Layout) -> dict[str, str]:
 
 def _check_columns(layout: Layout) -> None:
     cells = layout.cells
+    derived = ("spin_", "sd:", *(f"sigma:{name}" for name in OBSERVABLES))
     for key, column in layout.columns.items():
         if key in RAW:
             raise DataError(
                 f"{cells.at(header=column.header)}: no unit. Among raw velocities it needs one, for example "
                 f"{key}_m_s, or say {suggest(f'unit:{column.header}=m/s')}."
             )
-        if key in OBSERVABLES or key.startswith(_NOT_RAW) or key in ("value", "observable", "sigma", "sd"):
+        if key in OBSERVABLES or key.startswith(derived) or key in ("value", "observable", "sigma", "sd"):
             raise DataError(
                 f"{cells.at(header=column.header)}: does not go with raw velocities such as "
                 f"{next(c.header for k, c in layout.columns.items() if k.startswith('raw:'))}. Keep the "

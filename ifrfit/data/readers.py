@@ -20,11 +20,12 @@ from ifrfit.data.long_table import read_long
 from ifrfit.data.observations import Observations, Source, make_table
 from ifrfit.data.partial_table import Piece, uncertainty_headers
 from ifrfit.data.raw_velocities import is_raw, read_raw
-from ifrfit.data.schema import OBSERVABLES, PROVENANCES, provenance_name
+from ifrfit.data.schema import PROVENANCES, provenance_name
 from ifrfit.data.tabular import read_cells
 from ifrfit.data.validate import drop_missing, validate
 from ifrfit.data.wide_table import read_wide
 from ifrfit.errors import DataError, UsageError
+from ifrfit.physics.observables import OBSERVABLES
 
 
 def read(
@@ -92,7 +93,7 @@ def _read_form(layout: Layout, conventions: Conventions, inertia_factor: float) 
 def _require_no_angle(pieces: Sequence[Piece], layout: Layout) -> None:
     for piece in pieces:
         for name in dict.fromkeys(piece.columns["observable"]):
-            if OBSERVABLES[name].needs_gamma:
+            if OBSERVABLES[name].has_angle:
                 raise DataError(
                     f"{layout.cells.file}: there is no incidence angle, which {name} needs. Add a column "
                     "gamma_deg (from the normal), or name one: --convention angle=COLUMN:from-wall"

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ifrfit.data.double_counting import count, counted_twice, shares_e_n
 from ifrfit.data.exclusion import excluded
 from ifrfit.data.observations import Observations, Source
-from ifrfit.data.schema import OBSERVABLES
 from ifrfit.errors import DataError, UsageError
+from ifrfit.physics.observables import OBSERVABLES
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import Cells
 from ifrfit.data.partial_table import Piece
-from ifrfit.data.schema import FREE, OBSERVABLES, SIGMA_RANGE, SPEED_RANGE, TINY, Observable
+from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY
 from ifrfit.errors import DataError
 from ifrfit.physics.angles import sincos
+from ifrfit.physics.observables import FREE, OBSERVABLES, Observable
 
 Mask = NDArray[np.bool_]
 
@@ -36,7 +37,7 @@ def drop_missing(piece: Piece) -> tuple[Piece, dict[str, int]]:
         Count by reason.
     """
     columns = piece.columns
-    without_angle = _of(columns["observable"], lambda o: not o.needs_gamma)
+    without_angle = _of(columns["observable"], lambda o: not o.has_angle)
     missing = np.zeros(len(piece.rows), dtype=bool)
     skipped: dict[str, int] = {}
     for reason, here in (

@@ -6,8 +6,8 @@ import numpy as np
 
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.partial_table import Piece, common_columns, repeats, uncertainty
-from ifrfit.data.schema import OBSERVABLES
 from ifrfit.errors import DataError
+from ifrfit.physics.observables import OBSERVABLES
 
 
 def read_wide(layout: Layout) -> list[Piece]:

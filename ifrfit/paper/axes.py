@@ -88,7 +88,7 @@ class Ordinate:
         """Words, symbol and unit."""
         known = OBSERVABLES[self.observable]
         symbol = known.symbol if self.sign > 0 else f"$-${known.symbol}"
-        return f"{self.name or known.meaning}\n{symbol} ({known.unit or '–'})"
+        return f"{self.name or known.meaning}\n{symbol} ({known.unit_text})"
 
 
 def _tangent(gamma: Array) -> Array:

@@ -15,13 +15,13 @@ from ifrfit.paper.figure import PaperFigure
 from ifrfit.paper.scene import Band, Curve, Mark, Pen, Points, Regimes, Scene
 from ifrfit.physics.angles import Array
 from ifrfit.report.figures import NON_BREAKING, contradiction
-from ifrfit.report.outlier_marks import ringed
+from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import STAND_IN, is_stand_in, provenance_words
 from ifrfit.report.regimes import transition_is_open, transitions
 from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.shading import Regimes as Key
 from ifrfit.report.shading import regime_key, spans
-from ifrfit.report.style import COLOURS, Look, looks
+from ifrfit.report.style import COLOURS, SeriesStyle, series_styles
 from ifrfit.text import interval_text, sd_text
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Fitted:
     other_label: str = ""
 
 
-def theory(figure: PaperFigure) -> Scene:
+def theory_scene(figure: PaperFigure) -> Scene:
     """A figure without data: lines of given constants, regimes of the first of them."""
     assert figure.y is not None
     model, setting = figure.models[0], figure.settings[0]
@@ -82,12 +82,15 @@ def with_points(figure: PaperFigure, fitted: Fitted) -> Scene:
     result, y = fitted.result, figure.y
     rows = result.points[result.points["observable"] == _observable(figure, result)]
     x = figure.x.with_points(figure.x.of_gamma(rows["gamma_deg"].to_numpy(dtype=float)))
-    look = looks([str(name) for name in rows["series"].unique()])
+    styles = series_styles([str(name) for name in rows["series"].unique()])
     points = tuple(
-        _points(result, rows[rows["series"] == series], series, x, y, own) for series, own in look.items()
+        _points(result, rows[rows["series"] == series], series, x, y, own) for series, own in styles.items()
     )
-    seen = _observable(figure, result)
-    curves = [recovered(result, seen, rows[rows["series"] == s], s, x, y, own) for s, own in look.items()]
+    shown_observable = _observable(figure, result)
+    curves = [
+        recovered_curve(result, shown_observable, rows[rows["series"] == s], s, x, y, own)
+        for s, own in styles.items()
+    ]
     if fitted.other is not None:
         other = fitted.other.points
         name, observable = str(other["series"].iloc[0]), str(other["observable"].iloc[0])
@@ -96,7 +99,7 @@ def with_points(figure: PaperFigure, fitted: Fitted) -> Scene:
         label = f"{fitted.other_label}: {estimates_words(fitted.other)}"
         curves.append(Curve("other", label, x.grid, values, Pen(COLOURS[2], "-.", 0.9)))
     curves += [m.curve(x, y, setting) for m in figure.models for setting in figure.settings]
-    regimes = regimes_of(result, x, look)
+    regimes = regimes_of(result, x, styles)
     # the printed transition stands once for each setting
     printed = tuple(m for setting in figure.settings for m in figure.models[0].marks(x, setting))
     regimes = tuple(replace(part, marks=(*part.marks, *_own(printed, part, regimes))) for part in regimes)
@@ -114,14 +117,14 @@ def with_points(figure: PaperFigure, fitted: Fitted) -> Scene:
     )
 
 
-def recovered(
+def recovered_curve(
     result: FitResult,
     observable: str,
     rows: pd.DataFrame,
     series: str,
     x: Abscissa,
     y: Ordinate,
-    look: Look,
+    series_style: SeriesStyle,
 ) -> Curve:
     """Curve of the recovered constants, with credible bands and those of one more measurement."""
     spin = [float(rows[name].median()) for name in ("spin_x", "spin_y")]
@@ -129,14 +132,14 @@ def recovered(
     kinks = x.of_gamma(np.array(angles, dtype=float))
     at = np.unique(np.concatenate([x.grid, kinks[(kinks > x.low) & (kinks < x.high)]]))
     gamma = x.gamma(at)
-    table = result.predict(gamma, *spin, observable=observable, series=series, sigma=noise_along(gamma, rows))
+    table = result.predict(gamma, *spin, observable=observable, series=series, sigma=noise_at(gamma, rows))
     label = f"recovered: {estimates_words(result)}"
     credible, predictive = (_band(table, prefix, y.sign) for prefix in ("", "new_"))
     values = y.sign * table["value"].to_numpy(dtype=float)
-    return Curve("recovered", label, at, values, Pen(look.colour, "-", 1.3), credible, predictive)
+    return Curve("recovered", label, at, values, Pen(series_style.colour, "-", 1.3), credible, predictive)
 
 
-def noise_along(gamma: Array, rows: pd.DataFrame) -> Array:
+def noise_at(gamma: Array, rows: pd.DataFrame) -> Array:
     """Sigma of one more measurement at each angle: between the angles of the data, linear."""
     own = rows.groupby("gamma_deg")["sigma_used"].mean()
     return np.asarray(np.interp(gamma, own.index.to_numpy(dtype=float), own.to_numpy(dtype=float)))
@@ -152,21 +155,21 @@ def estimates_words(result: FitResult) -> str:
         elif found.value is None:
             words.append(f"{symbol} open")
         elif found.status == "one_sided":
-            words.append(f"{symbol} {_reaching(found)}")
+            words.append(f"{symbol} {_one_sided_words(found)}")
         else:
             words.append(f"{symbol} {value_text(found)}±{sd_text(found.stderr or 0.0)}")
     # a value stays with its symbol where a line is broken
     return ", ".join(word.replace(" ", NON_BREAKING) for word in words).replace("-", "−")
 
 
-def _reaching(found: Estimate) -> str:
+def _one_sided_words(found: Estimate) -> str:
     """A constant that the data bound on one side: its 95 % interval."""
     return f"in {interval_text(found.interval95, places_of(found))}"
 
 
-def regimes_of(result: FitResult, x: Abscissa, look: dict[str, Look]) -> tuple[Regimes, ...]:
+def regimes_of(result: FitResult, x: Abscissa, styles: dict[str, SeriesStyle]) -> tuple[Regimes, ...]:
     """Regimes of each series; one for all where they do not differ."""
-    keys = {series: regime_key(result, series) for series in look}
+    keys = {series: regime_key(result, series) for series in styles}
     shared = len(set(keys.values())) == 1
     found = []
     for series, key in list(keys.items())[: 1 if shared else None]:
@@ -179,7 +182,7 @@ def regimes_of(result: FitResult, x: Abscissa, look: dict[str, Look]) -> tuple[R
                     Mark("recovered", label, x.inside(value), x.inside(low), x.inside(high))
                     for value, low, high in marks
                 ),
-                None if shared else look[series],
+                None if shared else styles[series],
             )
         )
     return tuple(found)
@@ -200,11 +203,11 @@ def _own(printed: Sequence[Mark], part: Regimes, every: Sequence[Regimes]) -> tu
 
 def warnings_of(result: FitResult) -> tuple[str, ...]:
     """What nobody may overlook."""
-    said = [WARNING] if is_stand_in(result) else []
+    warnings = [WARNING] if is_stand_in(result) else []
     lack = result.facts["lack_of_fit"]
     if not lack.ok:
-        said.append(contradiction(result, lack.figures.get("p")))
-    return tuple(said)
+        warnings.append(contradiction(result, lack.figures.get("p")))
+    return tuple(warnings)
 
 
 def provenance_label(series: str, kinds: tuple[str, ...]) -> str:
@@ -214,7 +217,7 @@ def provenance_label(series: str, kinds: tuple[str, ...]) -> str:
 
 
 def _points(
-    result: FitResult, rows: pd.DataFrame, series: str, x: Abscissa, y: Ordinate, look: Look
+    result: FitResult, rows: pd.DataFrame, series: str, x: Abscissa, y: Ordinate, series_style: SeriesStyle
 ) -> Points:
     kinds = tuple(str(kind) for kind in rows["provenance"].unique())
     sigma = rows["sigma_used"].to_numpy(dtype=float)
@@ -223,11 +226,11 @@ def _points(
         x.of_gamma(rows["gamma_deg"].to_numpy(dtype=float)),
         y.sign * rows["value"].to_numpy(dtype=float),
         np.where(np.isfinite(sigma), sigma, 0.0),
-        look,
+        series_style,
         ", ".join(kinds),
         rows["sticking"].map(bool).to_numpy(dtype=bool),
         y.sign * rows["standardised"].to_numpy(dtype=float),
-        ringed(result, rows),
+        is_outlier(result, rows),
     )
 
 

@@ -10,7 +10,7 @@ from ifrfit.data.catalogue import load_dataset, printed_constants
 from ifrfit.data.locations import entry
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.fit import fit
-from ifrfit.paper.recovered_constants import Done, lines_of
+from ifrfit.paper.recovered_constants import FittedCase, lines_of
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Case:
         Constant to (mean, sd).
     gamma_min : float, optional
         Degrees.
-    again : bool
+    repeats_data : bool
         Its impacts are those of another case, seen through another observable: it is not counted twice.
     readings : tuple of str
         Observables that the values may be meant as, where the source leaves it open. The one that the data
@@ -50,7 +50,7 @@ class Case:
     fixed: tuple[str, ...] = ()
     prior: Mapping[str, tuple[float, float]] | None = None
     gamma_min: float | None = None
-    again: bool = False
+    repeats_data: bool = False
     readings: tuple[str, ...] = ()
 
 
@@ -93,7 +93,7 @@ CASES = (
         ("no spin",),
         ("psi_after_deg",),
         ("e_n",),
-        again=True,
+        repeats_data=True,
     ),
     Case(
         "cross-2019-mu-app",
@@ -104,7 +104,7 @@ CASES = (
         ("no spin",),
         ("mu_app",),
         ("e_n",),
-        again=True,
+        repeats_data=True,
     ),
     Case(
         "buck-2017",
@@ -127,7 +127,7 @@ def case_named(name: str) -> Case:
     return next(case for case in CASES if case.name == name)
 
 
-def fit_case(case: Case, *, reading: str | None = None) -> Done:
+def fit_case(case: Case, *, reading: str | None = None) -> FittedCase:
     """Fit one case by the exact posterior.
 
     Data that the user installed in the place of a dataset are taken; if they lack what the case asks for,
@@ -154,9 +154,9 @@ def fit_case(case: Case, *, reading: str | None = None) -> Done:
     except IfrfitError as error:
         if entry(case.dataset).installed is None:
             raise
-        return Done(case.name, case.dataset, case.reason, None, (), str(error), case.again)
+        return FittedCase(case.name, case.dataset, case.reason, None, (), str(error), case.repeats_data)
     lines = lines_of(result, own, case.name, case.dataset, case.reason, case.figures)
-    return Done(case.name, case.dataset, case.reason, result, lines, again=case.again)
+    return FittedCase(case.name, case.dataset, case.reason, result, lines, repeats_data=case.repeats_data)
 
 
 def _read(case: Case, data: Observations, reading: str | None) -> tuple[Observations, tuple[str, ...]]:

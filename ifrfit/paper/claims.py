@@ -21,7 +21,7 @@ from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.posterior import integrate
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.paper.cases import case_named, fit_case
-from ifrfit.paper.recovered_constants import Done
+from ifrfit.paper.recovered_constants import FittedCase
 from ifrfit.physics import OBSERVABLES, rebound
 from ifrfit.report.regimes import regime_counts
 
@@ -51,7 +51,7 @@ class Answer:
         return f"{self.about}: {self.verdict}" + (f": {self.why}" if self.why else "")
 
 
-def across_regimes(done: Done) -> Answer | None:
+def across_regimes(done: FittedCase) -> Answer | None:
     """Answer whether one set of constants holds in sticking and in sliding.
 
     "No" where the fit of one set shows lack of fit, or where the evidence favours an e_t of its own for each
@@ -75,7 +75,7 @@ def across_regimes(done: Done) -> Answer | None:
     return _by_evidence(done.name, result, by_regime, ("e_t", "beta0"), "both regimes", lack.says)
 
 
-def across_spins(done: Mapping[str, Done]) -> Answer | None:
+def across_spins(done: Mapping[str, FittedCase]) -> Answer | None:
     """Answer whether one mu holds without and with spin, for which the paper prints 0.12 and 0.14."""
     without, spun = done.get("cross-2019-no-spin"), done.get("cross-2019-spin")
     if without is None or spun is None or without.result is None or spun.result is None:
@@ -95,7 +95,7 @@ def across_spins(done: Mapping[str, Done]) -> Answer | None:
     return _by_evidence(about, joint, labels, ("mu",), "all spins", "")
 
 
-def reading(done: Done) -> Answer | None:
+def reading(done: FittedCase) -> Answer | None:
     """Answer whether the coefficient of Fig. 4a is that of the contact point, not that of the centre.
 
     With the printed constants held the two are different curves. With free constants both are a constant plus
@@ -135,7 +135,7 @@ def _misfit(result: FitResult, reading: str, constants: Mapping[str, float]) -> 
     return float(np.sum(((rows["value"] - expected) / rows["sigma_used"]) ** 2))
 
 
-def _blocked(done: Done) -> str:
+def _blocked(done: FittedCase) -> str:
     if done.stand_in:
         return OPEN
     kinds = {line.provenance for line in done.lines}
@@ -160,7 +160,7 @@ def _by_evidence(
 
 def _labelled(result: FitResult, labels: NDArray[Any]) -> Problem:
     """The same question with the rows labelled anew: labels take the place of series."""
-    problem: Problem = result.problem
+    problem, _ = result.problem_and_optimum()
     observations = replace(problem.observations, table=problem.observations.table.assign(series=labels))
     return make_problem(
         observations, problem.closure, problem.inertia_factor, problem.parameters, problem.noise.policy

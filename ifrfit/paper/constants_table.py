@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.paper.claims import Answer
-from ifrfit.paper.recovered_constants import LEVEL, Done, Line, chance, held
+from ifrfit.paper.recovered_constants import LEVEL, FittedCase, Line, chance, count_recovered
 from ifrfit.report.provenance import contents
 from ifrfit.report.rounding import places_of, value_text
 from ifrfit.report.sentences import QUIET_FACTS
@@ -25,7 +25,7 @@ _QUESTION = (
 )
 
 
-def table_text(done: Sequence[Done], answers: Sequence[Answer]) -> str:
+def table_text(done: Sequence[FittedCase], answers: Sequence[Answer]) -> str:
     """Write the table, then the questions that only real points answer; at most 100 columns wide."""
     blocks: dict[bool, list[str]] = {False: [], True: []}
     for d in done:
@@ -46,8 +46,8 @@ def table_text(done: Sequence[Done], answers: Sequence[Answer]) -> str:
     return "\n\n".join(parts) + "\n" if parts else ""
 
 
-def _score(done: Sequence[Done]) -> str:
-    hits, k = held(done)
+def _score(done: Sequence[FittedCase]) -> str:
+    hits, k = count_recovered(done)
     words = (
         f"{hits} of {k} identifiable 95 % intervals hold the value put in; {LEVEL * k:.1f} are expected, and "
         f"{hits} or fewer have the binomial probability {chance(hits, k):.2g}. Seeds are hashes of the "
@@ -57,7 +57,7 @@ def _score(done: Sequence[Done]) -> str:
     return "\n".join(_wrapped(words, "", ""))
 
 
-def _block(done: Done, result: FitResult) -> str:
+def _block(done: FittedCase, result: FitResult) -> str:
     rows = [
         *_wrapped(f"{done.name}   {contents(result, result.inputs[0])}", "", "    "),
         *_wrapped(done.reason),

@@ -56,7 +56,7 @@ def draw(scene: Scene) -> Figure:
         if strips:
             draw_strip(figure.add_subplot(grid[used.index(0)], sharex=data), scene.regimes)
         legend.draw(figure)
-        style.settle(figure)
+        style.fix_layout(figure)
     return figure
 
 
@@ -81,7 +81,7 @@ def _draw_data(axes: Axes, scene: Scene) -> None:
     if len(scene.regimes) == 1:
         shade(axes, scene.regimes[0], words=True)
     if scene.stand_in:
-        style.write_across(axes, "STAND-IN", size=30, height=0.42)
+        style.write_watermark(axes, "STAND-IN", size=30, height=0.42)
 
 
 def limits(scene: Scene) -> tuple[float, float]:
@@ -90,10 +90,10 @@ def limits(scene: Scene) -> tuple[float, float]:
     An error bar may ask for room as far as a third of the range, no more.
     """
     low, high = scene.y.low, scene.y.high
-    reach = (high - low) / 3.0
+    longest = (high - low) / 3.0
     for points in scene.points:
-        low = min(low, float(np.min(points.y - np.minimum(points.sigma, reach))))
-        high = max(high, float(np.max(points.y + np.minimum(points.sigma, reach))))
+        low = min(low, float(np.min(points.y - np.minimum(points.sigma, longest))))
+        high = max(high, float(np.max(points.y + np.minimum(points.sigma, longest))))
     room = high - low
     return low - 0.03 * room, high + 0.12 * room
 
@@ -124,7 +124,7 @@ def _draw_points(axes: Axes, points: Points) -> None:
         points.y,
         yerr=points.sigma,
         fmt="none",
-        ecolor=points.look.colour,
+        ecolor=points.series_style.colour,
         elinewidth=0.7,
         alpha=0.8,
         zorder=4,
@@ -134,20 +134,20 @@ def _draw_points(axes: Axes, points: Points) -> None:
 
 def _markers(axes: Axes, points: Points, y: np.ndarray, size: float) -> None:
     sticking = np.zeros(points.x.size, dtype=bool) if points.sticking is None else points.sticking
-    for chosen, face in ((sticking, "white"), (~sticking, points.look.colour)):
+    for chosen, face in ((sticking, "white"), (~sticking, points.series_style.colour)):
         if chosen.any():
             axes.plot(
                 points.x[chosen],
                 y[chosen],
                 ls="none",
-                marker=points.look.marker,
+                marker=points.series_style.marker,
                 ms=size,
                 mfc=face,
-                mec=points.look.colour,
+                mec=points.series_style.colour,
                 mew=0.8,
                 zorder=5,
             )
-    if points.ringed is not None and points.ringed.any():
+    if points.is_outlier is not None and points.is_outlier.any():
         ring: dict[str, Any] = {
             "ls": "none",
             "marker": "o",
@@ -156,7 +156,7 @@ def _markers(axes: Axes, points: Points, y: np.ndarray, size: float) -> None:
             "mec": "black",
             "mew": 0.9,
         }
-        axes.plot(points.x[points.ringed], y[points.ringed], zorder=6, clip_on=False, **ring)
+        axes.plot(points.x[points.is_outlier], y[points.is_outlier], zorder=6, clip_on=False, **ring)
 
 
 def _draw_residuals(axes: Axes, scene: Scene) -> None:

@@ -24,7 +24,7 @@ class Choice:
     datasets: frozenset[str]
 
 
-def chosen(names: Sequence[str], digitised_only: bool) -> Choice:
+def select_figures(names: Sequence[str], digitised_only: bool) -> Choice:
     """Look the wanted figures up; a number stands for all its parts.
 
     Raises
@@ -32,19 +32,19 @@ def chosen(names: Sequence[str], digitised_only: bool) -> Choice:
     UsageError
         If there is no such figure, or none of those wanted has points that were digitised or measured.
     """
-    wanted = _named(names)
+    requested = _named(names)
     if not digitised_only:
-        return Choice(wanted, (), frozenset(dataset_names()))
+        return Choice(requested, (), frozenset(dataset_names()))
     real = frozenset(name for name in dataset_names() if _is_real(name))
     of_case = {case.name: case.dataset for case in CASES}
-    kept = tuple(figure for figure in wanted if of_case.get(figure.case, "") in real)
-    if not kept:
+    selected = tuple(figure for figure in requested if of_case.get(figure.case, "") in real)
+    if not selected:
         raise UsageError(
-            f"--digitised-only: nothing of {_listed(wanted)} rests on points that were digitised or "
+            f"--digitised-only: nothing of {_listed(requested)} rests on points that were digitised or "
             "measured. Put yours in with 'ifrfit datasets install NAME FILE'."
         )
-    left_out = tuple(figure.stem for figure in wanted if figure not in kept)
-    return Choice(kept, left_out, real)
+    left_out = tuple(figure.stem for figure in requested if figure not in selected)
+    return Choice(selected, left_out, real)
 
 
 def _named(names: Sequence[str]) -> tuple[PaperFigure, ...]:
@@ -52,8 +52,10 @@ def _named(names: Sequence[str]) -> tuple[PaperFigure, ...]:
         return FIGURES
     found: list[PaperFigure] = []
     for name in names:
-        wanted = name.strip().lower().removeprefix("fig").lstrip(". ").replace("kharaz-2001", "kharaz")
-        hits = [f for f in FIGURES if f.name.lower() == wanted] or [f for f in FIGURES if _part(f, wanted)]
+        requested = name.strip().lower().removeprefix("fig").lstrip(". ").replace("kharaz-2001", "kharaz")
+        hits = [f for f in FIGURES if f.name.lower() == requested] or [
+            f for f in FIGURES if _part(f, requested)
+        ]
         if not hits:
             there = ", ".join(figure.name for figure in FIGURES)
             raise UsageError(f"--figure {name}: there is no such figure. There are {there}.")
@@ -61,12 +63,12 @@ def _named(names: Sequence[str]) -> tuple[PaperFigure, ...]:
     return tuple(figure for figure in FIGURES if figure in found)
 
 
-def _part(figure: PaperFigure, wanted: str) -> bool:
+def _part(figure: PaperFigure, requested: str) -> bool:
     """Whether a figure is a part of the wanted one: 4a of 4, A2.1b of A2.1, kharaz-beta of kharaz."""
     name = figure.name.lower()
-    if not wanted or not name.startswith(wanted):
+    if not requested or not name.startswith(requested):
         return False
-    rest = name.removeprefix(wanted)
+    rest = name.removeprefix(requested)
     return rest in ("a", "b") or rest.startswith("-")
 
 

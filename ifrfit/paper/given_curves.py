@@ -12,7 +12,7 @@ from ifrfit.paper.scene import Curve, Kind, Mark, Pen
 from ifrfit.physics import CLOSURES, OBSERVABLES, Rebound, rebound, transition_angles, transition_tau
 from ifrfit.physics.angles import Array
 
-_APART = 1e-9  # degrees on either side of a transition: a jump is drawn as one
+_STEP = 1e-9  # degrees on either side of a transition: a jump is drawn as one
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Model:
 
     def curve(self, x: Abscissa, y: Ordinate, setting: Setting) -> Curve:
         """The line, with the transition angle among its points."""
-        kinks = [] if x.spin else [a + d for a in self.transitions(setting) for d in (-_APART, 0.0, _APART)]
+        kinks = [] if x.spin else [a + d for a in self.transitions(setting) for d in (-_STEP, 0.0, _STEP)]
         at = np.unique(np.concatenate([x.grid, x.of_gamma(np.array(kinks, dtype=float))]))
         at = at[(at >= min(x.low, x.grid[0])) & (at <= x.high)]
         spin_x = at if x.spin else setting.spin_x

@@ -19,23 +19,23 @@ from ifrfit.paper.build_scene import (
     Fitted,
     estimates_words,
     provenance_label,
-    recovered,
+    recovered_curve,
     regimes_of,
 )
 from ifrfit.paper.figure import PaperFigure
-from ifrfit.paper.observable_conversion import seen_as
+from ifrfit.paper.observable_conversion import convert_observable
 from ifrfit.paper.scene import Curve, Pen, Points, Scene
 from ifrfit.physics import OBSERVABLES
 from ifrfit.physics.angles import Incidence
 from ifrfit.report.figures import contradiction
-from ifrfit.report.outlier_marks import ringed
+from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import transitions
 from ifrfit.report.rounding import value_text
-from ifrfit.report.style import COLOURS, GREY, Look, looks
+from ifrfit.report.style import COLOURS, GREY, SeriesStyle, series_styles
 from ifrfit.text import sd_text
 
-_DIRECT = Look(COLOURS[2], "D", "-")
+_DIRECT = SeriesStyle(COLOURS[2], "D", "-")
 _NEEDS_E_N = ("mu_app", "delta_deg")
 
 
@@ -56,14 +56,14 @@ def kharaz(figure: PaperFigure, fitted: Fitted) -> Scene:
     measured = _tangential(result)
     points = [
         part
-        for name, look in zip(measured, looks(list(measured)).values(), strict=True)
-        for part in _converted(result, every, name, look, y, e_n)
+        for name, styles in zip(measured, series_styles(list(measured)).values(), strict=True)
+        for part in _converted(result, every, name, styles, y, e_n)
     ]
     points += _direct(y)
     rows = _noise_rows(result, measured[0], y, e_n)
     series = str(result.points["series"].iloc[0])
-    look = {series: Look(COLOURS[0], "o", "-")}
-    curve = recovered(result, y.observable, rows, series, figure.x, y, look[series])
+    styles = {series: SeriesStyle(COLOURS[0], "o", "-")}
+    curve = recovered_curve(result, y.observable, rows, series, figure.x, y, styles[series])
     table = every.predict(figure.x.gamma(figure.x.grid), observable=y.observable, series=series)
     lack = every.facts["lack_of_fit"]
     contradicted = "" if lack.ok else ", contradicted"
@@ -82,7 +82,7 @@ def kharaz(figure: PaperFigure, fitted: Fitted) -> Scene:
         y,
         (replace(curve, label=curve.label.replace("recovered", "from 15°")), line),
         tuple(points),
-        regimes_of(result, figure.x, look),
+        regimes_of(result, figure.x, styles),
         warnings,
         _notes(result, y, e_n),
     )
@@ -101,7 +101,7 @@ def _tangential(result: FitResult) -> tuple[str, ...]:
 
 
 def _converted(
-    result: FitResult, every: FitResult, measured: str, look: Look, y: Ordinate, e_n: float
+    result: FitResult, every: FitResult, measured: str, series_style: SeriesStyle, y: Ordinate, e_n: float
 ) -> list[Points]:
     """Points of one measurement: those fitted, with residuals, and those left out of the fit."""
     fitted = result.points[result.points["observable"] == measured]
@@ -113,12 +113,12 @@ def _converted(
     for part, used in ((fitted, True), (left, False)):
         if not len(part):
             continue
-        value, sigma = _seen(part, measured, y, e_n)
+        value, sigma = _converted_values(part, measured, y, e_n)
         kinds = tuple(str(kind) for kind in part["provenance"].unique())
         label = provenance_label(
             f"from {OBSERVABLES[measured].symbol}" + ("" if used else ", not fitted"), kinds
         )
-        own = look if used else Look(GREY, look.marker, "-")
+        own = series_style if used else SeriesStyle(GREY, series_style.marker, "-")
         found.append(
             Points(
                 label,
@@ -129,16 +129,18 @@ def _converted(
                 ", ".join(kinds),
                 part["sticking"].map(bool).to_numpy(dtype=bool),
                 _signed(part, measured, y, e_n) if used else None,
-                ringed(result, part) if used else None,
+                is_outlier(result, part) if used else None,
             )
         )
     return found
 
 
-def _seen(rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float) -> tuple[np.ndarray, np.ndarray]:
+def _converted_values(
+    rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float
+) -> tuple[np.ndarray, np.ndarray]:
     incidence = Incidence.of(rows["gamma_deg"], rows["spin_x"], rows["spin_y"], degrees=True)
     value, sigma = (rows[name].to_numpy(dtype=float) for name in ("value", "sigma_used"))
-    return seen_as(y.observable, measured, value, sigma, incidence, e_n=e_n)
+    return convert_observable(y.observable, measured, value, sigma, incidence, e_n=e_n)
 
 
 def _signed(rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float) -> np.ndarray:
@@ -146,7 +148,8 @@ def _signed(rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float) -> np.nd
     incidence = Incidence.of(rows["gamma_deg"], rows["spin_x"], rows["spin_y"], degrees=True)
     value, sigma = (rows[name].to_numpy(dtype=float) for name in ("value", "sigma_used"))
     here, there = (
-        seen_as(y.observable, measured, v, sigma, incidence, e_n=e_n)[0] for v in (value, value + sigma)
+        convert_observable(y.observable, measured, v, sigma, incidence, e_n=e_n)[0]
+        for v in (value, value + sigma)
     )
     return np.asarray(y.sign * np.sign(there - here) * rows["standardised"].to_numpy(dtype=float))
 
@@ -154,7 +157,7 @@ def _signed(rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float) -> np.nd
 def _noise_rows(result: FitResult, measured: str, y: Ordinate, e_n: float) -> pd.DataFrame:
     """The fitted rows of one measurement with their sigma in the observable shown."""
     rows = result.points[result.points["observable"] == measured]
-    return rows.assign(sigma_used=_seen(rows, measured, y, e_n)[1])
+    return rows.assign(sigma_used=_converted_values(rows, measured, y, e_n)[1])
 
 
 def _direct(y: Ordinate) -> list[Points]:

@@ -42,10 +42,10 @@ def _points(scene: Scene) -> list[tuple[Any, str]]:
                 [],
                 [],
                 ls="none",
-                marker=p.look.marker,
+                marker=p.series_style.marker,
                 ms=3.8,
-                mfc="white" if p.sticking is not None and p.sticking.all() else p.look.colour,
-                mec=p.look.colour,
+                mfc="white" if p.sticking is not None and p.sticking.all() else p.series_style.colour,
+                mec=p.series_style.colour,
             ),
             p.label,
         )
@@ -57,13 +57,13 @@ def _curves(scene: Scene) -> list[tuple[Any, str]]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    seen: dict[str, list[Any]] = {}
+    handles_by_label: dict[str, list[Any]] = {}
     for curve in scene.curves:
         line = Line2D([], [], color=curve.pen.colour, ls=curve.pen.dashes, lw=curve.pen.width)
-        handles = seen.setdefault(curve.label, [])
+        handles = handles_by_label.setdefault(curve.label, [])
         if not handles or curve.kind == "recovered":
             handles.append(line)
-    entries = [(tuple(lines), label) for label, lines in seen.items()]
+    entries = [(tuple(lines), label) for label, lines in handles_by_label.items()]
     banded = {curve.label for curve in scene.curves if curve.credible is not None}
     if banded:
         light, dark = (Patch(fc=GREY, alpha=alpha, lw=0) for alpha in (0.18, 0.4))
@@ -83,7 +83,7 @@ def _marks(scene: Scene) -> list[tuple[Any, str]]:
         stick = Line2D([], [], ls="none", marker="o", ms=3.8, mfc="white", mec=GREY)
         slide = Line2D([], [], ls="none", marker="o", ms=3.8, mfc=GREY, mec=GREY)
         entries.append(((stick, slide), "open: sticks; filled: slides"))
-    if any(p.ringed is not None and p.ringed.any() for p in scene.points):
+    if any(p.is_outlier is not None and p.is_outlier.any() for p in scene.points):
         ring = Line2D([], [], ls="none", marker="o", ms=8.0, mfc="none", mec="black")
         entries.append((ring, "ringed: outlier"))
     return entries

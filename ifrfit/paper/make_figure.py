@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from ifrfit.errors import DataError
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.paper.build_scene import Fitted, theory, with_points
+from ifrfit.paper.build_scene import Fitted, theory_scene, with_points
 from ifrfit.paper.cases import Case, case_named, fit_case
 from ifrfit.paper.drawing import draw
 from ifrfit.paper.figure import PaperFigure
 from ifrfit.paper.kharaz import kharaz
-from ifrfit.paper.recovered_constants import Done
-from ifrfit.paper.scene import Row, Scene, rows_of
+from ifrfit.paper.recovered_constants import FittedCase
+from ifrfit.paper.scene import Row, Scene, rounded, rows_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +22,7 @@ _OTHER = {"beta": "contact point's", "beta_cm": "centre's"}
 
 
 @dataclass(frozen=True)
-class Made:
+class DrawnFigure:
     """A figure and the rows of its csv."""
 
     stem: str
@@ -30,7 +30,7 @@ class Made:
     rows: tuple[Row, ...]
 
 
-def make(figure: PaperFigure, done: dict[str, Done]) -> Made | None:
+def make_figure(figure: PaperFigure, done: dict[str, FittedCase]) -> DrawnFigure | None:
     """Draw a figure of the table.
 
     Parameters
@@ -41,19 +41,22 @@ def make(figure: PaperFigure, done: dict[str, Done]) -> Made | None:
 
     Returns
     -------
-    Made or None
+    DrawnFigure or None
         None where the user's own data do not have what the figure shows.
     """
     if figure.kind == "scheme":
         return _scheme(figure)
     scene = scene_of(figure, done)
-    return None if scene is None else Made(figure.stem, draw(scene), tuple(rows_of(scene)))
+    if scene is None:
+        return None
+    scene = rounded(scene)
+    return DrawnFigure(figure.stem, draw(scene), tuple(rows_of(scene)))
 
 
-def scene_of(figure: PaperFigure, done: dict[str, Done]) -> Scene | None:
+def scene_of(figure: PaperFigure, done: dict[str, FittedCase]) -> Scene | None:
     """What a figure with an axis shows; None where the fit was refused."""
     if figure.kind == "theory":
-        return theory(figure)
+        return theory_scene(figure)
     case = case_named(figure.case)
     result = _fitted(case, done).result
     if result is None:
@@ -68,7 +71,7 @@ def scene_of(figure: PaperFigure, done: dict[str, Done]) -> Scene | None:
     return with_points(figure, Fitted(result, fit_case(case, reading=other).result, label))
 
 
-def _kharaz(figure: PaperFigure, result: FitResult, done: dict[str, Done]) -> Scene | None:
+def _kharaz(figure: PaperFigure, result: FitResult, done: dict[str, FittedCase]) -> Scene | None:
     every = _fitted(case_named("kharaz-2001"), done).result
     if every is None:
         return None
@@ -79,15 +82,15 @@ def _kharaz(figure: PaperFigure, result: FitResult, done: dict[str, Done]) -> Sc
         return None
 
 
-def _fitted(case: Case, done: dict[str, Done]) -> Done:
+def _fitted(case: Case, done: dict[str, FittedCase]) -> FittedCase:
     if case.name not in done:
         done[case.name] = fit_case(case)
     return done[case.name]
 
 
-def _scheme(figure: PaperFigure) -> Made:
+def _scheme(figure: PaperFigure) -> DrawnFigure:
     from ifrfit.paper import scheme_impact, scheme_springs
 
     if figure.name == "1":
-        return Made(figure.stem, scheme_impact.draw(), tuple(scheme_impact.rows()))
-    return Made(figure.stem, scheme_springs.draw(), ())
+        return DrawnFigure(figure.stem, scheme_impact.draw(), tuple(scheme_impact.rows()))
+    return DrawnFigure(figure.stem, scheme_springs.draw(), ())

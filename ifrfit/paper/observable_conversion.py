@@ -11,8 +11,8 @@ from ifrfit.physics.rebound import rebound_with
 _STEP = 1e-6
 
 
-def seen_as(
-    wanted: str,
+def convert_observable(
+    target: str,
     measured: str,
     value: Array,
     sigma: Array,
@@ -25,7 +25,7 @@ def seen_as(
 
     Parameters
     ----------
-    wanted, measured : str
+    target, measured : str
         Observables; `measured` is of the tangential kind and does not depend on e_n.
     value, sigma : ndarray, (n,)
         What was measured, with its standard uncertainty.
@@ -38,7 +38,7 @@ def seen_as(
     Returns
     -------
     value, sigma : ndarray, (n,)
-        In the unit of `wanted`; sigma to first order. nan where it is undefined.
+        In the unit of `target`; sigma to first order. nan where it is undefined.
 
     Notes
     -----
@@ -51,7 +51,7 @@ def seen_as(
     def read(factor: Array) -> Array:
         sticking = np.zeros(factor.shape, dtype=bool)
         state = rebound_with(incidence, factor, sticking, np.asarray(e_n), inertia_factor)
-        return np.asarray(OBSERVABLES[wanted].value(state, np.zeros_like(factor)))
+        return np.asarray(OBSERVABLES[target].value(state, np.zeros_like(factor)))
 
     gradient = (read(k + _STEP) - read(k - _STEP)) / (2.0 * _STEP)
     return read(k), np.asarray(np.abs(gradient) * sigma_k)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from scipy.special import bdtr
 
 from ifrfit.inference.diagnostics.thresholds import GAP
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.provenance import STAND_IN, provenance_words
+from ifrfit.text import decimals, fixed
 
 LEVEL = 0.95
+DIGITS = 4  # of a standard deviation, to whose 1e-4 a posterior is known; of a p value
 _STAND_IN_NOTE = "STAND-IN: shows whether the fit recovers what was put in, and nothing about the experiment"
 
 
@@ -46,9 +48,33 @@ class Line:
             return None
         return (low is None or low <= self.printed) and (high is None or self.printed <= high)
 
+    def cells(self) -> list[str]:
+        """Text of each column: numbers to the digits that are known, which are the same on every machine."""
+        places = decimals(self.stderr, DIGITS) if self.stderr else None
+        texts = {
+            "lack_of_fit_p": "" if self.lack_of_fit_p is None else f"{self.lack_of_fit_p:.{DIGITS}g}",
+            **{name: _number(getattr(self, name), places) for name in ("value", "stderr", "lo95", "hi95")},
+        }
+        return [texts.get(name, _plain(getattr(self, name))) for name in COLUMNS]
+
+
+COLUMNS = tuple(field.name for field in fields(Line))
+
+
+def _number(value: float | None, places: int | None) -> str:
+    if value is None:
+        return ""
+    return f"{value:.6g}" if places is None else fixed(value, places)
+
+
+def _plain(value: object) -> str:
+    if value is None:
+        return ""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
 
 @dataclass(frozen=True)
-class Done:
+class FittedCase:
     """A case with its fit and its lines; no fit where the user's own data do not have what it asks for."""
 
     name: str
@@ -57,7 +83,7 @@ class Done:
     result: FitResult | None
     lines: tuple[Line, ...]
     refusal: str = ""
-    again: bool = False
+    repeats_data: bool = False
 
     @property
     def stand_in(self) -> bool:
@@ -106,7 +132,7 @@ def _finite(end: float) -> float | None:
     return end if math.isfinite(end) else None
 
 
-def held(done: Iterable[Done]) -> tuple[int, int]:
+def count_recovered(done: Iterable[FittedCase]) -> tuple[int, int]:
     """Count intervals of stand-ins that hold the value put in.
 
     Returns
@@ -115,9 +141,9 @@ def held(done: Iterable[Done]) -> tuple[int, int]:
         k intervals come from the data: those of constants that are determined or one-sided. Impacts that are
         fitted again through another observable do not count again.
     """
-    lines = [line for d in done if d.stand_in and not d.again for line in d.lines]
-    told = [line.recovers for line in lines if line.recovers is not None]
-    return sum(told), len(told)
+    lines = [line for d in done if d.stand_in and not d.repeats_data for line in d.lines]
+    recovered = [line.recovers for line in lines if line.recovers is not None]
+    return sum(recovered), len(recovered)
 
 
 def chance(hits: int, k: int) -> float:

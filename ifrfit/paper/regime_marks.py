@@ -52,12 +52,12 @@ def draw_strip(axes: Axes, several: Sequence[Regimes]) -> None:
     """Draw the regimes of several series that differ, one bar a series, above the data."""
     axes.set_ylim(len(several), 0)
     for row, regimes in enumerate(several):
-        colour = GREY if regimes.look is None else regimes.look.colour
-        if regimes.look is not None:
+        colour = GREY if regimes.series_style is None else regimes.series_style.colour
+        if regimes.series_style is not None:
             axes.plot(
                 [-0.02],
                 [row + 0.5],
-                marker=regimes.look.marker,
+                marker=regimes.series_style.marker,
                 ms=3.8,
                 color=colour,
                 transform=axes.get_yaxis_transform(),

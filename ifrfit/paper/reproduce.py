@@ -7,17 +7,16 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
 from pathlib import Path
 
 from ifrfit.errors import UsageError
 from ifrfit.paper.cases import CASES, fit_case
 from ifrfit.paper.claims import Answer, across_regimes, across_spins, reading
 from ifrfit.paper.constants_table import table_text
-from ifrfit.paper.figure_selection import Choice, chosen
+from ifrfit.paper.figure_selection import Choice, select_figures
 from ifrfit.paper.figures import FIGURES
-from ifrfit.paper.make_figure import Made, make
-from ifrfit.paper.recovered_constants import Done, Line
+from ifrfit.paper.make_figure import DrawnFigure, make_figure
+from ifrfit.paper.recovered_constants import COLUMNS, FittedCase
 from ifrfit.paper.scene import write_rows
 from ifrfit.report.style import save_figure
 
@@ -62,7 +61,7 @@ def reproduce(
         constants.csv of another make lies there.
     """
     out = Path(out)
-    choice = chosen(figures, digitised_only)
+    choice = select_figures(figures, digitised_only)
     whole = not figures
     _check_free(out, whole)
     existing = next(place for place in (out, *out.absolute().parents) if place.exists())
@@ -88,25 +87,21 @@ def _check_free(out: Path, whole: bool) -> None:
     table = out / TABLE
     if whole and table.is_file():
         with table.open(encoding="utf-8", errors="replace") as file:
-            ours = file.readline().startswith(",".join(_header()[:4]))
+            ours = file.readline().startswith(",".join(COLUMNS[:4]))
         if not ours:
             raise UsageError(f"{table} is not a table of this command. Choose another folder with --out.")
 
 
-def _header() -> list[str]:
-    return [field.name for field in fields(Line)]
-
-
-def _run(folder: Path, choice: Choice, whole: bool, progress: bool) -> dict[str, Done]:
+def _run(folder: Path, choice: Choice, whole: bool, progress: bool) -> dict[str, FittedCase]:
     """Fit, draw and write into a folder; the fits by the names of their cases."""
-    done: dict[str, Done] = {}
-    with _telling(progress) as tell:
+    done: dict[str, FittedCase] = {}
+    with _progress_reporter(progress) as tell:
         for figure in choice.figures:
             started = time.monotonic()
-            made = make(figure, done)
-            if made is not None:
-                _save(made, folder)
-            how = f"{time.monotonic() - started:.1f} s" if made is not None else "not drawn, see the table"
+            drawn = make_figure(figure, done)
+            if drawn is not None:
+                _save(drawn, folder)
+            how = f"{time.monotonic() - started:.1f} s" if drawn is not None else "not drawn, see the table"
             plain = figure.title.replace("$", "").replace("\\", "")
             tell(f"{figure.stem:<17} {plain}, {how}")
         for case in CASES if whole else ():
@@ -118,14 +113,14 @@ def _run(folder: Path, choice: Choice, whole: bool, progress: bool) -> dict[str,
     return done
 
 
-def _save(made: Made, folder: Path) -> None:
+def _save(drawn: DrawnFigure, folder: Path) -> None:
     for suffix in DRAWN:
-        save_figure(made.figure, folder / f"{made.stem}.{suffix}")
-    write_rows(made.rows, folder / f"{made.stem}.csv")
+        save_figure(drawn.figure, folder / f"{drawn.stem}.{suffix}")
+    write_rows(drawn.rows, folder / f"{drawn.stem}.csv")
 
 
 @contextmanager
-def _telling(progress: bool) -> Iterator[Callable[[str], object]]:
+def _progress_reporter(progress: bool) -> Iterator[Callable[[str], object]]:
     """Say that a figure is done, on standard error."""
     if not progress:
         yield lambda line: None
@@ -137,17 +132,11 @@ def _telling(progress: bool) -> Iterator[Callable[[str], object]]:
         yield console.print
 
 
-def _write_table(path: Path, done: Sequence[Done]) -> None:
+def _write_table(path: Path, done: Sequence[FittedCase]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(_header())
-        writer.writerows([_cell(getattr(line, name)) for name in _header()] for d in done for line in d.lines)
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return ""
-    return str(value).lower() if isinstance(value, bool) else str(value)
+        writer.writerow(COLUMNS)
+        writer.writerows(line.cells() for d in done for line in d.lines)
 
 
 def _move(scratch: Path, out: Path, choice: Choice, whole: bool) -> list[str]:
@@ -162,14 +151,14 @@ def _move(scratch: Path, out: Path, choice: Choice, whole: bool) -> list[str]:
     return names
 
 
-def _answers(done: dict[str, Done]) -> list[Answer]:
+def _answers(done: dict[str, FittedCase]) -> list[Answer]:
     """What the data say to the paper's questions: one set in both regimes, one mu, which beta."""
-    asked = [across_regimes(d) for d in done.values() if not d.again and _has_angles(d)]
-    asked.append(across_spins(done))
+    answers = [across_regimes(d) for d in done.values() if not d.repeats_data and _has_angles(d)]
+    answers.append(across_spins(done))
     if "buck-2017" in done:
-        asked.append(reading(done["buck-2017"]))
-    return [answer for answer in asked if answer is not None]
+        answers.append(reading(done["buck-2017"]))
+    return [answer for answer in answers if answer is not None]
 
 
-def _has_angles(done: Done) -> bool:
+def _has_angles(done: FittedCase) -> bool:
     return done.result is not None and bool(done.result.points["gamma_deg"].notna().any())

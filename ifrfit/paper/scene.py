@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.paper.axes import Abscissa, Ordinate
-from ifrfit.report.style import Look
+from ifrfit.report.style import SeriesStyle
 
 Array = NDArray[np.float64]
 Kind = Literal["data", "printed_constants", "recovered", "as_printed", "other"]
@@ -32,6 +32,8 @@ HEADER = (
     "provenance",
 )
 DATA, RESIDUALS = "data", "residuals"
+DIGITS = 6  # a posterior is known to 1e-4 of its standard deviation; the last bits are the processor's own
+RESIDUAL_PLACES = 3
 
 
 @dataclass(frozen=True)
@@ -73,18 +75,18 @@ class Curve:
 class Points:
     """Observations of one series. Residuals are standardised; None where the points are not fitted.
 
-    `ringed` tells the outliers.
+    `is_outlier` tells the outliers.
     """
 
     label: str
     x: Array
     y: Array
     sigma: Array
-    look: Look
+    series_style: SeriesStyle
     provenance: str
     sticking: NDArray[np.bool_] | None = None
     residual: Array | None = None
-    ringed: NDArray[np.bool_] | None = None
+    is_outlier: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
@@ -100,11 +102,11 @@ class Mark:
 
 @dataclass(frozen=True)
 class Regimes:
-    """Ranges of x with their regime; the look of their series where several differ."""
+    """Ranges of x with their regime; the style of their series where several differ."""
 
     spans: tuple[tuple[float, float, str], ...]
     marks: tuple[Mark, ...]
-    look: Look | None = None
+    series_style: SeriesStyle | None = None
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,63 @@ class Row:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None or not np.isfinite(value) else f"{float(value) + 0.0:.8g}"
+    return "" if value is None or not np.isfinite(value) else f"{float(value) + 0.0:.{DIGITS}g}"
+
+
+def rounded(scene: Scene) -> Scene:
+    """The scene with its numbers as the csv has them, so that every machine draws the same picture.
+
+    Six significant digits; standardised residuals to 0.001.
+    """
+    return replace(
+        scene,
+        curves=tuple(_round_curve(curve) for curve in scene.curves),
+        points=tuple(_round_points(points) for points in scene.points),
+        regimes=tuple(_round_regimes(regimes) for regimes in scene.regimes),
+    )
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _round_end(value: float | None) -> float | None:
+    return None if value is None else _round(value)
+
+
+def _round_all(values: Array) -> Array:
+    return np.array([_round(value) for value in values.tolist()], dtype=float)
+
+
+def _round_band(band: Band | None) -> Band | None:
+    if band is None:
+        return None
+    return Band(*(_round_all(limit) for limit in (band.lo68, band.hi68, band.lo95, band.hi95)))
+
+
+def _round_curve(curve: Curve) -> Curve:
+    return replace(
+        curve,
+        x=_round_all(curve.x),
+        y=_round_all(curve.y),
+        credible=_round_band(curve.credible),
+        predictive=_round_band(curve.predictive),
+    )
+
+
+def _round_points(points: Points) -> Points:
+    residual = None if points.residual is None else np.round(points.residual, RESIDUAL_PLACES)
+    x, y, sigma = (_round_all(values) for values in (points.x, points.y, points.sigma))
+    return replace(points, x=x, y=y, sigma=sigma, residual=residual)
+
+
+def _round_regimes(regimes: Regimes) -> Regimes:
+    spans = tuple((_round(low), _round(high), regime) for low, high, regime in regimes.spans)
+    marks = tuple(
+        replace(mark, x=_round(mark.x), low=_round_end(mark.low), high=_round_end(mark.high))
+        for mark in regimes.marks
+    )
+    return replace(regimes, spans=spans, marks=marks)
 
 
 def rows_of(scene: Scene) -> Iterator[Row]:
@@ -190,7 +248,7 @@ def _of_curve(curve: Curve, suffix: str, band: Band | None) -> Iterator[Row]:
 
 
 def write_rows(rows: Sequence[Row], path: Path) -> None:
-    """Write figN.csv: eight significant digits, empty where there is no number."""
+    """Write figN.csv: six significant digits, empty where there is no number."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(HEADER)

@@ -52,8 +52,8 @@ def draw() -> Figure:
 def _pair(axes: Axes, start: Point, end: Point, colour: str) -> None:
     """A spring and a dashpot side by side between two points."""
     a, b = np.array(start), np.array(end)
-    along = (b - a) / np.linalg.norm(b - a)
-    across = 0.32 * np.array([-along[1], along[0]])
+    axis = (b - a) / np.linalg.norm(b - a)
+    across = 0.32 * np.array([-axis[1], axis[0]])
     for point in (a, b):
         bar = np.array([point - across, point + across])
         axes.plot(*bar.T, color=colour, lw=1.0)
@@ -64,25 +64,25 @@ def _pair(axes: Axes, start: Point, end: Point, colour: str) -> None:
 def _spring(axes: Axes, a: np.ndarray, b: np.ndarray, colour: str) -> None:
     share = np.array([0.0, 0.15, *np.linspace(0.2, 0.8, 9), 0.85, 1.0])
     swing = np.array([0.0, 0.0, *np.resize([1.0, -1.0], 9), 0.0, 0.0])
-    along = b - a
-    across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
-    line = a + share[:, None] * along + 0.15 * swing[:, None] * across
+    axis = b - a
+    across = np.array([-axis[1], axis[0]]) / np.linalg.norm(axis)
+    line = a + share[:, None] * axis + 0.15 * swing[:, None] * across
     axes.plot(*line.T, color=colour, lw=1.0)
 
 
 def _dashpot(axes: Axes, a: np.ndarray, b: np.ndarray, colour: str) -> None:
-    along = b - a
-    across = 0.17 * np.array([-along[1], along[0]]) / np.linalg.norm(along)
-    rod = np.array([a, a + 0.52 * along])
+    axis = b - a
+    across = 0.17 * np.array([-axis[1], axis[0]]) / np.linalg.norm(axis)
+    rod = np.array([a, a + 0.52 * axis])
     cup = np.array([0.72, 0.36, 0.36, 0.72])
     side = np.array([1.0, 1.0, -1.0, -1.0])
     # the cup is open towards the rod
-    walls = a + (1.08 - cup)[:, None] * along + side[:, None] * across
+    walls = a + (1.08 - cup)[:, None] * axis + side[:, None] * across
     axes.plot(*rod.T, color=colour, lw=1.0)
     plate = np.array([rod[1] - 0.8 * across, rod[1] + 0.8 * across])
     axes.plot(*plate.T, color=colour, lw=1.6)
     axes.plot(*walls.T, color=colour, lw=1.0)
-    axes.plot(*np.array([a + 0.72 * along, b]).T, color=colour, lw=1.0)
+    axes.plot(*np.array([a + 0.72 * axis, b]).T, color=colour, lw=1.0)
 
 
 def _slider(axes: Axes) -> None:

@@ -47,12 +47,12 @@ def plot(result: FitResult) -> Figure:
     if not len(result.points):
         raise UsageError("This result holds no points, so there is nothing to draw. Fit the data again.")
     observables = [str(name) for name in result.points["observable"].unique()]
-    look = style.looks([str(name) for name in result.points["series"].unique()])
+    styles = style.series_styles([str(name) for name in result.points["series"].unique()])
     columns = min(len(observables), MOST_COLUMNS)
     lines = math.ceil(len(observables) / columns)
     width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
     with style.drawing():
-        legend = Legend.of(result, look, width)
+        legend = Legend.of(result, styles, width)
         title = _title(result, width)
         strip = max(_strip_rows(result, name) for name in observables)
         panel = 3.1 + 0.16 * strip
@@ -62,11 +62,11 @@ def plot(result: FitResult) -> Figure:
         figure.get_layout_engine().set(w_pad=0.04, h_pad=0.03, hspace=0.02, wspace=0.03)  # type: ignore[union-attr, call-arg]
         grid = figure.add_gridspec(lines, columns)
         for number, observable in enumerate(observables):
-            _draw_panel(figure, grid[divmod(number, columns)], result, observable, look, strip)
+            _draw_panel(figure, grid[divmod(number, columns)], result, observable, styles, strip)
         if title:
             figure.suptitle(title, fontsize=8.5, weight="bold")
         legend.draw(figure)
-        style.settle(figure)
+        style.fix_layout(figure)
     return figure
 
 
@@ -75,7 +75,7 @@ def _draw_panel(
     cell: SubplotSpec,
     result: FitResult,
     observable: str,
-    look: dict[str, style.Look],
+    styles: dict[str, style.SeriesStyle],
     strip: int,
 ) -> None:
     from ifrfit.report import panels, shading
@@ -84,15 +84,15 @@ def _draw_panel(
     data = figure.add_subplot(inner[1])
     residuals = figure.add_subplot(inner[2], sharex=data)
     names = _series_of(result, observable)
-    panels.draw_data(data, result, observable, names, look)
-    panels.draw_residuals(residuals, result, observable, names, look)
+    panels.draw_data(data, result, observable, names, styles)
+    panels.draw_residuals(residuals, result, observable, names, styles)
     data.tick_params(labelbottom=False)
     figure.align_ylabels([data, residuals])
     if not has_angle(observable):
         return
     keys = {series: shading.regime_key(result, series) for series in names}
     if len(set(keys.values())) > 1:
-        shading.draw_strip(figure.add_subplot(inner[0]), keys, look, result)
+        shading.draw_strip(figure.add_subplot(inner[0]), keys, styles, result)
         return
     key = next(iter(keys.values()))
     if key is None:

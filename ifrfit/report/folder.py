@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.figures import plot
 from ifrfit.report.page.writing import page
@@ -49,18 +50,18 @@ FIT = Contents("result.json", (*FIGURES, CHAINS, REPORT), "result")
 RESULT = FIT.record
 
 
-def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = True) -> list[str]:
+def write_folder(result: FitResult, appraisal: Appraisal | None, out: Path, *, force: bool) -> list[str]:
     """Write result.json, figures, report.html and the chains of mcmc into a folder, whole or not at all.
 
     Parameters
     ----------
     result : FitResult
+    appraisal : Appraisal or None
+        What was computed for the report; without it neither report nor figures are written.
     out : Path
         Folder; it is made if it is not there. Files in it that are not a fit's own are never touched.
     force : bool
         Replace an earlier result; what it left and this one does not write is removed.
-    figures : bool
-        Whether to draw, and to write the report.
 
     Returns
     -------
@@ -72,7 +73,7 @@ def write_folder(result: FitResult, out: Path, *, force: bool, figures: bool = T
     UsageError
         If the folder holds an earlier result and `force` is not given, or nothing can be written there.
     """
-    return deliver(lambda folder: _fill(result, folder, figures=figures), Path(out), FIT, force=force)
+    return deliver(lambda folder: _fill(result, appraisal, folder), Path(out), FIT, force=force)
 
 
 def deliver(fill: Callable[[Path], list[str]], target: Path, of: Contents, *, force: bool) -> list[str]:
@@ -92,7 +93,7 @@ def deliver(fill: Callable[[Path], list[str]], target: Path, of: Contents, *, fo
     place = target.resolve()
     check_free(target, force=force, of=of)
     fresh = _beside(place, "new")
-    made = [parent for parent in fresh.parents if not parent.exists()]
+    created = [parent for parent in fresh.parents if not parent.exists()]
     try:
         fresh.mkdir(parents=True)
         names = fill(fresh)
@@ -103,7 +104,7 @@ def deliver(fill: Callable[[Path], list[str]], target: Path, of: Contents, *, fo
         ) from None
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
-        for parent in made:  # empty ones only: what holds a result stays
+        for parent in created:  # empty ones only: what holds a result stays
             with contextlib.suppress(OSError):
                 parent.rmdir()
     return names
@@ -135,19 +136,19 @@ def _beside(place: Path, what: str) -> Path:
     return place.with_name(f".{place.name}-{uuid.uuid4().hex[:12]}.{what}")
 
 
-def _fill(result: FitResult, folder: Path, *, figures: bool) -> list[str]:
+def _fill(result: FitResult, appraisal: Appraisal | None, folder: Path) -> list[str]:
     result.save(folder / RESULT)
     names = [RESULT]
-    if figures and len(result.points):
+    if appraisal is not None and len(result.points):
         figure = plot(result)
         for name in FIGURES:
             save_figure(figure, folder / name)
             names.append(name)
-        (folder / REPORT).write_text(page(result, figure=figure), encoding="utf-8", newline="\n")
+        (folder / REPORT).write_text(page(result, appraisal, figure), encoding="utf-8", newline="\n")
         names.append(REPORT)
-    if result.sample is not None:
-        result.sample.save(folder / CHAINS)
-        names.append(CHAINS)
+    for name, own in result.files.items():
+        own.save(folder / name)
+        names.append(name)
     return names
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.diagnostics.interval_comparison import disagreements
+from ifrfit.inference.diagnostics.interval_disagreements import disagreements
 from ifrfit.text import decimals, interval_ends, interval_text
 
 if TYPE_CHECKING:
@@ -45,8 +45,8 @@ def side_by_side(table: pd.DataFrame) -> str:
         cells = (f"{columns[method][i]:<{widths[method]}}" for method in METHODS)
         lines.append("   ".join([f"  {name:<{longest}}", *cells]).rstrip())
     lines.append("")
-    said = [("LOOK", sentence) for sentence in disagreements(table)]
-    for kind, sentence in said or [("ok", "the three methods agree")]:
+    disagreeing = [("LOOK", sentence) for sentence in disagreements(table)]
+    for kind, sentence in disagreeing or [("ok", "the three methods agree")]:
         lines += textwrap.wrap(
             sentence, WIDTH, initial_indent=f"  {kind:<6}", subsequent_indent=" " * 8, break_on_hyphens=False
         )
@@ -58,7 +58,7 @@ def _column(table: pd.DataFrame, method: str) -> list[str]:
     low, high = (table[f"{method}_{end}"].to_numpy(dtype=float).tolist() for end in ("low", "high"))
     places = [_places(table, i) for i in range(len(table))]
     ends = [interval_ends((a, b), p) for a, b, p in zip(low, high, places, strict=True)]
-    width = max((len(end) for both in ends if all(both) for end in both), default=0)
+    width = max((len(end) for pair in ends if all(pair) for end in pair), default=0)
     return [interval_text((a, b), p, width) for a, b, p in zip(low, high, places, strict=True)]
 
 

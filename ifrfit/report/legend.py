@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.outlier_marks import ringed
+from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import does, regime_name
-from ifrfit.report.sentences import METHODS
 from ifrfit.report.shading import regime_key
-from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look
+from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,9 +43,9 @@ class Legend:
     height: float
 
     @classmethod
-    def of(cls, result: FitResult, look: dict[str, Look], width: float) -> Legend:
+    def of(cls, result: FitResult, styles: dict[str, SeriesStyle], width: float) -> Legend:
         """Legend of a result in a figure `width` inches wide."""
-        entries = (*_series(result, look), *_marks(result))
+        entries = (*_series(result, styles), *_marks(result))
         columns = next(n for n in range(len(entries), 0, -1) if n == 1 or _wide(entries, n) <= width)
         lines = max(sum(label.count("\n") + 1 for label in part) for part in _columns(entries, columns))
         return cls(entries, columns, LINE * lines + 0.1)
@@ -84,11 +84,11 @@ def _wide(entries: Sequence[tuple[Any, str]], count: int) -> float:
     return sum(CHARACTER * characters + HANDLE for characters in longest)
 
 
-def _series(result: FitResult, look: dict[str, Look]) -> list[tuple[Any, str]]:
+def _series(result: FitResult, styles: dict[str, SeriesStyle]) -> list[tuple[Any, str]]:
     from matplotlib.lines import Line2D
 
     entries = []
-    for name, own in look.items():
+    for name, own in styles.items():
         kinds = result.points["provenance"][result.points["series"] == name].unique()
         provenance = provenance_words(tuple(str(kind) for kind in kinds))
         label = textwrap.fill(f"{name} ({provenance})", LONGEST)
@@ -126,7 +126,7 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
         shade = Patch(fc="0.5", alpha=0.3, lw=0)
         entries.append(((shade, mark("|", 8.0, GREY), shade), "transition, 95 % interval"))
     entries.append((Line2D([], [], color=GREY, lw=0.7, ls=RESIDUAL_DASHES), "residuals of ±2 σ"))
-    if ringed(result, points).any():
+    if is_outlier(result, points).any():
         entries.append((mark("o", 8.0, "none", "black"), "ringed: outlier"))
     return entries
 
@@ -134,5 +134,5 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
 def _bands(result: FitResult) -> str:
     """Only a posterior has credible bands; without draws they are of the Gaussian around the optimum."""
     if result.state.sample is None:
-        return f"bands ({METHODS['lsq']})"
-    return "credible bands" if result.method in ("exact", "mcmc") else f"bands ({METHODS[result.method]})"
+        return f"bands ({title_of('lsq')})"
+    return "credible bands" if result.method in ("exact", "mcmc") else f"bands ({title_of(result.method)})"

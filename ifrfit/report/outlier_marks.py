@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def ringed(result: FitResult, rows: pd.DataFrame) -> NDArray[np.bool_]:
+def is_outlier(result: FitResult, rows: pd.DataFrame) -> NDArray[np.bool_]:
     """Tell for each of some points whether it is an outlier, shape (n,).
 
     The rows that the fit names; they need not be the ones with the largest residuals, for an outlier drags

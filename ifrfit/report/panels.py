@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import OBSERVABLES
-from ifrfit.report.outlier_marks import ringed
+from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.regimes import has_angle, transitions
-from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look, write_across
+from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle, write_watermark
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,7 +66,7 @@ def curves(result: FitResult, observable: str, names: list[str], *, bands: bool 
 
 
 def draw_data(
-    axes: Axes, result: FitResult, observable: str, names: list[str], look: dict[str, Look]
+    axes: Axes, result: FitResult, observable: str, names: list[str], styles: dict[str, SeriesStyle]
 ) -> None:
     """Draw data with error bars, and curves with bands, into `axes`."""
     rows = result.points[result.points["observable"] == observable]
@@ -77,11 +77,11 @@ def draw_data(
     for curve in found:
         own = (rows["series"] == curve.series).to_numpy()
         if angled:
-            _draw_curve(axes, curve, look[curve.series], crowded=len(rows) > CROWD)
+            _draw_curve(axes, curve, styles[curve.series], crowded=len(rows) > CROWD)
         else:
-            _draw_level(axes, curve, look[curve.series], _span(x[own]))
-        _draw_points(axes, x[own], rows[own], look[curve.series], size, angled)
-    _ring(axes, x, rows["value"].to_numpy(dtype=float), ringed(result, rows))
+            _draw_level(axes, curve, styles[curve.series], _span(x[own]))
+        _draw_points(axes, x[own], rows[own], styles[curve.series], size, angled)
+    _mark_outliers(axes, x, rows["value"].to_numpy(dtype=float), is_outlier(result, rows))
     axes.set_ylim(*value_limits(rows, found, x if angled else None))
     set_x(axes, len(rows), angled)
     axes.set_ylabel(axis_label(observable))
@@ -91,11 +91,11 @@ def draw_data(
 def mark_stand_in(axes: Axes, rows: pd.DataFrame) -> None:
     """Write across a panel that its data are a stand-in, if they are."""
     if (rows["provenance"] == STAND_IN).any():
-        write_across(axes, "STAND-IN", size=34)
+        write_watermark(axes, "STAND-IN", size=34)
 
 
 def draw_residuals(
-    axes: Axes, result: FitResult, observable: str, names: list[str], look: dict[str, Look]
+    axes: Axes, result: FitResult, observable: str, names: list[str], styles: dict[str, SeriesStyle]
 ) -> None:
     """Draw standardised residuals with lines at +-2."""
     rows = result.points[result.points["observable"] == observable]
@@ -110,8 +110,8 @@ def draw_residuals(
         )
     for series in names:
         own = (rows["series"] == series).to_numpy()
-        _markers(axes, x[own], z[own], rows[own], look[series], marker_size(len(rows)) * 0.85, angled)
-    _ring(axes, x, z, ringed(result, rows))
+        _markers(axes, x[own], z[own], rows[own], styles[series], marker_size(len(rows)) * 0.85, angled)
+    _mark_outliers(axes, x, z, is_outlier(result, rows))
     finite = np.abs(z[np.isfinite(z)])
     top = max(3.5, 1.35 * float(finite.max()) if finite.size else 0.0)
     axes.set_ylim(-top, top)
@@ -131,7 +131,7 @@ def axis_label(observable: str) -> str:
     # a symbol on a line of its own if it would not fit beside the words
     last = meaning.rpartition("\n")[2]
     gap = " " if len(last) + 12 <= LONGEST_LABEL else "\n"
-    return f"{meaning}{gap}{known.symbol} ({known.unit or '–'})"
+    return f"{meaning}{gap}{known.symbol} ({known.unit_text})"
 
 
 def marker_size(count: int) -> float:
@@ -149,23 +149,23 @@ def value_limits(rows: pd.DataFrame, found: list[Curve], x: Array | None) -> tup
     error = np.minimum(error, span)
     low, high = min(low, float((value - error).min())), max(high, float((value + error).max()))
     # a few points have no scale of their own: the curve sets it
-    reach = 2.0 * span if len(value) >= FEW else np.inf
-    seen = [low, high]
+    margin = 2.0 * span if len(value) >= FEW else np.inf
+    values = [low, high]
     for curve in found:
-        seen += _within(curve.table["value"].to_numpy(dtype=float)[_sensible(curve.x)], value, reach)
+        values += _within(curve.table["value"].to_numpy(dtype=float)[_sensible(curve.x)], value, margin)
         near = np.ones(len(curve.x), bool)
         if x is not None:
             near = (curve.x >= x.min() - 5.0) & (curve.x <= x.max() + 5.0)
         for column in {"lo95", "hi95"} & set(curve.table):
-            seen += _within(curve.table[column].to_numpy(dtype=float)[near], value, 0.5 * span)
-    low, high = min(seen), max(seen)
+            values += _within(curve.table[column].to_numpy(dtype=float)[near], value, 0.5 * span)
+    low, high = min(values), max(values)
     room = high - low
     return low - 0.07 * room, high + (0.16 if x is not None else 0.07) * room
 
 
-def _within(y: Array, value: Array, reach: float) -> list[float]:
+def _within(y: Array, value: Array, margin: float) -> list[float]:
     """Ends of a curve, as far as they are within reach of the data."""
-    y = np.clip(y[np.isfinite(y)], value.min() - reach, value.max() + reach)
+    y = np.clip(y[np.isfinite(y)], value.min() - margin, value.max() + margin)
     return [float(y.min()), float(y.max())] if y.size else []
 
 
@@ -190,14 +190,18 @@ def _span(x: Array) -> Array:
     return np.array([x.min() - 0.5, x.max() + 0.5])
 
 
-def _draw_curve(axes: Axes, curve: Curve, look: Look, *, crowded: bool) -> None:
+def _draw_curve(axes: Axes, curve: Curve, series_style: SeriesStyle, *, crowded: bool) -> None:
     """Draw a curve with its bands; where points crowd it lies above them, with a white edge."""
     for level, alpha in (("95", 0.16), ("68", 0.22)):
         axes.fill_between(
-            curve.x, *_band(curve, level), color=look.colour, alpha=alpha, lw=0.0, zorder=BEHIND
+            curve.x, *_band(curve, level), color=series_style.colour, alpha=alpha, lw=0.0, zorder=BEHIND
         )
     (line,) = axes.plot(
-        curve.x, curve.table["value"].to_numpy(dtype=float), color=look.colour, ls=look.line, zorder=3
+        curve.x,
+        curve.table["value"].to_numpy(dtype=float),
+        color=series_style.colour,
+        ls=series_style.line,
+        zorder=3,
     )
     if crowded:
         from matplotlib.patheffects import Normal, Stroke
@@ -205,15 +209,15 @@ def _draw_curve(axes: Axes, curve: Curve, look: Look, *, crowded: bool) -> None:
         line.set(zorder=IN_FRONT, path_effects=[Stroke(linewidth=3.2, foreground="white"), Normal()])
 
 
-def _draw_level(axes: Axes, curve: Curve, look: Look, span: Array) -> None:
+def _draw_level(axes: Axes, curve: Curve, series_style: SeriesStyle, span: Array) -> None:
     """Draw a constant with its bands above the values it is the mean of: it is far narrower than they are."""
     for level, alpha in (("95", 0.35), ("68", 0.45)):
         low, high = _band(curve, level)
         axes.fill_between(
-            span, low[0], high[0], color=look.colour, alpha=alpha, lw=0.0, zorder=IN_FRONT - 0.1
+            span, low[0], high[0], color=series_style.colour, alpha=alpha, lw=0.0, zorder=IN_FRONT - 0.1
         )
     value = float(curve.table["value"].iloc[0])
-    axes.plot(span, [value, value], color=look.colour, lw=1.0, ls=look.line, zorder=IN_FRONT)
+    axes.plot(span, [value, value], color=series_style.colour, lw=1.0, ls=series_style.line, zorder=IN_FRONT)
 
 
 def _band(curve: Curve, level: str) -> tuple[Array, Array]:
@@ -221,13 +225,15 @@ def _band(curve: Curve, level: str) -> tuple[Array, Array]:
     return low, high
 
 
-def _draw_points(axes: Axes, x: Array, rows: pd.DataFrame, look: Look, size: float, angled: bool) -> None:
+def _draw_points(
+    axes: Axes, x: Array, rows: pd.DataFrame, series_style: SeriesStyle, size: float, angled: bool
+) -> None:
     y, error = rows["value"].to_numpy(dtype=float), rows["sigma_used"].to_numpy(dtype=float)
     across = rows["sigma_gamma_deg"].to_numpy(dtype=float) if angled else np.full(len(rows), np.nan)
     few = len(rows) <= 60
     bars: dict[str, Any] = {
         "fmt": "none",
-        "ecolor": look.colour,
+        "ecolor": series_style.colour,
         "elinewidth": 0.8 if few else 0.5,
         "alpha": (0.9 if few else 0.45) * (1.0 if angled else 0.5),
         "zorder": 4,
@@ -236,7 +242,7 @@ def _draw_points(axes: Axes, x: Array, rows: pd.DataFrame, look: Look, size: flo
     axes.errorbar(x, y, yerr=np.where(np.isfinite(error), error, 0.0), **bars)
     if np.isfinite(across).any():
         axes.errorbar(x, y, xerr=np.where(np.isfinite(across), across, 0.0), **bars)
-    _markers(axes, x, y, rows, look, size, angled, alpha=1.0 if angled else 0.4)
+    _markers(axes, x, y, rows, series_style, size, angled, alpha=1.0 if angled else 0.4)
 
 
 def _markers(
@@ -244,21 +250,21 @@ def _markers(
     x: Array,
     y: Array,
     rows: pd.DataFrame,
-    look: Look,
+    series_style: SeriesStyle,
     size: float,
     angled: bool,
     alpha: float = 1.0,
 ) -> None:
     sticking = rows["sticking"].map(bool).to_numpy(dtype=bool) & angled
-    for chosen, face in ((sticking, "white"), (~sticking, look.colour)):
+    for chosen, face in ((sticking, "white"), (~sticking, series_style.colour)):
         axes.plot(
             x[chosen],
             y[chosen],
             ls="none",
-            marker=look.marker,
+            marker=series_style.marker,
             ms=size,
             mfc=face,
-            mec=look.colour,
+            mec=series_style.colour,
             mew=0.9 if size > 2.5 else 0.6,
             alpha=alpha,
             rasterized=len(rows) > PIXELS,
@@ -266,7 +272,7 @@ def _markers(
         )
 
 
-def _ring(axes: Axes, x: Array, y: Array, out: NDArray[np.bool_]) -> None:
+def _mark_outliers(axes: Axes, x: Array, y: Array, out: NDArray[np.bool_]) -> None:
     if out.any():
         axes.plot(
             x[out],

@@ -5,19 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ifrfit.inference.accuracy.messages import says as effort_says
+from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.text import fixed, joined, p_text
 
-METHODS = {
-    "lsq": "least squares",
-    "exact": "exact posterior",
-    "mcmc": "Markov chain Monte Carlo",
-    "bootstrap": "bootstrap",
-    "profile": "profile likelihood",
-}
 HEADLINES = {
     "converged": "the estimator did not converge",
     "global_optimum": "the optimum is not proven to be the best",
@@ -66,7 +60,7 @@ def model_line(result: FitResult) -> str:
 
 def _method_words(result: FitResult) -> str:
     """The method; of a bootstrap also what was drawn anew, and how often."""
-    words = METHODS.get(result.method, result.method)
+    words = title_of(result.method)
     figures = result.facts["converged"].figures if "converged" in result.facts else {}
     if result.method != "bootstrap" or "replicates" not in figures:
         return words
@@ -132,7 +126,9 @@ def headline(result: FitResult) -> str:
     failing = [
         name
         for name, fact in result.facts.items()
-        if not fact.ok and name not in QUIET_FACTS and not (name == "predictive" and _told_with(result))
+        if not fact.ok
+        and name not in QUIET_FACTS
+        and not (name == "predictive" and _covers_predictive(result))
     ]
     open_constants = undetermined(result)
     phrases = [
@@ -146,7 +142,7 @@ def headline(result: FitResult) -> str:
     return "; ".join(phrases)
 
 
-def _told_with(result: FitResult) -> str:
+def _covers_predictive(result: FitResult) -> str:
     """The failing fact that says already what failing predictive checks say; empty if none does.
 
     Lack of fit says where the misfit sits, and outliers name the row whose residual is too large.
@@ -172,26 +168,26 @@ def scene_notes(result: FitResult) -> list[str]:
     fact = result.facts.get("effects")
     called = fact.figures["called"] if fact is not None else []
     tests = fact.figures["tests"] if fact is not None else {}
-    said = []
+    lines = []
     for line in result.effects:
         title = EFFECTS[line.effect].title if line.effect in EFFECTS else line.effect
         if line.visible:
             also = ", as the residuals do" if line.effect in called else ""
             absent = tests.get(line.effect, {}).get("p", 0.0) > _ABSENT
-            said.append(
+            lines.append(
                 f"by its conditions the scene calls for {title}{also}: {line.says}"
                 f"{'; the residuals do not show it' if absent else ''}"
             )
         elif called[:1] == [line.effect] and line.signal is not None:
-            said.append(
+            lines.append(
                 f"by its conditions the scene would hardly show {title}: {line.says}; look for another reason"
             )
-    return said
+    return lines
 
 
 def findings(result: FitResult) -> list[tuple[str, str]]:
     """Facts and warnings as (kind, sentence); kind is LOOK, ok or note, LOOK first."""
-    partner = _told_with(result)
+    partner = _covers_predictive(result)
     facts = [
         (
             name,
@@ -200,16 +196,16 @@ def findings(result: FitResult) -> list[tuple[str, str]]:
         for name, fact in result.facts.items()
         if not (partner and name == "predictive")
     ]
-    look = [("LOOK", f.says) for name, f in facts if not f.ok and name not in QUIET_FACTS]
+    alarms = [("LOOK", f.says) for name, f in facts if not f.ok and name not in QUIET_FACTS]
     fine = [("ok", fact.says) for _, fact in facts if fact.ok]
     notes = [("note", f.says) for name, f in facts if not f.ok and name in QUIET_FACTS]
     notes += [("note", says) for says in scene_notes(result)]
-    told = {says for _, says in look + fine + notes}
+    shown = {says for _, says in alarms + fine + notes}
     # that data are a stand-in is said at the very top
-    said_above = tuple(f"{source.name} is a STAND-IN" for source in result.inputs)
+    handled = tuple(f"{source.name} is a STAND-IN" for source in result.inputs)
     notes += [
         ("note", warning)
         for warning in result.warnings
-        if warning not in told and not warning.startswith(said_above)
+        if warning not in shown and not warning.startswith(handled)
     ]
-    return look + fine + notes
+    return alarms + fine + notes

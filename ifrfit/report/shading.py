@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.report.regimes import regime_name, transition_is_open, transition_words, transitions
-from ifrfit.report.style import GREY, STICKING_SHADE, Look
+from ifrfit.report.style import GREY, STICKING_SHADE, SeriesStyle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,12 +82,14 @@ def draw_regimes(axes: Axes, key: Regimes, result: FitResult, *, labels: bool) -
             axes.axvline(value, color=GREY, lw=0.9, zorder=1.5)
 
 
-def draw_strip(axes: Axes, keys: dict[str, Regimes | None], look: dict[str, Look], result: FitResult) -> None:
+def draw_strip(
+    axes: Axes, keys: dict[str, Regimes | None], styles: dict[str, SeriesStyle], result: FitResult
+) -> None:
     """Draw the regimes of several series that differ, one bar a series, above the data."""
     axes.set_xlim(0.0, 90.0)
     axes.set_ylim(len(keys), 0)
     for row, (series, key) in enumerate(keys.items()):
-        style = look[series]
+        style = styles[series]
         axes.plot(
             [-0.025],
             [row + 0.5],

@@ -50,7 +50,7 @@ _STYLE = {
 
 
 @dataclass(frozen=True)
-class Look:
+class SeriesStyle:
     """Colour, marker and line of one series; each of the three tells it from the next ones."""
 
     colour: str
@@ -58,10 +58,10 @@ class Look:
     line: str | tuple[int, tuple[int, ...]]
 
 
-def looks(series: list[str]) -> dict[str, Look]:
+def series_styles(series: list[str]) -> dict[str, SeriesStyle]:
     """Give each series its look, in order of appearance."""
     return {
-        name: Look(COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)], LINES[i % len(LINES)])
+        name: SeriesStyle(COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)], LINES[i % len(LINES)])
         for i, name in enumerate(series)
     }
 
@@ -75,7 +75,7 @@ def drawing() -> Iterator[None]:
         yield
 
 
-def write_across(axes: Axes, word: str, *, size: float, height: float = 0.5) -> None:
+def write_watermark(axes: Axes, word: str, *, size: float, height: float = 0.5) -> None:
     """Write a word across a panel, behind everything that is drawn there."""
     axes.text(
         0.5,
@@ -93,7 +93,7 @@ def write_across(axes: Axes, word: str, *, size: float, height: float = 0.5) -> 
     )
 
 
-def settle(figure: Figure) -> None:
+def fix_layout(figure: Figure) -> None:
     """Fix the layout: the last bit of its solver depends on addresses, and ids in an svg on that bit."""
     figure.draw_without_rendering()
     figure.set_layout_engine("none")

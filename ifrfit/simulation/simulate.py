@@ -50,8 +50,8 @@ def simulate(scene: str | Path | Scene, *, samples: int | None = None, seed: int
     UsageError
         For a number of samples or a seed that cannot be.
     """
-    said = scene if isinstance(scene, Scene) else read_scene(scene)
-    n = samples if samples is not None else (SAMPLES if said.random else 1)
+    given = scene if isinstance(scene, Scene) else read_scene(scene)
+    n = samples if samples is not None else (SAMPLES if given.random else 1)
     if n < 1:
         raise UsageError(f"--samples {n}: it must be 1 or more.")
     if seed < 0:
@@ -59,24 +59,24 @@ def simulate(scene: str | Path | Scene, *, samples: int | None = None, seed: int
     conditions_rng, constants_rng, noise_rng = (
         np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3)
     )
-    conditions, points = _conditions(said, n, conditions_rng)
+    conditions, points = _conditions(given, n, conditions_rng)
     try:
-        constants = _constants(said, n, points, constants_rng)
-        impacts = _impacts(constants, conditions, said.spin_unit)
+        constants = _constants(given, n, points, constants_rng)
+        impacts = _impacts(constants, conditions, given.spin_unit)
         plan = make_plan(
             constants.contact,
             impacts,
-            said.observables,
-            accuracy=said.accuracy,
-            wanted=said.effects,
+            given.observables,
+            accuracy=given.accuracy,
+            wanted=given.effects,
             given=constants.given,
         )
     except DataError as error:
-        raise DataError(f"{said.name}.toml: {error}") from None
+        raise DataError(f"{given.name}.toml: {error}") from None
     outcome = compose(constants.contact, impacts, plan.on)
-    noise = {name: sd * noise_rng.standard_normal(points * n) for name, sd in said.noise.items()}
+    noise = {name: sd * noise_rng.standard_normal(points * n) for name, sd in given.noise.items()}
     return Simulation(
-        scene=said,
+        scene=given,
         contact=constants.contact,
         impacts=impacts,
         outcome=outcome,
@@ -171,7 +171,7 @@ def _from_fit(scene: Scene, n: int, points: int, rng: np.random.Generator) -> _C
     if not closure.effect:
         given["tangential"] = f"the fit's {closure.constant or 'closure'}"
     contact = replace(scene.contact, inertia_factor=_inertia(scene, result))
-    return _Constants(result.closure, contact, values, given, tuple(_said_of(result, scene)))
+    return _Constants(result.closure, contact, values, given, tuple(_fit_warnings(result, scene)))
 
 
 def _column(columns: list[str], name: str, scene: Scene) -> str:
@@ -186,18 +186,18 @@ def _column(columns: list[str], name: str, scene: Scene) -> str:
 
 
 def _inertia(scene: Scene, result: FitResult) -> float:
-    stated = scene.contact.inertia_factor
-    if abs(stated - result.inertia_factor) > 1e-9 * result.inertia_factor:
+    factor = scene.contact.inertia_factor
+    if abs(factor - result.inertia_factor) > 1e-9 * result.inertia_factor:
         raise DataError(
-            f"sphere.inertia_factor is {stated:g}, but the fit was made with {result.inertia_factor:g}. Give "
+            f"sphere.inertia_factor is {factor:g}, but the fit was made with {result.inertia_factor:g}. Give "
             "the same, or take constants of your own."
         )
     return result.inertia_factor
 
 
-def _said_of(result: FitResult, scene: Scene) -> list[str]:
+def _fit_warnings(result: FitResult, scene: Scene) -> list[str]:
     """What must not be lost of the fit: stand-ins, and constants its data leave open."""
-    said = [
+    warnings = [
         f"The constants come from a fit to {source.name}, a STAND-IN: generated from printed constants, not "
         "an experiment."
         for source in result.inputs
@@ -205,10 +205,10 @@ def _said_of(result: FitResult, scene: Scene) -> list[str]:
     ]
     open_ones = [name for name, entry in result.flat_constants().items() if entry.status == "not_determined"]
     if open_ones:
-        said.append(
+        warnings.append(
             f"The fit does not determine {', '.join(open_ones)}: the draws fill what its prior allows."
         )
-    return said
+    return warnings
 
 
 def _notes(plan: Plan) -> list[str]:

@@ -19,8 +19,7 @@ FIT = ("fit", "cross-2019", "--fix", "e_n=0.94")
         (("--accuracy", "7"), "--accuracy 7: choose from 1e-9 to 0.5 of a posterior standard deviation."),
         (
             ("--accuracy", "1e-3", "--method", "lsq"),
-            "--accuracy picks the settings of exact or mcmc; --method lsq has none that make it more exact. "
-            "Leave one of the two out.",
+            "--accuracy belongs to --method exact or mcmc, not to --method lsq.",
         ),
         (
             ("--budget", "2s", "--method", "mcmc", "--max-steps", "100"),
@@ -53,4 +52,4 @@ def test_strict_insists_on_the_accuracy(cli, monkeypatch):
     monkeypatch.setattr("ifrfit.inference.accuracy.request.CLOCK", lambda: float(next(now)))
     found = cli(*FIT, "--accuracy", "1e-6", "--budget", "0.5", "--strict")
     assert found.returncode == 4
-    assert "the asked accuracy of 1e-6 of an sd was not reached within 0.5 s" in found.stderr
+    assert "the asked accuracy of 1e-6 of an sd was not reached within 500 ms" in found.stderr

@@ -9,9 +9,13 @@ from scipy import stats
 
 import ifrfit
 from ifrfit.cost.compared_estimates import Numbers
+from ifrfit.cost.conditions import setting_of
 from ifrfit.cost.inference_costs import UNIT, Reference
 from ifrfit.cost.result import Costs
+from ifrfit.cost.starting_optimum import beginning
 from ifrfit.cost.timing import Cost, Timing
+from ifrfit.inference.fit import make_question
+from ifrfit.inference.keywords import model_of, noise_of
 
 INFERENCE = [  # method, setting, seconds, errors of mean, sd and interval
     ("lsq", "", 0.004, (1.2, 0.8, 1.0)),
@@ -58,3 +62,20 @@ def closed_form(problem):
     mean = float((value / sigma**2).sum()) * sd**2
     law = stats.truncnorm((-1.0 - mean) / sd, (-0.4 - mean) / sd, loc=mean, scale=sd)
     return Numbers(np.array([law.mean()]), np.array([law.std()]), law.ppf([[0.025, 0.975]])), mean, sd
+
+
+def start_of(path, *, posterior=True, **keywords):
+    """The optimum that the costs of inference start from; keywords are those of `ifrfit.fit`."""
+    model, question = _asked(path, keywords)
+    return beginning(question, model, posterior=posterior)
+
+
+def setting_at(path, **keywords):
+    """Where contact laws and precisions are measured."""
+    model, question = _asked(path, keywords)
+    return setting_of(beginning(question, model, posterior=False), question, model)
+
+
+def _asked(path, keywords):
+    model = model_of(None, keywords)
+    return model, make_question(path, model, noise_of(None, keywords), 0, None, keywords)

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 import ifrfit
-from ifrfit.cost.conditions import setting_of
 from ifrfit.cost.inference_costs import UNIT
 from ifrfit.cost.measure import measure_costs
 from ifrfit.cost.report.figure import ASIDE, FRONT_LABEL
@@ -18,7 +17,7 @@ from ifrfit.cost.report.sentences import error_text, ratio_text
 from ifrfit.cost.timing import Cost, Timing
 from ifrfit.errors import UsageError
 
-from .made import INFERENCE, made
+from .made import INFERENCE, made, setting_at
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +176,7 @@ def test_the_folder_is_whole_and_is_kept(costs, tmp_path):
 def test_the_setting_of_physics_is_that_of_the_data():
     choices = {"prior": {"e_n": (0.98, 0.01)}}
     found = ifrfit.fit("kharaz-2001", method="lsq", **choices)
-    setting = setting_of(found, "kharaz-2001", choices)
+    setting = setting_at("kharaz-2001", **choices)
     for name in ("e_n", "e_t", "mu"):
         assert setting.constants[name] == pytest.approx(found.constants[name].value)
     maw = ifrfit.fit("kharaz-2001", closure="maw", method="lsq", **choices)
@@ -190,7 +189,7 @@ def test_the_setting_of_physics_is_that_of_the_data():
 def test_a_compliance_that_the_data_do_not_tell_is_the_middle_of_its_domain(impacts):
     path = impacts(gamma=np.linspace(60.0, 80.0, 20), noise=0.02, sigma=0.02)  # sliding alone
     choices = {"fix": {"e_n": 0.94}}
-    setting = setting_of(ifrfit.fit(path, method="lsq", **choices), path, choices)
+    setting = setting_at(path, **choices)
     assert setting.constants["chi"] == pytest.approx(0.5 * (7.0 / 6.0 + 7.0 / 4.0))
     assert setting.notes == (
         "Closure MAW does not find chi in these data: the middle of its domain, 1.46, is taken.",
@@ -202,14 +201,14 @@ def test_data_without_an_angle_have_no_contact_law(tmp_path):
     path.write_text("observable,value,sigma\ne_n,0.9,0.01\ne_n,0.91,0.01\n", encoding="utf-8")
     choices = {"fix": {"e_t": -0.9, "mu": 0.1}}
     with pytest.raises(UsageError, match="No row has an incidence angle"):
-        setting_of(ifrfit.fit(path, method="lsq", **choices), path, choices)
+        setting_at(path, **choices)
 
 
 def test_contact_laws_are_those_of_solid_spheres(impacts):
     path = impacts(gamma=np.linspace(5.0, 80.0, 20), noise=0.02, sigma=0.02)
     choices = {"fix": {"e_n": 0.94}, "inertia_factor": 2.0 / 3.0}
     with pytest.raises(UsageError, match=r"solid sphere, not for inertia factor 0\.666667: add"):
-        setting_of(ifrfit.fit(path, method="lsq", **choices), path, choices)
+        setting_at(path, **choices)
 
 
 def test_an_unknown_kind_is_refused_before_anything_is_read():

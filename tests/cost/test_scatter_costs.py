@@ -7,17 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from ifrfit.cost.compared_estimates import largest_errors, of_law
-from ifrfit.cost.conditions import setting_of
+from ifrfit import AngleErrors, Noise
+from ifrfit.cost.compared_estimates import largest_errors, of_distribution
 from ifrfit.cost.inference_costs import QUICK, Extent, inference_costs
 from ifrfit.cost.measure import measure_costs
-from ifrfit.cost.starting_optimum import beginning
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.fit import fit
 from ifrfit.inference.posterior import integrate
 
-from .made import closed_form
+from .made import closed_form, setting_at, start_of
 
+EFFECTIVE = Noise(angles=AngleErrors("effective", sigma_deg=1.0))
 SMALL = Extent(tolerances=(1e-1, 1e-2), replicates=(100,), steps=(10,), seeds=2, repeats=1, longest=60.0)
 FIX = {"e_n": 0.94}
 ALL = {"lsq", "profile", "bootstrap", "exact", "mcmc"}
@@ -44,7 +44,7 @@ def path(impacts):
     ids=["student-t", "effective", "set", "propagated"],
 )
 def test_a_method_that_does_not_know_the_scatter_is_left_out(path, error_model, methods, notes):
-    found = beginning(path, fix=FIX, **error_model)
+    found = start_of(path, fix=FIX, **error_model)
     measured = inference_costs(found.problem, extent=SMALL)
     assert {cost.method for cost in measured.costs} == methods
     assert set(measured.notes) == notes
@@ -57,22 +57,22 @@ def test_the_reference_under_a_scatter_that_hardly_differs_is_the_plain_one(impa
     fix = {"e_n": 0.94, "mu": 5.0}
     right, _, _ = closed_form(fit(path, method="lsq", fix=fix).problem)
     for error_model in ({"angle_errors": "set", "sigma_gamma": 0.1}, {"tails": "student-t", "dof": 1e6}):
-        problem = beginning(path, fix=fix, **error_model).problem
-        found = of_law(problem, integrate(problem, 1e-3))
+        problem = start_of(path, fix=fix, **error_model).problem
+        found = of_distribution(problem, integrate(problem, 1e-3))
         assert max(largest_errors([found], right).values()) < 2e-3
     # the control: heavy tails make another posterior
-    problem = beginning(path, fix=fix, tails="student-t").problem
-    assert max(largest_errors([of_law(problem, integrate(problem, 1e-3))], right).values()) > 0.1
+    problem = start_of(path, fix=fix, tails="student-t").problem
+    assert max(largest_errors([of_distribution(problem, integrate(problem, 1e-3))], right).values()) > 0.1
 
 
 def test_the_noise_of_an_integrated_scatter_is_as_in_a_fit(impacts):
     """One unknown noise becomes a factor with the prior of the noise, by either road."""
     path = impacts(gamma=np.linspace(5.0, 80.0, 12), noise=0.05, sigma=None, seed=3)
-    own = beginning(path, fix=FIX, angle_errors="set", sigma_gamma=1.0).problem
-    through_fit = fit(path, method="lsq", fix=FIX, angle_errors="effective", sigma_gamma=1.0).problem
-    assert own.noise == through_fit.noise == "scaled"
-    assert own.noise_bounds == through_fit.noise_bounds
-    assert own.sigma.tolist() == through_fit.sigma.tolist()
+    own = start_of(path, fix=FIX, angle_errors="set", sigma_gamma=1.0).problem
+    through_fit = fit(path, method="lsq", fix=FIX, noise=EFFECTIVE).problem
+    assert own.noise.policy == through_fit.noise.policy == "scaled"
+    assert own.noise_bounds() == through_fit.noise_bounds()
+    assert own.noise.sigma.tolist() == through_fit.noise.sigma.tolist()
 
 
 def test_angles_that_tie_e_n_leave_no_reference(impacts):
@@ -81,23 +81,23 @@ def test_angles_that_tie_e_n_leave_no_reference(impacts):
     with pytest.raises(
         UsageError, match=r"so there is no exact posterior to measure errors against\. Fix e_n"
     ):
-        beginning(path, **error_model)
-    assert beginning(path, posterior=False, **error_model).method == "lsq"
-    assert beginning(path, fix=FIX, **error_model).problem.error_model.integrates
+        start_of(path, **error_model)
+    assert start_of(path, posterior=False, **error_model).method == "lsq"
+    assert start_of(path, fix=FIX, **error_model).problem.error_model.integrates
 
 
 def test_errors_of_a_scatter_name_the_scatter_that_was_asked_for(path):
     error_model = {"angle_errors": "set", "sigma_gamma": 1.0}
     with pytest.raises(UsageError, match=r"Closure MAW knows independent Gaussian.*--angle-errors set out"):
-        beginning(path, closure="maw", **error_model)
+        start_of(path, closure="maw", **error_model)
     with pytest.raises(DataError, match="--angle-errors set, but no row states an uncertainty of its angle"):
-        beginning(path, fix=FIX, angle_errors="set")
+        start_of(path, fix=FIX, angle_errors="set")
     with pytest.raises(UsageError, match="--angle-errors measured needs --angle-population"):
-        measure_costs(path, fix=FIX, angle_errors="measured", sigma_gamma=1.0)
+        measure_costs(path, fix=FIX, noise=Noise(angles=AngleErrors("measured", sigma_deg=1.0)))
 
 
 def test_where_every_method_takes_too_long_nothing_is_claimed(path, monkeypatch):
-    problem = beginning(path, fix=FIX, angle_errors="set", sigma_gamma=1.0).problem
+    problem = start_of(path, fix=FIX, angle_errors="set", sigma_gamma=1.0).problem
     hasty = Extent((1e-1,), (50,), (10**9,), seeds=1, repeats=1, longest=0.5, reference=0.0)
     with pytest.raises(UsageError, match=r"takes longer on these data than 0\.5 s: choose --kind physics"):
         inference_costs(problem, extent=hasty)
@@ -109,9 +109,9 @@ def test_where_every_method_takes_too_long_nothing_is_claimed(path, monkeypatch)
 
 def test_contact_laws_stand_at_constants_that_the_notes_own_up_to(path):
     choices = {"fix": FIX, "angle_errors": "set", "sigma_gamma": 1.0}
-    setting = setting_of(beginning(path, **choices), path, choices)
-    plain = setting_of(fit(path, method="lsq", fix=FIX), path, {"fix": FIX})
-    by_slope = fit(path, method="lsq", fix=FIX, angle_errors="effective", sigma_gamma=1.0)
+    setting = setting_at(path, **choices)
+    plain = setting_at(path, fix=FIX)
+    by_slope = fit(path, method="lsq", fix=FIX, noise=EFFECTIVE)
     assert setting.constants["mu"] == pytest.approx(by_slope.constants["mu"].value, rel=1e-6)
     assert setting.constants["mu"] != plain.constants["mu"]
     assert setting.constants["chi"] == plain.constants["chi"]
@@ -123,6 +123,6 @@ def test_contact_laws_stand_at_constants_that_the_notes_own_up_to(path):
 
 
 def test_the_text_says_which_scatter(path):
-    found = measure_costs(path, kinds="arithmetic", quick=True, fix=FIX, tails="student-t")
+    found = measure_costs(path, kinds="arithmetic", quick=True, fix=FIX, noise=Noise(tails="student-t"))
     assert "closure IFR, known noise, Student-t errors (4 degrees of freedom)" in found.summary()
     assert found.to_dict()["noise"]["scatter"]["tails"] == "student-t"

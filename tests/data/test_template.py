@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 from ifrfit.cli.main import app
 from ifrfit.data import read, template_text
 from ifrfit.data.column_names import COMMON, RAW
-from ifrfit.data.schema import OBSERVABLES
 from ifrfit.errors import DataError
 from ifrfit.inference.fit import fit
+from ifrfit.physics import OBSERVABLES
 
 BOTH = pytest.mark.parametrize("raw", [False, True], ids=["derived", "raw"])
 TRUTH = {"e_n": 0.94, "e_t": -0.98, "mu": 0.12}

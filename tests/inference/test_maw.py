@@ -12,6 +12,7 @@ import pytest
 import ifrfit
 from ifrfit.errors import UsageError
 from ifrfit.inference import load_result
+from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.physics import get_closure, transition_angles, transition_tau
 from ifrfit.physics.compliance import chi_of, poisson_ratio
@@ -57,7 +58,7 @@ def test_exact_data_are_met_exactly(impacts: Impacts) -> None:
 def brute(found: ifrfit.FitResult, per_panel: int = 12) -> tuple[float, np.ndarray, np.ndarray]:
     """Evidence, means and standard deviations by Gauss-Legendre panels over the whole domain."""
     density = Density(found.problem)
-    drawn = found.law.draws(4000, np.random.default_rng(1))
+    drawn = found.distribution.draws(4000, np.random.default_rng(1))
     nodes, weights = np.polynomial.legendre.leggauss(per_panel)
     axes, sizes = [], []
     for name, low, high in zip(density.names, density.lower, density.upper, strict=True):
@@ -97,7 +98,7 @@ def test_posterior_against_brute_force(
         gamma=gamma, observables=observables, e_n=0.8, c=1.5, mu=0.2, closure="maw", noise=noise, sigma=noise
     )
     found = fit(path, **choices)
-    posterior = found.law
+    posterior = found.distribution
     assert posterior.converged
     log_evidence, mean, sd = brute(found)
     assert posterior.log_evidence == pytest.approx(log_evidence, abs=2e-3)
@@ -113,7 +114,8 @@ def test_one_transition_quantile_by_draws(impacts: Impacts) -> None:
     law = get_closure("maw").law(0.4)
     tau = drawn["kappa"] / law.bound(drawn["chi"])
     expected = np.quantile(tau, [0.025, 0.16, 0.5, 0.84, 0.975])
-    assert np.abs(found.law.transition("run") - expected).max() < 0.05 * tau.std()
+    quantiles = found.distribution.quantile("transition_tau[run]", LEVELS)
+    assert np.abs(quantiles - expected).max() < 0.05 * tau.std()
 
 
 def test_only_kappa_is_seen(impacts: Impacts) -> None:
@@ -246,7 +248,7 @@ def test_coverage_of_the_exact_intervals(impacts: Impacts, n: int) -> None:
             gamma=GAMMA[::3], closure="maw", e_n=0.9, c=chi, mu=mu, noise=0.1, sigma=0.1, seed=500 + seed
         )
         found = fit(path, fix={"e_n": 0.9}, bounds={"mu": (0.05, 0.4)})
-        below += [found.law.cdf("chi", chi), found.law.cdf("mu", mu)]
+        below += [found.distribution.cdf("chi", chi), found.distribution.cdf("mu", mu)]
     for ranks in (np.sort(below[::2]), np.sort(below[1::2])):
         steps = np.arange(n + 1) / n
         distance = max(np.abs(ranks - steps[1:]).max(), np.abs(ranks - steps[:-1]).max())

@@ -17,7 +17,7 @@ from ifrfit.data.descriptor import read_package
 from ifrfit.data.locations import entry
 from ifrfit.inference.fit import fit
 from ifrfit.paper.cases import CASES, fit_case
-from ifrfit.paper.recovered_constants import chance, held
+from ifrfit.paper.recovered_constants import chance, count_recovered
 from ifrfit.physics import OBSERVABLES, rebound
 
 STAND_INS = tuple(
@@ -41,13 +41,16 @@ def done(nothing_installed):
 def test_there_are_five_stand_ins_in_eight_fits_two_of_them_of_the_same_impacts():
     assert len({case.dataset for case in STAND_INS}) == 5
     assert len(STAND_INS) == 8
-    assert [case.name for case in STAND_INS if case.again] == ["cross-2019-psi-after", "cross-2019-mu-app"]
+    assert [case.name for case in STAND_INS if case.repeats_data] == [
+        "cross-2019-psi-after",
+        "cross-2019-mu-app",
+    ]
 
 
 def test_every_free_constant_is_judged(done):
-    _, k = held(done)
+    _, k = count_recovered(done)
     lines = [line for d in done for line in d.lines]
-    judged = [line for d in done if not d.again for line in d.lines if line.recovers is not None]
+    judged = [line for d in done if not d.repeats_data for line in d.lines if line.recovers is not None]
     assert k == len(judged)
     # beta gives e_t and mu once e_n is known, beta_tot and delta give a limit of e_t at the least
     assert k == 4 * 2 + 2 * 3
@@ -55,7 +58,7 @@ def test_every_free_constant_is_judged(done):
 
 
 def test_the_hits_agree_with_the_binomial_law(done):
-    hits, k = held(done)
+    hits, k = count_recovered(done)
     assert chance(hits, k) == pytest.approx(bdtr(hits, k, 0.95))
     lower, upper = bdtr(hits, k, 0.95), 1.0 - bdtr(hits - 1, k, 0.95)
     assert lower >= REJECTED, f"{hits} of {k}"
@@ -72,7 +75,7 @@ def test_the_misfit_of_the_truth_itself_is_what_chance_gives():
     """chi2 of the values put in, over all stand-ins whose sigma is the noise put in."""
     p = []
     for case in STAND_INS:
-        if "spin 0" in case.series[0] or case.again:
+        if "spin 0" in case.series[0] or case.repeats_data:
             continue  # these rows state a nominal spin, not their own; those are counted already
         table = load_dataset(case.dataset).table
         rows = table[table["series"].isin(case.series) & table["observable"].isin(case.observable)]

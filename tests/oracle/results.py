@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from oracle.problems import Problem
 from oracle.tables import write_table
 
 import ifrfit
+from ifrfit.inference.keywords import deprecated, estimator_of, noise_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,7 +58,7 @@ def run(problem: Problem, folder: Path) -> dict[str, Any]:
     names = (problem.data,) if isinstance(problem.data, str) else problem.data
     data = [_data(name, folder) for name in names]
     if problem.call == "compare":
-        return _comparison(ifrfit.compare(data, **problem.options))
+        return _comparison(ifrfit.compare(data, **_with_objects(problem.options)))
     if problem.call == "simulate-fit":
         ifrfit.fit(data, separate="mu").save(folder / "result.json")
         (folder / "scene.toml").write_text(_SCENE, encoding="utf-8")
@@ -64,7 +66,14 @@ def run(problem: Problem, folder: Path) -> dict[str, Any]:
     options = dict(problem.options)
     if "scene" in options:
         options["scene"] = ROOT / options["scene"]
-    return _fit(ifrfit.fit(data, **options), problem)
+    return _fit(ifrfit.fit(data, **_with_objects(options, method=True)), problem)
+
+
+def _with_objects(options: Mapping[str, Any], *, method: bool = False) -> dict[str, Any]:
+    """The same with objects for the noise and the method, whose keywords are deprecated."""
+    found = {key: value for key, value in options.items() if key not in deprecated()}
+    found["noise"] = noise_of(options.get("noise"), options)
+    return found | {"method": estimator_of(options.get("method"), options)} if method else found
 
 
 def _data(name: str, folder: Path) -> str | Path:

@@ -8,7 +8,7 @@ import pytest
 
 from ifrfit.paper.figure import PaperFigure
 from ifrfit.paper.figures import FIGURES
-from ifrfit.paper.make_figure import make, scene_of
+from ifrfit.paper.make_figure import make_figure, scene_of
 
 
 def named(name: str) -> PaperFigure:
@@ -48,7 +48,7 @@ def picture(nothing_installed, fits) -> Callable:
 
     def of(name: str):
         if name not in made:
-            made[name] = make(named(name), fits)
+            made[name] = make_figure(named(name), fits)
         return made[name]
 
     return of

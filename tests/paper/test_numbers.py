@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from matplotlib.collections import PolyCollection
 from ifrfit.data.catalogue import load_dataset
 from ifrfit.paper import scheme_impact
 from ifrfit.paper.figures import FIGURES, KHARAZ, PAPER
-from ifrfit.paper.scene import HEADER, rows_of, write_rows
+from ifrfit.paper.scene import HEADER, rounded, rows_of, write_rows
 from ifrfit.physics import rebound
 
 WITH_POINTS = [f.name for f in FIGURES if f.kind in ("points", "kharaz")]
@@ -165,6 +166,22 @@ def test_every_curve_and_point_drawn_is_in_the_csv(picture, name):
                 ends = {(f"{a:.8g}", f"{b:.8g}") for a, b in band.get_paths()[0].vertices}
                 assert ends <= limits | lines
     assert drawn > 100
+
+
+def shifted(scene, by):
+    """The scene with curves, points and residuals off by a relative `by`."""
+    curves = tuple(replace(c, x=c.x * (1.0 + by), y=c.y * (1.0 - by)) for c in scene.curves)
+    points = tuple(
+        replace(p, y=p.y * (1.0 + by), sigma=p.sigma * (1.0 - by), residual=p.residual * (1.0 + by))
+        for p in scene.points
+    )
+    return replace(scene, curves=curves, points=points)
+
+
+@pytest.mark.parametrize(("by", "same"), [(1e-13, True), (1e-4, False)])
+def test_the_last_bits_of_a_processor_are_not_in_the_csv(scene, by, same):
+    here, there = (list(rows_of(rounded(s))) for s in (scene("3"), shifted(scene("3"), by)))
+    assert (here == there) is same
 
 
 def test_a_curve_that_is_not_in_the_csv_would_be_seen(picture):

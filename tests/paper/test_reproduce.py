@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from ifrfit.data.catalogue import dataset_names, install, printed_constants
+from ifrfit.data.catalogue import dataset_names, install, load_dataset, printed_constants
 from ifrfit.errors import UsageError
 from ifrfit.paper import cases, reproduce
-from ifrfit.paper.figure_selection import chosen
+from ifrfit.paper.figure_selection import select_figures
 from ifrfit.paper.figures import FIGURES
 from ifrfit.paper.recovered_constants import chance
 
@@ -91,6 +91,20 @@ def test_the_table_has_its_columns_and_says_where_everything_comes_from(whole):
             assert row["stderr"] == ""
         if row["status"] == "not_determined":
             assert row["value"] == ""
+
+
+def test_constants_have_the_digits_that_are_known(whole):
+    mu = of(rows_of(whole[0]), "netl-glass-acrylic", "mu")
+    table = load_dataset("netl-glass-acrylic").table
+    assert mu["value"] == f"{table.loc[table['observable'] == 'mu', 'value'].mean():.5f}"
+    # four digits of the standard deviation, and the same places for all four numbers
+    for row in rows_of(whole[0]):
+        if row["stderr"]:
+            assert len(row["stderr"].replace(".", "").lstrip("0")) == 4
+            places = {
+                len(row[name].partition(".")[2]) for name in ("value", "stderr", "lo95", "hi95") if row[name]
+            }
+            assert len(places) == 1
 
 
 def test_each_figure_has_the_friction_that_is_printed_for_it(whole):
@@ -183,7 +197,7 @@ def test_a_second_whole_run_writes_the_same_bytes(whole, tmp_path):
     ],
 )
 def test_figures_are_chosen_by_name(wanted, stems):
-    assert [figure.stem for figure in chosen(wanted, False).figures] == stems
+    assert [figure.stem for figure in select_figures(wanted, False).figures] == stems
 
 
 @pytest.mark.parametrize("name", ["10", "", "A3", "kharaz-gamma", "a"])
@@ -191,7 +205,7 @@ def test_an_unknown_figure_is_refused_with_those_there_are(name):
     with pytest.raises(
         UsageError, match=r"there is no such figure\. There are 1, 2, 3, 4a, .*kharaz-delta\."
     ):
-        chosen((name,), False)
+        select_figures((name,), False)
 
 
 def test_one_figure_leaves_the_others_and_the_table_alone(tmp_path):

@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "inference" / "comparison"))
-
 from comparison_data import FOUR, observations
 
 from ifrfit.errors import UsageError
@@ -174,7 +169,7 @@ def test_folder_appears_whole_or_not_at_all(found, tmp_path, monkeypatch):
 
 def test_a_fit_and_a_comparison_share_a_folder(found, tmp_path):
     write_comparison(found, tmp_path / "both", force=False)
-    write_folder(found.best, tmp_path / "both", force=False, figures=False)
+    write_folder(found.best, None, tmp_path / "both", force=False)
     names = {path.name for path in (tmp_path / "both").iterdir()}
     assert names == {"compare.json", "compare.svg", "compare.png", "result.json"}
 

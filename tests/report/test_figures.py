@@ -14,10 +14,10 @@ import pytest
 from ifrfit.errors import UsageError
 from ifrfit.inference.result.types import Fact
 from ifrfit.report import legend, plot
-from ifrfit.report.outlier_marks import outlier_limit, ringed
+from ifrfit.report.outlier_marks import is_outlier, outlier_limit
 from ifrfit.report.panels import axis_label
 from ifrfit.report.shading import regime_key, spans
-from ifrfit.report.style import looks, save_figure
+from ifrfit.report.style import save_figure, series_styles
 
 
 def texts(figure) -> list[str]:
@@ -119,18 +119,18 @@ def test_the_rows_that_the_fit_names_are_ringed_whatever_their_residuals(made):
     row = points.iloc[3]
     name = f"{row['source']} line {row['row']} ({row['observable']})"
     fact = Fact(False, "", {"rows": [name], "limit": 3.6}, "")
-    marked = ringed(replace(result, facts={"outliers": fact}), points)
+    marked = is_outlier(replace(result, facts={"outliers": fact}), points)
     assert list(np.flatnonzero(marked)) == list(np.flatnonzero(points["row"] == row["row"]))
     assert abs(row["standardised"]) < 3.6
     none = Fact(True, "Too few rows.", {"rows": [], "limit": None}, "")
     loud = made.contradicted()
-    assert not ringed(replace(loud, facts={"outliers": none}), loud.points).any()
+    assert not is_outlier(replace(loud, facts={"outliers": none}), loud.points).any()
 
 
 def test_rows_are_ringed_by_bonferroni_at_one_percent_where_the_fit_does_not_judge(made):
     result = replace(made.contradicted(), facts={})
     assert 34 * math.erfc(outlier_limit(result) / math.sqrt(2.0)) == pytest.approx(0.01)
-    assert list(np.flatnonzero(ringed(result, result.points))) == [20]
+    assert list(np.flatnonzero(is_outlier(result, result.points))) == [20]
 
 
 def test_provenance_is_in_the_legend(made):
@@ -149,9 +149,12 @@ def test_a_stand_in_is_written_across_the_picture(made):
 
 
 def test_series_differ_by_marker_and_line_not_only_by_colour():
-    given = looks([f"run {i}" for i in range(7)])
+    given = series_styles([f"run {i}" for i in range(7)])
     assert len({look.marker for look in given.values()}) == 7
-    assert len({(look.marker, str(look.line)) for look in looks([str(i) for i in range(40)]).values()}) == 40
+    assert (
+        len({(look.marker, str(look.line)) for look in series_styles([str(i) for i in range(40)]).values()})
+        == 40
+    )
 
 
 def test_transitions_that_differ_are_shown_series_by_series(made):
@@ -220,17 +223,29 @@ def test_two_runs_give_the_same_bytes_and_text_stays_text(made, tmp_path):
     assert "<dc:date>" not in (tmp_path / "a.svg").read_text(encoding="utf-8")
 
 
+# fits and draws without the page, whose sameness test_page.py looks after
+FIT_AND_DRAW = """
+import sys
+from pathlib import Path
+import ifrfit
+from ifrfit.report.style import save_figure
+
+figure = ifrfit.fit("kharaz-2001", prior={"e_n": (0.98, 0.01)}).plot()
+for suffix in ("svg", "png"):
+    save_figure(figure, Path(sys.argv[1]).with_suffix("." + suffix))
+"""
+
+
 def test_two_fits_in_two_processes_write_the_same_figures(tmp_path):
-    options = ("kharaz-2001", "--prior", "e_n=0.98,0.01", "--quiet")
     for run, seed in (("a", "1"), ("b", "2")):
         subprocess.run(
-            [sys.executable, "-m", "ifrfit", "fit", *options, "--out", tmp_path / run],
+            [sys.executable, "-c", FIT_AND_DRAW, tmp_path / run],
             env={**os.environ, "PYTHONHASHSEED": seed, "IFRFIT_DATA_DIR": str(tmp_path / "none")},
             check=True,
             capture_output=True,
         )
-    for name in ("fit.svg", "fit.png"):
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    for suffix in ("svg", "png"):
+        assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
 
 
 def test_the_layout_is_settled_to_six_digits(made):

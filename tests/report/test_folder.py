@@ -4,11 +4,14 @@ import json
 import os
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.appraisal import Appraisal
 from ifrfit.report import folder, write_folder
 
+APPRAISAL = Appraisal(pd.DataFrame(), {}, without_profiles="They take long.")
 NAMES = ["result.json", "fit.svg", "fit.png", "report.html"]
 
 
@@ -18,22 +21,22 @@ def names(place: Path) -> set[str]:
 
 def test_a_new_folder_and_nothing_beside_it(made, tmp_path):
     out = tmp_path / "results" / "impacts"
-    assert write_folder(made.fine(), out, force=False) == NAMES
+    assert write_folder(made.fine(), APPRAISAL, out, force=False) == NAMES
     assert names(out) == set(NAMES)
     assert names(out.parent) == {"impacts"}
     assert json.loads((out / "result.json").read_text(encoding="utf-8"))["closure"] == "ifr"
 
 
 def test_without_figures(made, tmp_path):
-    assert write_folder(made.fine(), tmp_path / "a", force=False, figures=False) == ["result.json"]
+    assert write_folder(made.fine(), None, tmp_path / "a", force=False) == ["result.json"]
 
 
 def test_an_earlier_result_is_refused_and_kept(made, tmp_path):
     out = tmp_path / "a"
-    write_folder(made.fine(), out, force=False, figures=False)
+    write_folder(made.fine(), None, out, force=False)
     before = (out / "result.json").read_bytes()
     with pytest.raises(UsageError) as caught:
-        write_folder(made.stand_in(), out, force=False)
+        write_folder(made.stand_in(), APPRAISAL, out, force=False)
     assert str(caught.value) == f"{out} holds an earlier result; add --force to replace it."
     assert (out / "result.json").read_bytes() == before
     assert names(out) == {"result.json"}
@@ -41,9 +44,9 @@ def test_an_earlier_result_is_refused_and_kept(made, tmp_path):
 
 def test_force_replaces_everything_the_earlier_result_left(made, tmp_path):
     out = tmp_path / "a"
-    write_folder(made.fine(), out, force=False)
+    write_folder(made.fine(), APPRAISAL, out, force=False)
     (out / "report.html").write_text("of the earlier result")
-    write_folder(made.stand_in(), out, force=True, figures=False)
+    write_folder(made.stand_in(), None, out, force=True)
     assert names(out) == {"result.json"}
     assert names(tmp_path) == {"a"}
     assert '"cross-2019"' in (out / "result.json").read_text(encoding="utf-8")
@@ -58,7 +61,7 @@ def test_files_of_others_stay(made, tmp_path, force):
     if force:
         (out / "result.json").write_text("{}")
         (out / "report.html").write_text("of the earlier result")
-    write_folder(made.fine(), out, force=force)
+    write_folder(made.fine(), APPRAISAL, out, force=force)
     assert names(out) == {*NAMES, "notes.txt", "raw"}
     assert (out / "notes.txt").read_text() == "mine"
     assert names(tmp_path) == {"a"}
@@ -69,7 +72,7 @@ def test_a_figure_of_others_is_not_overwritten_without_force(made, tmp_path):
     out.mkdir()
     (out / "fit.png").write_text("mine")
     with pytest.raises(UsageError, match=r"holds a file fit\.png already; add --force to replace it, or"):
-        write_folder(made.fine(), out, force=False)
+        write_folder(made.fine(), APPRAISAL, out, force=False)
     assert (out / "fit.png").read_text() == "mine"
 
 
@@ -77,9 +80,9 @@ def test_the_folder_one_stands_in_is_filled(made, tmp_path, monkeypatch):
     out = tmp_path / "a"
     out.mkdir()
     monkeypatch.chdir(out)
-    write_folder(made.fine(), Path(), force=False, figures=False)
+    write_folder(made.fine(), None, Path(), force=False)
     assert Path("result.json").exists()
-    write_folder(made.fine(), Path(), force=True)
+    write_folder(made.fine(), APPRAISAL, Path(), force=True)
     assert names(Path()) == set(NAMES)
 
 
@@ -87,8 +90,8 @@ def test_a_link_stays_a_link(made, tmp_path):
     (tmp_path / "real").mkdir()
     link = tmp_path / "link"
     link.symlink_to("real")
-    write_folder(made.fine(), link, force=False, figures=False)
-    write_folder(made.fine(), link, force=True, figures=False)
+    write_folder(made.fine(), None, link, force=False)
+    write_folder(made.fine(), None, link, force=True)
     assert link.is_symlink()
     assert names(tmp_path / "real") == {"result.json"}
 
@@ -99,13 +102,13 @@ def test_nothing_appears_when_drawing_fails(made, tmp_path, monkeypatch):
 
     monkeypatch.setattr(folder, "save_figure", fail)
     with pytest.raises(RuntimeError, match="no ink"):
-        write_folder(made.fine(), tmp_path / "deep" / "a", force=False)
+        write_folder(made.fine(), APPRAISAL, tmp_path / "deep" / "a", force=False)
     assert names(tmp_path) == set()
 
 
 def test_the_earlier_result_survives_a_failed_replacement(made, tmp_path, monkeypatch):
     out = tmp_path / "a"
-    write_folder(made.fine(), out, force=False, figures=False)
+    write_folder(made.fine(), None, out, force=False)
     rename = Path.rename
 
     def fail(self: Path, target: Path) -> Path:
@@ -115,7 +118,7 @@ def test_the_earlier_result_survives_a_failed_replacement(made, tmp_path, monkey
 
     monkeypatch.setattr(Path, "rename", fail)
     with pytest.raises(UsageError) as caught:
-        write_folder(made.stand_in(), out, force=True, figures=False)
+        write_folder(made.stand_in(), None, out, force=True)
     assert str(caught.value) == (
         f"{out}: cannot be written (No space left on device). Choose another folder with --out."
     )
@@ -126,7 +129,7 @@ def test_the_earlier_result_survives_a_failed_replacement(made, tmp_path, monkey
 def test_a_file_in_the_way(made, tmp_path):
     (tmp_path / "a").write_text("")
     with pytest.raises(UsageError) as caught:
-        write_folder(made.fine(), tmp_path / "a", force=True)
+        write_folder(made.fine(), APPRAISAL, tmp_path / "a", force=True)
     assert str(caught.value) == f"{tmp_path / 'a'} is a file. Name a folder with --out."
     with pytest.raises(UsageError, match=r"cannot be written \(.+\)\. Choose another folder with --out\."):
-        write_folder(made.fine(), tmp_path / "a" / "b", force=True)
+        write_folder(made.fine(), APPRAISAL, tmp_path / "a" / "b", force=True)

@@ -5,17 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from built_results import TRUTH, Run, make_table, points_of
 
 from ifrfit.data import Observations, Source
 from ifrfit.inference import load_result
+from ifrfit.inference.appraise import appraise
 from ifrfit.inference.fit import fit
 from ifrfit.report import plot, summary, write_folder
 
 
 @pytest.fixture(scope="module")
-def result(made):
-    points = made.points_of((made.Run("a"), made.Run("b", spin_y=0.2)), ("beta",), "impacts.csv", made.TRUTH)
-    table = points[[*made.make_table({"value": [0.0]}).columns]]
+def result():
+    points = points_of(
+        (Run("a"), Run("b", spin_y=0.2)),
+        ("beta",),
+        "impacts.csv",
+        TRUTH,
+    )
+    table = points[[*make_table({"value": [0.0]}).columns]]
     source = Source("impacts.csv", "cd" * 32, len(table), len(table), {}, "measured")
     return fit(Observations(table, (source,)), fix={"e_n": 0.94})
 
@@ -24,7 +31,7 @@ def test_a_real_fit_is_shown_saved_and_read_back(result, tmp_path):
     text = summary(result)
     assert text.startswith("impacts.csv   68 impacts, beta, measured, no sigma given\n")
     assert "a: 12 impacts stick, 22 slide; transition at " in text
-    names = write_folder(result, tmp_path / "out", force=False)
+    names = write_folder(result, appraise(result), tmp_path / "out", force=False)
     assert names == ["result.json", "fit.svg", "fit.png", "report.html"]
     back = load_result(tmp_path / "out" / "result.json")
     assert summary(back) == text

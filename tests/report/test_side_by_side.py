@@ -45,8 +45,8 @@ def test_intervals_that_disagree_are_told_in_a_sentence_each_and_columns_stay_al
     assert "any value" in lines[3]
     assert "mu [run 1]" in lines[5]
     assert len({line.index("[", 14) for line in lines[4:6]}) == 1
-    looks = [line for line in lines if line.startswith("  LOOK")]
-    assert [line.split()[1] for line in looks] == ["e_n:", "e_t:"]
+    series_styles = [line for line in lines if line.startswith("  LOOK")]
+    assert [line.split()[1] for line in series_styles] == ["e_n:", "e_t:"]
     assert max(map(len, lines)) <= 100
     assert "the three methods agree" not in text
 

@@ -177,8 +177,8 @@ def test_the_text_table_is_plain_ascii_and_narrow_whatever_the_case(made):
 def test_a_result_that_is_not_fine_says_so_in_its_first_line(made):
     lines = summary(made.contradicted()).split("\n")
     assert lines[0] == "LOOK  the data contradict the closure; outliers. Details below."
-    looks = [line for line in lines if line.startswith("  LOOK")]
-    assert len(looks) == 2
+    series_styles = [line for line in lines if line.startswith("  LOOK")]
+    assert len(series_styles) == 2
     # a constant on its bound has said so in the table: a note, no alarm
     assert "  note  e_t lies on its bound -1." in lines
 
@@ -267,11 +267,11 @@ def test_predictive_checks_that_fail_beside_the_fit_are_told_with_it(made):
     failing = checks(["chi2", "runs"], chi2=2e-9, runs=0.0002, largest=0.2, share=0.1)
     result = replace(base, facts={**base.facts, "predictive": failing})
     assert headline(result) == headline(base) == "the data contradict the closure; outliers"
-    looks = [says for kind, says in findings(result) if kind == "LOOK"]
-    assert looks[0].endswith(
+    series_styles = [says for kind, says in findings(result) if kind == "LOOK"]
+    assert series_styles[0].endswith(
         "; posterior predictive checks fail too: chi2 (p = 2e-09) and runs of signs (p = 2e-04)"
     )
-    assert len(looks) == 2
+    assert len(series_styles) == 2
     assert "this and that" not in summary(result)
 
 
@@ -281,8 +281,8 @@ def test_a_residual_that_is_too_large_is_told_with_the_outliers(made):
     facts = {**base.facts, "predictive": failing, "lack_of_fit": made.fine().facts["lack_of_fit"]}
     result = replace(base, facts=facts)
     assert headline(result) == "outliers"
-    looks = [says for kind, says in findings(result) if kind == "LOOK"]
-    assert looks == [
+    series_styles = [says for kind, says in findings(result) if kind == "LOOK"]
+    assert series_styles == [
         "impacts.csv, line 22 is an outlier; posterior predictive checks fail too: "
         "largest residual (p = 8e-13)"
     ]

@@ -153,8 +153,8 @@ def plot_costs(measured: EffectCosts, accuracy: float, title: str) -> Figure:
             "accuracy asked for", (0.01, accuracy), xycoords=("axes fraction", "data"), xytext=(0, 2),
             textcoords="offset points", fontsize=6.0, color=style.GREY,
         )  # fmt: skip
-        for cost, look in zip(shown, style.looks([c.method for c in shown]).values(), strict=True):
-            _draw(axes, cost, look, min(max(cost.error, low), high))
+        for cost, styles in zip(shown, style.series_styles([c.method for c in shown]).values(), strict=True):
+            _draw(axes, cost, styles, min(max(cost.error, low), high))
         axes.set_ylim(0.4 * low, 2.5 * high)
         axes.margins(x=0.1)
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -164,16 +164,18 @@ def plot_costs(measured: EffectCosts, accuracy: float, title: str) -> Figure:
         axes.set_ylabel("largest change of an observable\n(angles in radians)")
         figure.suptitle(text, fontsize=7.5)
         figure.legend(loc="outside lower center", ncols=2, fontsize=6.6)
-        style.settle(figure)
+        style.fix_layout(figure)
     return figure
 
 
-def _draw(axes: Axes, cost: Cost, look: style.Look, y: float) -> None:
+def _draw(axes: Axes, cost: Cost, series_style: style.SeriesStyle, y: float) -> None:
     x, left, right = (max(_NS * t, _LEAST_NS) for t in (cost.time.median, cost.time.low, cost.time.high))
-    face = look.colour if cost.setting == "on" else "white"
-    axes.errorbar([x], [y], xerr=[[x - left], [right - x]], fmt="none", ecolor=look.colour, elinewidth=0.8)
+    face = series_style.colour if cost.setting == "on" else "white"
+    axes.errorbar(
+        [x], [y], xerr=[[x - left], [right - x]], fmt="none", ecolor=series_style.colour, elinewidth=0.8
+    )
     axes.plot(
-        [x], [y], ls="none", marker=look.marker, ms=5.0, mfc=face, mec=look.colour, mew=0.9,
+        [x], [y], ls="none", marker=series_style.marker, ms=5.0, mfc=face, mec=series_style.colour, mew=0.9,
         label=f"{EFFECTS[cost.method].title}, {_SHOWN[cost.setting]}: {change_text(cost)}",
     )  # fmt: skip
 

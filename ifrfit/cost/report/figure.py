@@ -63,7 +63,7 @@ def plot(costs: Costs, kind: Kind) -> Figure:
     if not choices:
         raise UsageError(f"Nothing of the kind {kind} was measured.")
     methods = list(dict.fromkeys(choice.method for choice in choices))
-    looks = style.looks(methods)
+    series_styles = style.series_styles(methods)
     width = 110.0 / style.MM_PER_INCH
     title = _title(costs, kind, width)
     rows = 1 + math.ceil((len(methods) + 2) / 3)
@@ -81,7 +81,7 @@ def plot(costs: Costs, kind: Kind) -> Figure:
             _floor(axes, costs.reference.error)
         for method in methods:
             own = [c for c in choices if c.method == method]
-            _draw(axes, own, looks[method])
+            _draw(axes, own, series_styles[method])
             if kind != "arithmetic" and len(own) > 1 and method not in OTHER_QUESTION:
                 _name_ends(axes, own, middle)
         axes.set_xscale("log")
@@ -90,13 +90,13 @@ def plot(costs: Costs, kind: Kind) -> Figure:
         axes.set_ylabel(_Y_LABELS[kind])
         axes.margins(x=0.09, y=0.08)
         if is_stand_in(costs.fit):
-            style.write_across(axes, STAND_IN, size=26.0)
+            style.write_watermark(axes, STAND_IN, size=26.0)
         figure.suptitle(title, fontsize=7.5, weight="bold" if is_stand_in(costs.fit) else "normal")
         figure.legend(
             loc="outside lower center", ncols=3, fontsize=6.6, handlelength=2.4, title_fontsize=6.4,
             title=ASIDE if any(method in OTHER_QUESTION for method in methods) else None,
         )  # fmt: skip
-        style.settle(figure)
+        style.fix_layout(figure)
     return figure
 
 
@@ -118,26 +118,45 @@ def _front(axes: Axes, choices: Sequence[Choice]) -> None:
     axes.step([*x, right], [*y, y[-1]], where="post", color="0.75", lw=3.0, zorder=1, label=FRONT_LABEL)
 
 
-def _draw(axes: Axes, choices: Sequence[Choice], look: style.Look) -> None:
+def _draw(axes: Axes, choices: Sequence[Choice], series_style: style.SeriesStyle) -> None:
     """One method: settings joined in their order, the spread of the times, filled where on the front."""
     x, y = [c.time.median for c in choices], [max(c.error, _LEAST) for c in choices]
     left = [c.time.median - c.time.low for c in choices]
     right = [c.time.high - c.time.median for c in choices]
     axes.errorbar(
-        x, y, xerr=[left, right], fmt="none", ecolor=look.colour, elinewidth=0.8, capsize=1.5, zorder=2
+        x, y, xerr=[left, right], fmt="none",
+        ecolor=series_style.colour, elinewidth=0.8, capsize=1.5, zorder=2,
     )  # fmt: skip
     method = choices[0].method
-    axes.plot(x, y, color=look.colour, ls=look.line, lw=1.0, zorder=3)
+    axes.plot(x, y, color=series_style.colour, ls=series_style.line, lw=1.0, zorder=3)
     for choice, a, b in zip(choices, x, y, strict=True):
-        face = look.colour if choice.on_front else "white"
-        axes.plot(a, b, ls="none", marker=look.marker, ms=4.5, mfc=face, mec=look.colour, mew=0.9, zorder=4)
+        face = series_style.colour if choice.on_front else "white"
+        axes.plot(
+            a,
+            b,
+            ls="none",
+            marker=series_style.marker,
+            ms=4.5,
+            mfc=face,
+            mec=series_style.colour,
+            mew=0.9,
+            zorder=4,
+        )
         if choice.error < _LEAST:
             axes.annotate(
                 f"{error_text(choice.error)} ↓", (a, b), xytext=(2, -9), textcoords="offset points",
                 fontsize=5.8, color=style.GREY, ha="right", zorder=5,
             )  # fmt: skip
     label = method_name(method) + (" †" if method in OTHER_QUESTION else "")
-    axes.plot([], [], color=look.colour, ls=look.line, marker=look.marker, ms=4.5, label=label)
+    axes.plot(
+        [],
+        [],
+        color=series_style.colour,
+        ls=series_style.line,
+        marker=series_style.marker,
+        ms=4.5,
+        label=label,
+    )
 
 
 def _name_ends(axes: Axes, choices: Sequence[Choice], middle: float) -> None:

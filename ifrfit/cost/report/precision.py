@@ -71,22 +71,24 @@ def precision_sentences(
     """
     single, double = ([cost for cost in costs if cost.method == name] for name in (SINGLE, DOUBLE))
     worst = max(cost.error for cost in single if cost.quantity == VELOCITIES)
-    said = [f"Single precision keeps velocities and spins to {_digit(worst)} of 1 + |s| in all of these"]
+    statements = [
+        f"Single precision keeps velocities and spins to {_digit(worst)} of 1 + |s| in all of these"
+    ]
     lost = [cost for cost in single if cost.quantity != VELOCITIES and cost.error > accuracy]
     kinds = dict.fromkeys(cost.setting for cost in lost)
     others = "everything else" if kinds else "everything"
     if kinds:
         parts = [f"{kind} ({_named(cost for cost in lost if cost.setting == kind)})" for kind in kinds]
-        said.append(f"What is read off them loses more than {accuracy:g} there: {'; '.join(parts)}")
-    said.append(f"Single precision is enough for {accuracy:g} of {others} that is read off them")
+        statements.append(f"What is read off them loses more than {accuracy:g} there: {'; '.join(parts)}")
+    statements.append(f"Single precision is enough for {accuracy:g} of {others} that is read off them")
     deepest = max((cost for cost in double if cost.quantity != VELOCITIES), key=lambda cost: cost.error)
-    said.append(
+    statements.append(
         f"Double precision loses at most {_digit(deepest.error)}: {deepest.quantity}, {deepest.setting}"
     )
     if times:
         ns = [1e9 * part[0].time.median for part in (single, double)]
-        said.append(f"An impact takes {ns[0]:.2g} ns in single and {ns[1]:.2g} ns in double precision")
-    return said
+        statements.append(f"An impact takes {ns[0]:.2g} ns in single and {ns[1]:.2g} ns in double precision")
+    return statements
 
 
 def _named(costs: Iterable[Cost]) -> str:

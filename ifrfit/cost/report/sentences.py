@@ -9,7 +9,7 @@ from ifrfit.cost.inference_costs import BOOTSTRAP, LSQ, OTHER_QUESTION, PROFILE
 from ifrfit.cost.pareto_front import Choice, best_for, cheapest
 from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import Kind
-from ifrfit.report.sentences import METHODS
+from ifrfit.inference.estimators import title_of
 from ifrfit.text import duration, joined, power_of_ten
 
 TARGETS = tuple(10.0**-k for k in range(1, 17))
@@ -29,20 +29,20 @@ def sentences(costs: Costs, kind: Kind) -> tuple[str, ...]:
     if not rivals:
         return ()
     found = best_for(rivals, TARGETS)
-    said = [_best(found, kind)] if found else []
+    lines = [_best(found, kind)] if found else []
     winners = [choice for _, _, choice in found]
     fastest = min(rivals, key=lambda c: c.time.median)
     if fastest not in winners:
-        said.append(
-            f"The fastest, {named(fastest)} ({duration(fastest.time.median)}), comes to "
+        lines.append(
+            f"The fastest, {choice_name(fastest)} ({duration(fastest.time.median)}), comes to "
             f"{error_text(fastest.error)} {_ACCURACY[kind]}"
         )
     others = dict.fromkeys(c.method for c in rivals if c.method not in {w.method for w in winners})
     behind = (_behind(method, rivals, kind) for method in others)
-    return (*said, *filter(None, behind), *_other_question(choices))
+    return (*lines, *filter(None, behind), *_other_question(choices))
 
 
-def named(choice: Choice) -> str:
+def choice_name(choice: Choice) -> str:
     """Method and setting."""
     name = method_name(choice.method)
     return f"{name}, {choice.setting}" if choice.setting else name
@@ -50,7 +50,7 @@ def named(choice: Choice) -> str:
 
 def method_name(method: str) -> str:
     """A method in words; those that approach the posterior by their short names."""
-    return METHODS.get(method, method) if method in OTHER_QUESTION else method
+    return title_of(method) if method in OTHER_QUESTION else method
 
 
 def error_text(error: float) -> str:
@@ -65,7 +65,7 @@ def _best(found: Sequence[tuple[float, float, Choice]], kind: Kind) -> str:
     parts = []
     for loose, tight, choice in found:
         span = power_of_ten(loose) if loose == tight else f"{power_of_ten(loose)} to {power_of_ten(tight)}"
-        parts.append(f"{span}: {named(choice)} ({duration(choice.time.median)})")
+        parts.append(f"{span}: {choice_name(choice)} ({duration(choice.time.median)})")
     return f"Cheapest for an error of at most so much {_ACCURACY[kind]}: {'; '.join(parts)}"
 
 
@@ -77,8 +77,8 @@ def _behind(method: str, rivals: Sequence[Choice], kind: Kind) -> str:
         return ""
     ratio = ratio_text(own.time.median / better.time.median)
     return (
-        f"{named(own)} comes to {error_text(own.error)} {_ACCURACY[kind]} in "
-        f"{duration(own.time.median)}, {ratio} the time of {named(better)}, which is no less exact"
+        f"{choice_name(own)} comes to {error_text(own.error)} {_ACCURACY[kind]} in "
+        f"{duration(own.time.median)}, {ratio} the time of {choice_name(better)}, which is no less exact"
     )
 
 
@@ -94,7 +94,7 @@ def _other_question(choices: Sequence[Choice]) -> list[str]:
         own = [c for c in choices if c.method == method and not math.isnan(c.error)]
         if own:
             last = own[-1]  # the longest: what is left there is not chance
-            found[method] = f"{last.error:.2g} sd ({METHODS[method]}, {duration(last.time.median)})"
+            found[method] = f"{last.error:.2g} sd ({title_of(method)}, {duration(last.time.median)})"
     if not found:
         return []
     names = joined([_ASIDE[method] for method in found]).capitalize()

@@ -13,7 +13,7 @@ from ifrfit.cost.compared_estimates import free_names
 from ifrfit.cost.inference_costs import Reference
 from ifrfit.cost.machine import Machine
 from ifrfit.cost.pareto_front import Choice
-from ifrfit.cost.report.sentences import error_text, named, sentences
+from ifrfit.cost.report.sentences import choice_name, error_text, sentences
 from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import Kind
 from ifrfit.physics import CLOSURES
@@ -65,7 +65,7 @@ def heading(costs: Costs, kind: Kind) -> str:
     if kind == "inference":
         reference = costs.reference
         assert reference is not None
-        names = joined(free_names(costs.fit.problem))
+        names = joined(free_names(costs.fit.problem_and_optimum()[0]))
         return (
             f"inference: from data in memory to mean, sd and 95 % interval of {names}; errors in posterior "
             f"sd, against {reference_words(reference)}; of draws the root mean square over seeds"
@@ -89,8 +89,8 @@ def reference_words(reference: Reference) -> str:
 
 def _model(costs: Costs) -> str:
     fit = costs.fit
-    said = [f"closure {CLOSURES[fit.closure].title}", noise_words(fit), fit.noise.error_model.words]
-    return ", ".join(filter(None, said))
+    clauses = [f"closure {CLOSURES[fit.closure].title}", noise_words(fit), fit.noise.error_model.words]
+    return ", ".join(filter(None, clauses))
 
 
 def _precisions(costs: Costs) -> list[str]:
@@ -105,7 +105,7 @@ def _table(choices: Sequence[Choice]) -> list[str]:
     rows = [
         [
             FRONT if choice.on_front else "",
-            named(choice),
+            choice_name(choice),
             *(duration(s) for s in (choice.time.median, choice.time.low, choice.time.high)),
             *(error_text(choice.errors[name]) if name in choice.errors else "" for name in quantities),
         ]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from scipy import special
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.request import Wanted
+from ifrfit.inference.accuracy.request import Request
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.text import power_of_ten
 
@@ -46,12 +46,12 @@ def reachable() -> float:
     return END * math.sqrt(_TYPICAL / MOST_DRAWS)
 
 
-def check_reachable(wanted: Wanted, why: str) -> None:
+def check_reachable(request: Request, why: str) -> None:
     """Refuse an accuracy that would take chains absurdly long.
 
     Parameters
     ----------
-    wanted : Wanted
+    request : Request
     why : str
         Why not exact.
 
@@ -60,37 +60,37 @@ def check_reachable(wanted: Wanted, why: str) -> None:
     UsageError
         With the accuracy that is reachable.
     """
-    if wanted.accuracy is None or wanted.accuracy >= reachable():
+    if request.accuracy is None or request.accuracy >= reachable():
         return
-    needed = (END / wanted.accuracy) ** 2
+    needed = (END / request.accuracy) ** 2
     remedy = f"ask for {power_of_ten(reachable())} or more" + ("" if why else ", or leave --method mcmc out")
     raise UsageError(
-        f"--accuracy {power_of_ten(wanted.accuracy)} takes chains {needed:.0e} independent draws: {remedy}."
+        f"--accuracy {power_of_ten(request.accuracy)} takes chains {needed:.0e} independent draws: {remedy}."
         + (f" Exact is out of the question: {why}" if why else "")
     )
 
 
-def halting(wanted: Wanted, rules: Callable[[Evidence], bool]) -> Callable[[Evidence], bool]:
+def halting(request: Request, rules: Callable[[Evidence], bool]) -> Callable[[Evidence], bool]:
     """When a walk may end: every rule holds and the error is as asked, or the next stretch would be late.
 
     Parameters
     ----------
-    wanted : Wanted
+    request : Request
     rules : callable
         Whether the chains agree, as `ifrfit.inference.mcmc.stopping.is_met`.
     """
-    begin = wanted.clock()
+    begin = request.clock()
 
     def halt(evidence: Evidence) -> bool:
-        if wanted.accuracy is not None and standard_error(evidence) <= wanted.accuracy and rules(evidence):
+        if request.accuracy is not None and standard_error(evidence) <= request.accuracy and rules(evidence):
             return True
         # without an accuracy the time is used up
-        return _NEXT * (wanted.clock() - begin) > wanted.left
+        return _NEXT * (request.clock() - begin) > request.left
 
     return halt
 
 
-def steps_within(coordinates: Coordinates, chains: Chains, wanted: Wanted) -> int:
+def steps_within(coordinates: Coordinates, chains: Chains, request: Request) -> int:
     """Steps of each ensemble that fit into what is left, by the density's time, or make `MOST_DRAWS`.
 
     Parameters
@@ -98,13 +98,13 @@ def steps_within(coordinates: Coordinates, chains: Chains, wanted: Wanted) -> in
     coordinates : Coordinates
     chains : Chains
         Before their first step.
-    wanted : Wanted
+    request : Request
     """
     most = int(MOST_DRAWS // sum(rest.at.shape[0] for rest in chains.ends))
-    if wanted.budget is None:
+    if request.budget is None:
         return most
-    begin = wanted.clock()
+    begin = request.clock()
     for rest in chains.ends:
         coordinates(rest.at)
-    step = _BESIDE * (wanted.clock() - begin)
-    return min(most, int(max(wanted.left, 0.0) / step)) if step > 0.0 else most
+    step = _BESIDE * (request.clock() - begin)
+    return min(most, int(max(request.left, 0.0) / step)) if step > 0.0 else most

@@ -12,7 +12,6 @@ from ifrfit.errors import UsageError
 from ifrfit.text import power_of_ten
 
 MOST, LEAST = 0.5, 1e-9  # accuracies that can be asked for: below, rounding is in the way
-METHODS = ("exact", "mcmc")
 
 _UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "": 1.0}
 _RESERVED = 0.1  # of the budget, for statuses, draws and checks after the search
@@ -23,7 +22,7 @@ CLOCK: Clock = time.perf_counter
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Request:
     """Accuracy and time, and since when the time runs.
 
     Attributes
@@ -32,8 +31,6 @@ class Wanted:
         In posterior standard deviations.
     budget : float or None
         Seconds.
-    method : str or None
-        exact or mcmc where the user insists.
     clock : callable
         Seconds.
     begin : float
@@ -42,7 +39,6 @@ class Wanted:
 
     accuracy: float | None
     budget: float | None
-    method: str | None
     clock: Clock
     begin: float
 
@@ -62,10 +58,8 @@ class Wanted:
         return self.left <= 0.0
 
 
-def make_wanted(
-    accuracy: float | None, budget: float | str | None, method: str | None, clock: Clock | None = None
-) -> Wanted | None:
-    """Check what is asked; None where neither an accuracy nor a budget is.
+def check_request(accuracy: float | None, budget: float | str | None) -> None:
+    """Refuse an accuracy or a time that makes no sense.
 
     Parameters
     ----------
@@ -73,32 +67,51 @@ def make_wanted(
         1e-9 to 0.5.
     budget : float or str, optional
         Seconds, or text as `seconds_of` reads it.
-    method : str, optional
-        As the user names it.
+
+    Raises
+    ------
+    UsageError
+    """
+    if accuracy is not None and not LEAST <= accuracy <= MOST:
+        raise UsageError(
+            f"--accuracy {accuracy:g}: choose from {power_of_ten(LEAST)} to {MOST:g} of a posterior standard "
+            "deviation."
+        )
+    if budget is not None:
+        seconds_of(budget)
+
+
+def make_request(
+    accuracy: float | None,
+    budget: float | str | None,
+    started: float | None = None,
+    clock: Clock | None = None,
+) -> Request:
+    """A request whose time runs.
+
+    Parameters
+    ----------
+    accuracy, budget
+        As `check_request`.
+    started : float, optional
+        What the clock showed when the user asked; by default it is asked now.
     clock : callable, optional
         Seconds, by default of this machine.
 
     Raises
     ------
     UsageError
-        For numbers that make no sense, or a method whose accuracy cannot be chosen.
+        As `check_request`.
     """
-    if accuracy is None and budget is None:
-        return None
-    if accuracy is not None and not LEAST <= accuracy <= MOST:
-        raise UsageError(
-            f"--accuracy {accuracy:g}: choose from {power_of_ten(LEAST)} to {MOST:g} of a posterior standard "
-            "deviation."
-        )
-    seconds = None if budget is None else seconds_of(budget)
-    if method is not None and method not in METHODS:
-        option = "--accuracy" if accuracy is not None else "--budget"
-        raise UsageError(
-            f"{option} picks the settings of exact or mcmc; --method {method} has none that make it more "
-            "exact. Leave one of the two out."
-        )
+    check_request(accuracy, budget)
     own = CLOCK if clock is None else clock
-    return Wanted(accuracy, seconds, method, own, own())
+    seconds = None if budget is None else seconds_of(budget)
+    return Request(accuracy, seconds, own, own() if started is None else started)
+
+
+def now() -> float:
+    """Seconds that the clock shows."""
+    return CLOCK()
 
 
 def seconds_of(budget: float | str) -> float:

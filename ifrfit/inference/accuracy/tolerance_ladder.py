@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from ifrfit.inference.accuracy.request import Wanted
+from ifrfit.inference.accuracy.request import Request
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
@@ -22,7 +22,7 @@ Integrate = Callable[..., Any]
 def refine(
     problem: Problem,
     start: LeastSquares,
-    wanted: Wanted,
+    request: Request,
     integrate: Integrate = integrate,
     *,
     must: bool = False,
@@ -38,7 +38,7 @@ def refine(
     ----------
     problem : Problem
     start : LeastSquares
-    wanted : Wanted
+    request : Request
     integrate : callable
         As `ifrfit.inference.posterior.adaptive_quadrature`.
     must : bool
@@ -57,26 +57,26 @@ def refine(
     best: QuadraturePosterior | None = None
     latest: QuadraturePosterior | None = None
     last = before = 0.0
-    for tolerance in ladder(wanted.accuracy, wanted.budget is not None):
-        if latest is not None and (_enough(latest, wanted) or foreseen(latest, last, before) > wanted.left):
+    for tolerance in ladder(request.accuracy, request.budget is not None):
+        if latest is not None and (_enough(latest, request) or foreseen(latest, last, before) > request.left):
             break
         first = must and best is None
-        if wanted.over and not first:
+        if request.over and not first:
             break
-        begin = wanted.clock()
+        begin = request.clock()
         try:
-            latest = integrate(problem, tolerance, start, over=None if first else lambda: wanted.over)
+            latest = integrate(problem, tolerance, start, over=None if first else lambda: request.over)
         except TimeoutError:
             break
-        last, before = wanted.clock() - begin, last
+        last, before = request.clock() - begin, last
         is_better = best is None or latest.error <= best.error
         if not is_better and not latest.converged:
             break
         best = latest if is_better else best
-    if best is None or (wanted.budget is not None and not must and best.error > LADDER[0]):
+    if best is None or (request.budget is not None and not must and best.error > LADDER[0]):
         return None
-    if wanted.accuracy is not None and _enough(best, wanted):
-        return replace(best, tolerance=max(best.tolerance, wanted.accuracy))
+    if request.accuracy is not None and _enough(best, request):
+        return replace(best, tolerance=max(best.tolerance, request.accuracy))
     return best
 
 
@@ -104,5 +104,5 @@ def foreseen(found: QuadraturePosterior, last: float, before: float) -> float:
     return last * max(_GROWTH, last / before if before > 0.0 else 0.0)
 
 
-def _enough(found: QuadraturePosterior, wanted: Wanted) -> bool:
-    return wanted.accuracy is not None and max(found.error, found.error_evidence) <= wanted.accuracy
+def _enough(found: QuadraturePosterior, request: Request) -> bool:
+    return request.accuracy is not None and max(found.error, found.error_evidence) <= request.accuracy

@@ -18,7 +18,7 @@ from ifrfit.inference.bootstrap.replicate_fits import ReplicateFits, concatenate
 from ifrfit.inference.bootstrap.schemes import Scheme, draw_replicates, make_scheme
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
-from ifrfit.inference.distributions.draws import kappas_of
+from ifrfit.inference.distributions.draws import kappa_draws
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
@@ -79,7 +79,7 @@ class Bootstrap:
     @cached_property
     def kappas(self) -> Mapping[str, Array]:
         """Draws of kappa, by the names of `Distribution`."""
-        return kappas_of(self.problem, self.draws)
+        return kappa_draws(self.problem, self.draws)
 
 
 def bootstrap(

@@ -178,9 +178,7 @@ def _restitution(
 
 def _restitution_factor(batched: BatchedGroup) -> Array:
     """What e_n is multiplied with in each row that measures it."""
-    rows, at = batched.group.rows, batched.group.of_kind("normal")
-    is_e_n = np.array([name == "e_n" for name in rows.names])[rows.which[at]]
-    return np.asarray(np.where(is_e_n, 1.0, rows.incidence.cosine[at]))
+    return batched.group.rows.normal_factor(batched.group.of_kind("normal"))
 
 
 def leverage_of(batched: BatchedGroup, weight: Array, solved: GroupFits) -> Array:

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
-from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.fit import fit
+from ifrfit.inference.estimators import Exact
+from ifrfit.inference.fit import Question, fit_problem
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.options import Model
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import CLOSURES, Closure, get_closure
 from ifrfit.text import joined
 
-_BY_NAME = ("fix", "prior", "bounds")
-
 
 def chosen_closures(
-    names: str | Iterable[str] | None, choices: Mapping[str, Any]
+    names: str | Iterable[str] | None, plain: bool
 ) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
-    """Closures of these names, each once; where none is named, all of the registry that know the scatter.
+    """Closures of these names, each once; where none is named, all of the registry that know the errors.
+
+    Parameters
+    ----------
+    names : str or iterable of str, optional
+    plain : bool
+        Whether errors are independent, Gaussian, and of the values alone.
 
     Returns
     -------
@@ -33,8 +38,7 @@ def chosen_closures(
     """
     given = [] if names is None else [names] if isinstance(names, str) else list(names)
     if not given:
-        plain = choices.get("tails", "gaussian") == "gaussian"
-        return known_to(plain and choices.get("angle_errors", "none") == "none")
+        return known_to(plain)
     found = tuple({c.name: c for c in map(get_closure, given)}.values())
     if len(found) < 2:
         raise UsageError(
@@ -57,20 +61,7 @@ def known_to(plain: bool) -> tuple[tuple[Closure, ...], tuple[str, ...]]:
     return tuple(c for c in every if c.bilinear), said
 
 
-def constant_choices(choices: Mapping[str, Any]) -> dict[str, Any]:
-    """The choices that name constants: fix, prior and bounds as dictionaries, separate as a tuple."""
-    found: dict[str, Any] = {key: dict(choices.get(key) or {}) for key in _BY_NAME}
-    if choices.get("params") is not None:
-        from ifrfit.inference.io.lmfit import constants_from
-
-        for key, value in constants_from(choices["params"]).items():
-            found[key] = value | found[key]
-    separate = choices.get("separate") or ()
-    found["separate"] = (separate,) if isinstance(separate, str) else tuple(separate)
-    return found
-
-
-def applied_where(closures: Sequence[Closure], choices: Mapping[str, Any]) -> tuple[str, ...]:
+def applied_where(closures: Sequence[Closure], choices: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
     """Say of each constant that only some closures have to which of them the user's choice applies.
 
     Raises
@@ -98,22 +89,27 @@ def applied_where(closures: Sequence[Closure], choices: Mapping[str, Any]) -> tu
 
 
 def fit_each(
-    data: Observations, closures: Sequence[Closure], constants: Mapping[str, Any], choices: Mapping[str, Any]
+    question: Question, closures: Sequence[Closure], model: Model, seed: int, command: str
 ) -> dict[str, FitResult]:
     """Fit every closure by exact posterior.
 
     Raises
     ------
     UsageError, DataError
-        As `fit`; with the name of the closure where another one may well pass.
+        As `ifrfit.fit`; with the name of the closure where another one may well pass.
     """
     own = {c.constant for c in closures if c.constant}
-    specific = any(name in own for named in constants.values() for name in named)
+    specific = any(name in own for named in model.named_constants().values() for name in named)
     found: dict[str, FitResult] = {}
+    problem: Problem | None = None
     for closure in closures:
         try:
-            found[closure.name] = fit(
-                data, closure=closure.name, method="exact", **choices, **choices_for(closure, constants)
+            parameters = model.with_closure(closure).parameters(question.inertia_factor)
+            if problem is None:
+                problem = question.problem(closure, parameters)
+            problem = problem.with_closure(closure, parameters)
+            found[closure.name] = fit_problem(
+                problem, Exact(), seed=seed, command=command, conditions=question.conditions
             )
         except (UsageError, DataError) as error:
             if not found and not specific:
@@ -121,9 +117,3 @@ def fit_each(
             named = str(error).startswith(f"Closure {closure.title} ")
             raise type(error)(str(error) if named else f"Closure {closure.title}: {error}") from None
     return found
-
-
-def choices_for(closure: Closure, constants: Mapping[str, Any]) -> dict[str, Any]:
-    """What of `constant_choices` holds for this closure."""
-    kept = {key: {n: v for n, v in constants[key].items() if n in closure.constants} for key in _BY_NAME}
-    return {**kept, "separate": tuple(n for n in constants["separate"] if n in closure.constants)}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.comparison.closure_questions import (
     applied_where,
     chosen_closures,
-    constant_choices,
     fit_each,
 )
 from ifrfit.inference.comparison.information_criteria import aicc, probabilities
@@ -21,19 +21,24 @@ from ifrfit.inference.comparison.psi_plane import psi_plane
 from ifrfit.inference.comparison.result import Comparison, Entry
 from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.comparison.verdict import verdict_of
-from ifrfit.inference.fit import Data, gather
+from ifrfit.inference.fit import Data, make_question
+from ifrfit.inference.keywords import QuestionKeywords, check_keywords, model_of, noise_of
+from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.result.fit_result import FitResult
-
-_OF_CONSTANTS = ("fix", "prior", "bounds", "separate", "params")
+from ifrfit.inference.result.restore import posterior_of
 
 
 def compare(
     data: Data | Sequence[Data],
     closures: str | Iterable[str] | None = None,
     *,
+    model: Model | None = None,
+    noise: str | Noise | None = None,
     loo: bool = True,
     seed: int = 0,
-    **choices: Any,
+    scene: str | Path | None = None,
+    command: str = "",
+    **keywords: Unpack[QuestionKeywords],
 ) -> Comparison:
     """Weigh closures against each other by what they say of the same impacts.
 
@@ -43,13 +48,19 @@ def compare(
         As `fit`.
     closures : iterable of str, optional
         Two or more; all there are by default.
+    model : Model, optional
+        As `fit`; its closure does not matter. A choice for a constant that only some closures have applies to
+        these, which is noted.
+    noise : {"known", "scaled", "unknown"} or Noise, optional
+        As `fit`.
     loo : bool
         Whether to cross-validate by leaving impacts out (needs ArviZ's statistics; takes longer).
     seed : int
         Of the draws behind bands and cross-validation.
-    **choices
-        Keywords of `fit` but for closure and method. A choice for a constant that only some closures have
-        (`fix`, `prior`, `bounds`, `separate`, `params`) applies to these, which is noted.
+    scene, command
+        As `fit`.
+    **keywords
+        Those of `fit` but for closure and the options of methods.
 
     Returns
     -------
@@ -68,17 +79,17 @@ def compare(
     posterior. Posterior probabilities take all closures as equally probable before. How far the evidence
     rests on the widths of the priors is in `Comparison.priors`.
     """
-    if "method" in choices or "closure" in choices:
+    if "method" in keywords or "closure" in keywords:
         raise UsageError(
             "A comparison is by exact posterior, and `closures` names its closures: leave out `method` and "
             "`closure`."
         )
-    asked, notes = chosen_closures(closures, choices)
-    constants = constant_choices(choices)
-    notes += applied_where(asked, constants)
-    rest = {key: value for key, value in choices.items() if key not in _OF_CONSTANTS}
-    observations = gather(data, rest.get("convention", ()), rest.get("inertia_factor"))
-    return weighed(fit_each(observations, asked, constants, rest | {"seed": seed}), notes, loo, seed)
+    check_keywords("compare", QuestionKeywords, keywords)
+    chosen, scatter = model_of(model, keywords), noise_of(noise, keywords)
+    asked, notes = chosen_closures(closures, scatter.is_plain)
+    notes += applied_where(asked, chosen.named_constants())
+    question = make_question(data, chosen, scatter, seed, scene, keywords)
+    return weighed(fit_each(question, asked, chosen, seed, command), notes, loo, seed)
 
 
 def weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed: int) -> Comparison:
@@ -87,7 +98,7 @@ def weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed:
     found = _cross_validated(fits, seed) if loo else {}
     if loo and not found:
         notes += ("Too many rows for cross-validation by draws: with so many the evidence decides.",)
-    problems = [fit.problem for fit in fits.values()]
+    problems = [fit.problem_and_optimum()[0] for fit in fits.values()]
     if not problems[0].has_oblique:
         notes += ("No row is of an oblique impact: e_n and mu alone say nothing of a closure.",)
     entries = _entries(fits, found)
@@ -107,17 +118,17 @@ def _cross_validated(fits: dict[str, FitResult], seed: int) -> dict[str, Loo]:
 
 
 def _entries(fits: dict[str, FitResult], loo: dict[str, Loo]) -> dict[str, Entry]:
-    evidence = {name: float(fit.law.log_evidence) for name, fit in fits.items()}
+    evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
     chance = probabilities(evidence)
     top = max(evidence.values())
     return {
         name: Entry(
             fit=fit,
-            free=int(fit.problem.parameters.free.sum()),
+            free=int(fit.problem_and_optimum()[0].parameters.free.sum()),
             aicc=aicc(fit),
             log_bayes_factor=evidence[name] - top,
             probability=chance[name],
-            prior=prior_of(fit.problem),
+            prior=prior_of(fit.problem_and_optimum()[0]),
             loo=loo.get(name),
         )
         for name, fit in fits.items()

@@ -17,6 +17,7 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import TOLERANCE, log_evidence
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.restore import posterior_of
 
 Array = NDArray[np.float64]
 
@@ -43,12 +44,13 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     Vehtari, Gelman & Gabry (2017), Statistics and Computing 27, 1413; Vehtari, Simpson, Gelman, Yao & Gabry
     (2024), Journal of Machine Learning Research 25(72).
     """
-    problem: Problem = fit.problem
+    problem, _ = fit.problem_and_optimum()
+    posterior = posterior_of(fit)
     n_draws = min(DRAWS, _LARGEST // problem.rows.value.size)
     if n_draws < _FEWEST:
         return None
     density = Density(problem)
-    draws = fit.law.draws(n_draws, np.random.default_rng(seed))
+    draws = posterior.draws(n_draws, np.random.default_rng(seed))
     each = _likelihoods(density, _points(density, draws, n_draws))
     elpd, k = _smoothed(each)
     threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
@@ -56,7 +58,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
     refitted = []
     for i in high[:MOST_REFITS]:
-        exact = left_out(problem, fit.law.log_evidence, density.impact != i, fit.law.tolerance)
+        exact = left_out(problem, posterior.log_evidence, density.impact != i, posterior.tolerance)
         if exact is not None:
             elpd[i] = exact
             refitted.append(names[i])

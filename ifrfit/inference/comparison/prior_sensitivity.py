@@ -15,6 +15,7 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.restore import posterior_of
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import get_closure
 
@@ -66,12 +67,11 @@ def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:
 
 
 def _problem(fit: FitResult) -> Problem:
-    problem: Problem = fit.problem
-    return problem
+    return fit.problem_and_optimum()[0]
 
 
 def _log_evidence(fit: FitResult) -> float:
-    return float(fit.law.log_evidence)
+    return float(posterior_of(fit).log_evidence)
 
 
 def _varied(problem: Problem, name: str) -> Parameter | None:
@@ -88,7 +88,7 @@ def _labels(problem: Problem, name: str) -> list[str]:
 
 def _half(fit: FitResult, constant: Parameter) -> Interval:
     """Part of the domain, half as wide, about the posterior median (the mean of several)."""
-    medians = [float(fit.law.quantile(x, 0.5)) for x in _labels(_problem(fit), constant.name)]
+    medians = [float(posterior_of(fit).quantile(x, 0.5)) for x in _labels(_problem(fit), constant.name)]
     width = OWN_WIDTH * (constant.upper - constant.lower)
     low = min(max(float(np.mean(medians)) - 0.5 * width, constant.lower), constant.upper - width)
     return low, low + width
@@ -100,22 +100,21 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
     A narrower uniform prior cuts the posterior: the evidence gains the ratio of the widths and keeps the
     posterior's share between the ends. A wider one is integrated afresh.
     """
-    problem = _problem(fit)
+    problem, optimum = fit.problem_and_optimum()
+    posterior = posterior_of(fit)
     old = FreeParameter.of(name, problem.parameters[name])
     labels = _labels(problem, name)
     if len(labels) == 1 and old.lower <= ends[0] and ends[1] <= old.upper:
-        below, within = (float(x) for x in fit.law.cdf(labels[0], np.array(ends)))
+        below, within = (float(x) for x in np.asarray(posterior.cdf(labels[0], np.array(ends))))
         if within - below > _ENOUGH:
             gain = math.log((old.upper - old.lower) / (ends[1] - ends[0]))
             return _log_evidence(fit) + gain + math.log(within - below)
     moved = replace(problem.parameters[name], lower=ends[0], upper=ends[1])
-    at = np.array(
-        [fit.least_squares.optimum.theta[problem.parameters.names.index(label)] for label in labels]
-    )
+    at = np.array([optimum.optimum.theta[problem.parameters.names.index(label)] for label in labels])
     inside = bool(((at > max(ends[0], old.lower)) & (at < min(ends[1], old.upper))).all())
     # an optimum that neither domain cuts is where to begin in both
-    start = fit.least_squares if inside else None
+    start = optimum if inside else None
     try:
-        return log_evidence(problem.with_parameters([moved]), fit.law.tolerance, start)
+        return log_evidence(problem.with_parameters([moved]), posterior.tolerance, start)
     except (UsageError, DataError):  # a domain that this closure cannot have
         return None

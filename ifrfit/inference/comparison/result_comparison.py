@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.closure_questions import known_to
 from ifrfit.inference.comparison.compare import weighed
 from ifrfit.inference.comparison.result import Comparison
-from ifrfit.inference.model.apply_error_model import with_error_model
-from ifrfit.inference.model.parameters import Parameter, make_parameters
-from ifrfit.inference.model.problem import Problem, make_problem
+from ifrfit.inference.estimations import exact_estimation
+from ifrfit.inference.estimators import Exact
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.least_squares_result import optimum_of
-from ifrfit.inference.result.method_results import with_posterior
 from ifrfit.inference.result.restore import question
 from ifrfit.physics.closures import Closure
 
@@ -44,30 +42,18 @@ def compare_again(result: FitResult, *, loo: bool = False) -> Comparison:
     """
     problem, _ = question(result)
     closures, notes = known_to(problem.error_model.is_plain)
-    fits = {closure.name: _fitted(closure, problem, result) for closure in closures}
+    fits = {closure.name: _fitted(closure, problem, result.seed) for closure in closures}
     return weighed(fits, notes, loo, result.seed)
 
 
-def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
-    j = problem.inertia_factor
-    constants = _constants(closure, problem)
+def _fitted(closure: Closure, problem: Problem, seed: int) -> FitResult:
     try:
-        other = make_problem(problem.observations, closure, j, constants, result.noise.policy)
-        other = with_error_model(other, problem.error_model, "exact")
-        return with_posterior(optimum_of(other, result.seed, brief=True), _TOLERANCE)
+        other = problem.with_closure(closure)
+        reason = Exact().refuses(other)
+        if reason:
+            raise UsageError(reason)
+        optimum = least_squares(other)
+        estimation = exact_estimation(other, optimum, _TOLERANCE)
+        return build_result(other, optimum, estimation, seed=seed, brief=True)
     except (UsageError, DataError) as error:
         raise type(error)(f"Closure {closure.title}: {error}") from None
-
-
-def _constants(closure: Closure, problem: Problem) -> tuple[Parameter, ...]:
-    """What the user said of each constant; bounds of its own where the user left those of the closure."""
-    usual = {each.name: each for each in make_parameters(problem.closure, problem.inertia_factor)}
-    said = {each.name: each for each in problem.parameters}
-    found = []
-    for own in make_parameters(closure, problem.inertia_factor):
-        each = said.get(own.name, own)
-        before = usual.get(own.name, own)
-        if (each.lower, each.upper) == (before.lower, before.upper):
-            each = replace(each, lower=own.lower, upper=own.upper)
-        found.append(each)
-    return tuple(found)

@@ -6,29 +6,26 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ifrfit.inference.diagnostics.identifiability import identifiable
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.result.types import Estimate, Fact, FitStatistics
+from ifrfit.inference.result.types import Estimate, Fact
 
 
-def facts_of(
+def misfit_facts(
     problem: Problem,
     found: LeastSquares,
     residuals: Residuals,
-    constants: Mapping[str, Any],
-    statistics: FitStatistics,
     effects: Mapping[str, Fact],
     *,
     brief: bool = False,
 ) -> dict[str, Fact]:
-    """All facts of a least-squares fit; `effects` holds what the residuals call for, where it was tested.
+    """What the residuals of least squares say; `effects` holds what they call for, where it was tested.
 
-    Brief, they leave out outliers, and the search for a remedy of a misfit.
+    Brief, it leaves out outliers, and the search for a remedy of a misfit.
     """
     called = effects["effects"].figures["called"] if effects else []
     momentum = _angular_momentum(problem) if problem.observations.momentum else None
@@ -37,10 +34,6 @@ def facts_of(
     # microslip is no remedy where the residuals call for something else
     remedy = not brief and (not called or "compliance" in called)
     facts = {
-        "converged": _converged(found),
-        "global_optimum": _global_optimum(found, bilinear=problem.closure.bilinear),
-        "identifiable": identifiable(problem, found, constants, statistics.n_sticking, statistics.n_sliding),
-        "at_bound": at_bound(constants),
         "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
         **({} if brief else {"outliers": outliers(problem, found, residuals)}),
         **effects,
@@ -50,7 +43,8 @@ def facts_of(
     return facts
 
 
-def _converged(found: LeastSquares) -> Fact:
+def noise_converged(found: LeastSquares) -> Fact:
+    """Whether the iteration over the noise of least squares came to rest."""
     if math.isinf(found.noise_dof):
         says = "least squares converged"
     else:
@@ -78,7 +72,8 @@ def _angular_momentum(problem: Problem) -> Fact:
     return Fact(not bad, says, figures, FACTS["angular_momentum"])
 
 
-def _global_optimum(found: LeastSquares, *, bilinear: bool) -> Fact:
+def global_optimum(found: LeastSquares, *, bilinear: bool) -> Fact:
+    """Whether the optimum is proven to be the best, and the only one."""
     optimum = found.optimum
     figures = {
         "gap": optimum.gap,

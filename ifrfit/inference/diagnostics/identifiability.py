@@ -119,7 +119,7 @@ def only_kappa_is_seen(problem: Problem) -> bool:
     """Whether friction enters through kappa alone: tangential rows, and nothing that knows e_n or mu."""
     rows = all(
         (OBSERVABLES[name].kind == "tangential" and OBSERVABLES[name].scale == "one")
-        or name in ("lambda_deg", "psi_after_deg")
+        or OBSERVABLES[name].without_e_n
         for name in problem.rows.names
     )
     free = all(c.fixed is None and c.prior is None for c in problem.parameters if c.name in ("e_n", "mu"))

@@ -1,4 +1,4 @@
-"""A law that is known by draws of it."""
+"""A distribution that is known by draws of it."""
 
 from __future__ import annotations
 
@@ -10,32 +10,33 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.inference.distributions.protocol import transition_name
 from ifrfit.inference.model.problem import Problem
 
 Array = NDArray[np.float64]
 
-_GRAIN = 0.02, 0.2  # sd: the least and the most over which a density is taken
+_RESOLUTION = 0.02, 0.2  # sd: the least and the most over which a density is taken
 _COUNTED = 3400.0  # over the number of draws: some 200 of them at the density that decides on "one-sided"
 
 
 @dataclass(frozen=True)
 class Draws:
-    """Draws of the constants (and noises), read as `Distribution` says. Made by `Draws.of`.
+    """Draws of the parameters (and noises), as a `Distribution`.
 
     Attributes
     ----------
-    problem : Problem
     values : mapping of str to ndarray, (m,)
         Draws by name: free entries of theta, kappa, noises; read-only.
+    transitions : mapping of str to ndarray, (m,)
+        The slip ratio at which sticking ends, by transition_tau[SERIES]; infinite where it does not.
     """
 
-    problem: Problem
     values: Mapping[str, Array] = field(repr=False)
+    transitions: Mapping[str, Array] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, problem: Problem, draws: Mapping[str, Array]) -> Draws:
-        """Draws of every free constant, and of noises where there are any; kappa is worked out.
+        """Draws of every free parameter, and of noises where there are any; kappa is worked out.
 
         Parameters
         ----------
@@ -47,7 +48,7 @@ class Draws:
         Raises
         ------
         KeyError
-            If a free constant has no draws.
+            If a free parameter has no draws.
         """
         free = [
             name
@@ -55,9 +56,13 @@ class Draws:
             if is_free
         ]
         noises = [name for name in draws if name.startswith("noise")]
-        found = {name: draws[name] for name in free} | kappas_of(problem, draws)
+        found = {name: draws[name] for name in free} | kappa_draws(problem, draws)
         found |= {name: draws[name] for name in noises}
-        return cls(problem, {name: _frozen(values) for name, values in found.items()})
+        transitions = {
+            transition_name(series): np.broadcast_to(_transition(problem, draws, number), _shape(found))
+            for number, series in enumerate(problem.series)
+        }
+        return cls(_frozen(found), _frozen(transitions))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -65,26 +70,27 @@ class Draws:
         return tuple(self.values)
 
     @property
-    def grain(self) -> float:
+    def resolution(self) -> float:
         """Width, in sd, over which draws can tell a density: the more there are the narrower."""
-        return min(max(_COUNTED / self.kept, _GRAIN[0]), _GRAIN[1])
+        return min(max(_COUNTED / self.n_draws, _RESOLUTION[0]), _RESOLUTION[1])
 
     @property
-    def kept(self) -> float:
+    def n_draws(self) -> float:
         """Number of draws."""
         return next((values.size for values in self.values.values()), math.inf)
 
     @cached_property
     def _sorted(self) -> Mapping[str, Array]:
-        return {name: np.sort(values) for name, values in self.values.items()}
+        return {name: np.sort(values) for name, values in {**self.values, **self.transitions}.items()}
 
     def mean(self, name: str) -> float:
         """Mean of the draws."""
         return float(self.values[name].mean())
 
     def sd(self, name: str) -> float:
-        """Standard deviation of the draws."""
-        return float(self.values[name].std())
+        """Standard deviation of the draws; exactly 0 where all are the same."""
+        values = self.values[name]
+        return 0.0 if values.min() == values.max() else float(values.std())
 
     def quantile(self, name: str, p: ArrayLike) -> Array | float:
         """Quantiles, interpolated between draws; p scalar or array, 0 to 1."""
@@ -100,50 +106,56 @@ class Draws:
 
     def covariance(self, names: Sequence[str]) -> Array:
         """Covariance of the draws, (n, n)."""
-        both = [self.values[name] - self.values[name].mean() for name in names]
-        stacked = np.array(both).reshape(len(names), -1)
+        centred = [self.values[name] - self.values[name].mean() for name in names]
+        stacked = np.array(centred).reshape(len(names), -1)
         return np.asarray(stacked @ stacked.T / max(stacked.shape[1], 1))
-
-    def transition(self, series: str) -> Array:
-        """Quantiles, at `LEVELS`, of the tau where sticking ends in a series; infinite where it does not."""
-        number = self.problem.series.index(series)
-        e_n, c, mu = (
-            entry_draws(self.problem, self.values, kind, number)
-            for kind in ("e_n", self.problem.closure.constant, "mu")
-        )
-        law = self.problem.closure.law(self.problem.inertia_factor)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            tau = np.asarray(mu * (1.0 + e_n) / law.bound(c))
-        return np.asarray(np.quantile(np.nan_to_num(tau, nan=math.inf, posinf=math.inf), LEVELS))
 
     def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
         """n of the draws, each once as long as there are enough of them."""
-        kept = int(self.kept) if math.isfinite(self.kept) else 0
+        kept = int(self.n_draws) if math.isfinite(self.n_draws) else 0
         chosen = rng.choice(kept, n, replace=n > kept) if kept else np.zeros(0, dtype=np.intp)
         return {name: values[chosen] for name, values in self.values.items()}
 
 
-def kappas_of(problem: Problem, draws: Mapping[str, Array]) -> dict[str, Array]:
-    """kappa = mu (1 + e_n) of each draw, by the names of `Distribution`; none where both are fixed."""
+def kappa_name(problem: Problem, series: int) -> str:
+    """Name of kappa in a series: kappa, or kappa[SERIES] where e_n or mu is separate.
+
+    Empty where both are fixed. A problem of one series has one kappa, whatever is separate.
+    """
     places, entries = problem.parameters.positions, problem.parameters.entries
+    free = [i for i in (int(places["mu"][series]), int(places["e_n"][series])) if entries[i].fixed is None]
+    if not free:
+        return ""
+    bracket = next((problem.parameters.names[i].partition("[")[2] for i in free if entries[i].separate), "")
+    return f"kappa[{bracket}" if bracket and len(problem.series) > 1 else "kappa"
+
+
+def kappa_draws(problem: Problem, draws: Mapping[str, Array]) -> dict[str, Array]:
+    """kappa = mu (1 + e_n) of each draw, by `kappa_name`; none where both are fixed."""
     found: dict[str, Array] = {}
     for number in range(len(problem.series)):
-        own = [int(places["mu"][number]), int(places["e_n"][number])]
-        free = [i for i in own if entries[i].fixed is None]
-        if not free:
-            continue
-        bracket = next(
-            (problem.parameters.names[i].partition("[")[2] for i in free if entries[i].separate), ""
-        )
-        name = f"kappa[{bracket}" if bracket and len(problem.series) > 1 else "kappa"
-        if name not in found:
-            mu, e_n = (entry_draws(problem, draws, kind, number) for kind in ("mu", "e_n"))
+        name = kappa_name(problem, number)
+        if name and name not in found:
+            mu, e_n = (_entry_draws(problem, draws, kind, number) for kind in ("mu", "e_n"))
             found[name] = np.asarray(mu * (1.0 + e_n))
     return found
 
 
-def entry_draws(problem: Problem, draws: Mapping[str, Array], kind: str | None, series: int) -> Array | float:
-    """Draws of a constant in a series, or its fixed value; 0 for the constant that a closure has not."""
+def _transition(problem: Problem, draws: Mapping[str, Array], series: int) -> Array:
+    """Slip ratio at which sticking ends in a series, of each draw."""
+    e_n, c, mu = (
+        _entry_draws(problem, draws, kind, series) for kind in ("e_n", problem.closure.constant, "mu")
+    )
+    law = problem.closure.law(problem.inertia_factor)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tau = np.asarray(mu * (1.0 + e_n) / law.bound(c))
+    return np.nan_to_num(tau, nan=math.inf, posinf=math.inf)
+
+
+def _entry_draws(
+    problem: Problem, draws: Mapping[str, Array], kind: str | None, series: int
+) -> Array | float:
+    """Draws of a parameter in a series, or its fixed value; 0 for the constant that a closure has not."""
     if kind is None:
         return 0.0
     place = int(problem.parameters.positions[kind][series])
@@ -151,8 +163,13 @@ def entry_draws(problem: Problem, draws: Mapping[str, Array], kind: str | None, 
     return draws[problem.parameters.names[place]] if fixed is None else fixed
 
 
-def _frozen(values: Array) -> Array:
-    """A read-only copy."""
-    own = np.array(values, dtype=float)
-    own.flags.writeable = False
+def _shape(draws: Mapping[str, Array]) -> tuple[int, ...]:
+    return next((values.shape for values in draws.values()), (0,))
+
+
+def _frozen(draws: Mapping[str, Array]) -> dict[str, Array]:
+    """Read-only copies."""
+    own = {name: np.array(values, dtype=float) for name, values in draws.items()}
+    for values in own.values():
+        values.flags.writeable = False
     return own

@@ -1,4 +1,4 @@
-"""What a method must know of the constants so that estimates, predictions and checks can be read from it."""
+"""The joint distribution of the parameters, whatever method it comes from."""
 
 from __future__ import annotations
 
@@ -14,24 +14,27 @@ LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)  # of the quantiles that a result keeps
 
 
 class Distribution(Protocol):
-    """A joint law of the free constants, of kappa and of free noises: from a quadrature, or from draws.
+    """Joint distribution of the free parameters, of kappa, of the transition and of free noises.
 
-    Quantities go by the entries of `Problem.names` that are free; kappa, or kappa[SERIES] where e_n or mu is
-    separate; noise[SERIES/OBSERVABLE], or noise where one factor is common to all.
+    Implementations: the quadrature posterior, `Draws` (chains, replicates, a file that was read) and
+    `TruncatedGaussian` (least squares). Quantities go by name: the entries of theta that are free; kappa, or
+    kappa[SERIES] where e_n or mu is separate; noise[SERIES/OBSERVABLE], or noise where one factor is common
+    to all. Besides these, transition_tau[SERIES], the slip ratio |U_t|/U_n at which sticking ends, has
+    quantiles (but no mean, for it may be infinite).
     """
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Quantities that have a marginal."""
+        """Quantities that have a mean, a standard deviation and a distribution function."""
         ...
 
     @property
-    def grain(self) -> float:
-        """Width, in sd, over which the law can tell a density at the end of a domain."""
+    def resolution(self) -> float:
+        """Width, in standard deviations, over which a density can be told at the end of a domain."""
         ...
 
     @property
-    def kept(self) -> float:
+    def n_draws(self) -> float:
         """How many different draws it can give; infinite where there is no end to them."""
         ...
 
@@ -55,10 +58,11 @@ class Distribution(Protocol):
         """Covariance, (n, n)."""
         ...
 
-    def transition(self, series: str) -> Array:
-        """Quantiles, at `LEVELS`, of the tau at which sticking ends in a series."""
+    def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
+        """Draws of everything in `names` together, each (n,)."""
         ...
 
-    def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
-        """Draws of everything together, each (n,)."""
-        ...
+
+def transition_name(series: str) -> str:
+    """Name of the slip ratio at which sticking ends in a series."""
+    return f"transition_tau[{series}]"

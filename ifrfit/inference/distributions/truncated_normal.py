@@ -1,28 +1,78 @@
-"""Quantiles of a normal or Student-t law cut off at bounds."""
+"""Normal and Student-t distributions cut off at bounds."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from scipy import special
 
 _FAR = 8.0  # beyond so many sd the tails are followed on a log scale
 
 
+@dataclass(frozen=True)
+class TruncatedNormal:
+    """A normal (or Student-t) distribution restricted to [lower, upper].
+
+    Attributes
+    ----------
+    mode : float
+        Its largest density inside the bounds: the optimum.
+    center, sd : float
+        Before it is cut; the centre lies beyond a bound that holds the optimum back. An infinite sd stands
+        for a quantity that the data do not see: then everything between the bounds is equally likely.
+    lower, upper : float
+        Bounds, may be infinite.
+    dof : float
+        Degrees of freedom of Student's t; infinite for the normal distribution.
+    """
+
+    mode: float
+    center: float
+    sd: float
+    lower: float
+    upper: float
+    dof: float = math.inf
+
+    def quantile(self, p: float) -> float:
+        """Quantile p, 0 to 1."""
+        if math.isinf(self.sd):
+            return self.lower if p == 0.0 else self.lower + p * (self.upper - self.lower)
+        return quantile(p, self.center, self.sd, self.lower, self.upper, self.dof)
+
+    def cdf(self, x: float) -> float:
+        """Probability below x."""
+        if x <= self.lower or x >= self.upper:
+            return float(x >= self.upper)
+        if math.isinf(self.sd):
+            return (x - self.lower) / (self.upper - self.lower)
+        if self.sd == 0.0:
+            return float(x >= self.mode)
+        below, _ = _functions(self.dof)
+        # from the tail in which the bounds lie, so that probabilities keep their digits
+        sign = -1.0 if self.center < self.lower else 1.0
+        low, at, high = (below(sign * (y - self.center) / self.sd) for y in (self.lower, x, self.upper))
+        return min(max((at - low) / (high - low), 0.0), 1.0) if high != low else float(x >= self.mode)
+
+    def half_width(self, level: float) -> float:
+        """Half width of the central interval of the given level before the cut."""
+        return half_width(level, self.dof) * self.sd
+
+
 def quantile(p: float, center: float, sd: float, lower: float, upper: float, dof: float = math.inf) -> float:
-    """Quantile p of a law with the given centre and scale, restricted to [lower, upper].
+    """Quantile p of a distribution with the given centre and scale, restricted to [lower, upper].
 
     Parameters
     ----------
     p : float
         Probability, 0 to 1.
     center, sd : float
-        Of the law before it is cut; the centre may lie outside the bounds.
+        Before the cut; the centre may lie outside the bounds.
     lower, upper : float
         Bounds, may be infinite.
     dof : float
-        Degrees of freedom of Student's t; infinite for the normal law.
+        Degrees of freedom of Student's t; infinite for the normal distribution.
     """
     if sd == 0.0:
         return min(max(center, lower), upper)
@@ -34,7 +84,7 @@ def quantile(p: float, center: float, sd: float, lower: float, upper: float, dof
 
 
 def _cut(p: float, low: float, high: float, dof: float) -> float:
-    cdf, inverse = _law(dof)
+    cdf, inverse = _functions(dof)
     below, above = cdf(low), cdf(high)
     if above - below <= 0.0 or (math.isinf(dof) and high < -_FAR):
         # so far out that the tail is exponential with rate |high|
@@ -44,7 +94,7 @@ def _cut(p: float, low: float, high: float, dof: float) -> float:
     return min(max(inverse(below + p * (above - below)), low), high)
 
 
-def _law(dof: float) -> tuple[Callable[[float], float], Callable[[float], float]]:
+def _functions(dof: float) -> tuple[Callable[[float], float], Callable[[float], float]]:
     if math.isinf(dof):
         return lambda x: float(special.ndtr(x)), lambda p: float(special.ndtri(p))
     return lambda x: float(special.stdtr(dof, x)), lambda p: float(special.stdtrit(dof, p))
@@ -52,4 +102,4 @@ def _law(dof: float) -> tuple[Callable[[float], float], Callable[[float], float]
 
 def half_width(level: float, dof: float = math.inf) -> float:
     """Half width of the central interval of the given level, in sd."""
-    return _law(dof)[1](0.5 + 0.5 * level)
+    return _functions(dof)[1](0.5 + 0.5 * level)

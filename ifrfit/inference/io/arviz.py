@@ -13,7 +13,8 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.model.log_posterior import Density
 
 if TYPE_CHECKING:
-    from ifrfit.inference.result.fit_result import FitResult
+    from ifrfit.inference.mcmc import Sample
+    from ifrfit.inference.result.findings import Findings
 
 Array = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ _AT_ONCE = 2_000_000  # of them worked out together
 _INDEPENDENT = 2.0  # autocorrelation times after which a draw knows nothing of the one before
 
 
-def to_arviz(result: FitResult) -> Any:
+def to_arviz(result: Findings) -> Any:
     """Put a posterior into ArviZ's form; see `FitResult.to_arviz`."""
     try:
         from arviz_base import from_dict
@@ -31,29 +32,30 @@ def to_arviz(result: FitResult) -> Any:
         raise UsageError(
             "ArviZ is not installed, which to_arviz() needs: pip install 'ifrfit[arviz]'."
         ) from None
-    if result.problem is None:
-        raise UsageError("A result that was read from a file holds no problem any more: fit the data again.")
+    problem, _ = result.problem_and_optimum()
     if result.method not in ("exact", "mcmc"):
         raise UsageError(
             f"--method {result.method} gives no posterior, which to_arviz() needs: use exact or mcmc."
         )
-    density = Density(result.problem)
-    draws, told = _of_law(result) if result.sample is None else _of_chains(result)
+    density = Density(problem)
+    allowed = int(max(_CHAINS, _MOST // max(problem.rows.value.size, 1)))  # by the size of the log likelihood
+    sample = _sample_of(result)
+    draws, sampler = _independent(result, allowed) if sample is None else _of_chains(sample, allowed)
     shape = next(iter(draws.values())).shape
     points = _points(density, draws)
     impacts = _in_parts(density.impacts, density, points)
-    table = result.problem.observations.table
+    table = problem.observations.table
     rows = [f"{source}:{row}" for source, row in zip(table["source"], table["row"], strict=True)]
     first = np.unique(density.impact, return_index=True)[1]
     ids = [table["impact_id"].iloc[i] or rows[i] for i in first]
-    about = _about(result) | told
+    about = _about(result) | sampler
     posterior, dims, coords = _by_name(draws)
     return from_dict(
         {
             "posterior": posterior,
             "sample_stats": {"lp": _in_parts(density, density, points).reshape(shape)},
             "log_likelihood": {"impact": impacts.reshape(*shape, -1)},
-            "observed_data": {"value": result.problem.rows.value},
+            "observed_data": {"value": problem.rows.value},
         },
         coords={"impact_id": ids, "row": rows} | coords,
         dims={"impact": ["impact_id"], "value": ["row"]} | dims,
@@ -79,7 +81,7 @@ def _by_name(
     return posterior, dims, coords
 
 
-def _about(result: FitResult) -> dict[str, Any]:
+def _about(result: Findings) -> dict[str, Any]:
     """Where the draws come from: what netCDF can hold of it, that is numbers and texts."""
     return {
         "inference_library": "ifrfit",
@@ -99,25 +101,34 @@ def _about(result: FitResult) -> dict[str, Any]:
     }
 
 
-def _of_law(result: FitResult) -> tuple[dict[str, Array], dict[str, Any]]:
+def _sample_of(result: Findings) -> Sample | None:
+    """The chains of mcmc; None for another method."""
+    if result.method != "mcmc":
+        return None
+    from ifrfit.inference.mcmc import Sample
+
+    return next(file for file in result.files.values() if isinstance(file, Sample))
+
+
+def _independent(result: Findings, allowed: int) -> tuple[dict[str, Array], dict[str, Any]]:
     """Independent draws, so many a chain as the log likelihood allows."""
-    each = max(1, _allowed(result) // _CHAINS)
+    each = max(1, allowed // _CHAINS)
     each = min(each, _DRAWS)
-    drawn = result.law.draws(_CHAINS * each, np.random.default_rng(result.seed))
+    drawn = result.distribution.draws(_CHAINS * each, np.random.default_rng(result.seed))
     draws = {name: values.reshape(_CHAINS, each) for name, values in drawn.items()}
     return draws, {"sampler": "independent draws from a quadrature"}
 
 
-def _of_chains(result: FitResult) -> tuple[dict[str, Array], dict[str, Any]]:
+def _of_chains(sample: Sample, allowed: int) -> tuple[dict[str, Array], dict[str, Any]]:
     """A chain an ensemble: the draws of its walkers in the order of time, thinned until they are independent.
 
     Not thinned, they would look independent to estimators of effective size although they are not, because
     the draws of one walker lie far apart in such a row.
     """
-    evidence = result.sample.evidence
+    evidence = sample.evidence
     longest = max(evidence.tau.values())
     ensembles, steps, walkers = next(iter(evidence.kept.values())).shape
-    few = math.ceil(steps * ensembles * walkers / _allowed(result))
+    few = math.ceil(steps * ensembles * walkers / allowed)
     thin = max(few, math.ceil(_INDEPENDENT * longest) if math.isfinite(longest) else 1)
     draws = {name: x[:, ::thin].reshape(ensembles, -1) for name, x in evidence.kept.items()}
     return draws, {
@@ -128,13 +139,8 @@ def _of_chains(result: FitResult) -> tuple[dict[str, Array], dict[str, Any]]:
         "discarded": evidence.discarded,
         "thinned": thin,
         "autocorrelation_time": longest,
-        "acceptance": result.sample.chains.acceptance,
+        "acceptance": sample.chains.acceptance,
     }
-
-
-def _allowed(result: FitResult) -> int:
-    """Draws for which the log likelihood is not too large to hold."""
-    return int(max(_CHAINS, _MOST // max(result.problem.rows.value.size, 1)))
 
 
 def _points(density: Density, draws: Mapping[str, Array]) -> Array:

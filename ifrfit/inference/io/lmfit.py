@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.problem import Problem
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.observables import get_observable
 from ifrfit.physics.rebound import rebound
 
 if TYPE_CHECKING:
-    from ifrfit.inference.result.fit_result import FitResult
+    from ifrfit.inference.result.findings import Findings
 
 
 def lmfit_model(observable: str, closure: str = "ifr", inertia_factor: float = 0.4) -> Any:
@@ -85,7 +84,7 @@ def constants_from(params: Any) -> dict[str, dict[str, Any]]:
     return {"fix": fix, "bounds": bounds}
 
 
-def minimizer_result(result: FitResult) -> Any:
+def minimizer_result(result: Findings) -> Any:
     """Polish the result's own optimum with lmfit and hand out lmfit's account of it.
 
     Only constants that the data determine vary; the others are held at the optimum.
@@ -97,15 +96,15 @@ def minimizer_result(result: FitResult) -> Any:
     """
     import lmfit
 
-    problem: Problem | None = result.problem
-    if problem is None:
+    problem, optimum = result.problem, result.least_squares
+    if problem is None or optimum is None:
         raise UsageError(
             "lmfit_result needs the fit itself; a result read from a file holds only its findings."
         )
     sigma = result.points["sigma_used"].to_numpy(dtype=float)
     params = lmfit.Parameters()
     labels = [_label(name) for name in problem.parameters.names]
-    theta = result.least_squares.optimum.theta
+    theta = optimum.optimum.theta
     lower, upper = problem.parameters.bounds()
     settled = _settled(result)
     for label, name, value, low, high, free in zip(
@@ -128,7 +127,7 @@ def _label(name: str) -> str:
     return "".join(ch if ch.isalnum() or ch == "_" else "_" for ch in name).strip("_")
 
 
-def _settled(result: FitResult) -> set[str]:
+def _settled(result: Findings) -> set[str]:
     from ifrfit.inference.result.types import Estimate
 
     names = set()

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.distributions.draws import kappas_of
+from ifrfit.inference.distributions.draws import kappa_draws
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import kappa_coordinates
@@ -87,5 +87,5 @@ class Coordinates:
         drawn = self.density.draws(flat)
         noises = {name: values for name, values in drawn.items() if name.startswith("noise")}
         constants = {name: values for name, values in drawn.items() if name not in noises}
-        found = constants | kappas_of(self.problem, drawn) | noises
+        found = constants | kappa_draws(self.problem, drawn) | noises
         return {name: np.reshape(values, at.shape[:-1]) for name, values in found.items()}

@@ -1,4 +1,4 @@
-"""A sample of a problem's posterior: chains, what they say of themselves, and the law they stand for."""
+"""A sample of a problem's posterior: chains, their diagnostics, and the distribution they stand for."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class Sample:
         return judge(self.evidence)
 
     @cached_property
-    def law(self) -> Draws:
-        """All draws that are kept, as a law."""
+    def distribution(self) -> Draws:
+        """All draws that are kept, as a distribution."""
         values = {name: x.reshape(-1) for name, x in self.evidence.kept.items()}
         return Draws.of(self.coordinates.problem, values)
 
@@ -118,7 +118,7 @@ def fresh(coordinates: Coordinates, found: LeastSquares, seed: int) -> Chains:
     return begin(coordinates, starts(coordinates, found, np.random.default_rng(spread)), walks)
 
 
-def sample_converged(drawn: Sample, settled: Fact) -> Fact:
+def sample_converged(drawn: Sample, noise: Fact) -> Fact:
     """Whether the chains met every rule; if not, which not, and how many more steps it would take."""
     chains, evidence, verdict = drawn.chains, drawn.evidence, drawn.verdict
     ensembles, steps, walkers, _ = chains.at.shape
@@ -143,18 +143,18 @@ def sample_converged(drawn: Sample, settled: Fact) -> Fact:
             }
             for name in evidence.tau
         },
-    } | dict(settled.figures)
-    if verdict.ok and settled.ok:
+    } | dict(noise.figures)
+    if verdict.ok and noise.ok:
         says = (
             f"{ensembles} ensembles of {walkers} walkers agree after {steps:,} steps: R-hat "
             f"{figures['rhat_max']:.4f}, at least {figures['ess_bulk_min']:,.0f} effective draws in the bulk "
             f"and {figures['ess_tail_min']:,.0f} in the tails"
         )
     elif verdict.ok:
-        says = settled.says
+        says = noise.says
     else:
         says = f"the chains did not converge in {steps:,} steps: {verdict.says}; {_remedy(verdict, steps)}"
-    return Fact(verdict.ok and settled.ok, says, figures, FACTS["converged"])
+    return Fact(verdict.ok and noise.ok, says, figures, FACTS["converged"])
 
 
 def _remedy(verdict: Verdict, steps: int) -> str:

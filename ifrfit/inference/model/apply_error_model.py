@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ifrfit.data import Observations
-from ifrfit.errors import DataError, UsageError
+from ifrfit.errors import DataError
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.error_propagation import propagated_sigma
 from ifrfit.inference.model.noise import NoiseModel, Policy
@@ -45,7 +45,7 @@ def with_propagated_sigma(observations: Observations, error_model: ErrorModel) -
     return replace(observations, table=table)
 
 
-def with_error_model(problem: Problem, error_model: ErrorModel, method: str) -> Problem:
+def with_error_model(problem: Problem, error_model: ErrorModel) -> Problem:
     """The problem under this error model.
 
     One unknown noise becomes a common factor on a sigma of 1: the factor has the prior of the noise.
@@ -53,11 +53,11 @@ def with_error_model(problem: Problem, error_model: ErrorModel, method: str) -> 
     Raises
     ------
     UsageError
-        If the method does not know this error model.
+        If the closure does not know this error model.
     DataError
         If the data lack the errors of angle and spin, or have several unknown noises.
     """
-    _check_method(problem, error_model, method)
+    error_model.check_closure(problem.closure)
     if error_model.angles != "none":
         _check_errors_of_angles(problem, error_model)
     if error_model.is_plain:
@@ -66,7 +66,7 @@ def with_error_model(problem: Problem, error_model: ErrorModel, method: str) -> 
         groups = problem.groups()
         if len(groups) > 1:
             raise DataError(
-                f"{len(groups)} unknown noises ({', '.join(groups)}) beside {_said(error_model)}: give a "
+                f"{len(groups)} unknown noises ({', '.join(groups)}) beside {error_model.option}: give a "
                 "sigma in every row and --noise scaled, or fit one observable of one series at a time."
             )
         (ends,) = problem.noise_bounds().values()
@@ -81,38 +81,6 @@ def reported_policy(problem: Problem) -> Policy:
     return problem.noise.policy
 
 
-def _said(error_model: ErrorModel) -> str:
-    return f"--angle-errors {error_model.angles}" if error_model.angles != "none" else "--tails student-t"
-
-
-def _check_method(problem: Problem, error_model: ErrorModel, method: str) -> None:
-    if error_model.is_plain:
-        return
-    if not problem.closure.bilinear:
-        raise UsageError(
-            f"Closure {problem.closure.title} knows independent Gaussian errors of the values only: leave "
-            f"{_said(error_model)} out, or choose another closure."
-        )
-    if method in ("profile", "bootstrap"):
-        raise UsageError(
-            f"--method {method} knows independent Gaussian errors of the values only: use --method exact or "
-            f"mcmc with {_said(error_model)}."
-        )
-    if not error_model.integrates:
-        return
-    if method == "lsq":
-        raise UsageError(
-            "--method lsq cannot integrate true angles out: use --method exact or mcmc with "
-            f"{_said(error_model)}, or --angle-errors effective."
-        )
-    tied = tied_to_e_n(problem, error_model) if method == "exact" else []
-    if tied:
-        raise UsageError(
-            f"--angle-errors {error_model.angles} with {', '.join(tied)}: the true angle ties e_n to the "
-            "tangential constants, which the quadrature does not take on. Use --method mcmc, or fix e_n."
-        )
-
-
 def tied_to_e_n(problem: Problem, error_model: ErrorModel) -> list[str]:
     """Observables whose true angle, integrated out, ties a free e_n to the tangential constants."""
     if not error_model.integrates or problem.parameters["e_n"].fixed is not None:
@@ -123,7 +91,7 @@ def tied_to_e_n(problem: Problem, error_model: ErrorModel) -> list[str]:
 def _couples(o: Observable) -> bool:
     """Whether a row sees e_n together with the true angle."""
     if o.kind == "normal":
-        return o.name != "e_n"
+        return o.has_angle
     return (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n)
 
 

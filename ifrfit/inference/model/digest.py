@@ -17,7 +17,8 @@ def digest(value: object) -> str:
     """SHA-256 of a value, in hexadecimal digits.
 
     A dataclass counts with its class and all its fields, theirs included, but for those with the metadata
-    `EXCLUDED`; an array with its type, shape and bytes; a function with the name under which it is defined.
+    `EXCLUDED`; an array with its type, shape and bytes; a function with the name under which it is defined,
+    an object that can be called also with its attributes.
 
     Raises
     ------
@@ -69,7 +70,8 @@ def _function(function: Callable[..., object]) -> Iterator[bytes]:
         yield b"partial"
         yield from _parts((function.func, function.args, function.keywords))
         return
-    if not hasattr(function, "__qualname__"):
-        raise TypeError(f"a {type(function).__qualname__} has no digest")
+    named = function if hasattr(function, "__qualname__") else type(function)
     yield b"function"
-    yield f"{function.__module__}.{function.__qualname__}".encode()
+    yield f"{named.__module__}.{named.__qualname__}".encode()
+    if named is not function:  # an object that can be called
+        yield from _parts(vars(function))

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ifrfit.errors import UsageError
+
+if TYPE_CHECKING:
+    from ifrfit.physics.closures import Closure
 
 ITERATED = "weights iterated"  # end of the road by which such a fit was found
 ANGLES = ("none", "effective", "set", "measured")
@@ -71,6 +74,24 @@ class ErrorModel:
         }
 
     @property
+    def option(self) -> str:
+        """The option that makes it other than plain, for messages."""
+        return f"--angle-errors {self.angles}" if self.angles != "none" else "--tails student-t"
+
+    def check_closure(self, closure: Closure) -> None:
+        """Refuse a closure that does not know these errors.
+
+        Raises
+        ------
+        UsageError
+        """
+        if not self.is_plain and not closure.bilinear:
+            raise UsageError(
+                f"Closure {closure.title} knows independent Gaussian errors of the values only: leave "
+                f"{self.option} out, or choose another closure."
+            )
+
+    @property
     def words(self) -> str:
         """The choice in a few words; empty where all is plain."""
         parts = []
@@ -115,13 +136,11 @@ def make_error_model(
     """
     if tails not in TAILS:
         raise UsageError(f"--tails {tails}: choose {' or '.join(TAILS)}.")
-    if angle_errors not in ANGLES:
-        raise UsageError(f"--angle-errors {angle_errors}: choose {', '.join(ANGLES[:-1])} or {ANGLES[-1]}.")
     if dof is not None and tails != "student-t":
         raise UsageError("--dof belongs to --tails student-t: add it, or leave --dof out.")
     if dof is not None and not 1.0 <= dof <= 1e6:
         raise UsageError(f"--dof {dof:g}: choose 1 (Cauchy) or more; 4 is usual.")
-    _check_angles(angle_errors, angle_population, sigma_gamma)
+    check_angle_errors(angle_errors, angle_population, sigma_gamma)
     for option, value in (("--sigma-velocity", sigma_velocity), ("--sigma-spin", sigma_spin)):
         if value is not None and not 0.0 < value < math.inf:
             raise UsageError(f"{option} {value:g}: it must be positive (per incoming speed).")
@@ -131,9 +150,17 @@ def make_error_model(
     return ErrorModel(chosen, angle_errors, angle_population, sigma_gamma, sigma_velocity, sigma_spin)
 
 
-def _check_angles(
+def check_angle_errors(
     angle_errors: str, population: tuple[float, float] | None, sigma_gamma: float | None
 ) -> None:
+    """Refuse errors of angles that do not exist, and values that do not belong to them.
+
+    Raises
+    ------
+    UsageError
+    """
+    if angle_errors not in ANGLES:
+        raise UsageError(f"--angle-errors {angle_errors}: choose {', '.join(ANGLES[:-1])} or {ANGLES[-1]}.")
     if angle_errors == "measured" and population is None:
         raise UsageError(
             "--angle-errors measured needs --angle-population LO,HI: the degrees between which the true "

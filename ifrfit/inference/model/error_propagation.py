@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,18 +10,9 @@ from numpy.typing import NDArray
 from ifrfit.errors import DataError
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics.angles import Incidence
+from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
-
-_OWN_VELOCITY = ("v_x", "v_y", "v_n", "beta_tot")
-_OWN_SPIN = ("spin_x_after", "spin_y_after")
-# over which incoming velocity a row was taken: what the true angle changes about it
-DIVIDED_BY: dict[str, Callable[[Incidence], Array]] = {
-    "beta": lambda i: i.slip,
-    "beta_cm": lambda i: i.sine,
-    "tan_psi_after": lambda i: i.cosine,
-    "e_n": lambda i: i.cosine,
-}
 
 
 def propagated_sigma(
@@ -52,27 +42,24 @@ def propagated_sigma(
         For an observable whose error depends on the constants, or that needs the error of the spin.
     """
     assert error_model.velocity is not None
-    v, s = error_model.velocity, error_model.spin
-    if observable in _OWN_VELOCITY:
-        return np.full(value.shape, v)
-    if observable in ("beta_cm", "e_n"):
-        # without an angle e_n is that of a normal drop: cosine 1
-        return np.asarray(v / np.maximum(np.abs(DIVIDED_BY[observable](i)), 1e-300))
-    if observable not in (*_OWN_SPIN, "beta", "tan_psi_after", "psi_after_deg"):
+    kind = OBSERVABLES[observable]
+    if kind.numerator is None:
         raise DataError(
             f"{where}: the error of {observable} cannot be propagated from --sigma-velocity, because it "
             "depends on the constants. Give the velocities themselves, or a sigma in every row without "
             "--sigma-velocity."
         )
-    if s is None:
+    velocity, spin = error_model.velocity, error_model.spin
+    if kind.numerator != "velocity" and spin is None:
         raise DataError(
             f"{where}: {observable} contains the spin after impact, so its error needs --sigma-spin, too "
             "(R sigma_Omega per incoming speed)."
         )
-    if observable in _OWN_SPIN:
-        return np.full(value.shape, s)
-    contact = math.hypot(v, s)
-    if observable == "psi_after_deg":
-        slope = np.cos(np.radians(value)) ** 2
-        return np.asarray(np.degrees(contact * slope / np.maximum(i.cosine, 1e-300)))
-    return np.asarray(contact / np.maximum(np.abs(DIVIDED_BY[observable](i)), 1e-300))
+    parts = {"velocity": (velocity,), "spin": (spin,), "contact": (velocity, spin)}[kind.numerator]
+    sigma = np.full(value.shape, math.hypot(*(part for part in parts if part is not None)))
+    if kind.divided_by is not None:
+        # without an angle e_n is that of a normal drop: cosine 1
+        sigma = sigma / np.maximum(np.abs(kind.divided_by(i)), 1e-300)
+    if kind.unit == "deg":
+        sigma = np.degrees(sigma * np.cos(np.radians(value)) ** 2)
+    return np.asarray(sigma)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.error_propagation import DIVIDED_BY
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import OBSERVABLES
@@ -182,7 +181,8 @@ def _value(law: RowLaw, name: str, i: Incidence, k: Array, at: At) -> Array:
             return np.asarray(value / (1.0 + e_n))
         return np.asarray(value / np.maximum(e_n, 1e-300)) if observable.scale == "rebound" else value
     if observable.kind == "normal":
-        return np.asarray(e_n * (1.0 if name == "e_n" else i.cosine[:, None]))
+        assert observable.by_e_n is not None
+        return np.asarray(e_n * observable.by_e_n(i)[:, None])
     if observable.kind == "friction":
         return np.asarray(mu)
     assert observable.by_impulse is not None
@@ -192,7 +192,8 @@ def _value(law: RowLaw, name: str, i: Incidence, k: Array, at: At) -> Array:
 
 def _restated(law: RowLaw, name: str, rows: Index, i: Incidence, value: Array) -> Array:
     """The value over the observed incoming velocity, where the row was computed with that one."""
-    if not (law.error_model.propagates and law.error_model.angles != "none" and name in DIVIDED_BY):
+    over = OBSERVABLES[name].divided_by
+    restated = law.error_model.propagates and law.error_model.angles != "none"
+    if not restated or over is None or OBSERVABLES[name].unit == "deg":
         return value
-    over = DIVIDED_BY[name]
     return np.asarray(value * (over(i) / over(_picked(law.observed, rows))[:, None])[:, None])

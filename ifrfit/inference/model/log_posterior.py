@@ -20,8 +20,6 @@ from ifrfit.inference.optimize.least_squares import least_squares
 
 Array = NDArray[np.float64]
 
-_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
-
 
 @dataclass(frozen=True)
 class Density:
@@ -38,11 +36,10 @@ class Density:
 
     problem: Problem
 
-    @cached_property
+    @property
     def unknowns(self) -> tuple[FreeParameter, ...]:
         """Free entries of theta."""
-        pairs = zip(self.problem.parameters.names, self.problem.parameters.entries, strict=True)
-        return tuple(FreeParameter.of(name, constant) for name, constant in pairs if constant.fixed is None)
+        return self.problem.free_parameters
 
     @cached_property
     def noises(self) -> Mapping[str, tuple[float, float]]:
@@ -89,9 +86,7 @@ class Density:
 
     def rows(self, points: Array) -> Array:
         """Log likelihood of each row where rows are independent, (m, n)."""
-        sigma = self.sigma(points)
-        z = (self.problem.rows.value - self.problem.predict(self.theta(points))) / sigma
-        return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
+        return self.problem.row_log_likelihood(self.theta(points), np.exp(points[:, len(self.unknowns) :]))
 
     def impacts(self, points: Array) -> Array:
         """Log likelihood of each impact, (m, n_impacts), in the order of `impact`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,12 +14,14 @@ from ifrfit.data import Observations
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.digest import EXCLUDED, digest
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.noise import POLICIES, NoiseModel, Policy
-from ifrfit.inference.model.parameters import Parameter, ParameterSet
+from ifrfit.inference.model.parameters import Parameter, ParameterSet, make_parameters
 from ifrfit.inference.model.rows import OBLIQUE, Array, Index, Rows
 from ifrfit.physics.closures import Closure, Coefficients
 from ifrfit.physics.rebound import rebound_with
 
+_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 _STEP = 1e-6  # of central differences of the curved observables: error about 1e-11
 
 
@@ -147,6 +150,63 @@ class Problem:
         down = self.values_with(k - _STEP * dk, e_n - _STEP * de, mu)
         return (up - down) / (2.0 * _STEP)
 
+    @cached_property
+    def free_parameters(self) -> tuple[FreeParameter, ...]:
+        """Domain and prior of each free entry of theta."""
+        pairs = zip(self.parameters.names, self.parameters.entries, strict=True)
+        return tuple(FreeParameter.of(name, each) for name, each in pairs if each.fixed is None)
+
+    def log_posterior(self, theta: Array, noise: Array | None = None) -> Array:
+        """Log of the normalised prior times the likelihood, for who brings a sampler.
+
+        Parameters
+        ----------
+        theta : ndarray, (..., p)
+            Entries as in `parameters.names`, fixed ones included.
+        noise : ndarray, (..., k), optional
+            Unknown noises as in `noise_bounds`; needed where there are any. Their prior is uniform in the
+            logarithm: the density is one over the free entries of theta and the logarithms of the noises.
+
+        Returns
+        -------
+        ndarray, (...)
+            -inf outside the domain.
+
+        Raises
+        ------
+        UsageError
+            If unknown noises are missing, or errors are other than independent and Gaussian: those need nodes
+            about an optimum, as `ifrfit.inference.model.log_posterior.Density` has them.
+        """
+        if not self.error_model.is_plain:
+            raise UsageError(
+                f"{self.error_model.option} has no density by rows. Take "
+                "ifrfit.inference.model.log_posterior.Density(problem)."
+            )
+        bounds = list(self.noise_bounds().values())
+        if noise is None and bounds:
+            names = ", ".join(name or "a common factor" for name in self.noise_bounds())
+            raise UsageError(f"The noise is unknown ({names}): give log_posterior the noises, too.")
+        theta = np.asarray(theta, dtype=float)
+        flat = theta.reshape(-1, theta.shape[-1])
+        noises = np.ones((len(flat), 0)) if noise is None else np.reshape(noise, (-1, len(bounds)))
+        total = np.zeros(len(flat))
+        for each, value in zip(self.free_parameters, flat[:, self.parameters.free].T, strict=True):
+            inside = (value >= each.lower) & (value <= each.upper)
+            total = total + np.where(inside, each.log_prior(value), -np.inf)
+        for (low, high), value in zip(bounds, noises.T, strict=True):
+            inside = (value >= low) & (value <= high)
+            total = total + np.where(inside, -math.log(math.log(high / low)), -np.inf)
+        inside = np.isfinite(total)
+        total[inside] += self.row_log_likelihood(flat[inside], noises[inside]).sum(axis=1)
+        return total.reshape(theta.shape[:-1])
+
+    def row_log_likelihood(self, theta: Array, noise: Array) -> Array:
+        """Log likelihood of each row under Gaussian errors, (m, n), at theta, (m, p), and noises, (m, k)."""
+        sigma = self.noise.sigma_at(noise, self.noise_groups().values())
+        z = (self.rows.value - self.predict(theta)) / sigma
+        return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
+
     def groups(self) -> Mapping[str, Index]:
         """Rows of each "series/observable"."""
         code = self.rows.series * len(self.rows.names) + self.rows.which
@@ -171,6 +231,37 @@ class Problem:
     def with_fixed(self, values: Mapping[str, float]) -> Problem:
         """The same question with parameters, or single entries of theta, fixed at values by name."""
         return replace(self, parameters=self.parameters.with_fixed(values))
+
+    def with_closure(self, closure: Closure, parameters: Iterable[Parameter] | None = None) -> Problem:
+        """The same question for another closure.
+
+        Parameters
+        ----------
+        closure : Closure
+        parameters : iterable of Parameter, optional
+            Of that closure. By default each constant that both closures have is fixed, known before, bounded
+            and separate as it is here; bounds that are the domain of this closure become those of the other.
+
+        Raises
+        ------
+        UsageError
+            If the closure does not know the error model, or has an empty domain.
+        """
+        self.error_model.check_closure(closure)
+        made = self._parameters_of(closure) if parameters is None else tuple(parameters)
+        return replace(self, closure=closure, parameters=ParameterSet(made, self.series))
+
+    def _parameters_of(self, closure: Closure) -> tuple[Parameter, ...]:
+        here = {each.name: each for each in self.parameters}
+        domains = {each.name: each for each in make_parameters(self.closure, self.inertia_factor)}
+        found = []
+        for own in make_parameters(closure, self.inertia_factor):
+            each = here.get(own.name, own)
+            before = domains.get(own.name, own)
+            if (each.lower, each.upper) == (before.lower, before.upper):
+                each = replace(each, lower=own.lower, upper=own.upper)
+            found.append(each)
+        return tuple(found)
 
     def with_noise(self, noise: NoiseModel) -> Problem:
         """The same question under another noise."""

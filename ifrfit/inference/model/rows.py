@@ -141,6 +141,15 @@ class Rows:
         number[np.argsort(first)] = np.arange(first.size)
         return number[inverse]
 
+    def normal_factor(self, at: Index | Bool) -> Array:
+        """What e_n is multiplied by in rows of the normal kind, of which `at` are some."""
+        factor = np.ones(self.which.size)
+        for number, observable in enumerate(self.observables):
+            if observable.by_e_n is not None:
+                here = self.which == number
+                factor[here] = observable.by_e_n(self.incidence)[here]
+        return np.asarray(factor[at])
+
     def take(self, rows: Index) -> Rows:
         """The same for some rows."""
         if rows.size == self.tau.size and bool((np.diff(rows) == 1).all()):

@@ -117,13 +117,11 @@ class Forms:
         return values if self.all else values[self.switching]
 
     def add_normal(self, unknown: int) -> None:
-        """LinearRows e_n and v_n = e_n cos gamma."""
+        """Rows of the normal kind, such as e_n and v_n = e_n cos gamma."""
         at = self.group.of_kind("normal")
         if not at.any():
             return
-        is_e_n = np.array([name == "e_n" for name in self.group.rows.names])[self.group.rows.which]
-        factor = np.where(is_e_n, 1.0, self.group.rows.incidence.cosine)[at]
-        self._add(unknown, factor, np.flatnonzero(at))
+        self._add(unknown, self.group.rows.normal_factor(at), np.flatnonzero(at))
 
     def add_friction(self, unknown: int, factor: float) -> None:
         """LinearRows of mu."""

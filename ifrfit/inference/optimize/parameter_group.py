@@ -83,8 +83,7 @@ def is_separable(group: ParameterGroup) -> bool:
 def restitution_sums(group: ParameterGroup) -> tuple[float, float, float]:
     """Sums (w, w y, w y^2) of everything that measures e_n directly: rows of e_n and v_n, and its prior."""
     at = group.of_kind("normal")
-    is_e_n = np.array([name == "e_n" for name in group.rows.names])[group.rows.which[at]]
-    factor = np.where(is_e_n, 1.0, group.rows.incidence.cosine[at]) * group.weight[at]
+    factor = group.rows.normal_factor(at) * group.weight[at]
     value = group.rows.value[at] * group.weight[at]
     if group.e_n.prior is not None:
         mean, sd = group.e_n.prior
@@ -102,9 +101,7 @@ def restitution_optimum(group: ParameterGroup) -> tuple[float, float]:
     if weight == 0.0:
         return 0.5 * (group.e_n.lower + group.e_n.upper), 0.0
     e_n = min(max(product / weight, group.e_n.lower), group.e_n.upper)
-    is_e_n = np.array([name == "e_n" for name in group.rows.names])[group.rows.which[at]]
-    factor = np.where(is_e_n, 1.0, group.rows.incidence.cosine[at])
-    residual = (group.rows.value[at] - factor * e_n) * group.weight[at]
+    residual = (group.rows.value[at] - group.rows.normal_factor(at) * e_n) * group.weight[at]
     objective = float(residual @ residual)
     if group.e_n.prior is not None:
         objective += ((e_n - group.e_n.prior[0]) / group.e_n.prior[1]) ** 2

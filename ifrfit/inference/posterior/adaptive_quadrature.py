@@ -37,7 +37,7 @@ _LARGEST = 6_000_000  # values of the density after which no finer grid is begun
 _MOST = 25_000_000  # values that would fill the memory (some 4 GB): not begun at all
 _NO_END = 1e-12  # the transition's scale is not followed beyond 1 less this
 _THRESHOLDS = 256  # of a distribution function, taken at once
-_GRAIN = 0.02  # sd: from a bound to where the density is taken
+_RESOLUTION = 0.02  # sd: from a bound to where the density is taken
 _WALL = 1e-12  # mass at the end of kappa's domain above which e_n does not separate
 _CLEARLY = 1e-6  # the same on a first grid, which is not refined any further then
 
@@ -74,12 +74,12 @@ class QuadraturePosterior:
         return tuple(self.quantities)
 
     @property
-    def grain(self) -> float:
+    def resolution(self) -> float:
         """Width, in sd, over which a density is taken."""
-        return _GRAIN
+        return _RESOLUTION
 
     @property
-    def kept(self) -> float:
+    def n_draws(self) -> float:
         """There is no end to its draws."""
         return math.inf
 
@@ -112,6 +112,9 @@ class QuadraturePosterior:
     def quantile(self, name: str, p: ArrayLike) -> NDArray[np.float64] | float:
         """Posterior quantiles; p scalar or array, 0 to 1."""
         wanted = np.atleast_1d(np.asarray(p, dtype=float))
+        if name.startswith("transition_tau["):
+            found = self._transition(name[len("transition_tau[") : -1], wanted)
+            return float(found[0]) if np.ndim(p) == 0 else found
         if name not in self._table and bool(np.isin(wanted, LEVELS).all()):
             self._table[name] = self._inverted(name, np.array(LEVELS))
         if bool(np.isin(wanted, LEVELS).all()):
@@ -138,19 +141,19 @@ class QuadraturePosterior:
         """Posterior covariance of free entries of theta, (n, n)."""
         return of.covariance(self.grid, [self.quantities[name] for name in names])
 
-    def transition(self, series: str) -> Array:
-        """Quantiles, at `LEVELS`, of the tau at which sticking ends in a series."""
+    def _transition(self, series: str, p: Array) -> Array:
+        """Quantiles of the tau at which sticking ends in a series."""
         block = self.problem.series.index(series) if len(self.plan.blocks) > 1 else 0
         part = self.plan.joint.series[self.plan.tangential[block]]
         c = self.plan.unknowns["c", block]
         if part.misfit.law is not None or (part.stretched and isinstance(c, FreeParameter)):
             own = series_marginal(self.grid, self.plan.tangential[block], "tau", "tau")
-            share = quantiles_of(own, np.array(LEVELS), own.moments(0), self.tolerance)
+            share = quantiles_of(own, p, own.moments(0), self.tolerance)
             return np.asarray(part.unit * share / np.maximum(1.0 - share, _NO_END))
         b = float(part.misfit.b(c if not isinstance(c, FreeParameter) else 0.0))
         names = [name for name in self.quantities if name.startswith("kappa")]
         name = next((n for n in names if n.endswith(f"[{series}]")), names[0])
-        return np.asarray(self.quantile(name, LEVELS)) / b
+        return np.asarray(self.quantile(name, p)) / b
 
     def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
         """Independent draws of all constants, kappa and free noises together, from the quadrature itself."""

@@ -161,8 +161,7 @@ class SumOfSquares:
         return PrefixSums(scale, part.tau, products)
 
     def _normal_rows(self, at: Index) -> _DirectRows:
-        is_e_n = np.array([name == "e_n" for name in self.rows.names])[self.rows.which[at]]
-        factor = np.where(is_e_n, 1.0, self.rows.incidence.cosine[at]) * self.weight[at]
+        factor = self.rows.normal_factor(at) * self.weight[at]
         left = self.rows.value[at] * self.weight[at] - factor * self.reference.e_n
         return _DirectRows(float(factor @ factor), float(factor @ left), float(left @ left))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from ifrfit.inference.optimize.parameter_group import is_separable, restitution_
 from ifrfit.inference.optimize.scalar_search import minimum_near
 from ifrfit.inference.optimize.solve import series_groups, solve, whole_group
 from ifrfit.inference.profile.constrained_series import best_of_series
-from ifrfit.inference.profile.scalar_profile import series_problem
 
 LOWEST = 1e-3
 _SHARE = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
@@ -75,6 +75,18 @@ def _alone(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array
     theta = start.copy()
     theta[mine] = _solved(part, part_sigma, {mine.index(i): x for i, x in at.items()}, start[mine])
     return theta
+
+
+def series_problem(problem: Problem, sigma: Array, series: int) -> tuple[Problem, Array]:
+    """The rows of one series alone, with constants of its own."""
+    rows = np.flatnonzero(problem.rows.series == series)
+    part = problem.with_rows(rows)
+    part = replace(
+        part,
+        parameters=problem.parameters.of_series(series),
+        rows=replace(part.rows, series=np.zeros(rows.size, dtype=np.intp)),
+    )
+    return part, sigma[rows]
 
 
 def _constrained(problem: Problem, at: Mapping[int, float]) -> Problem:

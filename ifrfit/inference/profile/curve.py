@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from ifrfit.inference.optimize.optimum import Array
 
 Interval = tuple[float, float]
 
-_SCAN = 16  # places spread over the whole domain, for valleys that no optimum announced
 _STEPS = (1.0, 2.0, 3.0, 4.0, 6.0)  # sd, on both sides of each optimum; then doubled
 _DOUBLINGS = 60
 _FEWEST, _POINTS, _MOST = 25, 60, 100  # of places: on a flat profile, on any other, altogether
@@ -20,7 +20,30 @@ _BETTER = 1e-6  # fall below the fit's optimum that is not rounding
 _NARROW = 1e-4  # of the window, below which no interval is split
 
 
-class Trace:
+@dataclass(frozen=True)
+class Resolution:
+    """How closely a profile is looked at.
+
+    Attributes
+    ----------
+    scan : int
+        Places spread over the whole domain, for valleys that no optimum announced.
+    crossing : float
+        Share of a bracket to which the end of an interval is known.
+    between : bool
+        Whether the curve is followed between optima, too, where only its shape shows.
+    """
+
+    scan: int
+    crossing: float
+    between: bool
+
+
+FINE = Resolution(16, 1e-8, between=True)
+COARSE = Resolution(0, 1e-4, between=False)  # for what the Gaussian approximation leaves open
+
+
+class ProfileCurve:
     """Evaluations of a profile between two ends, each kept.
 
     Parameters
@@ -31,24 +54,32 @@ class Trace:
         Domain; the upper end may be infinite.
     far : float, optional
         Place from which on the profile is level, where the domain has no end.
+    resolution : Resolution
+        How closely it is looked at.
 
     Attributes
     ----------
-    restless : list of float
+    unconverged : list of float
         Places at which the function ran out of rounds, for it to note.
     """
 
     def __init__(
-        self, function: Callable[[float], float], lower: float, upper: float, far: float | None = None
+        self,
+        function: Callable[[float], float],
+        lower: float,
+        upper: float,
+        far: float | None = None,
+        resolution: Resolution = FINE,
     ) -> None:
         self._function = function
+        self._resolution = resolution
         self.lower, self.upper = lower, upper
         self._far = far
         self._last = upper
         self._known: dict[float, float] = {}
         self._base = 0.0
         self._endless = False
-        self.restless: list[float] = []
+        self.unconverged: list[float] = []
 
     def __call__(self, x: float) -> float:
         """Rise at a place."""
@@ -66,11 +97,11 @@ class Trace:
         """What a budget cut short, in words; nothing if all came to its end."""
         if self._endless:
             return f"it does not close up to {self._last:.0e}"
-        if self.restless:
-            return f"the noise has not settled at {len(self.restless)} of its {self.n_evaluations} places"
+        if self.unconverged:
+            return f"the noise has not settled at {len(self.unconverged)} of its {self.n_evaluations} places"
         return ""
 
-    def settle(self, value: float) -> float:
+    def best_place(self, value: float) -> float:
         """Place of the optimum: the given one, unless the profile has met a better one.
 
         A search, or several noises in turn, may have stopped at an optimum that is not the best; from then
@@ -97,10 +128,11 @@ class Trace:
             self(x)
         self._last = self.upper if math.isfinite(self.upper) else self._finite_end(inside[-1], step, limit)
         self(self.lower), self(self._last)
-        for x in inside:
+        for x in inside if self._resolution.between else inside[:1]:
             self._outward(x, -step, limit)
+        for x in inside if self._resolution.between else inside[-1:]:
             self._outward(x, step, limit)
-        for x in np.linspace(self.lower, self._last, _SCAN + 2)[1:-1].tolist():
+        for x in np.linspace(self.lower, self._last, self._resolution.scan + 2)[1:-1].tolist():
             self(x)
 
     def _finite_end(self, start: float, step: float, limit: float) -> float:
@@ -145,7 +177,8 @@ class Trace:
 
         if over(inside) == 0.0:
             return inside
-        return float(brentq(over, inside, outside, xtol=1e-8 * abs(outside - inside) + 1e-15, rtol=1e-13))
+        fine = self._resolution.crossing
+        return float(brentq(over, inside, outside, xtol=fine * abs(outside - inside) + 1e-15, rtol=1e-13))
 
     def curve(self) -> tuple[Array, Array]:
         """Places looked at, ascending, and the rises there."""

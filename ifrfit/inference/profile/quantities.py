@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.optimize.optimum import Array
+from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.profile.constrained_fit import (
     best_over_e_n,
     best_tied,
@@ -20,13 +20,15 @@ from ifrfit.inference.profile.constrained_fit import (
     lowest_e_n,
     separable_e_n,
 )
-from ifrfit.inference.profile.curve import Trace
+from ifrfit.inference.profile.curve import FINE, ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
-from ifrfit.inference.profile.open_estimates import outlying
+from ifrfit.inference.summary.gaussian import kappa_at
+from ifrfit.inference.summary.status import Domain
 from ifrfit.physics.observables import OBSERVABLES
 
 _COVERED = 0.997
-_RESTLESS = 1e-4  # last fall of the rise, relative where it is over 1, above which the noise still moves
+_PRIOR_TAU = 2.0  # upper end of the default prior of a transition
+_UNCONVERGED = 1e-4  # last fall of the rise, relative where it is over 1, above which the noise still moves
 
 Held = Callable[[float, Array, Array], Array]  # value, row sigma, theta nearby -> theta
 
@@ -42,8 +44,7 @@ class Quantity:
         theta to its value.
     held : callable
         Best theta with the quantity held at a value.
-    domain : Parameter
-        Bounds and the sd of its default prior.
+    domain : Domain
     functional : ndarray
         Its derivative by the coordinates of the local picture.
     far : float or None
@@ -53,7 +54,7 @@ class Quantity:
     name: str
     of: Callable[[Array], float]
     held: Held
-    domain: Parameter
+    domain: Domain
     functional: Array
     far: float | None = None
 
@@ -71,7 +72,7 @@ def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
         problem.parameters.names[place],
         lambda theta: float(theta[place]),
         lambda x, sigma, near: best_with(problem, sigma, {place: x}, near),
-        Parameter(constant.name, lower, constant.upper, prior=constant.prior),
+        replace(Domain.of(constant), lower=lower),
         fit.gaussian.to_theta[place],
         far,
     )
@@ -90,9 +91,9 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
         if mu.fixed is not None:
             e = min(max(x / mu.fixed - 1.0, e_n.lower), e_n.upper) if mu.fixed > 0.0 else e_n.lower
             return best_with(problem, sigma, {i_e: e}, near)
-        settled = separable_e_n(problem, sigma, series)
-        if settled is not None:
-            at = {i_mu: x / (1.0 + settled)} | ({} if e_n.fixed is not None else {i_e: settled})
+        best_e_n = separable_e_n(problem, sigma, series)
+        if best_e_n is not None:
+            at = {i_mu: x / (1.0 + best_e_n)} | ({} if e_n.fixed is not None else {i_e: best_e_n})
             return best_with(problem, sigma, at, near)
         found = best_over_e_n(problem, sigma, x, kappa_range(x, mu), near)
         if found is not None:
@@ -102,18 +103,15 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
             problem, sigma, series, lambda e, c: x / (1.0 + e), kappa_range(x, mu), _distinct(starts)
         )
 
-    low_e, high_e = (e_n.fixed, e_n.fixed) if e_n.fixed is not None else (e_n.lower, e_n.upper)
-    low_e = max(low_e, min(lowest_e_n(problem), high_e))
-    low_mu, high_mu = (mu.fixed, mu.fixed) if mu.fixed is not None else (mu.lower, mu.upper)
-    theta = fit.optimum.theta
-    functional = (1.0 + theta[i_e]) * fit.gaussian.to_theta[i_mu] + theta[i_mu] * fit.gaussian.to_theta[i_e]
+    high_e = e_n.upper if e_n.fixed is None else e_n.fixed
+    lowest = max(e_n.lower, min(lowest_e_n(problem), e_n.upper))
     far = _level(problem, i_mu)
     return Quantity(
         name,
         lambda theta: float(theta[i_mu] * (1.0 + theta[i_e])),
         held,
-        Parameter("kappa", low_mu * (1.0 + low_e), high_mu * (1.0 + high_e)),
-        functional,
+        Domain.of_kappa(replace(e_n, lower=lowest), mu),
+        kappa_at(problem, fit, series)[1],
         None if far is None else far * (1.0 + high_e),
     )
 
@@ -141,13 +139,13 @@ def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity
         tie = lambda e, c: x * float(law.bound(c)) / (1.0 + e)  # noqa: E731
         return best_tied(problem, sigma, series, tie, (-math.inf, math.inf), _distinct(starts))
 
-    to_theta = fit.gaussian.to_theta
-    functional = ((1.0 + theta[i_e]) * to_theta[i_mu] + theta[i_mu] * to_theta[i_e]) / bound
-    functional = functional - of(theta) * float(law.bound_slope(theta[i_c])) / bound * to_theta[i_c]
+    functional = kappa_at(problem, fit, series)[1] / bound
+    slope = float(law.bound_slope(theta[i_c])) / bound
+    functional = functional - of(theta) * slope * fit.gaussian.to_theta[i_c]
     at = problem.rows.series == series
     tau = problem.rows.tau[at & np.isfinite(problem.rows.tau)]
     far = 1.05 * float(tau.max(initial=0.1)) if _level(problem, i_mu) is not None else None
-    return Quantity("transition_tau", of, held, Parameter("tau", 0.0, math.inf), functional, far)
+    return Quantity("transition_tau", of, held, Domain(0.0, math.inf, _PRIOR_TAU), functional, far)
 
 
 def _level(problem: Problem, place: int) -> float | None:
@@ -177,7 +175,14 @@ def _distinct(starts: list[Array]) -> list[Array]:
     return kept
 
 
-def follow(misfit: Misfit, quantity: Quantity, dof: float) -> Trace:
+def outlying(optimum: Optimum) -> list[Array]:
+    """Constants elsewhere that describe the data nearly as well as the optimum does."""
+    return [theta for _, theta in optimum.minima[1:]] + list(optimum.extremes)
+
+
+def profile_curve(
+    misfit: Misfit, quantity: Quantity, dof: float, resolution: Resolution = FINE
+) -> ProfileCurve:
     """Trace the profile of a quantity from all optima of the fit."""
     fit = misfit.fit
     thetas: dict[float, Array] = {}
@@ -188,17 +193,17 @@ def follow(misfit: Misfit, quantity: Quantity, dof: float) -> Trace:
         near = thetas[min(thetas, key=lambda place: abs(place - x))]
         found = misfit.minimum(lambda sigma, near: quantity.held(x, sigma, near), near)
         thetas[x] = found.theta
-        if not found.fall <= _RESTLESS * max(1.0, found.rise):
-            trace.restless.append(x)
+        if not found.fall <= _UNCONVERGED * max(1.0, found.rise):
+            curve.unconverged.append(x)
         return found.rise
 
     variance = fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd)
     sd = math.sqrt(variance)
     step = sd if 0.0 < sd < 0.2 * quantity.domain.prior_sd else 0.05 * quantity.domain.prior_sd
-    trace = Trace(rise, quantity.domain.lower, quantity.domain.upper, quantity.far)
+    curve = ProfileCurve(rise, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution)
     rivals = [quantity.of(theta) for theta in outlying(fit.optimum) if np.isfinite(theta).all()]
-    trace.explore([value, *rivals], step, limit(_COVERED, dof))
-    return trace
+    curve.explore([value, *rivals], step, limit(_COVERED, dof))
+    return curve
 
 
 def quantities_of(problem: Problem, fit: LeastSquares) -> Mapping[str, Quantity]:

@@ -10,11 +10,11 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.inference.optimize.optimum import Array
+from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.result.types import Estimate, Interval, Status
+from ifrfit.inference.summary.status import AT_BOUND
 
 Shape = Literal["bounded", "one_sided", "flat", "multimodal"]
-
-AT_BOUND = 1e-9
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,8 @@ class Profile:
     value : float
         The optimum.
     stderr : float or None
-        Half the 95 % interval over the law's half width: the sd if the profile were a parabola.
+        Half the 95 % interval over the half width of a normal (or t) distribution: the sd if the profile were
+        a parabola.
     interval68, interval95 : tuple of float
         As reported: central, or from the bound to the quantile of one tail where the status is one_sided.
     central68, central95 : tuple of float
@@ -48,8 +49,8 @@ class Profile:
     shape : {"bounded", "one_sided", "flat", "multimodal"}
     status, reason : str
         By the table of statuses.
-    stated : bool
-        Whether the value is stated; not where the status is not_determined, nor with a mere limit.
+    has_value : bool
+        Whether an estimate has the value; not where the status is not_determined, nor with a mere limit.
     lower, upper : float
         Domain.
     dof : float
@@ -74,7 +75,7 @@ class Profile:
     shape: Shape
     status: Status
     reason: str
-    stated: bool
+    has_value: bool
     lower: float
     upper: float
     dof: float
@@ -89,9 +90,13 @@ class Profile:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
+    def cut(self, level: float) -> float:
+        """Rise at the ends of the central interval of this level."""
+        return limit(level, self.dof)
+
     def estimate(self) -> Estimate:
         """The same as an `Estimate`, for results."""
-        value, stderr = (self.value, self.stderr) if self.stated else (None, None)
+        value, stderr = (self.value, self.stderr) if self.has_value else (None, None)
         return Estimate(value, stderr, self.interval68, self.interval95, self.status, self.reason)
 
     def mapped(self, name: str, function: Callable[[float], float]) -> Profile:
@@ -140,11 +145,11 @@ def hull(pieces: tuple[Interval, ...]) -> Interval:
 def closed(interval: Interval, lower: float, upper: float) -> tuple[bool, bool]:
     """Whether the interval ends before the domain does, below and above."""
 
-    def apart(end: float, bound: float) -> bool:
+    def differs(end: float, bound: float) -> bool:
         return math.isinf(bound) or abs(end - bound) > AT_BOUND * max(1.0, abs(bound))
 
-    return apart(interval[0], lower) and not math.isinf(interval[0]), (
-        apart(interval[1], upper) and not math.isinf(interval[1])
+    return differs(interval[0], lower) and not math.isinf(interval[0]), (
+        differs(interval[1], upper) and not math.isinf(interval[1])
     )
 
 

@@ -1,7 +1,8 @@
 """How results are shown: by a module of the layers above, looked up by its name when asked.
 
-Results stand below the reports that draw them, so no module here imports one. Each class names the package
-that draws it; this is the one place where such a name becomes an import.
+Results stand below the reports that draw them and below what computes the content of a report, so no module
+here imports one. Each class names the package that draws it; this is the one place where such a name becomes
+an import.
 """
 
 from __future__ import annotations
@@ -24,6 +25,11 @@ class Renderer(Protocol):
 
     def html(self, shown: Any, /) -> str:
         """An HTML fragment for notebooks; what comes from data is escaped."""
+
+
+def appraisal_of(result: Any) -> Any:
+    """The `Appraisal` of a fit, for its report; see `ifrfit.inference.appraise`, which knows all methods."""
+    return import_module("ifrfit.inference.appraise").appraise(result)
 
 
 class Display:

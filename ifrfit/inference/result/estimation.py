@@ -55,6 +55,8 @@ class Estimation:
         the Gaussian approximation at the optimum stands in its place.
     diagnostics : mapping of str to Fact
         ``converged``, and what else only the method knows; they replace those of least squares.
+    predicts : bool
+        Whether predictions and draws are made from the distribution; else from the Gaussian approximation.
     is_posterior : bool
         Whether the distribution is a posterior: then predictive checks are made, and the prior of the noise
         is reported.
@@ -77,6 +79,7 @@ class Estimation:
     method: str
     distribution: Distribution | None
     diagnostics: Mapping[str, Fact]
+    predicts: bool = True
     is_posterior: bool = False
     log_evidence: float | None = None
     profiles: Mapping[str, Profile] = field(default_factory=dict)

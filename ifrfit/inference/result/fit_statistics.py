@@ -1,4 +1,4 @@
-"""Counts and misfit of a fit, and the local state that predictions start from."""
+"""Counts and misfit of a fit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.special import chdtrc
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.result.types import FitStatistics, State
+from ifrfit.inference.result.types import FitStatistics
 
 
 def statistics_of(
@@ -49,22 +49,3 @@ def statistics_of(
         aic=2.0 * k - 2.0 * log_l,
         bic=k * math.log(n) - 2.0 * log_l,
     )
-
-
-def state_of(problem: Problem, found: LeastSquares) -> State:
-    """Coordinates for predictions; a centre beyond a bound only where the bound holds the optimum back."""
-    local = found.gaussian
-    covariance = local.covariance(capped=True)
-    lower, upper = problem.parameters.bounds()
-    entries = problem.parameters.entries
-    gradient = np.zeros(local.phi.size)
-    low, high = lower.copy(), upper.copy()
-    for i, (name, constant) in enumerate(zip(local.names, entries, strict=True)):
-        if name.startswith("kappa"):
-            e_n = float(problem.per_row(found.optimum.theta)[0][0])
-            low[i], high[i] = lower[i] * (1.0 + e_n), upper[i] * (1.0 + e_n)
-        value = local.phi[i]
-        if constant.fixed is None and (value - low[i] <= 1e-9 or high[i] - value <= 1e-9):
-            gradient[i] = local.gradient[i]
-    shift = -0.5 * covariance @ gradient
-    return State(local.names, local.phi, local.phi + shift, covariance, low, high)

@@ -8,6 +8,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.posterior import QuadraturePosterior
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import get_closure
 
@@ -46,5 +47,18 @@ def question(result: FitResult) -> tuple[Problem, LeastSquares]:
         )
     observations = Observations(result.points[list(TABLE_COLUMNS)], result.inputs)
     problem = make_problem(observations, closure, result.inertia_factor, result.asked, result.noise.policy)
-    problem = with_error_model(problem, result.noise.error_model, result.method)
+    problem = with_error_model(problem, result.noise.error_model)
     return problem, least_squares(problem)
+
+
+def posterior_of(result: FitResult) -> QuadraturePosterior:
+    """The exact posterior of a fit.
+
+    Raises
+    ------
+    UsageError
+        If the fit was made by another method, or was read from a file.
+    """
+    if not isinstance(result.distribution, QuadraturePosterior):
+        raise UsageError("The result holds no exact posterior. Fit the data again with --method exact.")
+    return result.distribution

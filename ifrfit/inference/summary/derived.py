@@ -8,32 +8,26 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.inference.distributions.truncated_normal import quantile
+from ifrfit.inference.distributions.protocol import LEVELS, Distribution, transition_name
+from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.result.types import Estimate
-from ifrfit.inference.summary.kappa import kappa_of
-from ifrfit.physics.closures import Meaning
+from ifrfit.inference.result.types import Angles, Constants, Derived, Estimate
+from ifrfit.physics.closures import Coefficients, Meaning
 from ifrfit.physics.transition import transition_angles
 
 
 def derived_of(
-    problem: Problem, fit: LeastSquares, constants: Mapping[str, Estimate | Mapping[str, Estimate]]
-) -> dict[str, Any]:
+    problem: Problem, constants: Constants, kappas: Mapping[str, Estimate], transitions: Mapping[str, Angles]
+) -> Derived:
     """kappa, transition_angle_deg, what the closure constant stands for; by series where they differ."""
-    each_kappa = {s: kappa_of(problem, fit, i) for i, s in enumerate(problem.series)}
     separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     return {
-        "kappa": each_kappa if separate else each_kappa[problem.series[0]],
-        "transition_angle_deg": {
-            s: transition(problem, fit, i, each_kappa[s]) for i, s in enumerate(problem.series)
-        },
+        "kappa": dict(kappas) if separate else kappas[problem.series[0]],
+        "transition_angle_deg": dict(transitions),
     } | meaning_of(problem, constants)
 
 
-def meaning_of(
-    problem: Problem, constants: Mapping[str, Estimate | Mapping[str, Estimate]]
-) -> dict[str, Any]:
+def meaning_of(problem: Problem, constants: Constants) -> dict[str, Any]:
     """What the closure constant stands for, see `Closure.meaning`; empty where nothing is known of it."""
     closure, j = problem.closure, problem.inertia_factor
     meaning = closure.meaning
@@ -69,50 +63,89 @@ def _meant(meaning: Meaning, c: Estimate, j: float) -> Estimate:
         outer,
         c.status,
         c.reason,
-        value(c.mean) if meaning.linear and c.mean is not None else None,
+        mean=value(c.mean) if meaning.linear and c.mean is not None else None,
     )
 
 
-def transition(
-    problem: Problem, fit: LeastSquares, series: int, kappa: Estimate
-) -> Estimate | list[Estimate] | None:
-    """Transition angle(s) at the series' median spin; a list where there are two."""
-    rows = problem.rows.series == series
-    spin_x = float(np.median(problem.rows.incidence.spin_x[rows]))
-    spin_y = float(np.median(problem.rows.incidence.spin_y[rows]))
-    own = problem.closure.constant
-    places = problem.parameters.positions
-    c = float(fit.optimum.theta[places[own][series]]) if own else 0.0
+def transitions_of(
+    problem: Problem,
+    gaussian: TruncatedGaussian,
+    kappas: Mapping[str, Estimate],
+    distribution: Distribution | None = None,
+) -> dict[str, Angles]:
+    """Transition angle(s) of each series at its median spin; a list where there are two, None without any.
+
+    Parameters
+    ----------
+    problem : Problem
+    gaussian : TruncatedGaussian
+        Of least squares: its optimum says how many angles there are.
+    kappas : mapping
+        By series; their status is that of the angles, and without a value there is none.
+    distribution : Distribution, optional
+        Its quantiles of the transition are taken, its median for the value; by default the Gaussian's, and
+        the optimum. Where the transition is kappa over a number, the estimate of kappa is all it takes.
+    """
+    found: dict[str, Angles] = {}
+    for number, series in enumerate(problem.series):
+        name, kappa = transition_name(series), kappas[series]
+        at_optimum = gaussian.marginals.get(name)
+        if at_optimum is None or kappa.value is None:
+            found[series] = None
+            continue
+        # a fixed kappa leaves the closure constant to the transition, which the Gaussian knows
+        own = gaussian if distribution is None or kappa.status == "fixed" else distribution
+        b = constant_bound(problem)
+        if b is not None:
+            ends = (
+                kappa.interval95[0],
+                kappa.interval68[0],
+                kappa.value,
+                kappa.interval68[1],
+                kappa.interval95[1],
+            )
+            taus = [end / b for end in ends]
+        else:
+            taus = np.asarray(own.quantile(name, LEVELS), dtype=float).tolist()
+            if own is gaussian:
+                taus[2] = at_optimum.mode
+        found[series] = _angles(problem, number, at_optimum.mode, taus, kappa)
+    return found
+
+
+def constant_bound(problem: Problem) -> float | None:
+    """b of the transition tau = kappa/b where it does not depend on the closure constant; else None."""
     law = problem.closure.law(problem.inertia_factor)
-    bound = float(law.bound(c))
-    if kappa.value is None or bound <= 0.0:
-        return None
-    tau = kappa.value / bound
-    angles = transition_angles(tau, spin_x, spin_y)
-    if not angles:
-        return None
-    i_e, i_mu = places["e_n"][series], places["mu"][series]
-    e_n, mu = fit.optimum.theta[i_e], fit.optimum.theta[i_mu]
-    functional = ((1.0 + e_n) * fit.gaussian.to_theta[i_mu] + mu * fit.gaussian.to_theta[i_e]) / bound
-    if own:
-        functional = (
-            functional - tau * float(law.bound_slope(c)) / bound * fit.gaussian.to_theta[places[own][series]]
-        )
-    sd = math.sqrt(fit.gaussian.variance(functional, 1.0))
+    return law.b0 if isinstance(law, Coefficients) and law.b1 == 0.0 else None
+
+
+def _angles(problem: Problem, number: int, tau: float, taus: list[float], kappa: Estimate) -> Angles:
+    """The branches of the transition at quantiles of tau: an angle runs with tau one way or the other."""
+    spin = median_spin(problem, number)
     found = []
-    for number, angle in enumerate(angles):
-        ends = []
-        for p in (0.16, 0.84), (0.025, 0.975):
-            taus = [quantile(q, tau, sd, 0.0, math.inf, fit.noise_dof) for q in p]
-            at = [angle_near(t, spin_x, spin_y, number, len(angles), angle) for t in taus]
-            ends.append((min(at), max(at)))
-        half = 0.5 * (ends[0][1] - ends[0][0]) if kappa.stderr is not None else None
-        found.append(Estimate(angle, half, ends[0], ends[1], kappa.status, kappa.reason))
+    angles = transition_angles(tau, *spin)
+    for branch, angle in enumerate(angles):
+        low95, low68, best, high68, high95 = (angle_near(t, *spin, branch, len(angles), angle) for t in taus)
+        within68 = min(low68, high68), max(low68, high68)
+        within95 = min(low95, high95), max(low95, high95)
+        half = 0.5 * (within68[1] - within68[0]) if kappa.stderr is not None else None
+        found.append(Estimate(best, half, within68, within95, kappa.status, kappa.reason))
+    if not found:
+        return None
     return found[0] if len(found) == 1 else found
+
+
+def median_spin(problem: Problem, series: int) -> tuple[float, float]:
+    """R omega/u before impact, of the median row of a series, along and across the slip."""
+    rows = problem.rows.series == series
+    incidence = problem.rows.incidence
+    return float(np.median(incidence.spin_x[rows])), float(np.median(incidence.spin_y[rows]))
 
 
 def angle_near(tau: float, spin_x: float, spin_y: float, number: int, count: int, angle: float) -> float:
     """The same branch of the transition at another tau; the end of the scale where it has none."""
+    if math.isinf(tau):  # every impact sticks
+        return 0.0 if count == 2 and number == 0 else 90.0
     angles = transition_angles(tau, spin_x, spin_y)
     if len(angles) == count:
         return angles[number]

@@ -1,156 +1,231 @@
-"""Constants with intervals and statuses, by the rules of the table of statuses."""
+"""Estimates of parameters, kappa and noises from a distribution, each by the rule in `summary.status`."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
-from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.inference.distributions.truncated_normal import half_width, quantile
-from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.distributions.draws import kappa_name
+from ifrfit.inference.distributions.protocol import LEVELS, Distribution
+from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.laplace import gaussian_approximation
-from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.profile.open_estimates import is_local, open_estimate, outlying
-from ifrfit.inference.result.types import Estimate, Interval
-from ifrfit.inference.summary.kappa import kappa_of
+from ifrfit.inference.result.estimation import Unresolved
+from ifrfit.inference.result.types import Constants, Estimate, Interval, Noise
+from ifrfit.inference.summary.gaussian import kappa_domain
+from ifrfit.inference.summary.status import (
+    AT_BOUND,
+    KAPPA,
+    Domain,
+    Known,
+    Marginal,
+    OneSided,
+    estimate_of,
+    fixed_estimate,
+    linear,
+    on_bound,
+)
 
-_AT_BOUND = 1e-9
+Array = NDArray[np.float64]
+Kappas = Mapping[str, Estimate]  # by series
 
-
-def constants_of(problem: Problem, fit: LeastSquares) -> dict[str, Estimate | Mapping[str, Estimate]]:
-    """Every constant as an `Estimate`, or one a series where it is separate."""
-    found: dict[str, Estimate | Mapping[str, Estimate]] = {}
-    position = 0
-    for constant in problem.parameters:
-        if not constant.separate:
-            found[constant.name] = estimate(problem, fit, constant, position, None)
-            position += 1
-            continue
-        each = {}
-        for number, series in enumerate(problem.series):
-            each[series] = estimate(problem, fit, constant, position, number)
-            position += 1
-        found[constant.name] = each
-    return found
+_REACHED = 0.1465  # density at a bound over the largest one, above which the 95 % region reaches the bound
+_SAME = 1e-12  # sd, relative to the mean, below which all draws are one value
 
 
-def estimate(
-    problem: Problem, fit: LeastSquares, constant: Parameter, position: int, series: int | None
-) -> Estimate:
-    """One entry of theta with its status.
+def marginal_of_normal(normal: TruncatedNormal) -> Marginal:
+    """What a truncated normal says; its 95 % region reaches a bound within the half width of its interval."""
+    value, low, high = normal.mode, normal.lower, normal.upper
+    reach = normal.half_width(0.95) + AT_BOUND * max(1.0, abs(value))
+
+    def one_sided(below: bool) -> OneSided:
+        ends = [normal.quantile(p if below else 1.0 - p) for p in (0.68, 0.95)]
+        first, second = ((low, end) if below else (end, high) for end in ends)
+        return OneSided(first, second, normal.sd)
+
+    return Marginal(
+        value,
+        normal.sd,
+        (normal.quantile(0.16), normal.quantile(0.84)),
+        (normal.quantile(0.025), normal.quantile(0.975)),
+        (value - low <= reach, high - value <= reach),
+        one_sided,
+    )
+
+
+def marginal_of(distribution: Distribution, name: str, domain: Domain) -> Marginal:
+    """What a distribution says of a quantity: median, mean, sd, and which bounds its 95 % region reaches."""
+    low95, low68, median, high68, high95 = (float(q) for q in distribution.quantile(name, LEVELS))
+    sd = distribution.sd(name)
+
+    def one_sided(below: bool) -> OneSided:
+        ends = [float(distribution.quantile(name, p if below else 1.0 - p)) for p in (0.68, 0.95)]
+        first, second = ((domain.lower, end) if below else (end, domain.upper) for end in ends)
+        return OneSided(first, second, sd)
+
+    return Marginal(
+        median,
+        sd,
+        (low68, high68),
+        (low95, high95),
+        _reached(distribution, name, domain.lower, domain.prior_upper),
+        one_sided,
+        distribution.mean(name),
+    )
+
+
+def _reached(distribution: Distribution, name: str, lower: float, upper: float) -> tuple[bool, bool]:
+    """Whether the 95 % region of highest density reaches the lower, and the upper bound."""
+    sd, mean = distribution.sd(name), distribution.mean(name)
+    if sd <= _SAME * abs(mean):  # every draw is the same
+        return on_bound(mean, lower), on_bound(mean, upper)
+    step = distribution.resolution * sd
+    middle = mean + sd * np.linspace(-4.0, 4.0, 33)
+    edges = np.clip(np.concatenate((middle, [lower, lower + step, upper - step, upper])), lower, upper)
+    cdf = np.asarray(distribution.cdf(name, edges))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        density = np.diff(cdf[:33]) / np.diff(edges[:33])
+    # bounds cut some of these steps short, and draws that lie on a bound would be dense there without limit
+    top = float(np.where(np.diff(edges[:33]) >= step, density, 0.0).max())
+    at_lower, at_upper = (cdf[34] - cdf[33]) / step, (cdf[36] - cdf[35]) / step
+    top = max(top, at_lower, at_upper)
+    return bool(at_lower > _REACHED * top), bool(at_upper > _REACHED * top)
+
+
+def estimates_of(
+    problem: Problem,
+    distribution: Distribution | None,
+    local: Constants,
+    local_kappas: Kappas,
+    unresolved: Mapping[str, Unresolved] | None = None,
+) -> tuple[Constants, Kappas]:
+    """Every constant from its marginal, and kappa of each series.
 
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
-    constant : Parameter
-    position : int
-        Of the entry in theta.
-    series : int or None
-        Of the entry, where the constant is separate.
+    distribution : Distribution or None
+        None where there is none: then the estimates of least squares stand.
+    local, local_kappas : mapping
+        The estimates of least squares: they know what the data leave open, and what rests on a prior.
+    unresolved : mapping, optional
+        By name, what gets no value for other reasons.
     """
-    value = float(fit.optimum.theta[position])
-    if constant.fixed is not None:
-        return Estimate(value, None, (value, value), (value, value), "fixed", "fixed by you")
-    functional = fit.gaussian.to_theta[position]
-    sd = math.sqrt(fit.gaussian.variance(functional, constant.prior_sd))
-    half = HALF * constant.prior_sd
-    rivals = [float(theta[position]) for theta in outlying(fit.optimum)]
-    leans = leans_on_prior(problem, fit, position, constant, sd)
-    # the width of a prior is known, whatever the noise of the rows
-    dof = math.inf if leans and constant.prior is not None else fit.noise_dof
-    reach = half_width(0.95, dof) * sd
-    if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
-        return _through_kappa(problem, fit, constant, series or 0)
-    seen = math.isfinite(sd) and not too_few(problem, constant)
-    if not sd < half or not seen or not is_local(value, reach, rivals):
-        return open_estimate(problem, fit, constant, position, series, seen=seen)
-    side = _side(constant, value, reach)
-    if side:
-        return _one_sided(fit, constant, position, side, sd)
-    intervals = _intervals(constant, value, sd, dof)
-    return Estimate(value, sd, *intervals, "prior" if leans else "determined", leans)
+    reasons = unresolved or {}
+    found: dict[str, Estimate | Mapping[str, Estimate]] = {}
+    for constant in problem.parameters:
+        own = local[constant.name]
+        domain = Domain.of(constant)
+        if isinstance(own, Estimate):
+            found[constant.name] = _estimate(distribution, constant.name, domain, own, reasons)
+        else:
+            found[constant.name] = {
+                series: _estimate(distribution, f"{constant.name}[{series}]", domain, each, reasons)
+                for series, each in own.items()
+            }
+    kappas = {}
+    for number, series in enumerate(problem.series):
+        kappas[series] = kappa_of_constants(problem, number, found) or _estimate(
+            distribution,
+            kappa_name(problem, number),
+            kappa_domain(problem, number),
+            local_kappas[series],
+            reasons,
+        )
+    return found, kappas
 
 
-def _through_kappa(problem: Problem, fit: LeastSquares, constant: Parameter, series: int) -> Estimate:
-    """e_n is anywhere in its domain, and mu is what kappa leaves of it."""
-    e_n = problem.parameters["e_n"]
-    if constant.name == "e_n":
-        everything = (e_n.lower, e_n.upper)
-        return Estimate(None, None, everything, everything, "not_determined", "the data do not fix a value")
-    kappa = kappa_of(problem, fit, series)
-
-    def shared_out(interval: Interval) -> Interval:
-        return interval[0] / (1.0 + e_n.upper), interval[1] / (1.0 + e_n.lower)
-
-    ends = shared_out(kappa.interval68), shared_out(kappa.interval95)
-    if kappa.status == "one_sided":
-        reason = "only a lower limit" if math.isinf(ends[1][1]) else "only an upper limit"
-        return Estimate(None, None, *ends, "one_sided", reason)
-    return Estimate(None, None, *ends, "not_determined", "the data fix kappa = mu (1 + e_n) only")
-
-
-def too_few(problem: Problem, constant: Parameter) -> bool:
-    """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
-    kinds = problem.rows.kinds
-    oblique = int(np.isin(kinds, ("tangential", "curved")).sum())
-    direct = {"e_n": "normal", "mu": "friction"}
-    if oblique == 0 or constant.prior is not None or direct.get(constant.name) in kinds:
-        return False
-    known = {name for name, kind in direct.items() if kind in kinds}
-    unknown = [
-        c for c in problem.parameters.entries if c.fixed is None and c.prior is None and c.name not in known
-    ]
-    return oblique <= len(unknown)
+def _estimate(
+    distribution: Distribution | None,
+    name: str,
+    domain: Domain,
+    local: Estimate,
+    unresolved: Mapping[str, Unresolved],
+) -> Estimate:
+    """One quantity, by what least squares says of the data alone and by the distribution."""
+    if local.status == "fixed":
+        return local
+    if local.value is not None and name in unresolved:
+        return replace(_without_value(domain, unresolved[name]), mean=_mean(distribution, name))
+    if local.value is None:
+        # what the data leave open follows the prior: the interval is that of the data alone
+        return replace(local, mean=_mean(distribution, name))
+    if distribution is None:
+        return local
+    known = Known(
+        prior=local.reason if local.status == "prior" else "",
+        plain=local.reason if local.status == "determined" else KAPPA if name.startswith("kappa") else "",
+        loose="the posterior is nearly as wide as the prior",
+        optimum=local.value,
+    )
+    return estimate_of(domain, marginal_of(distribution, name, domain), known)
 
 
-def _side(constant: Parameter, value: float, reach: float) -> int:
-    """-1 if the 95 % interval reaches the lower bound, 1 for the upper, 0 if it closes on both sides."""
-    low, high = value - constant.lower, constant.upper - value
-    if min(low, high) > reach + _AT_BOUND * max(1.0, abs(value)):
-        return 0
-    return -1 if low <= high else 1
+def _mean(distribution: Distribution | None, name: str) -> float | None:
+    return None if distribution is None or name not in distribution.names else distribution.mean(name)
 
 
-def _intervals(constant: Parameter, center: float, sd: float, dof: float) -> tuple[Interval, Interval]:
-    """Central 68 and 95 % intervals of the local law, cut at the bounds."""
-
-    def q(p: float) -> float:
-        return quantile(p, center, sd, constant.lower, constant.upper, dof)
-
-    return (q(0.16), q(0.84)), (q(0.025), q(0.975))
-
-
-def _one_sided(fit: LeastSquares, constant: Parameter, position: int, side: int, sd: float) -> Estimate:
-    """An interval that runs from the bound to its quantile.
-
-    Where the bound holds the optimum back, the local law has its centre beyond, and is cut there.
-    """
-    value = float(fit.optimum.theta[position])
-    bound = constant.lower if side < 0 else constant.upper
-    held = abs(value - bound) <= _AT_BOUND * max(1.0, abs(bound))
-    center = value - 0.5 * sd * sd * float(fit.gaussian.gradient[position]) if held else value
-
-    def edge(p: float) -> float:
-        at = p if side < 0 else 1.0 - p
-        return quantile(at, center, sd, constant.lower, constant.upper, fit.noise_dof)
-
-    ends = [(bound, edge(p)) if side < 0 else (edge(p), bound) for p in (0.68, 0.95)]
-    reason = f"lies on its bound {bound:g}" if held else f"not told from its bound {bound:g}"
-    return Estimate(value, sd, ends[0], ends[1], "one_sided", reason)
+def _without_value(domain: Domain, unresolved: Unresolved) -> Estimate:
+    whole = domain.lower, domain.upper
+    if unresolved.lower68 is None or unresolved.lower95 is None:
+        return Estimate(None, None, whole, whole, "not_determined", unresolved.reason)
+    ends = (unresolved.lower68, math.inf), (unresolved.lower95, math.inf)
+    return Estimate(None, None, *ends, "one_sided", f"only a lower limit: {unresolved.reason}")
 
 
-def leans_on_prior(problem: Problem, fit: LeastSquares, position: int, constant: Parameter, sd: float) -> str:
-    """The reason if the user's priors halve the sd, else nothing."""
-    named = [c.name for c in problem.parameters if c.prior is not None]
-    if not named:
-        return ""
-    bare = gaussian_approximation(problem, fit.sigma, fit.optimum.theta, with_priors=False)
-    without = math.sqrt(bare.variance(bare.to_theta[position], constant.prior_sd))
-    if sd < HALF * without:
-        return f"rests on your prior of {' and '.join(named)}"
-    return ""
+def kappa_of_constants(problem: Problem, series: int, constants: Constants) -> Estimate | None:
+    """kappa of a series where e_n or mu is fixed: the other one times a number; None where both are free."""
+    places, entries = problem.parameters.positions, problem.parameters.entries
+    e_n, mu = (entries[int(places[name][series])] for name in ("e_n", "mu"))
+    domain = Domain.of_kappa(e_n, mu)
+    if mu.fixed is not None and (e_n.fixed is not None or mu.fixed == 0.0):
+        return fixed_estimate(domain.lower, KAPPA)
+    if e_n.fixed is None and mu.fixed is None:
+        return None
+    free = constants["mu" if mu.fixed is None else "e_n"]
+    own = free if isinstance(free, Estimate) else free[problem.series[series]]
+    if mu.fixed is None:
+        return linear(own, 0.0, 1.0 + (e_n.fixed or 0.0), domain, KAPPA)
+    return linear(own, mu.fixed, mu.fixed, domain, KAPPA)
+
+
+def noise_of(
+    problem: Problem, distribution: Distribution, local: Noise, bounds: Mapping[str, Interval]
+) -> Noise:
+    """Noise as the distribution has it; sigma is its median, and stays where there is no noise in it."""
+    estimates = {}
+    for name in distribution.names:
+        if not name.startswith("noise"):
+            continue
+        low95, low68, median, high68, high95 = (float(q) for q in distribution.quantile(name, LEVELS))
+        estimates[name[len("noise[") : -1]] = Estimate(
+            median,
+            distribution.sd(name),
+            (low68, high68),
+            (low95, high95),
+            "determined",
+            mean=distribution.mean(name),
+        )
+    sigma = dict(local.sigma)
+    if problem.noise.is_unknown:
+        sigma |= {name: float(e.value) for name, e in estimates.items() if e.value is not None}
+    elif "" in estimates and (factor := estimates[""].value) is not None:
+        for name, rows in problem.groups().items():
+            sigma[name] = factor * float(np.sqrt((problem.noise.sigma[rows] ** 2).mean()))
+    if problem.noise.is_scaled and local.policy == "unknown":  # the factor is on a sigma of 1
+        (group,) = problem.groups()
+        estimates, bounds = {group: estimates[""]}, {group: bounds[""]}
+    return Noise(local.policy, sigma, estimates, dict(bounds), local.error_model)
+
+
+def correlation_of(distribution: Distribution, names: tuple[str, ...]) -> Array:
+    """Correlation of the free constants, (n, n)."""
+    covariance = distribution.covariance(names)
+    size = np.sqrt(np.diag(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = covariance / np.outer(size, size)
+    np.fill_diagonal(found, 1.0)
+    return np.asarray(np.where(np.isfinite(found), found, 0.0))

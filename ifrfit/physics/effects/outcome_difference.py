@@ -38,7 +38,7 @@ def _largest(name: str, one: Outcome, two: Outcome, mu: Array) -> float:
     first, second = (np.asarray(observable.value(outcome, mu)) for outcome in (one, two))
     gap = np.abs(first - second)
     if observable.unit == "deg":
-        gap = np.radians(np.minimum(gap, 360.0 - gap) if name == "lambda_deg" else gap)
+        gap = np.radians(np.minimum(gap, 360.0 - gap))
     undefined = np.isnan(first) & np.isnan(second)
     gap = np.where(undefined, 0.0, np.where(np.isnan(gap), math.inf, gap))
     if name == "e_n":

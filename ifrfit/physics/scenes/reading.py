@@ -191,7 +191,7 @@ def _observables(top: Table, conditions: dict[str, Quantity]) -> tuple[str, ...]
     if names is None:
         lateral = any(number != 0.0 for number in conditions["spin_x"].numbers)
         return ("e_n", "beta", "delta_deg", *(("lambda_deg",) if lateral else ()))
-    known = [name for name in OBSERVABLES if name != "mu"]
+    known = [name for name, each in OBSERVABLES.items() if each.kind != "friction"]
     for name in names:
         if name not in known:
             raise DataError(

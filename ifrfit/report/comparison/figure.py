@@ -43,16 +43,16 @@ def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    observables = along_the_angle(comparison)
+    observables = observables_over_angle(comparison)
     columns = max(1, len(observables))
     count = len(comparison.entries)
     width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
-    look = style.looks(list(comparison.entries))
+    styles = style.series_styles(list(comparison.entries))
     heading = textwrap.fill(comparison.verdict.says, int(_LETTERS * width)) if titled else ""
     body = (_DATA + count * _STRIP) if observables else 0.0
     bars = 0.2 + count * _BAR
     with style.drawing():
-        legend = _legend(comparison, look, observables)
+        legend = _legend(comparison, styles, observables)
         lines = math.ceil(len(legend) / (2 * columns))
         height = body + bars + 0.16 * len(heading.splitlines()) + 0.15 * lines + 0.7
         figure = Figure(figsize=(width, height), layout="constrained")
@@ -65,8 +65,8 @@ def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
             )
             axes = [figure.add_subplot(inner[0])]
             axes += [figure.add_subplot(inner[i], sharex=axes[0]) for i in range(1, 1 + count)]
-            _draw_observable(axes, comparison, observable, look)
-        _draw_evidence(figure.add_subplot(grid[1, :]), comparison, look)
+            _draw_observable(axes, comparison, observable, styles)
+        _draw_evidence(figure.add_subplot(grid[1, :]), comparison, styles)
         if titled:
             weight = "bold" if is_stand_in(comparison.best) else "normal"
             figure.suptitle(heading, fontsize=7.5, weight=weight)
@@ -78,18 +78,18 @@ def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
             fontsize=6.6,
             handlelength=2.4,
         )
-        style.settle(figure)
+        style.fix_layout(figure)
     return figure
 
 
-def along_the_angle(comparison: Comparison) -> list[str]:
+def observables_over_angle(comparison: Comparison) -> list[str]:
     """Observables that are drawn: those that depend on the angle, as many as there is room for."""
     names = comparison.best.points["observable"].unique()
     return [str(name) for name in names if has_angle(str(name))][:MOST_COLUMNS]
 
 
 def _draw_observable(
-    axes: list[Axes], comparison: Comparison, observable: str, look: dict[str, style.Look]
+    axes: list[Axes], comparison: Comparison, observable: str, styles: dict[str, style.SeriesStyle]
 ) -> None:
     """Data and lines on top, under them a strip of standardised residuals for each closure."""
     rows = _rows(comparison.best.points, observable)
@@ -100,12 +100,12 @@ def _draw_observable(
     drawn = []
     for name, entry in comparison.entries.items():
         for curve in panels.curves(entry.fit, observable, names, bands=False):
-            own = look[name]
+            own = styles[name]
             axes[0].plot(
                 curve.x, curve.table["value"].to_numpy(), color=own.colour, ls=own.line, zorder=front
             )
             drawn.append(curve)
-    markers = style.looks([str(name) for name in comparison.best.points["series"].unique()])
+    markers = style.series_styles([str(name) for name in comparison.best.points["series"].unique()])
     size = panels.marker_size(len(rows))
     error = rows["sigma_used"].to_numpy(dtype=float)
     for series in names:
@@ -119,21 +119,23 @@ def _draw_observable(
     axes[0].set_ylim(*panels.value_limits(rows, drawn, x))
     axes[0].set_ylabel(panels.axis_label(observable))
     for strip, (name, entry) in zip(axes[1:], comparison.entries.items(), strict=True):
-        _draw_strip(strip, _rows(entry.fit.points, observable), title(name), look[name], size)
+        _draw_strip(strip, _rows(entry.fit.points, observable), title(name), styles[name], size)
     for upper in axes[:-1]:
         upper.tick_params(labelbottom=False)
     panels.set_x(axes[-1], len(rows), angled=True)
     axes[-1].set_xlabel("incidence angle γ (deg)")
 
 
-def _draw_strip(axes: Axes, rows: pd.DataFrame, words: str, look: style.Look, size: float) -> None:
+def _draw_strip(
+    axes: Axes, rows: pd.DataFrame, words: str, series_style: style.SeriesStyle, size: float
+) -> None:
     z = rows["standardised"].to_numpy(dtype=float)
     top = max(3.5, 1.25 * float(np.abs(z).max(initial=0.0)))
     axes.axhline(0.0, color=GREY, lw=0.6, zorder=1)
     axes.axhspan(-2.0, 2.0, color="0.93", lw=0.0, zorder=0)
     axes.plot(
-        rows["gamma_deg"], z, ls="none", marker=look.marker, ms=0.75 * size, mfc=look.colour,
-        mec=look.colour, mew=0.4, rasterized=len(rows) > panels.PIXELS,
+        rows["gamma_deg"], z, ls="none", marker=series_style.marker, ms=0.75 * size, mfc=series_style.colour,
+        mec=series_style.colour, mew=0.4, rasterized=len(rows) > panels.PIXELS,
     )  # fmt: skip
     axes.set_ylim(-top, top)
     tick = 2.0 if top < 8.0 else float(f"{0.6 * top:.0e}")
@@ -141,13 +143,13 @@ def _draw_strip(axes: Axes, rows: pd.DataFrame, words: str, look: style.Look, si
     axes.set_ylabel(f"{words}\n(σ)", fontsize=6.0, rotation=0, ha="right", va="center")
 
 
-def _draw_evidence(axes: Axes, comparison: Comparison, look: dict[str, style.Look]) -> None:
+def _draw_evidence(axes: Axes, comparison: Comparison, styles: dict[str, style.SeriesStyle]) -> None:
     """Bars of log Bayes factors and points of cross-validation, both against the best."""
     ranked = comparison.ranked
     axes.axvspan(-INDIFFERENT, 0.0, color="0.9", lw=0.0, zorder=0)
     for place, name in enumerate(ranked):
         entry = comparison.entries[name]
-        axes.barh(place, entry.log_bayes_factor, height=0.55, color=look[name].colour, alpha=0.75)
+        axes.barh(place, entry.log_bayes_factor, height=0.55, color=styles[name].colour, alpha=0.75)
         if entry.loo is not None:
             axes.errorbar(
                 entry.loo.difference, place, xerr=np.nan_to_num(entry.loo.se_difference), fmt="o", ms=3.2,
@@ -182,16 +184,16 @@ def _scale(axes: Axes, comparison: Comparison) -> None:
 
 
 def _legend(
-    comparison: Comparison, look: dict[str, style.Look], observables: list[str]
+    comparison: Comparison, styles: dict[str, style.SeriesStyle], observables: list[str]
 ) -> list[tuple[Any, str]]:
     from matplotlib.lines import Line2D
 
     entries = [
         (Line2D([], [], color=own.colour, ls=own.line, marker=own.marker, ms=3.2), title(name))
-        for name, own in look.items()
+        for name, own in styles.items()
     ]
     points = comparison.best.points
-    markers = style.looks([str(name) for name in points["series"].unique()])
+    markers = style.series_styles([str(name) for name in points["series"].unique()])
     shown = points["series"][points["observable"].isin(observables)].unique()
     for name in map(str, shown):
         kinds = ", ".join(dict.fromkeys(points["provenance"][points["series"] == name]))

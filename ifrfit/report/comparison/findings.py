@@ -16,12 +16,12 @@ _SURE = 2.0  # standard errors beyond which cross-validation is heard
 
 def prior_line(comparison: Comparison) -> str:
     """The priors that the evidence rests on, in one sentence."""
-    wanted: dict[str, dict[str, list[str]]] = {}
+    groups: dict[str, dict[str, list[str]]] = {}
     for name, entry in comparison.entries.items():
         for constant, prior in entry.prior.items():
-            wanted.setdefault(constant, {}).setdefault(_prior_words(prior), []).append(title(name))
+            groups.setdefault(constant, {}).setdefault(_prior_words(prior), []).append(title(name))
     parts = []
-    for constant, by_words in wanted.items():
+    for constant, by_words in groups.items():
         for words, names in by_words.items():
             whose = "" if len(names) == len(comparison.entries) else f" ({joined(names)})"
             parts.append(f"{constant} {words}{whose}")
@@ -38,19 +38,19 @@ def _prior_words(prior: Mapping[str, float]) -> str:
 
 def findings(comparison: Comparison) -> list[tuple[str, str]]:
     """Facts and notes as (kind, sentence); kind is LOOK, ok or note, LOOK first."""
-    look, fine = [], []
+    alarms, fine = [], []
     loose = {n: e.fit.facts["converged"] for n, e in comparison.entries.items()}
     bad = [f"{title(name)}: {fact.says}" for name, fact in loose.items() if not fact.ok]
-    look += bad
+    alarms += bad
     if not bad:
         fine.append("the evidence of every closure converged")
     fits = {n: e.fit.facts["lack_of_fit"] for n, e in comparison.entries.items()}
     # the p of the others stands in the table
     leading = comparison.verdict.tied or comparison.ranked[:1]
-    look += [f"{title(n)}: {fits[n].says.rstrip('.')}" for n in leading if not fits[n].ok]
-    look += _of_effects(comparison, leading)
-    look += _of_slopes(comparison)
-    look += _of_cross_validation(comparison)
+    alarms += [f"{title(n)}: {fits[n].says.rstrip('.')}" for n in leading if not fits[n].ok]
+    alarms += _of_effects(comparison, leading)
+    alarms += _of_slopes(comparison)
+    alarms += _of_cross_validation(comparison)
     notes = [
         *comparison.notes,
         *_called(comparison, leading),
@@ -59,7 +59,7 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
         *_of_data(comparison),
     ]
     return [
-        *(("LOOK", says) for says in look),
+        *(("LOOK", says) for says in alarms),
         *(("ok", says) for says in fine),
         *(("note", says) for says in notes),
     ]
@@ -78,48 +78,50 @@ def _called(comparison: Comparison, leading: Sequence[str]) -> list[str]:
     """
     if comparison.verdict.kind == "stand_in" or any(get_closure(name).bilinear for name in leading):
         return []
-    wanted: dict[str, list[str]] = {}
+    groups: dict[str, list[str]] = {}
     for name in comparison.ranked:
         fact = comparison.entries[name].fit.facts.get("effects")
         if fact is not None and not fact.ok and name not in leading:
-            wanted.setdefault(called_title(fact.figures["called"][0]), []).append(title(name))
-    parts = [f"those of {joined(names)} for {what}" for what, names in wanted.items()]
+            groups.setdefault(called_title(fact.figures["called"][0]), []).append(title(name))
+    parts = [f"those of {joined(names)} for {what}" for what, names in groups.items()]
     return [f"what the residuals call for: {'; '.join(parts)}"] if parts else []
 
 
 def _of_slopes(comparison: Comparison) -> list[str]:
     """Whether the slopes contradict the closure that the evidence favours."""
-    best, plane, said = comparison.ranked[0], comparison.psi_plane, []
+    best, plane, lines = comparison.ranked[0], comparison.psi_plane, []
     for words, slope in (
         ("slope of sliding", plane.sliding),
         ("slope of sliding less that of sticking", plane.difference),
     ):
         if slope is not None and best in slope.contradicts:
-            said.append(f"the {words} in the psi plane contradicts {title(best)}, which the evidence favours")
-    return said
+            lines.append(
+                f"the {words} in the psi plane contradicts {title(best)}, which the evidence favours"
+            )
+    return lines
 
 
 def _of_cross_validation(comparison: Comparison) -> list[str]:
     found = {n: e.loo for n, e in comparison.entries.items() if e.loo is not None}
     if not found:
         return []
-    said = []
+    lines = []
     best = comparison.ranked[0]
     own = found[best]
     if own.difference < -_SURE * own.se_difference:
         first = max(found, key=lambda name: found[name].elpd)
-        said.append(
+        lines.append(
             f"cross-validation favours {title(first)}, the evidence {title(best)}: the priors' widths or a "
             "few impacts decide; look at both fits"
         )
     for name, loo in found.items():
         if loo.doubtful:
             count, more = len(loo.doubtful), ", ..." if len(loo.doubtful) > 1 else ""
-            said.append(
+            lines.append(
                 f"cross-validation of {title(name)} is not to be trusted: Pareto k over {loo.threshold:.2g} "
                 f"in {count} impact{'s' if count > 1 else ''} ({loo.doubtful[0]}{more})"
             )
-    return said
+    return lines
 
 
 def _of_plane(comparison: Comparison) -> list[str]:

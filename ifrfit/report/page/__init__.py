@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from ifrfit.report.page.assembly import assemble
 from ifrfit.report.page.batch import write_batch
-from ifrfit.report.page.writing import FORMATS, page, write_report
+from ifrfit.report.page.writing import page, write_report
 
-__all__ = ["FORMATS", "assemble", "page", "write_batch", "write_report"]
+__all__ = ["assemble", "page", "write_batch", "write_report"]

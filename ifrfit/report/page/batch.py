@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.appraisal import Appraisal
+from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
@@ -18,7 +20,7 @@ from ifrfit.report.page.verdict import verdict
 from ifrfit.report.page.writing import check_free, put, report_files
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import METHODS, headline
+from ifrfit.report.sentences import headline
 from ifrfit.text import fixed, interval_text, sd_text
 
 INDEX = "index.html"
@@ -45,6 +47,7 @@ class Cell:
 
 def write_batch(
     results: Sequence[tuple[Path, FitResult]],
+    appraise: Callable[[FitResult], Appraisal],
     folder: Path,
     *,
     suffix: str = "html",
@@ -57,9 +60,11 @@ def write_batch(
     ----------
     results : sequence of (Path, FitResult)
         Each with the file it was read from, which gives it its name.
+    appraise : callable
+        Gives the appraisal of a result when its turn comes, and no appraisal is kept: they are large.
     folder : Path
-    suffix : {"html", "md", "pdf"}
-        Form of the single reports; the index is a page.
+    suffix : str
+        Format of the single reports, see `ifrfit.report.page.registries.FORMATS`; the index is a page.
     force : bool
         Replace files that are not reports, too.
     progress : callable
@@ -75,7 +80,7 @@ def write_batch(
     UsageError
         If something else lies there, or nothing can be written.
     """
-    entries = named(results, suffix)
+    entries = named_entries(results, suffix)
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file. Name a folder with --out.")
     for name in (INDEX, *(entry.file for entry in entries)):
@@ -83,12 +88,12 @@ def write_batch(
     files = {INDEX: index(entries).encode("utf-8")}
     for entry in entries:
         progress(entry.name)
-        files |= report_files(entry.result, entry.file)
+        files |= report_files(entry.result, appraise(entry.result), entry.file)
     put(folder, files, force=force)
     return [INDEX, *(entry.file for entry in entries)]
 
 
-def named(results: Sequence[tuple[Path, FitResult]], suffix: str) -> list[Entry]:
+def named_entries(results: Sequence[tuple[Path, FitResult]], suffix: str) -> list[Entry]:
     """Short names: the stem of the file, or its folder's name for a result.json; numbered if they repeat."""
     entries: list[Entry] = []
     taken = {"index"}
@@ -132,7 +137,7 @@ def _constants(result: FitResult) -> dict[str, list[tuple[str, Estimate]]]:
         if isinstance(entry, Estimate):
             found[name] = [("", entry)]
         elif entry:
-            found[name] = list(entry.items())
+            found[name] = [(series, one) for series, one in entry.items() if isinstance(one, Estimate)]
     return found
 
 
@@ -148,7 +153,7 @@ def _row(entry: Entry, constants: Sequence[str]) -> list[Cell]:
         data,
         provenance_words(tuple(kinds)),
         closure,
-        METHODS.get(result.method, result.method),
+        title_of(result.method),
     )
     return [
         *(Cell(text, text) for text in texts),

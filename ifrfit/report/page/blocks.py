@@ -158,7 +158,7 @@ class Report:
     alarm : bool
         Whether anything needs attention.
     sections : tuple of Section
-    made : mapping of str to str
+    footer : mapping of str to str
         Version and time, for the foot of the page.
     """
 
@@ -167,4 +167,4 @@ class Report:
     verdict: tuple[str, ...]
     alarm: bool
     sections: tuple[Section, ...]
-    made: Mapping[str, str] = field(default_factory=dict)
+    footer: Mapping[str, str] = field(default_factory=dict)

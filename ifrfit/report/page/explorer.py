@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.physics import CLOSURES, OBSERVABLES
+from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.report import style
 from ifrfit.report.page.drawings.canvas import shortened
 from ifrfit.report.page.gaussian_summary import coordinates, values_of
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.sentences import undetermined
+from ifrfit.text import joined
 
 Array = NDArray[np.float64]
 
@@ -23,12 +24,15 @@ LARGEST_MU = 2.0
 RIDGE = 1e-12  # of a correlation matrix: a direction without any spread still has a distance
 
 
-def why_not(result: FitResult) -> str:
+def reason_without_panel(result: FitResult) -> str:
     """Why there is no panel; empty where there is one."""
-    if result.closure not in CLOSURES or not _linear(result.closure):
+    if result.closure not in CLOSURES or not CLOSURES[result.closure].bilinear:
         return f"The panel knows no closure {result.closure}: the picture above stands alone."
-    if not any(OBSERVABLES[name].has_angle for name in _observables(result)):
+    names = _observables(result)
+    if not any(OBSERVABLES[name].has_angle for name in names):
         return "These values do not depend on the angle: there is no curve to move."
+    if not any(OBSERVABLES[name].has_angle and OBSERVABLES[name].panel for name in names):
+        return f"The panel has no formula for {joined(names)}: the picture above stands alone."
     return ""
 
 
@@ -38,7 +42,7 @@ def payload(result: FitResult) -> dict[str, Any]:
     Parameters
     ----------
     result : FitResult
-        With points; `why_not` of it is empty.
+        With points; `reason_without_panel` of it is empty.
 
     Returns
     -------
@@ -47,22 +51,26 @@ def payload(result: FitResult) -> dict[str, Any]:
         with the sigma that chi2 rests on, each group's best values with the inverse of its covariance in the
         coordinates of the state. Only what JSON knows.
     """
-    points = result.points
+    observables = [name for name in _observables(result) if OBSERVABLES[name].panel is not None]
+    points = result.points[result.points["observable"].isin(observables)]
     step = -(-len(points) // MOST_ROWS)
     shown = points.iloc[::step]
-    series = [str(name) for name in points["series"].unique()]
-    look = style.looks(series)
-    observables = _observables(result)
+    series = [str(name) for name in result.points["series"].unique()]
+    styles = style.series_styles(series)
     yardstick = "sigma" if result.noise.policy == "scaled" else "sigma_used"
     return {
         "inertia": float(result.inertia_factor),
         "fitted": result.closure,
-        "closures": {name: _closure(name, result.inertia_factor) for name in CLOSURES if _linear(name)},
+        "closures": {
+            name: _closure(closure, result.inertia_factor)
+            for name, closure in CLOSURES.items()
+            if closure.bilinear
+        },
         "observables": [
             {
                 "name": name,
                 "label": OBSERVABLES[name].meaning,
-                "unit": OBSERVABLES[name].unit,
+                "unit": OBSERVABLES[name].unit_text,
                 "angled": OBSERVABLES[name].has_angle,
             }
             for name in observables
@@ -71,8 +79,8 @@ def payload(result: FitResult) -> dict[str, Any]:
             {
                 "name": name,
                 "short": shortened(name, 40),
-                "colour": look[name].colour,
-                "marker": look[name].marker,
+                "colour": styles[name].colour,
+                "marker": styles[name].marker,
                 "spin_x": _median(points, name, "spin_x"),
                 "spin_y": _median(points, name, "spin_y"),
             }
@@ -93,6 +101,7 @@ def payload(result: FitResult) -> dict[str, Any]:
                 )
             },
         },
+        "left_out": [name for name in _observables(result) if name not in observables],
         "open": undetermined(result),
         "stand_in": is_stand_in(result),
         "yardstick": _yardstick(result),
@@ -105,30 +114,20 @@ def _yardstick(result: FitResult) -> str:
     """Which sigma chi2 rests on: as in the result, that of the data where they have one."""
     if result.noise.policy == "unknown":
         return "the noise of the fit"
-    stated = "the sigma that the data state"
+    words = "the sigma that the data state"
     if result.noise.policy == "known":
-        return stated
+        return words
     found = result.noise.estimates.get("")
     optimum = float((result.points["sigma_used"] / result.points["sigma"]).median())
     factor = optimum if found is None or found.value is None else found.value
-    return f"{stated}; the noise of the fit is {factor:.3g} times that"
+    return f"{words}; the noise of the fit is {factor:.3g} times that"
 
 
 def _observables(result: FitResult) -> list[str]:
     return [str(name) for name in result.points["observable"].unique() if str(name) in OBSERVABLES]
 
 
-def _linear(name: str) -> bool:
-    """Whether a closure is a pair (a, b), which is what the script knows; one of another law refuses."""
-    try:
-        CLOSURES[name].coefficients(0.4)
-    except TypeError:
-        return False
-    return True
-
-
-def _closure(name: str, inertia_factor: float) -> dict[str, Any]:
-    closure = CLOSURES[name]
+def _closure(closure: Closure, inertia_factor: float) -> dict[str, Any]:
     linear = closure.coefficients(inertia_factor)
     low, high = closure.domain(inertia_factor)
     return {

@@ -7,15 +7,16 @@ import hashlib
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.report import style
 from ifrfit.report.page.blocks import Download, Report
+from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 from ifrfit.report.page.svg import inline
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-SCRIPTS = ("physics.js", "explorer.js")
-GENERATOR = "ifrfit report"
+_OBSERVABLES = "/* observables */"  # where physics.js takes them
 
 
 def render(report: Report) -> str:
@@ -26,7 +27,7 @@ def render(report: Report) -> str:
     the XML.
     """
     panels = any(block.kind == "panel" for section in report.sections for block in section.blocks)
-    return fill("report.html.j2", script=asset(*SCRIPTS) if panels else "", report=report)
+    return fill("report.html.j2", script=panel_script() if panels else "", report=report)
 
 
 def fill(template: str, *, script: str, **content: Any) -> str:
@@ -53,22 +54,33 @@ def environment() -> Environment:
     """Jinja2 with escaping on and undefined names refused."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    made = Environment(
+    found = Environment(
         loader=PackageLoader("ifrfit.report.page"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["data_uri"] = data_uri
-    made.filters["picture"] = _picture
-    return made
+    found.filters["data_uri"] = data_uri
+    found.filters["picture"] = _picture
+    return found
 
 
 def asset(*names: str) -> str:
     """Style sheets or scripts of the package, one after the other."""
     folder = files("ifrfit.report.page").joinpath("assets")
     return "\n".join(folder.joinpath(name).read_text(encoding="utf-8") for name in names)
+
+
+def physics_script() -> str:
+    """The rebound in JavaScript, with every observable that has an expression for the panel."""
+    known = [f"    {each.name}: (r) => {each.panel},\n" for each in OBSERVABLES.values() if each.panel]
+    return asset("physics.js").replace(_OBSERVABLES, f"\n{''.join(known)}  ")
+
+
+def panel_script() -> str:
+    """The script of a page with a panel."""
+    return f"{physics_script()}\n{asset('explorer.js')}"
 
 
 def policy(sheet: str, script: str) -> str:
@@ -101,3 +113,10 @@ def _picture(picture: Any, alone: bool) -> Any:
 
     # our own figure, written by an XML writer that escapes every text
     return Markup(inline(picture, alone=alone))
+
+
+def _files(report: Report, stem: str) -> dict[str, bytes]:
+    return {f"{stem}.html": render(report).encode("utf-8")}
+
+
+FORMAT = ReportFormat("html", _files)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 
 from ifrfit.report.page.blocks import Block, Code, Findings, Pairs, Paragraph, Pictures, Report, Table
-from ifrfit.report.page.html import GENERATOR
+from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 from ifrfit.report.style import drawing
 
 _SPECIAL = "\\`*_{}[]<>|#"
@@ -25,7 +25,7 @@ def markdown_files(report: Report, stem: str) -> dict[str, bytes]:
         lines += ["", f"## {escaped(section.title)}", ""]
         for block in section.blocks:
             lines += [*_block(block, folder, figures), ""]
-    lines += ["---", "", escaped(", ".join(f"{name} {text}" for name, text in report.made.items())), ""]
+    lines += ["---", "", escaped(", ".join(f"{name} {text}" for name, text in report.footer.items())), ""]
     text = "\n".join(lines)
     return {f"{stem}.md": text.encode("utf-8"), **figures}
 
@@ -74,3 +74,6 @@ def _png(figure: object) -> bytes:
     with drawing():
         figure.savefig(buffer, format="png", metadata={"Software": "ifrfit"})
     return buffer.getvalue()
+
+
+FORMAT = ReportFormat("md", markdown_files)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ifrfit.report.page.blocks import Report
-from ifrfit.report.page.html import GENERATOR
+from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 from ifrfit.report.style import drawing
 
 if TYPE_CHECKING:
@@ -52,3 +52,10 @@ def _figures(figures: Sequence[Figure]) -> bytes:
         for figure in figures:
             pages.savefig(figure)
     return buffer.getvalue()
+
+
+def _files(report: Report, stem: str) -> dict[str, bytes]:
+    return {f"{stem}.pdf": pdf(report)}
+
+
+FORMAT = ReportFormat("pdf", _files)

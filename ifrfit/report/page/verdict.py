@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
@@ -9,7 +10,7 @@ from ifrfit.report.page.blocks import Badge
 from ifrfit.report.provenance import STAND_IN, is_stand_in, kinds_of, provenance_words
 from ifrfit.report.regimes import count_impacts, has_angle
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import HEADLINES, METHODS, QUIET_FACTS, headline, undetermined
+from ifrfit.report.sentences import HEADLINES, QUIET_FACTS, headline, undetermined
 from ifrfit.text import interval_text, joined, sd_text
 
 MOST_NAMED = 6
@@ -33,7 +34,7 @@ def badges(result: FitResult) -> tuple[Badge, ...]:
         for kind in kinds
     ]
     closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
-    found = [*tones, Badge(f"closure {closure}"), Badge(METHODS.get(result.method, result.method))]
+    found = [*tones, Badge(f"closure {closure}"), Badge(title_of(result.method))]
     if headline(result):
         found.append(Badge("needs attention", "look"))
     return tuple(found)
@@ -47,14 +48,16 @@ def verdict(result: FitResult) -> tuple[str, str]:
 def _determined(result: FitResult) -> str:
     groups: dict[str, list[str]] = {}
     for name, estimate in result.flat_constants().items():
-        groups.setdefault(_group(estimate), []).append(_told(name, estimate))
-    clauses = [f"{verb} {joined(_few(groups[group]))}" for group, verb in VERBS.items() if group in groups]
-    fixed = f"{joined(_few(groups['fixed']))} was given to the fit" if "fixed" in groups else ""
+        groups.setdefault(_group(estimate), []).append(_estimate_words(name, estimate))
+    clauses = [
+        f"{verb} {joined(_shortened(groups[group]))}" for group, verb in VERBS.items() if group in groups
+    ]
+    fixed = f"{joined(_shortened(groups['fixed']))} was given to the fit" if "fixed" in groups else ""
     if len(groups.get("fixed", ())) > 1:
         fixed = fixed.replace(" was ", " were ")
-    told = "; they ".join(clauses) or "leave nothing to find"
-    said = f"{_amount(result)} {told}"
-    sentence = f"{said}; {fixed}." if fixed else f"{said}."
+    words = "; they ".join(clauses) or "leave nothing to find"
+    main_clause = f"{_amount(result)} {words}"
+    sentence = f"{main_clause}; {fixed}." if fixed else f"{main_clause}."
     if is_stand_in(result):
         what = sentence[:1].lower() + sentence[1:]
         return f"A fit to generated data, which recovers what was put in and is no finding: {what}"
@@ -69,7 +72,7 @@ def _group(estimate: Estimate) -> str:
     return "prior" if estimate.status == "prior" else "found"
 
 
-def _told(name: str, estimate: Estimate) -> str:
+def _estimate_words(name: str, estimate: Estimate) -> str:
     label = name.replace("[", " [")
     span = interval_text(estimate.interval95, places_of(estimate))
     if estimate.status == "fixed":
@@ -83,10 +86,10 @@ def _told(name: str, estimate: Estimate) -> str:
     return f"{label} = {value_text(estimate)}{sd}{side}"
 
 
-def _few(told: list[str]) -> list[str]:
-    if len(told) <= MOST_NAMED:
-        return told
-    return [*told[:MOST_NAMED], f"{len(told) - MOST_NAMED} more"]
+def _shortened(words: list[str]) -> list[str]:
+    if len(words) <= MOST_NAMED:
+        return words
+    return [*words[:MOST_NAMED], f"{len(words) - MOST_NAMED} more"]
 
 
 def _amount(result: FitResult) -> str:
@@ -103,20 +106,20 @@ def _amount(result: FitResult) -> str:
 
 def _contradicted(result: FitResult) -> str:
     open_ones = undetermined(result)
-    against = [
+    failing = [
         name
         for name, fact in result.facts.items()
         if not fact.ok and name not in QUIET_FACTS and not (name == "identifiable" and open_ones)
     ]
-    if against:
-        told = [_against(name, result) for name in against]
-        return f"Against it stands: {'; '.join(told)}."
+    if failing:
+        words = [_failure_words(name, result) for name in failing]
+        return f"Against it stands: {'; '.join(words)}."
     fine = [result.facts[name].says.rstrip(".") for name in CHECKED if name in result.facts]
     fine = [f"{says[:1].lower()}{says[1:]}" for says in fine]
     return f"Nothing found contradicts it: {'; '.join(fine)}." if fine else "Nothing was found against it."
 
 
-def _against(name: str, result: FitResult) -> str:
+def _failure_words(name: str, result: FitResult) -> str:
     """Where a misfit sits is told at once; the rest by name, for the findings have the sentences."""
     if name == "lack_of_fit":
         return result.facts[name].says.rstrip(".").partition(". ")[0]

@@ -10,56 +10,41 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.page.assembly import assemble
-from ifrfit.report.page.closure_comparison import compared
-from ifrfit.report.page.html import GENERATOR, render
-from ifrfit.report.page.markdown import markdown_files
-from ifrfit.report.page.pdf import pdf
+from ifrfit.report.page.html import render
+from ifrfit.report.page.plugins import GENERATOR
+from ifrfit.report.page.registries import FORMATS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ifrfit.inference.comparison import Comparison
-
-FORMATS = ("html", "md", "pdf")
 Files = Mapping[str, bytes]
 
 
-def page(result: FitResult, figure: Figure | None = None) -> str:
-    """The report of a fit just made as one HTML page, the closures compared."""
-    comparison, missing = compared(result)
-    return render(assemble(result, comparison, figure, missing))
+def page(result: FitResult, appraisal: Appraisal, figure: Figure | None = None) -> str:
+    """The report of a fit as one HTML page."""
+    return render(assemble(result, appraisal, figure))
 
 
-def report_files(result: FitResult, name: str, comparison: Comparison | None = None) -> dict[str, bytes]:
-    """The files of a report, by the suffix of `name`: one, but for Markdown, whose figures are apart.
-
-    Closures are compared here where no comparison is given, and the problem is small enough.
-    """
-    missing = ""
-    if comparison is None:
-        comparison, missing = compared(result)
-    report = assemble(result, comparison, without_comparison=missing)
+def report_files(result: FitResult, appraisal: Appraisal, name: str) -> Files:
+    """The files of a report, by the suffix of `name`: one, or with pictures beside it."""
     stem, _, suffix = name.rpartition(".")
-    if suffix == "html":
-        return {name: render(report).encode("utf-8")}
-    return {name: pdf(report)} if suffix == "pdf" else markdown_files(report, stem)
+    return FORMATS[suffix].write(assemble(result, appraisal), stem)
 
 
-def write_report(
-    result: FitResult, path: Path, *, comparison: Comparison | None = None, force: bool = False
-) -> list[str]:
+def write_report(result: FitResult, appraisal: Appraisal, path: Path, *, force: bool = False) -> list[str]:
     """Write the report of a result.
 
     Parameters
     ----------
     result : FitResult
         Of a fit, or read from a file.
+    appraisal : Appraisal
+        What was computed for the report.
     path : Path
-        Its suffix is the format: html, md or pdf.
-    comparison : Comparison, optional
-        Closures side by side, where they were compared before.
+        Its suffix is the format, see `ifrfit.report.page.registries.FORMATS`.
     force : bool
         Replace files that are not reports, too.
 
@@ -73,12 +58,22 @@ def write_report(
     UsageError
         For another suffix, where something else lies there, or where nothing can be written.
     """
-    path = Path(path)
+    check_report(path, force=force)
+    put(path.parent, report_files(result, appraisal, path.name), force=force)
+    return [path.name]
+
+
+def check_report(path: Path, *, force: bool = False) -> None:
+    """Refuse a path where no report can be written, so that nothing is computed in vain.
+
+    Raises
+    ------
+    UsageError
+        If its suffix is no format of reports, or where something else lies there.
+    """
     if path.suffix.removeprefix(".") not in FORMATS:
         raise UsageError(f"{path}: a report ends in {', '.join('.' + each for each in FORMATS)}.")
     check_free(path, force=force)
-    put(path.parent, report_files(result, path.name, comparison), force=force)
-    return [path.name]
 
 
 def check_free(path: Path, *, force: bool) -> None:

@@ -73,7 +73,7 @@ def plot(simulation: Simulation) -> Figure:
             axes = figure.add_subplot(rows, columns, number + 1)
             _panel(figure, axes, simulation, name)
         figure.suptitle(title, fontsize=8.0)
-        style.settle(figure)
+        style.fix_layout(figure)
     return figure
 
 
@@ -82,9 +82,9 @@ def _title(simulation: Simulation, width: float) -> str:
     effects = f"with {', '.join(on)}" if on else "constant coefficients only"
     lines = textwrap.wrap(f"{simulation.scene.title}: simulated, {effects}", int(15.0 * width))
     missed = [line.title for line in simulation.plan.lines if line.alarm]
-    said = [note for note in simulation.notes if STAND_IN in note]
-    said += [f"LOOK: {', '.join(missed)} would matter, but is not computed"] if missed else []
-    lines += [part for sentence in said for part in textwrap.wrap(sentence, int(15.0 * width))]
+    remarks = [note for note in simulation.notes if STAND_IN in note]
+    remarks += [f"LOOK: {', '.join(missed)} would matter, but is not computed"] if missed else []
+    lines += [part for sentence in remarks for part in textwrap.wrap(sentence, int(15.0 * width))]
     return "\n".join(line.replace("$", "\\$") for line in lines)
 
 
@@ -96,16 +96,16 @@ def _panel(figure: Figure, axes: Axes, simulation: Simulation, name: str) -> Non
     table = simulation.curves()
     table = table[table["observable"] == name]
     if len(grid) == 1:
-        _curve(axes, table, grid[0], style.looks([""])[""], "")
+        _curve(axes, table, grid[0], style.series_styles([""])[""], "")
     else:
         few = sorted(grid, key=lambda axis: table[axis].nunique())
         x, other = (few[1], few[0]) if table[few[0]].nunique() <= MOST_CURVES else (grid[0], grid[1])
         if table[other].nunique() <= MOST_CURVES:
             values = sorted(table[other].unique())
-            looks = style.looks([f"{value:.4g}" for value in values])
+            series_styles = style.series_styles([f"{value:.4g}" for value in values])
             for value in values:
                 label = f"{value:.4g}"
-                _curve(axes, table[table[other] == value], x, looks[label], label)
+                _curve(axes, table[table[other] == value], x, series_styles[label], label)
             axes.legend(title=_label(simulation, other), fontsize=6.5, title_fontsize=6.5)
         else:
             _map(figure, axes, simulation, table, x, other, name)
@@ -129,14 +129,18 @@ def _x_axis(axes: Axes, simulation: Simulation, axis: str, x: np.ndarray) -> Non
         axes.set_xscale("log")
 
 
-def _curve(axes: Axes, table: pd.DataFrame, x: str, look: style.Look, label: str) -> None:
+def _curve(axes: Axes, table: pd.DataFrame, x: str, series_style: style.SeriesStyle, label: str) -> None:
     at = table[x].to_numpy()
-    line: dict[str, Any] = {"color": look.colour, "linestyle": look.line, "label": label}
+    line: dict[str, Any] = {
+        "color": series_style.colour,
+        "linestyle": series_style.line,
+        "label": label,
+    }
     if table["lo95"].notna().any():
         for level, alpha in (("95", 0.15), ("68", 0.25)):
             low, high = table[f"lo{level}"], table[f"hi{level}"]
-            axes.fill_between(at, low, high, color=look.colour, alpha=alpha, linewidth=0.0)
-    few: dict[str, Any] = {"marker": look.marker, "markersize": 2.5} if at.size <= 40 else {}
+            axes.fill_between(at, low, high, color=series_style.colour, alpha=alpha, linewidth=0.0)
+    few: dict[str, Any] = {"marker": series_style.marker, "markersize": 2.5} if at.size <= 40 else {}
     axes.plot(at, table["value"], **line, **few)
     mostly = table["captured"].to_numpy() > 0.5
     if mostly.any() and not label:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.request import make_wanted, seconds_of
+from ifrfit.inference.accuracy.request import make_request, seconds_of
 
 
 @pytest.mark.parametrize(
@@ -27,30 +27,23 @@ def test_other_times_are_refused(text):
 @pytest.mark.parametrize("accuracy", [0.0, -1.0, 1e-10, 0.51, math.nan, math.inf])
 def test_accuracies_beyond_reason_are_refused(accuracy):
     with pytest.raises(UsageError, match=r"choose from 1e-9 to 0\.5"):
-        make_wanted(accuracy, None, None)
+        make_request(accuracy, None)
 
 
-@pytest.mark.parametrize("method", ["lsq", "profile", "bootstrap"])
-def test_methods_without_an_accuracy_are_refused(method):
-    with pytest.raises(UsageError, match=f"--accuracy picks .* --method {method} has none"):
-        make_wanted(1e-3, None, method)
-    with pytest.raises(UsageError, match="--budget picks"):
-        make_wanted(None, 1.0, method)
-
-
-def test_nothing_asked_is_nothing():
-    assert make_wanted(None, None, "lsq") is None
+def test_time_runs_from_when_the_user_asked():
+    assert make_request(None, 10.0, started=3.0, clock=lambda: 5.0).seconds == 2.0
+    assert make_request(None, 10.0, clock=lambda: 5.0).seconds == 0.0
 
 
 def test_a_tenth_of_the_budget_is_kept_for_what_comes_after():
     now = iter([100.0, 101.0, 101.0, 109.5])
-    wanted = make_wanted(None, "10s", None, lambda: next(now))
-    assert wanted.seconds == 1.0
-    assert wanted.left == pytest.approx(8.0)
-    assert wanted.over
+    request = make_request(None, "10s", clock=lambda: next(now))
+    assert request.seconds == 1.0
+    assert request.left == pytest.approx(8.0)
+    assert request.over
 
 
 def test_without_a_budget_there_is_no_end():
-    wanted = make_wanted(1e-3, None, None)
-    assert wanted.left == math.inf
-    assert not wanted.over
+    request = make_request(1e-3, None)
+    assert request.left == math.inf
+    assert not request.over

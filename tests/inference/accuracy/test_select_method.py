@@ -11,14 +11,22 @@ import numpy as np
 import pytest
 
 import ifrfit
+from ifrfit import AngleErrors, Automatic, Exact, Model, Noise
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.mcmc_accuracy import END, check_reachable, halting, reachable, standard_error
 from ifrfit.inference.accuracy.messages import says
-from ifrfit.inference.accuracy.request import make_wanted
-from ifrfit.inference.accuracy.select_method import UNASKED, with_effort
+from ifrfit.inference.accuracy.request import make_request
+from ifrfit.inference.accuracy.select_method import (
+    UNASKED,
+    chains_as_requested,
+    exact_as_requested,
+    picked_as_requested,
+)
 from ifrfit.inference.accuracy.types import Effort
+from ifrfit.inference.estimators import make_estimator
 from ifrfit.inference.io.read_result import from_dict
 from ifrfit.inference.mcmc import Evidence
+from ifrfit.inference.result.build import build_result
 
 SCHEMA = json.loads((Path(ifrfit.__file__).parent / "result.schema.json").read_text(encoding="utf-8"))
 CROSS = {"fix": {"e_n": 0.94}}
@@ -40,8 +48,10 @@ class Ticking:
         return self.now
 
 
-def reached(lsq, *, accuracy=None, budget=None, method=None, step=1e-6, cannot=""):
-    return with_effort(lsq, make_wanted(accuracy, budget, method, Ticking(step)), cannot)
+def reached(lsq, run=picked_as_requested, *, accuracy=None, budget=None, step=1e-6, **more):
+    problem, optimum = lsq.problem_and_optimum()
+    request = make_request(accuracy, budget, clock=Ticking(step))
+    return build_result(problem, optimum, run(problem, optimum, request, **more))
 
 
 def test_a_budget_with_time_enough_comes_to_the_finest(lsq):
@@ -64,7 +74,7 @@ def test_an_accuracy_that_there_was_no_time_for_is_not_converged(lsq):
     assert not found.effort.met
     assert not found.facts["converged"].ok
     assert found.facts["converged"].says == (
-        "the asked accuracy of 1e-6 of an sd was not reached within 1 s: least squares do not tell how far "
+        "the asked accuracy of 1e-6 of an sd was not reached within 1.0 s: least squares do not tell how far "
         "they are from the posterior"
     )
     assert "the estimator did not converge" in found.summary().splitlines()[0]
@@ -75,40 +85,46 @@ def test_time_that_ends_anywhere_leaves_a_whole_result():
     start = ifrfit.fit(
         "cross-2019", method="lsq", series=["no spin", "spin 0.225"], separate="mu", fix={"e_n": 0.94}
     )
+    problem, optimum = start.problem_and_optimum()
     ends = set()
     for looks in range(1, 16):
         seen = iter(range(10_000))
-        wanted = make_wanted(0.1, 1.0, None, lambda looks=looks, seen=seen: float(next(seen) > looks))
-        found = with_effort(start, wanted, "")
-        end = found.method, "sharing" in found.facts
+        request = make_request(0.1, 1.0, clock=lambda looks=looks, seen=seen: float(next(seen) > looks))
+        found = picked_as_requested(problem, optimum, request)
+        end = found.method, "sharing" in found.diagnostics
         assert (UNASKED in found.warnings) == (end == ("exact", False))
         ends.add(end)
     assert ends == {("lsq", False), ("exact", False), ("exact", True)}
 
 
 def test_who_insists_on_exact_gets_it_late_rather_than_not(lsq):
-    found = reached(lsq, budget=1.0, method="exact", step=1.1)
+    found = reached(lsq, run=exact_as_requested, budget=1.0, step=1.1)
     assert found.effort.method == "exact"
     assert found.effort.tolerance == 0.1
     assert found.effort.seconds > 1.0
 
 
 def test_who_insists_on_chains_gets_a_few_steps_and_is_told(lsq):
-    found = reached(lsq, budget=1.0, method="mcmc", step=1.1)
+    found = reached(lsq, run=chains_as_requested, budget=1.0, step=1.1)
     assert (found.method, found.effort.steps) == ("mcmc", 50)
     assert not found.facts["converged"].ok
 
 
 def test_true_angles_that_scatter_are_never_left_to_least_squares():
     found = ifrfit.fit(
-        "cross-2019", angle_errors="set", sigma_gamma=1.0, fix={"e_n": 0.94, "mu": 0.12}, budget="1ms"
+        "cross-2019",
+        Model(fix={"e_n": 0.94, "mu": 0.12}),
+        noise=Noise(angles=AngleErrors("set", sigma_deg=1.0)),
+        method=Automatic(budget="1ms"),
     )
     assert found.effort.method == "exact"
     assert found.effort.seconds > found.effort.budget
 
 
 def test_what_exact_refuses_goes_to_chains_with_the_reason():
-    found = ifrfit.fit("cross-2019", closure="fr", bounds={"beta0": (-1.5, 1.0)}, accuracy=0.08, **CROSS)
+    found = ifrfit.fit(
+        "cross-2019", closure="fr", bounds={"beta0": (-1.5, 1.0)}, method=Automatic(0.08), **CROSS
+    )
     assert found.method == "mcmc"
     assert found.effort.steps >= 200
     assert found.effort.reached <= 0.08
@@ -119,30 +135,30 @@ def test_what_exact_refuses_goes_to_chains_with_the_reason():
 
 def test_what_exact_refuses_stays_refused_where_the_user_insists():
     with pytest.raises(UsageError, match="The exact posterior needs beta0"):
-        ifrfit.fit(
-            "cross-2019", closure="fr", bounds={"beta0": (-1.5, 1.0)}, accuracy=0.1, method="exact", **CROSS
-        )
+        ifrfit.fit("cross-2019", closure="fr", bounds={"beta0": (-1.5, 1.0)}, method=Exact(0.1), **CROSS)
 
 
 def test_a_budget_too_short_for_chains_leaves_least_squares(lsq):
-    found = reached(lsq, budget=1.0, step=0.01, cannot="Exact cannot.")
+    found = reached(lsq, budget=1.0, step=0.01, unsuitable="Exact cannot.")
     assert found.effort.method == "lsq"
     assert found.effort.why == "exact is out of the question: Exact cannot, and too short for chains"
 
 
 def test_absurd_chains_are_refused_with_what_is_reachable():
-    wanted = make_wanted(1e-4, None, "mcmc")
+    request = make_request(1e-4, None)
     with pytest.raises(
         UsageError, match=r"7e\+08 independent draws: ask for 2e-3 or more, or leave --method"
     ):
-        check_reachable(wanted, "")
-    check_reachable(make_wanted(1.01 * reachable(), None, "mcmc"), "")
+        check_reachable(request, "")
+    check_reachable(make_request(1.01 * reachable(), None), "")
 
 
 @pytest.mark.parametrize("given", [{"max_steps": 500}, {"replicates": 500}, {"resume": "nix"}])
 def test_settings_of_ones_own_are_refused(given):
     with pytest.raises(UsageError, match="pick the settings themselves: leave --"):
-        ifrfit.fit("cross-2019", accuracy=1e-2, **given)
+        make_estimator(None, {"accuracy": 1e-2, **given})
+    with pytest.raises(UsageError, match=r"pick the settings themselves|--replicates belongs to"):
+        make_estimator("mcmc", {"accuracy": 1e-2, **given})
 
 
 def test_standard_errors_of_independent_draws_are_those_of_their_number():
@@ -160,7 +176,7 @@ def test_the_factor_of_an_end_is_that_of_simulated_quantiles():
 def test_chains_go_on_while_the_next_stretch_fits():
     evidence = Evidence({"x": np.random.default_rng(6).standard_normal((4, 100, 64))})
     clock = Ticking(0.0)
-    halt = halting(make_wanted(None, 10.0, "mcmc", clock), lambda _: True)
+    halt = halting(make_request(None, 10.0, clock=clock), lambda _: True)
     clock.now = 7.0  # a quarter of 7 s more fits into the 9 s
     assert not halt(evidence)
     clock.now = 7.5
@@ -169,10 +185,10 @@ def test_chains_go_on_while_the_next_stretch_fits():
 
 def test_chains_stop_at_the_accuracy_only_where_the_rules_hold():
     evidence = Evidence({"x": np.random.default_rng(6).standard_normal((4, 400, 64))})
-    wanted = make_wanted(0.1, None, "mcmc")
-    assert halting(wanted, lambda _: True)(evidence)
-    assert not halting(wanted, lambda _: False)(evidence)
-    assert not halting(make_wanted(1e-3, None, "mcmc"), lambda _: True)(evidence)
+    request = make_request(0.1, None)
+    assert halting(request, lambda _: True)(evidence)
+    assert not halting(request, lambda _: False)(evidence)
+    assert not halting(make_request(1e-3, None), lambda _: True)(evidence)
 
 
 def test_the_file_keeps_it(lsq, tmp_path):

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import ifrfit
-from ifrfit.cost.compared_estimates import largest_errors, of_law
-from ifrfit.inference.accuracy.request import make_wanted
+from ifrfit import Automatic
+from ifrfit.cost.compared_estimates import largest_errors, of_distribution
+from ifrfit.inference.accuracy.request import make_request
 from ifrfit.inference.accuracy.tolerance_ladder import LADDER, ladder, refine
 from ifrfit.inference.posterior import integrate
 
@@ -55,7 +56,7 @@ class Explore:
 def refined(budget, seconds, accuracy=None):
     clock = Clock()
     integrate = Explore(clock, dict(zip(ladder(accuracy, True), seconds, strict=False)))
-    found = refine(None, None, make_wanted(accuracy, budget, None, clock), integrate)
+    found = refine(None, None, make_request(accuracy, budget, clock=clock), integrate)
     return found, integrate.asked, clock.now
 
 
@@ -93,7 +94,7 @@ def test_nothing_where_even_the_coarsest_does_not_come_to_an_end():
 def test_who_must_have_it_gets_the_coarsest_however_long_it_takes():
     clock = Clock()
     integrate = Explore(clock, dict.fromkeys(LADDER, 50.0))
-    found = refine(None, None, make_wanted(None, 1.0, None, clock), integrate, must=True)
+    found = refine(None, None, make_request(None, 1.0, clock=clock), integrate, must=True)
     assert integrate.asked == [1e-1]
     assert found.error == 0.05
     assert clock.now == pytest.approx(50.0)
@@ -108,16 +109,16 @@ def test_time_that_ends_before_the_first_round_leaves_what_there_was():
             raise TimeoutError
         return Integral(tolerance, 0.5 * tolerance)
 
-    found = refine(None, None, make_wanted(None, 1.0, None, clock), integrate)
+    found = refine(None, None, make_request(None, 1.0, clock=clock), integrate)
     assert found.tolerance == 1e-1
 
 
 def test_nothing_is_begun_after_the_budget():
     clock = Clock()
-    wanted = make_wanted(None, 1.0, None, clock)
+    request = make_request(None, 1.0, clock=clock)
     clock.now = 2.0
     integrate = Explore(clock, {})
-    assert refine(None, None, wanted, integrate) is None
+    assert refine(None, None, request, integrate) is None
     assert integrate.asked == []
 
 
@@ -125,7 +126,7 @@ def test_nothing_is_begun_after_the_budget():
 def test_finer_rules_are_tried_where_coarse_ones_get_stuck(budget):
     clock = Clock()
     integrate = Explore(clock, dict.fromkeys((1e-1, *LADDER), 1.0), stuck=(1e-1, 1e-2))
-    found = refine(None, None, make_wanted(0.1, budget, None, clock), integrate)
+    found = refine(None, None, make_request(0.1, budget, clock=clock), integrate)
     assert integrate.asked == [1e-1, 1e-2, 1e-3]
     assert found.error == 0.5e-3
     assert found.tolerance == 0.1  # what was asked for is what has to be reached
@@ -138,7 +139,7 @@ def test_what_gets_no_better_is_given_up():
     found = refine(
         None,
         None,
-        make_wanted(1e-3, None, None, clock),
+        make_request(1e-3, None, clock=clock),
         lambda *_, **__: Integral(1e-3, next(integrate.error), False),
     )
     assert found.error == 0.04
@@ -153,7 +154,7 @@ def test_stops_at_the_asked_accuracy():
 def test_without_a_budget_goes_there_at_once():
     clock = Clock()
     integrate = Explore(clock, {3e-5: 1.0})
-    found = refine(None, None, make_wanted(3e-5, None, None, clock), integrate)
+    found = refine(None, None, make_request(3e-5, None, clock=clock), integrate)
     assert integrate.asked == [3e-5]
     assert found.tolerance == 3e-5
 
@@ -166,7 +167,7 @@ def references():
         "cross-2019": {"fix": {"e_n": 0.94}},
     }.items():
         fit = ifrfit.fit(name, method="lsq", **choices)
-        found[name] = fit.problem, choices, of_law(fit.problem, integrate(fit.problem, 1e-8))
+        found[name] = fit.problem, choices, of_distribution(fit.problem, integrate(fit.problem, 1e-8))
     return found
 
 
@@ -174,8 +175,8 @@ def references():
 @pytest.mark.parametrize("name", ["kharaz-2001", "cross-2019"])
 def test_the_accuracy_that_was_asked_for_is_reached(references, name, accuracy):
     problem, choices, reference = references[name]
-    fit = ifrfit.fit(name, accuracy=accuracy, **choices)
-    off = max(largest_errors([of_law(problem, fit.law)], reference).values())
+    fit = ifrfit.fit(name, method=Automatic(accuracy=accuracy), **choices)
+    off = max(largest_errors([of_distribution(problem, fit.distribution)], reference).values())
     assert off <= accuracy
     assert fit.effort.method == "exact"
     assert fit.effort.reached <= accuracy

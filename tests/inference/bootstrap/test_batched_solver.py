@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bootstrap_scenes import fitted, scene
 from random_problems import random_problem
-from scenes import fitted, scene
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
@@ -99,7 +99,7 @@ def test_no_replicate_of_random_problems_lies_above_the_certified_optimum() -> N
         for number in range(lot.size):
             one = replicate(problem, lot, number)
             best = least_squares(one).optimum
-            ours = objective_at(one, one.sigma, solved.theta[number])
+            ours = objective_at(one, one.noise.sigma, solved.theta[number])
             assert ours == pytest.approx(best.objective, rel=1e-9, abs=1e-9)
             n += 1
     assert n > 20

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scenes import TRUTH, fitted, scene, with_values
+from bootstrap_scenes import TRUTH, fitted, scene, with_values
 from scipy import stats
 
 from ifrfit.errors import UsageError

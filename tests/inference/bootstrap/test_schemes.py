@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from bootstrap_scenes import fitted, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import fitted, scene
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.bootstrap.resampling_units import kinds_of, number_impacts

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from importlib.resources import files
 
-import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
-import referencing
 from comparison_data import FOUR, observations
+from json_schemas import validator
 
 import ifrfit
+from ifrfit import Noise
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.closure_questions import chosen_closures
-from ifrfit.inference.comparison.write_json import dumps
+from ifrfit.inference.io.json_text import dumps
 from ifrfit.physics.closures import CLOSURES
+from ifrfit.registry import registered
 
 
 @pytest.fixture(scope="module")
@@ -33,14 +33,7 @@ def found(data):
 
 @pytest.fixture(scope="module")
 def schema():
-    def content(name):
-        return json.loads(files("ifrfit").joinpath(name).read_text(encoding="utf-8"))
-
-    result = referencing.Resource.from_contents(content("result.schema.json"))
-    registry = referencing.Registry().with_resources([("urn:ifrfit:result:1", result)])
-    own = content("compare.schema.json")
-    jsonschema.Draft202012Validator.check_schema(own)
-    return jsonschema.Draft202012Validator(own, registry=registry)
+    return validator("compare")
 
 
 def test_every_closure_of_the_registry_takes_part(data):
@@ -49,10 +42,9 @@ def test_every_closure_of_the_registry_takes_part(data):
     assert ifrfit.compare is compare
 
 
-def test_a_closure_added_later_takes_part(monkeypatch, data):
-    other = replace(CLOSURES["ifr"], name="other", title="Other")
-    monkeypatch.setitem(CLOSURES, "other", other)
-    found = compare(data, ("ifr", "other"), loo=False, fix={"e_n": 0.9}, noise="known")
+def test_a_closure_added_later_takes_part(data):
+    with registered(replace(CLOSURES["ifr"], name="other", title="Other")):
+        found = compare(data, ("ifr", "other"), loo=False, fix={"e_n": 0.9}, noise="known")
     assert found.entries["other"].log_evidence == pytest.approx(found.entries["ifr"].log_evidence, abs=1e-9)
     assert {"ifr", "other"} <= set(found.verdict.tied)
 
@@ -132,7 +124,7 @@ def test_table_has_a_row_a_closure_the_best_first(found):
 
 
 def test_json_meets_its_schema(found, schema):
-    content = json.loads(dumps(found))
+    content = json.loads(dumps(found.to_dict()))
     schema.validate(content)
     assert content == found.to_dict()
     assert content["command"] == "ifrfit compare made.csv"
@@ -152,7 +144,7 @@ def test_json_of_other_cases_meets_the_schema_too(schema, choices):
     made = {key: choices[key] for key in ("provenance", "observables", "gamma") if key in choices}
     data = observations("f", sigma=0.05, **made)
     found = compare(data, ("f", "ifr"), loo=choices["loo"], noise=choices["noise"], fix={"e_n": 0.9})
-    schema.validate(json.loads(dumps(found)))
+    schema.validate(json.loads(dumps(found.to_dict())))
 
 
 def test_schema_refuses_what_it_should(found, schema):
@@ -177,19 +169,21 @@ def test_save_writes_the_whole_file(found, tmp_path):
 
 
 def test_scatter_that_a_closure_does_not_know_leaves_it_out(data):
-    every, said = chosen_closures(None, {})
+    every, said = chosen_closures(None, plain=True)
     assert [c.name for c in every] == list(CLOSURES)
     assert said == ()
-    some, said = chosen_closures(None, {"tails": "student-t"})
+    some, said = chosen_closures(None, plain=False)
     assert [c.name for c in some] == list(FOUR)
     assert said == ("MAW is left out: it knows independent Gaussian errors of the values only.",)
     with pytest.raises(UsageError, match=r"^Closure MAW knows independent Gaussian errors"):
-        compare(data, ("ifr", "maw"), loo=False, fix={"e_n": 0.9}, tails="student-t")
+        compare(data, ("ifr", "maw"), loo=False, fix={"e_n": 0.9}, noise=Noise(tails="student-t"))
 
 
 def test_student_errors_are_compared_by_their_own_evidence(data):
-    found = compare(data, ("f", "ifr"), fix={"e_n": 0.9, "mu": 0.15}, noise="known", tails="student-t")
-    own = ifrfit.fit(data, closure="ifr", fix={"e_n": 0.9, "mu": 0.15}, noise="known", tails="student-t")
+    found = compare(data, ("f", "ifr"), fix={"e_n": 0.9, "mu": 0.15}, noise=Noise("known", tails="student-t"))
+    own = ifrfit.fit(
+        data, closure="ifr", fix={"e_n": 0.9, "mu": 0.15}, noise=Noise("known", tails="student-t")
+    )
     assert found.entries["ifr"].log_evidence == own.fit.log_evidence
     assert found.psi_plane.reason == "it knows Gaussian errors of the values only"
     assert found.entries["ifr"].loo is not None

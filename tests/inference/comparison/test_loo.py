@@ -27,7 +27,9 @@ def test_smoothed_weights_agree_with_refits(noise):
     result = fitted(data, fix={"e_n": 0.9}, noise=noise)
     found = loo_of(result, SEED)
     density = Density(result.problem)
-    exact = [left_out(result.problem, result.law.log_evidence, density.impact != i) for i in range(12)]
+    exact = [
+        left_out(result.problem, result.distribution.log_evidence, density.impact != i) for i in range(12)
+    ]
     assert found.pareto_k.shape == (12,)
     assert found.n_draws == 4000
     for i in range(12):
@@ -60,7 +62,9 @@ def test_an_outlier_is_refitted_and_the_rest_is_not():
     assert found.doubtful == ()
     assert found.pareto_k[4] > found.threshold
     keep = np.arange(10) != 4
-    assert found.pointwise[4] == pytest.approx(left_out(result.problem, result.law.log_evidence, keep))
+    assert found.pointwise[4] == pytest.approx(
+        left_out(result.problem, result.distribution.log_evidence, keep)
+    )
     small = np.delete(found.pareto_k, 4)
     assert (small <= found.threshold).all()
 
@@ -75,7 +79,7 @@ def test_rows_of_an_impact_are_left_out_together():
     assert found.impacts == tuple(f"impact i{k}" for k in range(8))
     keep = data.table["impact_id"].to_numpy() != "i3"
     assert keep.sum() == 14
-    exact = left_out(result.problem, result.law.log_evidence, keep)
+    exact = left_out(result.problem, result.distribution.log_evidence, keep)
     assert found.pointwise[3] == pytest.approx(exact, abs=0.1)
     # rows one by one would say something else
     rows = loo_of(fitted(observations(

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,15 +8,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from hard_cases.synthetic import GRAZING, STEEP, TRUTH, table
 from scipy import special
 
 import ifrfit
-from ifrfit.inference.diagnostics.interval_comparison import disagreements, intervals
+from ifrfit.inference.diagnostics.interval_comparison import intervals
+from ifrfit.inference.diagnostics.interval_disagreements import disagreements
 from ifrfit.inference.optimize.least_squares import least_squares
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from hard_cases.synthetic import GRAZING, STEEP, TRUTH, table
 
 Z = float(special.ndtri(0.975))
 

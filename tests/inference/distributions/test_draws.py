@@ -1,4 +1,4 @@
-"""Draws read as a law: known answers, and the same estimates as the law that they were drawn from."""
+"""Draws as a distribution: known answers, and the estimates of the distribution that they were drawn from."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ import ifrfit
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.posterior import QuadraturePosterior
-from ifrfit.inference.result.method_results import with_law
+from ifrfit.inference.result.build import build_result
+from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Estimate, Fact
 
 ANGLES = [5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0]
@@ -50,7 +51,7 @@ def test_kappa_and_the_transition_follow_from_the_constants(problem) -> None:
     law = Draws.of(problem, normal())
     assert law.values["kappa"] == pytest.approx(1.94 * law.values["mu"])
     # IFR sticks up to tau = 5/2 kappa
-    assert law.transition("run") == pytest.approx(2.5 * law.quantile("kappa", LEVELS))
+    assert law.quantile("transition_tau[run]", LEVELS) == pytest.approx(2.5 * law.quantile("kappa", LEVELS))
 
 
 def test_draws_on_a_bound_count_towards_its_density(problem) -> None:
@@ -63,7 +64,7 @@ def test_draws_on_a_bound_count_towards_its_density(problem) -> None:
 
 def test_draws_are_taken_once_as_long_as_there_are_enough(problem) -> None:
     law = Draws.of(problem, normal(1000))
-    assert law.kept == 1000
+    assert law.n_draws == 1000
     drawn = law.draws(1000, np.random.default_rng(3))
     assert np.array_equal(np.sort(drawn["mu"]), np.sort(law.values["mu"]))
     assert drawn["kappa"] == pytest.approx(1.94 * drawn["mu"])
@@ -92,10 +93,11 @@ def test_read_like_the_posterior_that_it_was_drawn_from(impacts, choice) -> None
         {"gamma": ANGLES, "noise": 0.05, "series": "b", "mu": 0.16, "seed": 1},
     )
     exact = ifrfit.fit(path, **choice)
-    assert isinstance(exact.law, QuadraturePosterior)
-    law = Draws.of(exact.problem, exact.law.draws(M, np.random.default_rng(5)))
-    assert law.names == exact.law.names
-    told = with_law(exact, "exact", law, Fact(True, "", {}, ""))
+    assert isinstance(exact.distribution, QuadraturePosterior)
+    law = Draws.of(exact.problem, exact.distribution.draws(M, np.random.default_rng(5)))
+    assert law.names == exact.distribution.names
+    estimation = Estimation("exact", law, {"converged": Fact(True, "", {}, "")}, is_posterior=True)
+    told = build_result(*exact.problem_and_optimum(), estimation)
     pairs = [(told.flat_constants(), exact.flat_constants()), (told.noise.estimates, exact.noise.estimates)]
     for ours, theirs in pairs:
         assert ours.keys() == theirs.keys()
@@ -126,9 +128,10 @@ def assert_alike(one: Estimate, other: Estimate) -> None:
 
 def test_a_law_without_noise_leaves_the_noise_as_it_was(impacts) -> None:
     local = ifrfit.fit(impacts(gamma=ANGLES, noise=0.05), fix={"e_n": 0.94}, method="lsq", noise="scaled")
-    told = with_law(
-        local, "bootstrap", Draws.of(local.problem, normal()), Fact(True, "", {}, ""), posterior=False
+    estimation = Estimation(
+        "bootstrap", Draws.of(local.problem, normal()), {"converged": Fact(True, "", {}, "")}
     )
+    told = build_result(*local.problem_and_optimum(), estimation)
     assert told.noise == local.noise
     assert "predictive" not in told.facts
     assert told.constants["mu"].mean == pytest.approx(0.1, abs=1e-9)

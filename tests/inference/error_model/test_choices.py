@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 import ifrfit
+from ifrfit import AngleErrors, Noise
 from ifrfit.errors import IfrfitError
+from ifrfit.inference.keywords import noise_of
 from ifrfit.inference.model.error_model import DOF, PLAIN, make_error_model
 from ifrfit.inference.result.restore import question
 from ifrfit.physics import rebound
+
+SET = Noise(angles=AngleErrors("set"))
 
 
 def table_of(tmp_path, observables=("beta",), *, sigma=0.05, sigma_gamma=1.5, n=24, name="a.csv"):
@@ -95,7 +99,9 @@ def test_support_of_method_by_noise_by_closure(tmp_path, closure, method, choice
     path = table_of(tmp_path)
 
     def run():
-        return ifrfit.fit(path, closure=closure, method=method, fix={"e_n": 0.9}, **choice)
+        return ifrfit.fit(
+            path, closure=closure, method=method, noise=noise_of(None, choice), fix={"e_n": 0.9}
+        )
 
     if refusal:
         assert refusal in said(run)
@@ -109,7 +115,7 @@ def test_support_of_method_by_noise_by_closure(tmp_path, closure, method, choice
 
 def test_result_file_keeps_the_scatter(tmp_path):
     path = table_of(tmp_path)
-    result = ifrfit.fit(path, tails="student-t", angle_errors="set", fix={"e_n": 0.9})
+    result = ifrfit.fit(path, noise=Noise(tails="student-t", angles=AngleErrors("set")), fix={"e_n": 0.9})
     result.save(tmp_path / "r.json")
     again = ifrfit.load_result(tmp_path / "r.json")
     assert again.noise.error_model == result.noise.error_model
@@ -122,7 +128,7 @@ def test_result_file_keeps_the_scatter(tmp_path):
 
 
 def test_profiles_and_their_comparison_do_not_know_it(tmp_path):
-    result = ifrfit.fit(table_of(tmp_path), tails="student-t", fix={"e_n": 0.9})
+    result = ifrfit.fit(table_of(tmp_path), noise=Noise(tails="student-t"), fix={"e_n": 0.9})
     assert "Intervals are compared for independent Gaussian errors" in said(result.intervals)
     result.report(tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -130,7 +136,7 @@ def test_profiles_and_their_comparison_do_not_know_it(tmp_path):
 
 
 def test_one_unknown_noise_is_named_as_such(tmp_path):
-    result = ifrfit.fit(table_of(tmp_path, sigma=None), tails="student-t", fix={"e_n": 0.9})
+    result = ifrfit.fit(table_of(tmp_path, sigma=None), noise=Noise(tails="student-t"), fix={"e_n": 0.9})
     assert result.noise.policy == "unknown"
     (name,) = result.noise.estimates
     assert name == "a/beta"
@@ -141,33 +147,35 @@ def test_one_unknown_noise_is_named_as_such(tmp_path):
 
 def test_several_unknown_noises_are_refused(tmp_path):
     path = table_of(tmp_path, ("beta_cm", "spin_y_after"), sigma=None)
-    words = said(lambda: ifrfit.fit(path, tails="student-t", fix={"e_n": 0.9}))
+    words = said(lambda: ifrfit.fit(path, noise=Noise(tails="student-t"), fix={"e_n": 0.9}))
     assert "2 unknown noises (a/beta_cm, a/spin_y_after) beside --tails student-t" in words
 
 
 def test_data_without_errors_of_angles_are_refused(tmp_path):
     path = table_of(tmp_path, sigma_gamma=None)
-    assert "no row states an uncertainty of its angle" in said(lambda: ifrfit.fit(path, angle_errors="set"))
-    assert ifrfit.fit(path, angle_errors="set", sigma_gamma=1.5, fix={"e_n": 0.9}).method == "exact"
+    assert "no row states an uncertainty of its angle" in said(lambda: ifrfit.fit(path, noise=SET))
+    assert (
+        ifrfit.fit(path, noise=Noise(angles=AngleErrors("set", sigma_deg=1.5)), fix={"e_n": 0.9}).method
+        == "exact"
+    )
 
 
 def test_angles_outside_their_population_are_refused(tmp_path):
-    words = said(
-        lambda: ifrfit.fit(table_of(tmp_path), angle_errors="measured", angle_population=(40.0, 80.0))
-    )
+    narrow = Noise(angles=AngleErrors("measured", population=(40.0, 80.0)))
+    words = said(lambda: ifrfit.fit(table_of(tmp_path), noise=narrow))
     assert "line 2: the angle 10 lies more than five of its standard uncertainties outside" in words
 
 
 def test_angles_that_tie_e_n_are_left_to_mcmc(tmp_path):
     path = table_of(tmp_path, ("mu_app",))
-    words = said(lambda: ifrfit.fit(path, angle_errors="set"))
+    words = said(lambda: ifrfit.fit(path, noise=SET))
     assert "--angle-errors set with mu_app: the true angle ties e_n" in words
-    assert ifrfit.fit(path, angle_errors="set", fix={"e_n": 0.9}).method == "exact"
+    assert ifrfit.fit(path, noise=SET, fix={"e_n": 0.9}).method == "exact"
 
 
 def test_errors_propagate_from_velocities(tmp_path):
     path = table_of(tmp_path, ("beta_cm", "spin_y_after", "v_n"), sigma=None)
-    result = ifrfit.fit(path, sigma_velocity=0.02, sigma_spin=0.01)
+    result = ifrfit.fit(path, noise=Noise(sigma_velocity=0.02, sigma_spin=0.01))
     points = result.points
     of = dict(list(points.groupby("observable")))
     assert of["spin_y_after"]["sigma_used"].to_numpy() == pytest.approx(0.01)
@@ -180,6 +188,6 @@ def test_errors_propagate_from_velocities(tmp_path):
 
 def test_errors_that_depend_on_the_constants_are_not_propagated(tmp_path):
     path = table_of(tmp_path, ("mu_app",))
-    assert "cannot be propagated" in said(lambda: ifrfit.fit(path, sigma_velocity=0.02))
+    assert "cannot be propagated" in said(lambda: ifrfit.fit(path, noise=Noise(sigma_velocity=0.02)))
     path = table_of(tmp_path, ("beta",))
-    assert "needs --sigma-spin" in said(lambda: ifrfit.fit(path, sigma_velocity=0.02))
+    assert "needs --sigma-spin" in said(lambda: ifrfit.fit(path, noise=Noise(sigma_velocity=0.02)))

@@ -92,7 +92,7 @@ def test_densities_are_those_of_the_problem(fit: ifrfit.FitResult) -> None:
 def test_its_draws_count_as_independent(by_mcmc: ifrfit.FitResult) -> None:
     tree = by_mcmc.to_arviz()
     assert tree.attrs["ensembles"] == 4
-    assert tree.attrs["discarded"] == by_mcmc.sample.evidence.discarded
+    assert tree.attrs["discarded"] == by_mcmc.files["chains.npz"].evidence.discarded
     for name in ("e_n", "e_t"):
         draws = tree["posterior"][name].values
         assert draws.shape[0] == 4

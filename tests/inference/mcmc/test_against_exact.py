@@ -29,7 +29,7 @@ def fitted(name: str, method: str) -> FitResult:
 
 def check(drawn: Sample, exact: QuadraturePosterior) -> None:
     """Means, sd and probabilities below the exact quantiles; effective draws say how near they must be."""
-    law = drawn.law
+    law = drawn.distribution
     assert law.names == exact.names
     for name in law.names:
         bulk, tail = drawn.evidence.bulk[name], drawn.evidence.tail[name]
@@ -54,7 +54,7 @@ def check(drawn: Sample, exact: QuadraturePosterior) -> None:
 def test_on_every_bundled_dataset(name: str) -> None:
     mcmc, exact = fitted(name, "mcmc"), fitted(name, "exact")
     assert mcmc.facts["converged"].ok, mcmc.facts["converged"].says
-    check(mcmc.sample, exact.law)
+    check(mcmc.sample, exact.distribution)
     ours, theirs = mcmc.flat_constants(), exact.flat_constants()
     for key, one in ours.items():
         assert (one.value is None) == (theirs[key].value is None)
@@ -78,7 +78,7 @@ def test_two_optima_are_both_found_in_a_short_walk() -> None:
     exact = integrate(problem)
     drawn = sample(problem, least_squares(problem), 0, max_steps=400)
     edge = float(np.mean([theta[2] for _, theta in least_squares(problem).optimum.minima]))
-    share, expected = float((drawn.law.values["mu"] < edge).mean()), float(exact.cdf("mu", edge))
+    share, expected = float((drawn.distribution.values["mu"] < edge).mean()), float(exact.cdf("mu", edge))
     assert 0.05 < expected < 0.95
     error = math.sqrt(expected * (1.0 - expected) / drawn.evidence.bulk["mu"])
     assert abs(share - expected) < FAR * error

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -87,9 +88,15 @@ def test_every_field_has_its_place() -> None:
     assert {way[0] for way in PLACES} == {each.name for each in fields(Problem)} - {*WITHOUT}
     inside = {".".join(part for part in way if isinstance(part, str)) for way in PLACES}
     assert {
-        "closure.constant", "closure.law", "error_model.dof", "error_model.population", "noise.prior_bounds",
-        "parameters.parameters.lower", "parameters.fixed_entries", "rows.incidence.slip_y", "rows.impact",
-    } <= inside  # fmt: skip
+        "closure.own.domain",
+        "closure.law",
+        "error_model.population",
+        "noise.prior_bounds",
+        "parameters.parameters.lower",
+        "parameters.fixed_entries",
+        "rows.incidence.slip_y",
+        "rows.impact",
+    } <= inside
 
 
 @pytest.mark.parametrize("way", PLACES, ids=lambda way: ".".join(str(part) for part in way))
@@ -140,6 +147,18 @@ def test_arrays_count_with_type_and_shape() -> None:
     ]
     assert len({digest(array) for array in arrays}) == len(arrays)
     assert digest(np.arange(6.0)[::2]) == digest(np.array([0.0, 2.0, 4.0]))
+
+
+def test_a_callable_object_counts_with_what_it_holds() -> None:
+    class Line:
+        def __init__(self, slope: float) -> None:
+            self.slope = slope
+
+        def __call__(self, x: float) -> float:
+            return self.slope * x
+
+    assert digest(Line(1.0)) == digest(Line(1.0)) != digest(Line(2.0))
+    assert digest(partial(pow, 2)) != digest(partial(pow, 3))
 
 
 def test_what_has_no_digest_is_refused() -> None:

@@ -7,15 +7,17 @@ from importlib.resources import files
 
 import jsonschema
 import numpy as np
+import pandas as pd
 import pytest
 
 import ifrfit
 from ifrfit.errors import DataError
 from ifrfit.inference import load_result
+from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.fit import fit
 from ifrfit.physics.scenes import MATERIALS
-from ifrfit.report.page.material import Material
-from ifrfit.report.page.sections.effects import section
+from ifrfit.report.page.registries import SECTIONS
+from ifrfit.report.page.report_input import ReportInput
 
 TINY = """
 [sphere]
@@ -172,23 +174,25 @@ def test_round_trip_and_schema(kharaz, tmp_path):
         load_result(path)
 
 
+def section_of(result):
+    """Blocks of the section; it needs nothing that is computed for a report."""
+    return SECTIONS["effects"].build(ReportInput(result, Appraisal(pd.DataFrame(), {})))
+
+
 def test_the_section_of_the_report(kharaz):
-    told = section(Material(kharaz))
-    look, tests, note, scene, criteria = told.blocks
+    look, tests, note, scene, criteria = section_of(kharaz)
     assert look.tone == "look"
     assert tests.rows[0][0] == "compliance"
     assert "another law of sticking" in [row[0] for row in tests.rows]
     assert note.tone == "note"
     assert "taken as alumina: sintered alpha-alumina" in scene.text
     assert ("plasticity", "no", "V/V_y = 0.29, acts above 1; would change nothing") in criteria.rows
-    assert section(Material(fit("netl-glass-acrylic", method="lsq"))) is not None  # its conditions are told
+    assert section_of(fit("netl-glass-acrylic", method="lsq")) is not None  # its conditions are told
 
 
 def test_without_effects_no_section(impacts):
-    assert (
-        section(Material(fit(impacts(gamma=[0.0] * 5, observables=("e_n",), noise=0.01), method="lsq")))
-        is None
-    )
+    result = fit(impacts(gamma=[0.0] * 5, observables=("e_n",), noise=0.01), method="lsq")
+    assert section_of(result) is None
 
 
 def test_compare_says_what_the_residuals_call_for():

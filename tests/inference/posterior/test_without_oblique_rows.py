@@ -60,14 +60,14 @@ def test_the_transition_is_kappa_over_the_bound_of_sticking() -> None:
     # P(tau < t) = 1 - E[kappa]/(2 SHARE t) wherever kappa < 2 SHARE t for certain
     p = np.array(LEVELS[1:])
     wanted = MU[0] * (1.0 + E_N[0]) / (2.0 * SHARE * (1.0 - p))
-    assert posterior(1e-8).transition("run")[1:] == pytest.approx(wanted, rel=1e-8)
+    assert posterior(1e-8).quantile("transition_tau[run]", LEVELS)[1:] == pytest.approx(wanted, rel=1e-8)
 
 
 def test_draws_have_the_transition_of_the_quantiles() -> None:
     post = posterior(1e-4)
     draws = post.draws(20_000, np.random.default_rng(3))
     tau = draws["kappa"] / (SHARE * (1.0 + draws["beta0"]))
-    below = np.array([(tau < t).mean() for t in post.transition("run")])
+    below = np.array([(tau < t).mean() for t in post.quantile("transition_tau[run]", LEVELS)])
     assert np.abs(below - LEVELS).max() < 4.0 * 0.5 / math.sqrt(tau.size)
     assert draws["mu"] * (1.0 + draws["e_n"]) == pytest.approx(draws["kappa"])
     assert abs(np.corrcoef(draws["mu"], draws["beta0"])[0, 1]) < 4.0 / math.sqrt(tau.size)

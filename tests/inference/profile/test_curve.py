@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from ifrfit.inference.distributions.truncated_normal import half_width
-from ifrfit.inference.profile.curve import Trace
+from ifrfit.inference.profile.curve import ProfileCurve
 from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.profile.types import closed, shape_of
 
 
 def traced(function, lower, upper, optima, step=0.1, far=None):
-    trace = Trace(function, lower, upper, far)
-    trace.explore(optima, step, limit(0.997))
-    trace.settle(optima[0])
-    return trace
+    curve = ProfileCurve(function, lower, upper, far)
+    curve.explore(optima, step, limit(0.997))
+    curve.best_place(optima[0])
+    return curve
 
 
 def test_limits_are_chi2_and_student() -> None:
@@ -30,16 +30,16 @@ def test_limits_are_chi2_and_student() -> None:
 
 @pytest.mark.parametrize(("at", "sd"), [(0.5, 0.1), (3.0, 1e-6), (-2.0, 50.0)])
 def test_a_parabola_closes_where_it_must(at: float, sd: float) -> None:
-    trace = traced(lambda x: ((x - at) / sd) ** 2, -1e4, 1e4, [at], sd)
-    ((low, high),) = trace.pieces(limit(0.95))
+    curve = traced(lambda x: ((x - at) / sd) ** 2, -1e4, 1e4, [at], sd)
+    ((low, high),) = curve.pieces(limit(0.95))
     z = math.sqrt(limit(0.95))
     assert (low - at) / sd == pytest.approx(-z, rel=1e-6)
     assert (high - at) / sd == pytest.approx(z, rel=1e-6)
 
 
 def test_a_second_valley_that_no_optimum_announced_is_met() -> None:
-    trace = traced(lambda x: min((x - 0.2) ** 2, (x - 0.8) ** 2 + 1e-4) / 0.05**2, 0.0, 1.0, [0.2], 0.05)
-    assert len(trace.pieces(limit(0.95))) == 2
+    curve = traced(lambda x: min((x - 0.2) ** 2, (x - 0.8) ** 2 + 1e-4) / 0.05**2, 0.0, 1.0, [0.2], 0.05)
+    assert len(curve.pieces(limit(0.95))) == 2
 
 
 def test_an_announced_needle_is_not_lost() -> None:
@@ -52,35 +52,35 @@ def test_an_announced_needle_is_not_lost() -> None:
 
 
 def test_kinks_get_more_places() -> None:
-    trace = traced(lambda x: 30.0 * abs(x - 0.3), 0.0, 1.0, [0.3], 0.05)
-    x, _ = trace.window(limit(0.997))
+    curve = traced(lambda x: 30.0 * abs(x - 0.3), 0.0, 1.0, [0.3], 0.05)
+    x, _ = curve.window(limit(0.997))
     assert np.diff(x)[np.searchsorted(x, 0.3) - 1] < 0.2 * np.median(np.diff(x)) or x.size < 60
 
 
 def test_level_to_infinity_stays_open() -> None:
-    trace = traced(lambda x: 100.0 * max(0.2 - x, 0.0), 0.0, math.inf, [0.5], 0.1, far=2.0)
-    ((low, high),) = trace.pieces(limit(0.95))
+    curve = traced(lambda x: 100.0 * max(0.2 - x, 0.0), 0.0, math.inf, [0.5], 0.1, far=2.0)
+    ((low, high),) = curve.pieces(limit(0.95))
     assert low == pytest.approx(0.2 - 0.0384146, abs=1e-6)
     assert high == math.inf
-    x, _ = trace.window(limit(0.997))
+    x, _ = curve.window(limit(0.997))
     assert np.isfinite(x).all()
     assert x.max() == 2.0
-    assert trace.stopped == ""
+    assert curve.stopped == ""
 
 
 def test_infinity_that_closes_is_found_by_doubling() -> None:
-    trace = traced(lambda x: ((x - 1e5) / 1e4) ** 2, 0.0, math.inf, [1e5], 1.0)
-    ((_, high),) = trace.pieces(limit(0.95))
+    curve = traced(lambda x: ((x - 1e5) / 1e4) ** 2, 0.0, math.inf, [1e5], 1.0)
+    ((_, high),) = curve.pieces(limit(0.95))
     assert high == pytest.approx(1e5 + 1e4 * math.sqrt(limit(0.95)))
-    assert trace.stopped == ""
+    assert curve.stopped == ""
 
 
 def test_infinity_that_never_closes_is_told() -> None:
-    trace = traced(lambda x: max(0.0, 1.0 - x), 0.0, math.inf, [2.0])
-    assert trace.stopped.startswith("it does not close up to 1e+")
-    trace = traced(lambda x: (x - 0.5) ** 2 / 0.01, 0.0, 1.0, [0.5])
-    trace.restless += [0.1, 0.2]
-    assert trace.stopped == f"the noise has not settled at 2 of its {trace.n_evaluations} places"
+    curve = traced(lambda x: max(0.0, 1.0 - x), 0.0, math.inf, [2.0])
+    assert curve.stopped.startswith("it does not close up to 1e+")
+    curve = traced(lambda x: (x - 0.5) ** 2 / 0.01, 0.0, 1.0, [0.5])
+    curve.unconverged += [0.1, 0.2]
+    assert curve.stopped == f"the noise has not settled at 2 of its {curve.n_evaluations} places"
 
 
 def test_shapes() -> None:

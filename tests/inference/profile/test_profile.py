@@ -1,27 +1,25 @@
 from __future__ import annotations
 
 import math
-import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hard_cases.synthetic import FAN, GRAZING, HEADER, STEEP, TRUTH, noise, rows, table, values
 from scipy import special
 
 import ifrfit
+from ifrfit.inference.estimations import profile_estimation
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 from ifrfit.inference.profile.objective import limit
-from ifrfit.inference.profile.profile_all import profile_all, profiled_estimates
+from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import Profile
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from hard_cases.synthetic import FAN, GRAZING, HEADER, STEEP, TRUTH, noise, rows, table, values
+from ifrfit.inference.result.build import build_result
 
 KNOWN = {"e_n": TRUTH["e_n"]}
 Z = float(special.ndtri(0.975))
@@ -40,6 +38,12 @@ def question(folder: Path, text: str, **options: Any) -> tuple[Problem, LeastSqu
     options = {"fix": KNOWN, "method": "lsq", **options}
     problem = ifrfit.fit(path, **options).problem
     return problem, least_squares(problem)
+
+
+def profiled_estimates(problem: Problem, fit: LeastSquares) -> tuple[Any, Any, Mapping[str, Profile]]:
+    """Constants, derived quantities and profiles of --method profile."""
+    found = build_result(problem, fit, profile_estimation(problem, fit))
+    return found.constants, found.derived, found.profiles
 
 
 def profiles(folder: Path, text: str, **options: Any) -> dict[str, Profile]:

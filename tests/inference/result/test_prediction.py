@@ -8,23 +8,22 @@ from scipy import stats
 
 import ifrfit
 from ifrfit import UsageError
+from ifrfit.inference.distributions.truncated_gaussian import truncated_draws
 from ifrfit.inference.distributions.truncated_normal import quantile
-from ifrfit.inference.result.prediction import truncated_normal
-from ifrfit.inference.result.types import State
 
 GAMMA = np.linspace(4.0, 86.0, 34)
 
 
-def state(center, covariance, lower, upper):
+def drawn_from(center, covariance, lower, upper, n, seed):
     center = np.array(center, dtype=float)
     lower, upper = np.array(lower, dtype=float), np.array(upper, dtype=float)
-    names = tuple(f"x{i}" for i in range(center.size))
-    return State(names, np.clip(center, lower, upper), center, np.array(covariance), lower, upper)
+    point = np.clip(center, lower, upper)
+    return truncated_draws(point, center, np.array(covariance), lower, upper, n, np.random.default_rng(seed))
 
 
 def test_draws_follow_the_truncated_law():
     # one coordinate whose centre lies one sd beyond its bound
-    drawn = truncated_normal(state([-1.0], [[1.0]], [0.0], [np.inf]), 20_000, np.random.default_rng(1))[:, 0]
+    drawn = drawn_from([-1.0], [[1.0]], [0.0], [np.inf], 20_000, 1)[:, 0]
     law = stats.truncnorm(1.0, np.inf, loc=-1.0)
     assert stats.kstest(drawn, law.cdf).pvalue > 1e-3
     # control: the law without the cut is refused
@@ -33,8 +32,7 @@ def test_draws_follow_the_truncated_law():
 
 def test_correlated_draws_keep_mean_and_covariance():
     covariance = np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.3], [0.0, 0.3, 1.0]])
-    free = state([1.0, 2.0, 3.0], covariance, [-np.inf] * 3, [np.inf] * 3)
-    drawn = truncated_normal(free, 40_000, np.random.default_rng(2))
+    drawn = drawn_from([1.0, 2.0, 3.0], covariance, [-np.inf] * 3, [np.inf] * 3, 40_000, 2)
     np.testing.assert_allclose(drawn.mean(axis=0), [1.0, 2.0, 3.0], atol=0.03)
     np.testing.assert_allclose(np.cov(drawn.T), covariance, atol=0.05)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure, rebound, transition_angles, transition_tau
-from ifrfit.report.page.html import asset
+from ifrfit.report.page.html import physics_script
 
 BILINEAR = [name for name, closure in CLOSURES.items() if closure.bilinear]  # what the panel knows
 CONSTANTS = {"e_t": (-1.0, -0.83, -0.4), "beta0": (-0.5, 0.3, 0.9), None: (0.0,)}
@@ -21,7 +21,7 @@ TOLERANCE = 1e-12
 @pytest.fixture(scope="module")
 def script(browser):
     tab = browser.new_page()
-    tab.add_script_tag(content=asset("physics.js").replace("const ifrfit", "window.ifrfit"))
+    tab.add_script_tag(content=physics_script().replace("const ifrfit", "window.ifrfit"))
     yield tab
     tab.close()
 

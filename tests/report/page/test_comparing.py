@@ -8,21 +8,21 @@ from dataclasses import replace
 import pytest
 
 import ifrfit
+from ifrfit.inference.appraise import appraise
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page import assemble
-from ifrfit.report.page.closure_comparison import compared
 
 
 @pytest.fixture(scope="module")
-def asked(results):
-    return compared(results("fixed"))
+def appraisal(results):
+    return appraise(results("fixed"))
 
 
-def test_it_is_the_comparison_of_the_same_data_and_choices(results, asked):
-    found, missing = asked
-    assert missing == ""
+def test_it_is_the_comparison_of_the_same_data_and_choices(results, appraisal):
+    found = appraisal.comparison
+    assert appraisal.without_comparison == ""
     assert set(found.entries) == set(CLOSURES)
     whole = compare(results("fixed").problem.observations, loo=False, fix={"e_n": 0.94})
     for name, entry in found.entries.items():
@@ -32,15 +32,15 @@ def test_it_is_the_comparison_of_the_same_data_and_choices(results, asked):
     assert found.verdict.kind == whole.verdict.kind
 
 
-def test_a_result_from_a_file_is_compared_alike(results, asked, tmp_path):
+def test_a_result_from_a_file_is_compared_alike(results, appraisal, tmp_path):
     results("fixed").save(tmp_path / "result.json")
-    found, _ = compared(ifrfit.load_result(tmp_path / "result.json"))
+    found = appraise(ifrfit.load_result(tmp_path / "result.json")).comparison
     for name, entry in found.entries.items():
-        assert entry.log_evidence == pytest.approx(asked[0].entries[name].log_evidence, abs=1e-9)
+        assert entry.log_evidence == pytest.approx(appraisal.comparison.entries[name].log_evidence, abs=1e-9)
 
 
 def test_constants_of_each_series_are_compared_with_constants_of_each_series(results):
-    found, _ = compared(results("hostile"))
+    found = appraise(results("hostile")).comparison
     assert {entry.fit.problem.parameters["mu"].separate for entry in found.entries.values()} == {True}
 
 
@@ -61,17 +61,17 @@ def test_what_would_take_long_or_cannot_be_done_is_said(results, case):
     else:
         result = replace(result, problem=None, asked=())
         says = "They cannot be compared here. The result does not say with which bounds"
-    found, missing = compared(result)
-    assert found is None
-    assert missing.startswith(says)
-    report = assemble(result, without_comparison=missing)
+    found = appraise(result)
+    assert found.comparison is None
+    assert found.without_comparison.startswith(says)
+    report = assemble(result, found)
     (own,) = [part for part in report.sections if part.name == "closures"]
-    assert own.blocks[0].text == f"{missing.rstrip('.')}."
+    assert own.blocks[0].text == f"{found.without_comparison.rstrip('.')}."
 
 
-def test_the_table_is_that_of_the_terminal(results, asked):
-    found, _ = asked
-    (own,) = [part for part in assemble(results("fixed"), found).sections if part.name == "closures"]
+def test_the_table_is_that_of_the_terminal(results, appraisal):
+    found = appraisal.comparison
+    (own,) = [part for part in assemble(results("fixed"), appraisal).sections if part.name == "closures"]
     words, table, pictures, _ = own.blocks
     assert words.text.rstrip(".") == found.verdict.says.rstrip(".")
     lines = [re.split(r"\s{2,}", line.strip()) for line in found.summary().splitlines()]
@@ -80,12 +80,12 @@ def test_the_table_is_that_of_the_terminal(results, asked):
     assert len(pictures.items[0].figure.axes) > len(CLOSURES)
 
 
-def test_without_a_comparison_and_without_a_reason_there_is_no_section(results):
-    assert "closures" not in [part.name for part in assemble(results("fixed")).sections]
+def test_without_a_comparison_and_without_a_reason_there_is_no_section(reports):
+    assert "closures" not in [part.name for part in reports("fixed").sections]
 
 
-def test_the_picture_leaves_the_verdict_to_the_words_above_it(results, asked):
-    (own,) = [part for part in assemble(results("fixed"), asked[0]).sections if part.name == "closures"]
+def test_the_picture_leaves_the_verdict_to_the_words_above_it(results, appraisal):
+    (own,) = [part for part in assemble(results("fixed"), appraisal).sections if part.name == "closures"]
     assert own.blocks[2].items[0].figure.get_suptitle() == ""
     assert own.blocks[2].caption.endswith("Bayes factors against the best.")
-    assert asked[0].plot().get_suptitle().replace("\n", " ") == asked[0].verdict.says
+    assert appraisal.comparison.plot().get_suptitle().replace("\n", " ") == appraisal.comparison.verdict.says

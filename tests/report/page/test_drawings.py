@@ -18,10 +18,10 @@ from ifrfit.report.page.drawings.forest import draw_forest
 from ifrfit.report.page.drawings.intervals import Span, draw_intervals
 from ifrfit.report.page.drawings.profiles import draw_profile
 from ifrfit.report.page.drawings.residuals import draw_against, draw_quantiles, quantile_band
-from ifrfit.report.page.material import Material
+from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.page.sections.identifiability import directions
 from ifrfit.report.page.svg import inline
-from ifrfit.report.style import looks
+from ifrfit.report.style import series_styles
 
 
 def marks(axes):
@@ -45,7 +45,7 @@ def test_the_band_of_ordered_residuals_holds_95_per_cent_of_each():
 
 def test_residuals_are_drawn_where_they_are(results):
     result = results("hostile")
-    look = looks(list(result.points["series"].unique()))
+    look = series_styles(list(result.points["series"].unique()))
     z = result.points["standardised"].to_numpy()
     for figure in (
         draw_against(result, look, result.points["gamma_deg"].to_numpy(), "γ"),
@@ -102,10 +102,10 @@ def test_directions_of_a_known_covariance():
     assert share_text(-0.001) == "0"
 
 
-def test_the_loose_direction_of_beta_alone_keeps_kappa(results):
+def test_the_loose_direction_of_beta_alone_keeps_kappa(results, appraisals):
     """Theory: beta sees e_n and mu through mu (1 + e_n) only; along the loose direction it stays."""
     result = results("loose")
-    found = directions(Material(result))
+    found = directions(ReportInput(result, appraisals("loose")))
     assert found is not None
     assert found.names == ("e_n", "e_t", "mu")
     assert found.ratio[0] > 0.9
@@ -114,7 +114,7 @@ def test_the_loose_direction_of_beta_alone_keeps_kappa(results):
     kappa, e_n, mu = 0.2328, 0.5, 0.2328 / 1.5
     # the gradient of kappa along the direction, against that along mu alone
     assert abs(mu * step[0] + (1.0 + e_n) * step[2]) < 0.06 * kappa * abs(step[0]) / mu
-    assert directions(Material(results("fixed"))).ratio.max() < 0.5
+    assert directions(ReportInput(results("fixed"), appraisals("fixed"))).ratio.max() < 0.5
 
 
 def test_intervals_are_where_they_are_and_open_ones_leave_the_picture():
@@ -130,9 +130,8 @@ def test_intervals_are_where_they_are_and_open_ones_leave_the_picture():
     assert [place for place in marks(axes) if place[1] == 1.0] == [(low, 1.0), (high, 1.0)]
 
 
-def test_a_profile_is_drawn_as_computed(results):
-    profiles = Material(results("fixed")).profiles
-    profile = profiles["e_t"]
+def test_a_profile_is_drawn_as_computed(appraisals):
+    profile = appraisals("fixed").profiles["e_t"]
     (axes,) = draw_profile(profile).axes
     curve = max(axes.lines, key=lambda line: len(line.get_xdata()))
     assert np.isin(curve.get_xdata(), profile.x).all()

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 import ifrfit
+from ifrfit.inference.appraise import appraise
 from ifrfit.inference.io.read_result import load_result
 from ifrfit.inference.result.types import Fact
 from ifrfit.report.page import assemble, page
-from ifrfit.report.page.explorer import payload, why_not
+from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.html import policy
 
 EVERY = ("fixed", "loose", "hostile", "stand-in", "digitised", "lsq")
@@ -128,10 +129,10 @@ def test_names_from_a_file_stay_text(pages, results):
 
 
 @pytest.mark.parametrize("name", ["digitised", "hostile"])
-def test_the_same_bytes_again_and_from_the_file(results, tmp_path, name):
+def test_the_same_bytes_again_and_from_the_file(results, pages, tmp_path, name):
     results(name).save(tmp_path / "result.json")
     loaded = load_result(tmp_path / "result.json")
-    assert page(loaded) == page(results(name))
+    assert page(loaded, appraise(loaded, closures=False)) == pages(name)
 
 
 def test_the_verdict_is_two_sentences(reports):
@@ -146,7 +147,8 @@ def test_the_verdict_is_two_sentences(reports):
 
 
 def test_what_contradicts_the_fit_is_in_the_verdict(made):
-    report = assemble(made.contradicted())
+    result = made.contradicted()
+    report = assemble(result, appraise(result))
     assert report.verdict[1] == (
         "Against it stands: The data contradict a constant closure constant below 12 degrees (p = 2e-9): "
         "7 of 7 residuals positive; outliers."
@@ -209,7 +211,8 @@ def test_the_result_inside_the_page_is_result_json(results, reports):
 def test_a_file_of_an_earlier_version_says_what_it_lacks(results):
     content = results("fixed").to_dict()
     del content["asked"]
-    report = assemble(ifrfit.inference.io.read_result.from_dict(content))
+    result = ifrfit.inference.io.read_result.from_dict(content)
+    report = assemble(result, appraise(result))
     said = "The result does not say with which bounds and priors it was fitted. Fit the data again."
     assert section(report, "profiles").blocks[0].text == said
     assert section(report, "constants").blocks[-1].text == f"Other methods are not shown here. {said}"
@@ -219,23 +222,23 @@ def test_a_file_of_an_earlier_version_says_what_it_lacks(results):
 
 
 def test_a_result_without_points_has_a_report_all_the_same(results):
-    result = results("fixed")
-    report = assemble(replace(result, points=result.points.iloc[:0], problem=None))
+    result = replace(results("fixed"), points=results("fixed").points.iloc[:0], problem=None)
+    report = assemble(result, appraise(result))
     assert section(report, "residuals") is None
     assert section(report, "fit").blocks[0].text.startswith("The result holds no points")
     assert "The result holds no points" in section(report, "profiles").blocks[0].text
 
 
-def test_chains_are_shown_only_where_a_sampler_ran(results):
+def test_chains_are_shown_only_where_a_sampler_ran(results, reports, appraisals):
     result = results("fixed")
-    assert section(assemble(result), "chains") is None
+    assert section(reports("fixed"), "chains") is None
     figures = {"steps": 4000, "each": {"e_t": {"rhat": 1.002, "ess_bulk": 2300.0}, "mu": {"rhat": 1.001}}}
     sampled = replace(
         result,
         method="mcmc",
         facts={**result.facts, "converged": Fact(True, "the chains converged", figures, "R-hat < 1.01")},
     )
-    blocks = section(assemble(sampled), "chains").blocks
+    blocks = section(assemble(sampled, appraisals("fixed")), "chains").blocks
     assert blocks[1].head == ("quantity", "R-hat", "bulk ESS")
     assert blocks[1].rows == (("e_t", "1.002", "2300"), ("mu", "1.001", "-"))
     assert blocks[2].rows == (("steps", "4000"),)
@@ -243,19 +246,21 @@ def test_chains_are_shown_only_where_a_sampler_ran(results):
 
 def test_a_closure_that_is_no_pair_of_lines_has_no_panel(made):
     assert "maw" not in payload(made.fine())["closures"]
-    says = why_not(replace(made.fine(), closure="maw"))
+    says = reason_without_panel(replace(made.fine(), closure="maw"))
     assert says == "The panel knows no closure maw: the picture above stands alone."
 
 
 def test_every_way_of_result_has_a_page(made):
     for name in ("two_observables", "all_sticking", "restitution"):
-        text = page(getattr(made, name)())
+        result = getattr(made, name)()
+        text = page(result, appraise(result, closures=False))
         counts = Counter(Elements(text).every("id"))
         assert max(counts.values()) == 1, name
 
 
 def test_many_rows_stay_in_a_page_that_can_be_sent(impacts):
-    path = impacts(gamma=np.linspace(3.0, 86.0, 2000), noise=0.05)
-    text = page(ifrfit.fit(path, fix={"e_n": 0.94}, method="lsq"))
+    path = impacts(gamma=np.linspace(3.0, 86.0, 600), noise=0.05)
+    result = ifrfit.fit(path, fix={"e_n": 0.94}, method="lsq")
+    text = page(result, appraise(result))
     assert text.count("<image") >= 5  # points of fit, residuals and closures are pixels
     assert len(text.encode()) < 3_000_000

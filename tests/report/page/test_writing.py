@@ -6,12 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
+from factories import small_report
 
 from ifrfit.errors import UsageError
 from ifrfit.report.page import write_batch, write_report
-from ifrfit.report.page.batch import index, named
-from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Report, Section
-from ifrfit.report.page.drawings.checks import draw_checks
+from ifrfit.report.page.batch import index, named_entries
 from ifrfit.report.page.html import fill
 from ifrfit.report.page.markdown import escaped, markdown_files
 
@@ -21,28 +20,24 @@ KINDS = {"html": b"<!DOCTYPE html>", "md": b"<!-- ifrfit report -->", "pdf": b"%
 @pytest.fixture
 def small(monkeypatch):
     """Reports of one paragraph and one picture, where only their files matter."""
-    picture = Picture("checks", "Checks", "one", draw_checks({"chi2": 0.5}))
-    sections = (Section("one", "One", (Paragraph("Words."), Pictures((picture,), "A caption."))),)
-    report = Report("small", (), ("It is.", "Nothing."), False, sections, {"ifrfit": "1"})
-    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_, **__: report)
-    monkeypatch.setattr("ifrfit.report.page.writing.compared", lambda _: (None, ""))
+    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_: small_report())
 
 
 @pytest.mark.usefixtures("small")
 @pytest.mark.parametrize("suffix", list(KINDS))
-def test_a_report_is_written_and_replaced_but_nothing_else_is(results, tmp_path, suffix):
+def test_a_report_is_written_and_replaced_but_nothing_else_is(results, appraisals, tmp_path, suffix):
     path = tmp_path / "deep" / f"report.{suffix}"
-    write_report(results("lsq"), path)
+    write_report(results("lsq"), appraisals("lsq"), path)
     first = path.read_bytes()
     assert first.startswith(KINDS[suffix])
     assert [p.name for p in path.parent.iterdir() if p.name.startswith(".")] == []
-    write_report(results("lsq"), path)
+    write_report(results("lsq"), appraisals("lsq"), path)
     assert path.read_bytes() == first
     path.write_bytes(b"mine")
     with pytest.raises(UsageError, match="is not a report of ifrfit; add --force to replace it"):
-        write_report(results("lsq"), path)
+        write_report(results("lsq"), appraisals("lsq"), path)
     assert path.read_bytes() == b"mine"
-    write_report(results("lsq"), path, force=True)
+    write_report(results("lsq"), appraisals("lsq"), path, force=True)
     assert path.read_bytes() == first
 
 
@@ -53,10 +48,10 @@ def test_another_suffix_is_refused(results, tmp_path):
 
 
 @pytest.mark.usefixtures("small")
-def test_a_folder_that_cannot_be_written_is_said(results, tmp_path):
+def test_a_folder_that_cannot_be_written_is_said(results, appraisals, tmp_path):
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(UsageError, match="cannot be written"):
-        write_report(results("lsq"), tmp_path / "taken" / "report.md")
+        write_report(results("lsq"), appraisals("lsq"), tmp_path / "taken" / "report.md")
     assert [p.name for p in tmp_path.iterdir()] == ["taken"]
 
 
@@ -77,7 +72,7 @@ def test_markdown_has_its_pictures_beside_it(reports):
 
 def test_names_in_a_batch_are_unique_and_safe(results):
     paths = ("a/result.json", "b/a.json", "c/A.json", "d/index.json", "x/<img>.json", "y/..json")
-    entries = named([(Path(path), results("lsq")) for path in paths], "html")
+    entries = named_entries([(Path(path), results("lsq")) for path in paths], "html")
     names = [entry.name for entry in entries]
     assert names[:4] == ["a", "a-2", "A-3", "index-2"]
     assert len({name.lower() for name in names}) == len(names)
@@ -85,11 +80,15 @@ def test_names_in_a_batch_are_unique_and_safe(results):
 
 
 @pytest.mark.usefixtures("small")
-def test_a_batch_has_an_index_of_all(results, tmp_path):
+def test_a_batch_has_an_index_of_all(results, appraisals, tmp_path):
     out = tmp_path / "reports"
     some = [(Path("one.json"), results("lsq")), (Path("two.json"), results("loose"))]
     told: list[str] = []
-    assert write_batch(some, out, suffix="md", progress=told.append) == ["index.html", "one.md", "two.md"]
+    assert write_batch(some, lambda _: appraisals("lsq"), out, suffix="md", progress=told.append) == [
+        "index.html",
+        "one.md",
+        "two.md",
+    ]
     assert told == ["one", "two"]
     text = (out / "index.html").read_text(encoding="utf-8")
     assert 'href="one.md"' in text
@@ -99,12 +98,12 @@ def test_a_batch_has_an_index_of_all(results, tmp_path):
     }  # fmt: skip
     (out / "two.md").write_text("mine")
     with pytest.raises(UsageError, match="is not a report"):
-        write_batch(some, out, suffix="md")
+        write_batch(some, lambda _: appraisals("lsq"), out, suffix="md")
     assert (out / "two.md").read_text() == "mine"
 
 
 def test_the_index_sorts_and_does_no_harm(results, opened):
-    entries = named(
+    entries = named_entries(
         [(Path(f"{n}.json"), results(n)) for n in ("fixed", "loose", "hostile", "digitised")], "html"
     )
     shown = opened(index(entries))

@@ -112,7 +112,7 @@ class _Scene:
         most = int(np.argmax(np.abs(left)))
         observable = problem.rows.names[problem.rows.which[most]]
         size, signal = float(abs(left[most]) * sigma[most]), float(np.linalg.norm(left))
-        unit = OBSERVABLES[observable].unit
+        unit = "deg" if OBSERVABLES[observable].unit == "deg" else ""
         amount = f"{size:.2g}{' degrees' if unit else ''}"
         says = f"{start}; would change {observable} by {amount}, {size / sigma[most]:.2g} times its noise"
         if size <= 1e-9 * sigma[most]:

@@ -221,7 +221,7 @@ def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
 def _inertia(problem: Problem, theta: Array) -> Iterator[Direction]:
     """Relative derivative by the inertia factor; spins beside velocities show it as they do rolling."""
     tangential = [name for name in problem.rows.names if OBSERVABLES[name].kind in ("tangential", "curved")]
-    spins = [name for name in tangential if name.startswith("spin_")]
+    spins = [name for name in tangential if OBSERVABLES[name].numerator == "spin"]
     if spins and len(spins) < len(tangential):
         other = replace(problem, inertia_factor=problem.inertia_factor * (1.0 + _STEP))
         change = (other.predict(theta) - problem.predict(theta)) / _STEP

@@ -9,13 +9,13 @@ from typing import Any
 from reportlab.platypus import Flowable
 
 from ifrfit.report.page.a4.pictures import Row
-from ifrfit.report.page.a4.sheet_style import HEIGHT, outlined
+from ifrfit.report.page.a4.sheet_style import HEIGHT, add_to_outline
 
 SHRUNK = 0.85  # of its size, so that a figure that stands alone fits into what is left of a sheet
 _ENDLESS = 1e6  # points
 
 
-class Kept(Flowable):  # type: ignore[misc]
+class FigureBlock(Flowable):  # type: ignore[misc]
     """What stands around one row of figures.
 
     Parameters
@@ -60,7 +60,7 @@ class Kept(Flowable):  # type: ignore[misc]
         for part, height, gap in zip(self.parts, self.heights, [*self._gaps(), 0.0], strict=True):
             y -= height
             part.drawOn(self.canv, 0.0, y)
-            outlined(self.canv, part)
+            add_to_outline(self.canv, part)
             y -= gap
 
     def _total(self, width: float) -> float:

@@ -10,10 +10,10 @@ from typing import Any
 from reportlab.platypus import BaseDocTemplate, CondPageBreak, Frame, KeepTogether, PageTemplate, Spacer
 
 from ifrfit.report.page.a4 import sheet_style as look
-from ifrfit.report.page.a4.figure_block import Kept
+from ifrfit.report.page.a4.figure_block import FigureBlock
 from ifrfit.report.page.a4.pictures import Place, Row, rows_of
-from ifrfit.report.page.a4.sheet_style import said
-from ifrfit.report.page.a4.tables import drawn
+from ifrfit.report.page.a4.sheet_style import literal_paragraph
+from ifrfit.report.page.a4.tables import table_flowable
 from ifrfit.report.page.blocks import (
     Block,
     Code,
@@ -47,14 +47,14 @@ class Group:
     parts: tuple[Any, ...]
     room: float | None = None
 
-    def under(self, heading: Any) -> Group:
+    def with_heading(self, heading: Any) -> Group:
         """The same with its heading, which is never the last thing on a sheet."""
         return Group((heading, *self.parts), None if self.room is None else self.room + _HEADING)
 
     def flowables(self) -> list[Any]:
         """For the sheets."""
         if any(isinstance(part, Row) for part in self.parts):
-            return [Kept(self.parts)]
+            return [FigureBlock(self.parts)]
         if self.room is None:
             return [KeepTogether(list(self.parts))] if len(self.parts) > 1 else list(self.parts)
         return [CondPageBreak(self.room), *self.parts]
@@ -77,7 +77,7 @@ def sheets(report: Report) -> tuple[bytes, list[Place]]:
             parts += group.flowables()
     parts += [
         Spacer(0.0, 6.0),
-        said(", ".join(f"{name} {text}" for name, text in report.made.items()), look.CAPTION),
+        literal_paragraph(", ".join(f"{name} {text}" for name, text in report.footer.items()), look.CAPTION),
     ]
     buffer = io.BytesIO()
     _Sheets(buffer, report).build(parts)
@@ -102,41 +102,43 @@ class _Sheets(BaseDocTemplate):  # type: ignore[misc]
 
     def afterFlowable(self, flowable: Any) -> None:  # noqa: N802
         """Put a heading into the outline."""
-        look.outlined(self.canv, flowable)
+        look.add_to_outline(self.canv, flowable)
 
 
 def _top(report: Report) -> Iterator[Any]:
-    yield said(report.title, look.TITLE)
-    yield said(BETWEEN.join(badge.text for badge in report.badges), look.LOUD)
+    yield literal_paragraph(report.title, look.TITLE)
+    yield literal_paragraph(BETWEEN.join(badge.text for badge in report.badges), look.LOUD)
     for sentence in report.verdict:
-        yield said(sentence, look.VERDICT)
+        yield literal_paragraph(sentence, look.VERDICT)
 
 
 def _section(section: Section, places: list[Place]) -> Iterator[Group]:
     """Nothing where a section has only what sheets cannot show."""
-    heading = said(section.title, look.HEADING)
+    heading = literal_paragraph(section.title, look.HEADING)
     for number, group in enumerate(group for block in section.blocks for group in _groups(block, places)):
-        yield group if number else group.under(heading)
+        yield group if number else group.with_heading(heading)
 
 
 def _groups(block: Block, places: list[Place]) -> Iterator[Group]:
     if isinstance(block, Paragraph):
         loud = block.tone in ("look", "stand-in")
         lead = "LOOK  " if block.tone == "look" else ""
-        yield Group((said(lead + block.text, look.LOUD if loud else look.BODY),))
+        yield Group((literal_paragraph(lead + block.text, look.LOUD if loud else look.BODY),))
     elif isinstance(block, Findings):
         for kind, sentence in block.items:
-            yield Group((said(sentence, look.LOUD_ITEM if kind == "LOOK" else look.ITEM, mark=kind),))
+            yield Group(
+                (literal_paragraph(sentence, look.LOUD_ITEM if kind == "LOOK" else look.ITEM, mark=kind),)
+            )
     elif isinstance(block, Pairs):
         for name, text in block.items:
-            yield Group((said(f"{name}: {text}", look.PAIR),))
+            yield Group((literal_paragraph(f"{name}: {text}", look.PAIR),))
     elif isinstance(block, Code):
-        yield Group((said(block.words, look.BODY), said(block.text, look.CODE)))
+        yield Group((literal_paragraph(block.words, look.BODY), literal_paragraph(block.text, look.CODE)))
     elif isinstance(block, Table):
-        caption = said(block.caption, look.CAPTION)
-        yield Group((caption, drawn(block)), None if len(block.rows) <= FEW else _BEGINNING)
+        caption = literal_paragraph(block.caption, look.CAPTION)
+        yield Group((caption, table_flowable(block)), None if len(block.rows) <= FEW else _BEGINNING)
     elif isinstance(block, Pictures):
         *before, last = rows_of(block.items, places)
         for row in before:
             yield Group((row,))
-        yield Group((last, said(block.caption, look.CAPTION)))
+        yield Group((last, literal_paragraph(block.caption, look.CAPTION)))

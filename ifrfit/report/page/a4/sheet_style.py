@@ -52,7 +52,7 @@ CODE = _style("code", MONO, 7.2, leftIndent=10.0, firstLineIndent=-10.0)
 CAPTION = _style("caption", size=SMALL)
 
 
-def said(text: str, style: ParagraphStyle, mark: str = "") -> Paragraph:
+def literal_paragraph(text: str, style: ParagraphStyle, mark: str = "") -> Paragraph:
     """A paragraph of text as it is: nothing in it is taken for markup.
 
     Parameters
@@ -67,7 +67,7 @@ def said(text: str, style: ParagraphStyle, mark: str = "") -> Paragraph:
     return Paragraph(escape(text), style, bulletText=mark or None)
 
 
-def outlined(canvas: Any, flowable: Any) -> None:
+def add_to_outline(canvas: Any, flowable: Any) -> None:
     """Put what was just drawn into the outline, if it is a heading."""
     if getattr(flowable, "style", None) is HEADING:
         title = flowable.getPlainText()

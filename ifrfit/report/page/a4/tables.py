@@ -11,7 +11,7 @@ from reportlab.lib.styles import ParagraphStyle
 from reportlab.pdfbase.pdfmetrics import stringWidth
 from reportlab.platypus import Table as Drawn
 
-from ifrfit.report.page.a4.sheet_style import BOLD, PLAIN, WIDTH, said
+from ifrfit.report.page.a4.sheet_style import BOLD, PLAIN, WIDTH, literal_paragraph
 from ifrfit.report.page.blocks import Table
 
 PADDING = 4.0  # points, left and right of a cell together
@@ -19,7 +19,7 @@ _SIZE = 7.2
 _LEAST = 5.0  # below this type is not made smaller: words are cut instead
 
 
-def drawn(table: Table) -> Drawn:
+def table_flowable(table: Table) -> Drawn:
     """The table as wide as it needs, at most as the text; what does not fit wraps inside its cell."""
     size = _SIZE
     while True:
@@ -27,7 +27,7 @@ def drawn(table: Table) -> Drawn:
         if sum(least) <= WIDTH or size <= _LEAST:
             break
         size -= 0.2
-    widths = shared(natural, least, WIDTH)
+    widths = column_widths(natural, least, WIDTH)
     rows = [
         [
             _cell(cell, widths[i], size, head=number == 0, right=i in table.numbers)
@@ -50,7 +50,7 @@ def drawn(table: Table) -> Drawn:
     return Drawn(rows, widths, repeatRows=1, hAlign="LEFT", style=commands, spaceAfter=6.0)
 
 
-def shared(natural: Sequence[float], least: Sequence[float], room: float) -> list[float]:
+def column_widths(natural: Sequence[float], least: Sequence[float], room: float) -> list[float]:
     """Widths of columns: their natural ones, or the widest cut to one width so that all fit.
 
     Parameters
@@ -102,4 +102,4 @@ def _cell(text: str, width: float, size: float, *, head: bool, right: bool) -> A
     style = ParagraphStyle(
         "cell", fontName=font, fontSize=size, leading=1.25 * size, alignment=TA_RIGHT if right else TA_LEFT
     )
-    return said(text, style)
+    return literal_paragraph(text, style)

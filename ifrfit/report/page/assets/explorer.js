@@ -183,9 +183,8 @@
       add("line", { x1: MARGIN.left, x2: MARGIN.left + 5, y1: y(at), y2: y(at), stroke: "#222" });
       add("text", { x: MARGIN.left - 5, y: y(at) + 4, "text-anchor": "end" }, plot, at.toFixed(digits).replace("-", "−"));
     }
-    const unit = observable.unit || "–";
     add("text", { x: (MARGIN.left + w - MARGIN.right) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, plot, "incidence angle γ (deg)");
-    add("text", { transform: `translate(11 ${(HEIGHT - MARGIN.bottom) / 2}) rotate(-90)`, "text-anchor": "middle" }, plot, `${observable.label} (${unit})`);
+    add("text", { transform: `translate(11 ${(HEIGHT - MARGIN.bottom) / 2}) rotate(-90)`, "text-anchor": "middle" }, plot, `${observable.label} (${observable.unit})`);
   }
 
   function points(inside, x, y) {
@@ -242,6 +241,7 @@
     const own = data.series[state.series];
     const said = [`chi2 takes each row at its own spin, with ${data.yardstick}.`];
     if (data.open.length) said.push(`Not determined by the data: ${data.open.join(", ")}; the panel starts from a value that is compatible with them, one of many.`);
+    if (data.left_out.length) said.push(`The panel has no formula for ${data.left_out.join(", ")} and leaves these values out.`);
     if (data.groups.length > 1) said.push(`It counts the rows of ${own.name} alone, whose constants these are.`);
     if (v.spin_x !== own.spin_x || v.spin_y !== own.spin_y) said.push(`The dashed curve is at the spin chosen, the data of ${own.name} are not.`);
     $("note").textContent = said.join(" ");

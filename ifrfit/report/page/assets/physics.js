@@ -40,25 +40,8 @@ const ifrfit = (() => {
   const ratio = (over, under) => (under === 0 ? NaN : over / under);
   const degrees = (y, x) => (y === 0 && x === 0 ? NaN : Math.atan2(y, x) / RADIAN);
 
-  const OBSERVABLES = {
-    e_n: (r) => r.eN,
-    beta: (r) => (r.i.slip === 0 ? NaN : r.k / r.share - 1),
-    beta_cm: (r) => ratio(-r.vX, r.i.sine),
-    beta_tot: (r) => Math.hypot(Math.hypot(r.vX, r.vY), r.vN),
-    mu_app: (r) => ratio(r.k * r.i.slipX, (1 + r.eN) * r.i.cosine),
-    delta_deg: (r) => degrees(r.vX, r.vN),
-    lambda_deg: (r) => degrees(r.vY, r.vX),
-    tan_psi_after: (r) => ratio(r.contactX, r.i.cosine),
-    tan_psi_out: (r) => ratio(r.contactX, r.vN),
-    psi_after_deg: (r) => degrees(r.contactX, r.i.cosine),
-    psi_out_deg: (r) => degrees(r.contactX, r.vN),
-    spin_x_after: (r) => r.spinX,
-    spin_y_after: (r) => r.spinY,
-    v_x: (r) => r.vX,
-    v_y: (r) => r.vY,
-    v_n: (r) => r.vN,
-    mu: (r) => r.mu,
-  };
+  // name: (r) => expression; the page writes in those of ifrfit/physics/observables.py
+  const OBSERVABLES = {/* observables */};
 
   function value(observable, gamma, spinX, spinY, closure, eN, c, mu, inertia) {
     const i = incidence(gamma === null ? 0 : gamma, spinX, spinY);

@@ -140,8 +140,8 @@ def regions(x: Array, y: Array, across: Interval, below: Interval) -> Regions | 
     counts, edges_u, edges_v = np.histogram2d(u, v, bins=GRID, range=ranges)
     density: Array = gaussian_filter(counts, SMOOTH, mode="reflect")
     falling = np.sort(density.ravel())[::-1]
-    held = np.cumsum(falling) / float(falling.sum())
-    places = np.minimum(np.searchsorted(held, (0.95, 0.68)), held.size - 1)
+    share = np.cumsum(falling) / float(falling.sum())
+    places = np.minimum(np.searchsorted(share, (0.95, 0.68)), share.size - 1)
     outer, inner = (float(level) for level in falling[places])
     if not 0.0 < outer < inner:
         return None

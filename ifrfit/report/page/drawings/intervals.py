@@ -89,10 +89,10 @@ def _bar(axes: Axes, span: Span, place: int, window: Interval, colour: str) -> N
 
 def _limits(spans: tuple[Span, ...], domain: Interval) -> Interval:
     """What is in sight: every finite end, with some room; the domain only if it is near."""
-    seen = [end for span in spans for end in span.outer if math.isfinite(end)]
-    seen += [span.value for span in spans if span.value is not None]
-    if not seen:
-        seen = [end for end in domain if math.isfinite(end)] or [0.0, 1.0]
-    low, high = min(seen), max(seen)
+    finite = [end for span in spans for end in span.outer if math.isfinite(end)]
+    finite += [span.value for span in spans if span.value is not None]
+    if not finite:
+        finite = [end for end in domain if math.isfinite(end)] or [0.0, 1.0]
+    low, high = min(finite), max(finite)
     room = 0.12 * (high - low) or 0.1 * max(abs(low), 1e-3)
     return low - room, high + room

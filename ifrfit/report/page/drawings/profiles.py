@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.profile.types import Profile
 from ifrfit.report.page.drawings.canvas import panel, symbol
 from ifrfit.report.style import COLOURS, GREY, drawing
@@ -20,7 +19,7 @@ LONGEST = 14  # characters of a series' name
 
 def draw_profile(profile: Profile) -> Figure:
     """Rise of the objective against the quantity, with the cuts of 68 and 95 %."""
-    cuts = {0.68: limit(0.68, profile.dof), 0.95: limit(0.95, profile.dof)}
+    cuts = {level: profile.cut(level) for level in (0.68, 0.95)}
     top = 2.1 * cuts[0.95]
     with drawing():
         figure, axes = panel(WIDTH_MM, HEIGHT_MM, left=11.0)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.outlier_marks import ringed
+from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.page.drawings.canvas import panel
 from ifrfit.report.panels import PIXELS, marker_size
-from ifrfit.report.style import GREY, RESIDUAL_DASHES, Look, drawing
+from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle, drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,13 +22,13 @@ Array = NDArray[np.float64]
 LEVEL = 0.95
 
 
-def draw_against(result: FitResult, look: dict[str, Look], x: Array, label: str) -> Figure:
+def draw_against(result: FitResult, styles: dict[str, SeriesStyle], x: Array, label: str) -> Figure:
     """Standardised residuals of every row against something, series by series.
 
     Parameters
     ----------
     result : FitResult
-    look : mapping of str to Look
+    styles : mapping of str to SeriesStyle
         Of each series.
     x : ndarray, (n,)
         Of each row of the points; rows where it is nan are left out.
@@ -41,7 +41,7 @@ def draw_against(result: FitResult, look: dict[str, Look], x: Array, label: str)
         axes.axhline(0.0, color=GREY, lw=0.7)
         for level in (-2.0, 2.0):
             axes.axhline(level, color=GREY, lw=0.7, ls=RESIDUAL_DASHES)
-        _points(axes, result, look, x, z)
+        _points(axes, result, styles, x, z)
         top = _top(z)
         axes.set_ylim(-top, top)
         axes.locator_params(axis="x", integer=True)
@@ -50,7 +50,7 @@ def draw_against(result: FitResult, look: dict[str, Look], x: Array, label: str)
     return figure
 
 
-def draw_quantiles(result: FitResult, look: dict[str, Look]) -> Figure:
+def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Figure:
     """Ordered standardised residuals against the quantiles of the normal law, with 95 % of each order."""
     from scipy.special import ndtri
 
@@ -63,11 +63,11 @@ def draw_quantiles(result: FitResult, look: dict[str, Look]) -> Figure:
         order = np.sort(expected)
         low, high = quantile_band(n)
         axes.fill_between(order, low, high, color="0.5", alpha=0.2, lw=0.0)
-        reach = max(3.0, 1.1 * float(np.abs(order).max(initial=0.0)))
-        axes.plot([-reach, reach], [-reach, reach], color=GREY, lw=0.8)
-        _points(axes, result, look, expected, z)
+        end = max(3.0, 1.1 * float(np.abs(order).max(initial=0.0)))
+        axes.plot([-end, end], [-end, end], color=GREY, lw=0.8)
+        _points(axes, result, styles, expected, z)
         top = _top(z)
-        axes.set_xlim(-reach, reach)
+        axes.set_xlim(-end, end)
         axes.set_ylim(-top, top)
         axes.set_xlabel("normal quantile (σ)")
         axes.set_ylabel("residual, in order (σ)")
@@ -87,17 +87,17 @@ def quantile_band(n: int) -> tuple[Array, Array]:
     return np.asarray(low), np.asarray(high)
 
 
-def _points(axes: Axes, result: FitResult, look: dict[str, Look], x: Array, z: Array) -> None:
+def _points(axes: Axes, result: FitResult, styles: dict[str, SeriesStyle], x: Array, z: Array) -> None:
     points = result.points
     series = points["series"].to_numpy()
     sticking = points["sticking"].map(bool).to_numpy(dtype=bool) & points["gamma_deg"].notna().to_numpy()
     size, pixels = marker_size(len(points)), len(points) > PIXELS
-    for name, own in look.items():
+    for name, own in styles.items():
         for kind, face in ((True, "white"), (False, own.colour)):
             rows = (series == name) & (sticking == kind) & np.isfinite(x)
             style: dict[str, Any] = {"mec": own.colour, "mfc": face, "ms": size, "mew": 0.8}
             axes.plot(x[rows], z[rows], ls="none", marker=own.marker, rasterized=pixels, **style)
-    out = ringed(result, points) & np.isfinite(x)
+    out = is_outlier(result, points) & np.isfinite(x)
     axes.plot(x[out], z[out], ls="none", marker="o", ms=10, mfc="none", mec="black", mew=1.1, clip_on=False)
 
 

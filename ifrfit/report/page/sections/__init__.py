@@ -1,1 +1,1 @@
-"""The sections of a report, one file a section: each a function from `Material` to a `Section` or None."""
+"""The sections of a report, one file a section: see `ifrfit.report.page.plugins`."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from ifrfit.report.page.blocks import Block, Findings, Section, Table
-from ifrfit.report.page.material import Material
+from collections.abc import Sequence
+
+from ifrfit.report.page.blocks import Block, Findings, Table
+from ifrfit.report.page.plugins import ReportSection
+from ifrfit.report.page.report_input import ReportInput
 
 
-def section(material: Material) -> Section | None:
+def build(given: ReportInput) -> Sequence[Block] | None:
     """R-hat, effective sample sizes and the rule they meet or miss; None where no chain ran."""
-    result = material.result
+    result = given.result
     fact = result.facts.get("converged")
     if result.method != "mcmc" or fact is None:
         return None
@@ -23,7 +26,7 @@ def section(material: Material) -> Section | None:
     if plain:
         rows = tuple((_words(key), _cell(value)) for key, value in plain.items())
         blocks.append(Table(f"Overall. Rule: {fact.threshold}.", ("figure", "value"), rows, frozenset({1})))
-    return Section("chains", "Chains", tuple(blocks))
+    return blocks
 
 
 def _words(key: str) -> str:
@@ -34,3 +37,6 @@ def _cell(value: object) -> str:
     if value is None:
         return "-"
     return f"{value:.5g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+
+
+SECTION = ReportSection("chains", "Chains", build)

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ifrfit.inference.diagnostics.interval_comparison import disagreements
+from ifrfit.inference.diagnostics.interval_disagreements import disagreements
+from ifrfit.inference.estimators import label_of, title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.constants_rows import table_rows
-from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Section, Table
+from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Table
 from ifrfit.report.page.drawings.intervals import Span, draw_intervals
-from ifrfit.report.page.material import Material
+from ifrfit.report.page.plugins import ReportSection
+from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.regimes import transitions
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import METHODS, status_words
+from ifrfit.report.sentences import status_words
 from ifrfit.text import interval_text, sd_text
 
 if TYPE_CHECKING:
@@ -25,27 +27,20 @@ if TYPE_CHECKING:
 
 HEAD = ("constant", "value", "sd", "68 % interval", "95 % interval", "status")
 MOST_PICTURES = 8
-SHORT = {
-    "lsq": "least squares",
-    "exact": "exact",
-    "mcmc": "MCMC",
-    "bootstrap": "bootstrap",
-    "profile": "profile",
-}
 
 
-def section(material: Material) -> Section:
+def build(given: ReportInput) -> Sequence[Block]:
     """Every constant with its intervals and status, and what other methods say of it."""
     blocks: list[Block] = [
         Table(
             "Constants, what follows from them, and the noise. Values and standard deviations as the "
-            f"{METHODS.get(material.result.method, material.result.method)} gives them.",
+            f"{title_of(given.result.method)} gives them.",
             HEAD,
-            tuple(_rows(material.result)),
+            tuple(_rows(given.result)),
             frozenset({1, 2, 3, 4}),
         )
     ]
-    pictures = tuple(_pictures(material))
+    pictures = tuple(_pictures(given))
     if pictures:
         blocks.append(
             Pictures(
@@ -55,13 +50,15 @@ def section(material: Material) -> Section:
                 "below are central intervals.",
             )
         )
-    if material.intervals is None:
-        blocks.append(Paragraph(f"Other methods are not shown here. {material.without_profiles}", "note"))
+    if given.appraisal.intervals is None:
+        blocks.append(
+            Paragraph(f"Other methods are not shown here. {given.appraisal.without_profiles}", "note")
+        )
     else:
-        said = [("note", sentence) for sentence in disagreements(material.intervals)]
-        if "exact" in _methods(material.intervals):
-            blocks.append(Findings(tuple(said or [("ok", "the methods agree")])))
-    return Section("constants", "Constants", tuple(blocks))
+        notes = [("note", sentence) for sentence in disagreements(given.appraisal.intervals)]
+        if "exact" in _methods(given.appraisal.intervals):
+            blocks.append(Findings(tuple(notes or [("ok", "the methods agree")])))
+    return blocks
 
 
 def _rows(result: FitResult) -> list[tuple[str, ...]]:
@@ -90,9 +87,8 @@ def _row(label: str, estimate: Estimate, remark: str) -> tuple[str, ...]:
 def derived(result: FitResult) -> list[tuple[str, Estimate]]:
     """Transition angles and the restitution in sticking, by name."""
     found = []
-    by_series = result.derived.get("transition_angle_deg") or {}
-    for series in by_series:
-        whose = f" [{series}]" if len(by_series) > 1 else ""
+    for series in result.transitions:
+        whose = f" [{series}]" if len(result.transitions) > 1 else ""
         for angle in transitions(result, series):
             found.append((f"transition angle, deg{whose}", angle))
     closure = CLOSURES.get(result.closure)
@@ -107,12 +103,12 @@ def derived(result: FitResult) -> list[tuple[str, Estimate]]:
     return found
 
 
-def _pictures(material: Material) -> list[Picture]:
+def _pictures(given: ReportInput) -> list[Picture]:
     """One picture for each free constant and kappa."""
-    domains = {constant.name: (constant.lower, constant.upper) for constant in material.result.asked}
+    domains = {constant.name: (constant.lower, constant.upper) for constant in given.result.asked}
     found: list[Picture] = []
-    for name, estimate in (material.free | material.kappas).items():
-        spans = _spans(material, name, estimate)
+    for name, estimate in (given.free | given.kappas).items():
+        spans = _spans(given, name, estimate)
         domain = domains.get(name.partition("[")[0], (-math.inf, math.inf))
         described = "; ".join(
             f"{span.label}: {interval_text(span.outer, places_of(estimate))}" for span in spans
@@ -128,17 +124,17 @@ def _pictures(material: Material) -> list[Picture]:
     return found[:MOST_PICTURES]
 
 
-def _spans(material: Material, name: str, estimate: Estimate) -> tuple[Span, ...]:
-    method = SHORT.get(material.result.method, material.result.method)
+def _spans(given: ReportInput, name: str, estimate: Estimate) -> tuple[Span, ...]:
+    method = label_of(given.result.method)
     spans = [Span(f"this fit ({method})", estimate.value, estimate.interval68, estimate.interval95)]
-    table = material.intervals
+    table = given.appraisal.intervals
     if table is None or name not in table.index:
         return tuple(spans)
     for other in _methods(table):
         outer = _ends(table, name, other)
         if math.isnan(outer[0]):
             continue
-        profile = material.profiles.get(name) if other == "profile" else None
+        profile = given.appraisal.profiles.get(name) if other == "profile" else None
         spans.append(
             Span(
                 other,
@@ -156,3 +152,6 @@ def _methods(table: pd.DataFrame) -> list[str]:
 
 def _ends(table: pd.DataFrame, name: str, method: str) -> Interval:
     return float(table.at[name, f"{method}_low"]), float(table.at[name, f"{method}_high"])  # type: ignore[arg-type]
+
+
+SECTION = ReportSection("constants", "Constants", build)

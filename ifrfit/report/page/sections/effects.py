@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.effects import EFFECTS
-from ifrfit.report.page.blocks import Block, Paragraph, Section, Table
-from ifrfit.report.page.material import Material
+from ifrfit.report.page.blocks import Block, Paragraph, Table
 from ifrfit.report.page.phrases import sentence
+from ifrfit.report.page.plugins import ReportSection
+from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.sentences import scene_notes
 from ifrfit.text import p_text
 
@@ -20,9 +23,9 @@ _RIVALS = {
 }
 
 
-def section(material: Material) -> Section | None:
+def build(given: ReportInput) -> Sequence[Block] | None:
     """Tests of the residuals, and criteria on the scene; None where there is neither."""
-    result = material.result
+    result = given.result
     fact = result.facts.get("effects")
     if fact is None and not result.effects:
         return None
@@ -32,7 +35,7 @@ def section(material: Material) -> Section | None:
     blocks += [Paragraph(sentence(says), "note") for says in scene_notes(result)]
     if result.scene is not None:
         blocks += [_scene(result), _criteria(result.effects)]
-    return Section("effects", "Effects beyond the closure", tuple(blocks))
+    return blocks
 
 
 def _tests(result: FitResult) -> Table:
@@ -87,3 +90,6 @@ def _criteria(lines: tuple[EffectLine, ...]) -> Table:
         ("effect", "acts", "number and change"),
         rows,
     )
+
+
+SECTION = ReportSection("effects", "Effects beyond the closure", build)

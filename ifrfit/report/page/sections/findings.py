@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from ifrfit.report.page.blocks import Findings, Paragraph, Section
-from ifrfit.report.page.material import Material
+from collections.abc import Sequence
+
+from ifrfit.report.page.blocks import Block, Findings, Paragraph
 from ifrfit.report.page.phrases import sentence
+from ifrfit.report.page.plugins import ReportSection
+from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.provenance import (
     STAND_IN,
     contents,
@@ -17,19 +20,19 @@ from ifrfit.report.regimes import regime_lines
 from ifrfit.report.sentences import findings, misfit_line, model_line
 
 
-def section(material: Material) -> Section:
+def build(given: ReportInput) -> Sequence[Block]:
     """Data, model, regimes and facts in sentences."""
-    result = material.result
+    result = given.result
     paragraphs = []
     for source in result.inputs:
-        told = provenance_sentences(result, source)
+        origin = provenance_sentences(result, source)
         if STAND_IN in kinds_of(result, source):
             # of several kinds this one is told first
-            paragraphs.append(Paragraph(f"{source.name}: {told[0]}", "stand-in"))
-            told = told[1:]
+            paragraphs.append(Paragraph(f"{source.name}: {origin[0]}", "stand-in"))
+            origin = origin[1:]
         sentences = [
             f"{source.name}: {contents(result, source)}.",
-            *told,
+            *origin,
             reference(source, full=True),
             left_out(source),
         ]
@@ -37,4 +40,7 @@ def section(material: Material) -> Section:
     misfit = misfit_line(result)
     lines = [f"{model_line(result)}", *regime_lines(result, "±"), *([misfit] if misfit else [])]
     paragraphs.append(Paragraph(" ".join(sentence(line) for line in lines)))
-    return Section("findings", "Data, model and findings", (*paragraphs, Findings(tuple(findings(result)))))
+    return (*paragraphs, Findings(tuple(findings(result))))
+
+
+SECTION = ReportSection("findings", "Data, model and findings", build)

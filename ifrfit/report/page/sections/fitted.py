@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ifrfit.report.figures import plot
-from ifrfit.report.page.blocks import Block, Panel, Paragraph, Picture, Pictures, Section
-from ifrfit.report.page.explorer import payload, why_not
-from ifrfit.report.page.material import Material
+from ifrfit.report.page.blocks import Block, Panel, Paragraph, Picture, Pictures
+from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.phrases import stand_in_words
+from ifrfit.report.page.plugins import ReportSection
+from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.regimes import regime_lines
 from ifrfit.text import joined
 
@@ -14,11 +17,11 @@ REGIMES = " Shaded: sticking; grey bar: where sticking turns into sliding."
 NO_POINTS = "The result holds no points (it keeps at most 100,000 rows), so there is nothing to draw."
 
 
-def section(material: Material) -> Section:
+def build(given: ReportInput) -> Sequence[Block]:
     """The figure of the fit and the panel."""
-    result = material.result
+    result = given.result
     if not len(result.points):
-        return Section("fit", "Fit", (Paragraph(NO_POINTS, "note"),))
+        return (Paragraph(NO_POINTS, "note"),)
     observables = joined([str(name) for name in result.points["observable"].unique()])
     stand_in = stand_in_words(result)
     described = f"{stand_in}{len(result.points)} rows of {observables} with the fitted curve. " + " ".join(
@@ -26,11 +29,14 @@ def section(material: Material) -> Section:
     )
     blocks: list[Block] = [
         Pictures(
-            (Picture("fit", f"Fit to {observables}", described, material.figure or plot(result)),),
+            (Picture("fit", f"Fit to {observables}", described, given.figure or plot(result)),),
             f"{stand_in}Data, the fitted curve with its 68 and 95 % bands at the median spin of each series, "
             f"and standardised residuals.{REGIMES if result.points['gamma_deg'].notna().any() else ''}",
         )
     ]
-    reason = why_not(result)
+    reason = reason_without_panel(result)
     blocks.append(Paragraph(reason, "note") if reason else Panel(payload(result)))
-    return Section("fit", "Fit", tuple(blocks))
+    return blocks
+
+
+SECTION = ReportSection("fit", "Fit", build)

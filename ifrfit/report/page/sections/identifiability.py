@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Section
+from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures
 from ifrfit.report.page.drawings.directions import Directions, draw_directions
-from ifrfit.report.page.material import Material
 from ifrfit.report.page.phrases import sentence
+from ifrfit.report.page.plugins import ReportSection
+from ifrfit.report.page.report_input import ReportInput
 
 MOST = 6
 
 
-def section(material: Material) -> Section | None:
+def build(given: ReportInput) -> Sequence[Block] | None:
     """What is determined, what is loose; None where the result does not judge it."""
-    result = material.result
+    result = given.result
     fact = result.facts.get("identifiable")
     if fact is None:
         return None
@@ -27,7 +30,7 @@ def section(material: Material) -> Section | None:
     )
     words = f"{sentence(fact.says)}{counts}"
     blocks: list[Block] = [Paragraph(words, "plain" if fact.ok else "look")]
-    found = directions(material)
+    found = directions(given)
     if found is not None:
         loosest = " ".join(
             f"{share:+.2f} {name}" for share, name in zip(found.parts[0], found.names, strict=True)
@@ -50,16 +53,21 @@ def section(material: Material) -> Section | None:
                 f"{HALF:g} the data leave it loose.",
             )
         )
-    return Section("identifiability", "Identifiability", tuple(blocks))
+    return blocks
 
 
-def directions(material: Material) -> Directions | None:
+def directions(given: ReportInput) -> Directions | None:
     """Principal directions of the draws; None without two free constants, or where no domain is known."""
-    prior_sd = {constant.name: constant.prior_sd for constant in material.result.asked}
-    names = [name for name in material.free if name.partition("[")[0] in prior_sd and name in material.draws]
+    prior_sd = {constant.name: constant.prior_sd for constant in given.result.asked}
+    names = [
+        name for name in given.free if name.partition("[")[0] in prior_sd and name in given.appraisal.draws
+    ]
     if not 2 <= len(names) <= MOST:
         return None
-    covariance = np.cov(material.draws[names].to_numpy(dtype=float), rowvar=False)
+    covariance = np.cov(given.appraisal.draws[names].to_numpy(dtype=float), rowvar=False)
     return Directions.of(
         tuple(names), covariance, np.array([prior_sd[name.partition("[")[0]] for name in names])
     )
+
+
+SECTION = ReportSection("identifiability", "Identifiability", build)

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Section, Table
+from collections.abc import Sequence
+
+from ifrfit.inference.estimators import title_of
+from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Table
 from ifrfit.report.page.drawings.corner import draw_corner
-from ifrfit.report.page.material import Material
-from ifrfit.report.sentences import METHODS
+from ifrfit.report.page.plugins import ReportSection
+from ifrfit.report.page.report_input import ReportInput
 
 MOST = 6
 
 
-def section(material: Material) -> Section | None:
+def build(given: ReportInput) -> Sequence[Block] | None:
     """Corner plot of the draws, and the correlations; None where every constant is fixed."""
-    result = material.result
-    draws = material.draws
-    estimates = material.free | material.kappas
+    result = given.result
+    draws = given.appraisal.draws
+    estimates = given.free | given.kappas
     names = [name for name in estimates if name in draws and draws[name].std() > 0.0]
     if not names:
         return None
-    if not any(name.partition("[")[0] == "e_n" for name in material.free):
+    if not any(name.partition("[")[0] == "e_n" for name in given.free):
         # kappa is mu times a number then
         names = [name for name in names if not name.startswith("kappa")]
     shown = names[:MOST]
@@ -26,7 +29,7 @@ def section(material: Material) -> Section | None:
     if result.state.sample is None:
         law = "the Gaussian around the optimum, cut at the bounds"
     else:
-        law = f"the {METHODS.get(result.method, result.method)}"
+        law = f"the {title_of(result.method)}"
     left_out = f" Not shown: {', '.join(names[MOST:])}." if len(names) > MOST else ""
     described = "; ".join(
         f"{name}: mean {column.mean():.4g}, sd {column.std():.2g}" for name, column in columns.items()
@@ -62,4 +65,7 @@ def section(material: Material) -> Section | None:
         blocks.append(
             Paragraph("This method has no posterior: the draws show the curvature at the optimum.", "note")
         )
-    return Section("posterior", "Posterior", tuple(blocks))
+    return blocks
+
+
+SECTION = ReportSection("posterior", "Posterior", build)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ifrfit.physics.closures import CLOSURES
-from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Section
+from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures
 from ifrfit.report.page.drawings.profiles import draw_profile
-from ifrfit.report.page.material import Material
+from ifrfit.report.page.plugins import ReportSection
+from ifrfit.report.page.report_input import ReportInput
 
 MOST = 8
 SHAPES = {
@@ -16,12 +19,12 @@ SHAPES = {
 }
 
 
-def section(material: Material) -> Section:
+def build(given: ReportInput) -> Sequence[Block]:
     """Profiles of the constants, of kappa and of the transition angles."""
-    profiles = material.profiles
+    profiles = given.appraisal.profiles
     if not profiles:
-        return Section("profiles", "Profile likelihoods", (Paragraph(material.without_profiles, "note"),))
-    names = [name for name in profiles if profiles[name].x.size > 1 and _says_more(material, name)]
+        return (Paragraph(given.appraisal.without_profiles, "note"),)
+    names = [name for name in profiles if profiles[name].x.size > 1 and _is_informative(given, name)]
     pictures = tuple(
         Picture(
             f"profile-{number}",
@@ -35,24 +38,27 @@ def section(material: Material) -> Section:
     left_out = f" Not shown: {', '.join(names[MOST:])}." if len(names) > MOST else ""
     rise = (
         "Least rise of chi2"
-        if material.result.noise.policy == "known"
+        if given.result.noise.policy == "known"
         else "Least rise of the misfit, noise profiled out,"
     )
     caption = (
         f"{rise} with one quantity held and everything else at its best. Dashed: the cuts of a 68 and a 95 % "
         f"interval; shaded: the values below them; dot: the optimum.{left_out}"
     )
-    return Section("profiles", "Profile likelihoods", (Pictures(pictures, caption),))
+    return (Pictures(pictures, caption),)
 
 
-def _says_more(material: Material, name: str) -> bool:
+def _is_informative(given: ReportInput, name: str) -> bool:
     """Whether a profile is more than that of a constant on a stretched axis.
 
     The restitution in sticking runs with the closure's constant, kappa with mu where e_n is fixed.
     """
     kind = name.partition("[")[0]
     if kind == "kappa":
-        return any(label.partition("[")[0] == "e_n" for label in material.free)
-    closure = CLOSURES.get(material.result.closure)
+        return any(label.partition("[")[0] == "e_n" for label in given.free)
+    closure = CLOSURES.get(given.result.closure)
     meaning = None if closure is None else closure.meaning
     return meaning is None or kind != meaning.name or not meaning.linear
+
+
+SECTION = ReportSection("profiles", "Profile likelihoods", build)

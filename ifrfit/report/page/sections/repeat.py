@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ifrfit.data.observations import SCHEMA
 from ifrfit.inference.accuracy.messages import says
-from ifrfit.inference.io.write_result import dumps
+from ifrfit.inference.io.json_text import dumps
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Section, Table
-from ifrfit.report.page.material import Material
+from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Table
 from ifrfit.report.page.phrases import stand_in_words
+from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.repeat_command import from_points
+from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.provenance import kinds_of, left_out, provenance_words
 
 if TYPE_CHECKING:
@@ -23,47 +25,47 @@ POINTS = "points.csv"
 MOST_SHOWN = 1000  # rows of the table
 MOST_INSIDE = 1_000_000  # characters of a file inside the page
 NUMBERS = ("gamma_deg", "spin_x", "spin_y", "speed_m_s", "value", "sigma")
-JUDGED = ("fitted", "standardised")
+FIT_COLUMNS = ("fitted", "standardised")
 FOLDED = 40
 
 
-def section(material: Material) -> Section:
+def build(given: ReportInput) -> Sequence[Block]:
     """Command, seed, versions, inputs; the data as a table and as files inside the page."""
-    result = material.result
+    result = given.result
     blocks: list[Block] = [Pairs(tuple(_facts(result)))]
     if result.command:
         blocks.append(Code("The command that made this fit:", result.command))
     if not len(result.points):
         blocks.append(Paragraph("The result holds no points, so this report holds none either.", "note"))
-        return Section("repeat", "To repeat it", tuple(blocks))
+        return blocks
     text = points_csv(result)
-    kept = len(text) <= MOST_INSIDE
-    if kept:
+    fits_inside = len(text) <= MOST_INSIDE
+    if fits_inside:
         words = f"{stand_in_words(result)}The data used, in the common schema."
         blocks.append(Download(POINTS, "text/csv", text, words))
-    whole = dumps(result)
+    whole = dumps(result.to_dict())
     if len(whole) <= MOST_INSIDE:
         words = "The whole result, which ifrfit report and ifrfit predict read."
         blocks.append(Download("result.json", "application/json", whole, words))
-    again = from_points(result, POINTS)
-    if kept and again:
-        blocks.append(Code("The same fit from the data inside this report:", again))
-    if not kept:
+    repeat_line = from_points(result, POINTS)
+    if fits_inside and repeat_line:
+        blocks.append(Code("The same fit from the data inside this report:", repeat_line))
+    if not fits_inside:
         blocks.append(Paragraph(f"The data ({len(result.points)} rows) are too large for this page.", "note"))
     blocks.append(_table(result))
-    return Section("repeat", "To repeat it", tuple(blocks))
+    return blocks
 
 
 def points_csv(result: FitResult) -> str:
     """The rows used as CSV in the common schema, as `ifrfit.read` takes it, without empty columns."""
     table = result.points[list(SCHEMA)]
-    kept = [
-        name for name in SCHEMA if name in ("series", "observable", "value") or _says_something(table, name)
+    columns = [
+        name for name in SCHEMA if name in ("series", "observable", "value") or _has_content(table, name)
     ]
-    return str(table[kept].to_csv(index=False, lineterminator="\n"))
+    return str(table[columns].to_csv(index=False, lineterminator="\n"))
 
 
-def _says_something(table: pd.DataFrame, name: str) -> bool:
+def _has_content(table: pd.DataFrame, name: str) -> bool:
     column = table[name]
     if name in ("spin_x", "spin_y"):
         return bool((column != 0.0).any())
@@ -90,9 +92,9 @@ def _facts(result: FitResult) -> list[tuple[str, str]]:
 def _table(result: FitResult) -> Table:
     points = result.points
     shown = points.head(MOST_SHOWN)
-    numbers = [name for name in NUMBERS if name == "value" or _says_something(points, name)]
-    head = ("row", "series", "observable", *numbers, *JUDGED, "regime")
-    columns = [shown[name].to_numpy(dtype=float) for name in (*numbers, *JUDGED)]
+    numbers = [name for name in NUMBERS if name == "value" or _has_content(points, name)]
+    head = ("row", "series", "observable", *numbers, *FIT_COLUMNS, "regime")
+    columns = [shown[name].to_numpy(dtype=float) for name in (*numbers, *FIT_COLUMNS)]
     angled = shown["gamma_deg"].notna().to_numpy()
     sticks = shown["sticking"].map(bool).to_numpy(dtype=bool)
     rows = tuple(
@@ -117,3 +119,6 @@ def _table(result: FitResult) -> Table:
 
 def _number(value: float) -> str:
     return "" if np.isnan(value) else f"{value:.6g}"
+
+
+SECTION = ReportSection("repeat", "To repeat it", build)

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ifrfit.report import style
-from ifrfit.report.page.blocks import Picture, Pictures, Section
+from ifrfit.report.page.blocks import Block, Picture, Pictures
 from ifrfit.report.page.drawings.residuals import draw_against, draw_quantiles
-from ifrfit.report.page.material import Material
 from ifrfit.report.page.phrases import stand_in_words
+from ifrfit.report.page.plugins import ReportSection
+from ifrfit.report.page.report_input import ReportInput
 
 
-def section(material: Material) -> Section | None:
+def build(given: ReportInput) -> Sequence[Block] | None:
     """Standardised residuals against angle, order and normal quantiles; None without points."""
-    result = material.result
+    result = given.result
     points = result.points
     if not len(points):
         return None
-    look = style.looks([str(name) for name in points["series"].unique()])
+    styles = style.series_styles([str(name) for name in points["series"].unique()])
     z = points["standardised"].to_numpy(dtype=float)
     largest = int(np.nanargmax(np.abs(z))) if np.isfinite(z).any() else 0
     place = points.iloc[largest]
@@ -31,7 +34,7 @@ def section(material: Material) -> Section | None:
                 "residuals-angle",
                 "Residuals against the incidence angle",
                 f"Residuals from {np.nanmin(gamma):.3g} to {np.nanmax(gamma):.3g} degrees. {beyond}",
-                draw_against(result, look, gamma, "incidence angle γ (deg)"),
+                draw_against(result, styles, gamma, "incidence angle γ (deg)"),
             )
         )
     order = np.arange(1.0, z.size + 1.0)
@@ -40,13 +43,13 @@ def section(material: Material) -> Section | None:
             "residuals-order",
             "Residuals in the order of the rows",
             f"Standardised residuals row by row. {worst}",
-            draw_against(result, look, order, "row (number, in order)"),
+            draw_against(result, styles, order, "row (number, in order)"),
         ),
         Picture(
             "residuals-quantiles",
             "Residuals against normal quantiles",
             f"Ordered residuals against the normal law. {beyond}",
-            draw_quantiles(result, look),
+            draw_quantiles(result, styles),
         ),
     ]
     caption = (
@@ -55,4 +58,7 @@ def section(material: Material) -> Section | None:
         "sticking; filled: sliding; ringed: outlier. Dashed: ±2 σ. Grey: where 95 % of each ordered residual "
         f"lies, one by one, if the noise is normal. {beyond} {worst}"
     )
-    return Section("residuals", "Residuals", (Pictures(tuple(pictures), caption),))
+    return (Pictures(tuple(pictures), caption),)
+
+
+SECTION = ReportSection("residuals", "Residuals", build)

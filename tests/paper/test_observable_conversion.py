@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ifrfit.paper.observable_conversion import seen_as
+from ifrfit.paper.observable_conversion import convert_observable
 from ifrfit.physics import OBSERVABLES, rebound
 
 TANGENTIAL = ("beta", "beta_cm", "spin_y_after", "tan_psi_after")
@@ -25,7 +25,7 @@ def test_what_one_measurement_says_the_impact_says(measured, wanted, gamma, spin
     """Of any impact: no closure is needed to get from the one to the other."""
     r = rebound(np.array([gamma]), spin_y=spin_y, e_n=e_n, e_t=e_t, mu=mu, degrees=True)
     value = OBSERVABLES[measured].value(r, np.array([mu]))
-    found, _ = seen_as(wanted, measured, value, np.array([0.01]), r.incidence, e_n=e_n)
+    found, _ = convert_observable(wanted, measured, value, np.array([0.01]), r.incidence, e_n=e_n)
     truth = OBSERVABLES[wanted].value(r, np.array([mu]))
     assert found == pytest.approx(truth, rel=1e-9, abs=1e-9)
 
@@ -33,14 +33,14 @@ def test_what_one_measurement_says_the_impact_says(measured, wanted, gamma, spin
 def test_sigma_is_carried_to_first_order():
     r = rebound(np.array([30.0]), e_n=0.98, e_t=-1.0, mu=0.1, degrees=True)
     value = np.asarray(r.beta_cm)
-    found, sigma = seen_as("beta", "beta_cm", value, np.array([0.003]), r.incidence, e_n=0.98)
+    found, sigma = convert_observable("beta", "beta_cm", value, np.array([0.003]), r.incidence, e_n=0.98)
     assert sigma == pytest.approx([3.5 * 0.003])  # beta = 5/2 + (7/2) beta_cm without spin
     assert found == pytest.approx(2.5 + 3.5 * value)
 
 
 def test_a_wrong_inertia_would_be_seen():
     r = rebound(np.array([30.0]), e_n=0.98, e_t=-1.0, mu=0.1, degrees=True)
-    found, _ = seen_as(
+    found, _ = convert_observable(
         "beta",
         "beta_cm",
         np.asarray(r.beta_cm),

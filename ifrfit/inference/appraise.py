@@ -1,0 +1,120 @@
+"""Compute what a report shows beyond a fit, once: reports themselves only draw it.
+
+Profiles, intervals by three methods and the other closures are computed where that takes about a second;
+otherwise the appraisal says why they are missing, and which command computes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ifrfit.errors import IfrfitError
+from ifrfit.inference.appraisal import Appraisal
+from ifrfit.inference.comparison.result_comparison import compare_again
+from ifrfit.inference.diagnostics.interval_comparison import intervals
+from ifrfit.inference.posterior import QuadraturePosterior, integrate
+from ifrfit.inference.profile.profile_all import profile_all
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.prediction import draw_kept
+from ifrfit.inference.result.restore import question
+from ifrfit.physics.observables import OBSERVABLES
+
+if TYPE_CHECKING:
+    from ifrfit.inference.comparison.result import Comparison
+    from ifrfit.inference.model.problem import Problem
+    from ifrfit.inference.optimize.least_squares import LeastSquares
+    from ifrfit.inference.profile.types import Profile
+
+DRAWS = 2000
+# beyond these, profiles and comparisons take long
+MOST_CONSTANTS = 6
+MOST_ROWS = 2000
+MOST_CURVED = 60  # rows that no closure is linear in: each of them is computed at every node
+
+
+def appraise(result: FitResult, *, closures: bool = True) -> Appraisal:
+    """Put the question of a fit to the other methods, and to the other closures.
+
+    Parameters
+    ----------
+    result : FitResult
+        Of a fit, or read from a file.
+    closures : bool
+        Whether to compare closures.
+
+    Returns
+    -------
+    Appraisal
+    """
+    comparison, without_comparison = _comparison(result) if closures else (None, "")
+    profiles: Mapping[str, Profile] = {}
+    table = None
+    try:
+        problem, optimum = question(result)
+    except IfrfitError as error:
+        profiles, without_profiles = result.profiles, str(error)
+    else:
+        without_profiles = _without_profiles(problem)
+        if result.profiles:
+            profiles = result.profiles
+        elif not without_profiles:
+            profiles = profile_all(problem, optimum)
+        if profiles:
+            table = intervals(problem, optimum, _posterior(result, problem, optimum), profiles)
+    return Appraisal(
+        draw_kept(result, DRAWS, np.random.default_rng(result.seed)),
+        profiles,
+        without_profiles,
+        table,
+        comparison,
+        without_comparison,
+    )
+
+
+def _without_profiles(problem: Problem) -> str:
+    """Why profiles are not computed; empty where they are."""
+    free = int(problem.parameters.free.sum())
+    if free == 0:
+        return "Every constant is fixed: there is nothing to profile."
+    if not problem.error_model.is_plain:
+        return "Profiles know independent Gaussian errors of the values only."
+    if free > MOST_CONSTANTS or problem.rows.value.size > MOST_ROWS:
+        return (
+            f"{free} free constants and {problem.rows.value.size} rows: profiles take long here. "
+            "ifrfit fit --method profile computes them."
+        )
+    return ""
+
+
+def _posterior(result: FitResult, problem: Problem, optimum: LeastSquares) -> QuadraturePosterior | None:
+    """The exact posterior of an exact fit, as it was left or integrated again; None of other methods."""
+    if isinstance(result.distribution, QuadraturePosterior):
+        return result.distribution
+    return integrate(problem, start=optimum) if result.method == "exact" else None
+
+
+def _comparison(result: FitResult) -> tuple[Comparison | None, str]:
+    """All closures by the question of a result; or none, and the sentence that says why."""
+    reason = _too_large_to_compare(result)
+    if reason:
+        return None, f"{reason}: ifrfit compare puts the closures side by side"
+    try:
+        return compare_again(result), ""
+    except IfrfitError as error:
+        return None, f"They cannot be compared here. {error}"
+
+
+def _too_large_to_compare(result: FitResult) -> str:
+    free = sum(found.status != "fixed" for found in result.flat_constants().values())
+    if len(result.points) > MOST_ROWS or free > MOST_CONSTANTS:
+        return f"{len(result.points)} rows and {free} free constants take long"
+    curved = int(result.points["observable"].map(lambda name: OBSERVABLES[name].kind == "curved").sum())
+    if curved > MOST_CURVED:
+        return f"{curved} rebound angles or total restitutions take long"
+    error_model = result.noise.error_model
+    if not error_model.is_plain and result.noise.policy != "known":
+        return "Such a scatter with a noise that is not known takes long"
+    return ""

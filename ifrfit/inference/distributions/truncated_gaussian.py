@@ -1,0 +1,147 @@
+"""The Gaussian approximation at an optimum, cut at the bounds of the parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ifrfit.inference.distributions.coordinates import to_parameters
+from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
+
+Array = NDArray[np.float64]
+
+_SWEEPS = 40  # of Gibbs sampling per draw; each draw is a chain of its own, so draws are independent
+_RESOLUTION = 0.02  # sd: from a bound to where a density is taken
+
+
+@dataclass(frozen=True)
+class TruncatedGaussian:
+    """Gaussian about the optimum in the coordinates e_n, closure constant, kappa, as a `Distribution`.
+
+    Marginals are those of the uncut Gaussian, each cut at its own bounds and, where the noise comes from the
+    misfit, with Student's t; means and standard deviations are those before the cut. Draws are cut at all
+    bounds together, and loose directions have at most the variance of the default prior in them.
+
+    Attributes
+    ----------
+    marginals : mapping of str to TruncatedNormal
+        By name of the quantity; transition_tau[SERIES] among them.
+    loadings : mapping of str to ndarray
+        Derivative of a quantity by the coordinates, (p,).
+    coordinates : tuple of str
+        e_n, the closure constant, kappa (mu where one mu goes with several e_n); with a series in brackets
+        where separate.
+    point, center : ndarray, (p,)
+        The optimum, and the centre, which lies beyond a bound that holds the optimum back.
+    covariance : ndarray, (p, p)
+        Zero in fixed coordinates.
+    lower, upper : ndarray, (p,)
+        Bounds, infinite where there is none.
+    """
+
+    marginals: Mapping[str, TruncatedNormal]
+    loadings: Mapping[str, Array] = field(repr=False)
+    coordinates: tuple[str, ...]
+    point: Array
+    center: Array
+    covariance_of_coordinates: Array = field(repr=False)
+    lower: Array
+    upper: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Free entries of theta, and kappa."""
+        return tuple(self.loadings)
+
+    @property
+    def resolution(self) -> float:
+        """Width, in sd, over which a density is taken."""
+        return _RESOLUTION
+
+    @property
+    def n_draws(self) -> float:
+        """There is no end to its draws."""
+        return math.inf
+
+    def mean(self, name: str) -> float:
+        """The optimum."""
+        return self.marginals[name].mode
+
+    def sd(self, name: str) -> float:
+        """Standard deviation before the cut; infinite where the data do not see the quantity."""
+        return self.marginals[name].sd
+
+    def quantile(self, name: str, p: ArrayLike) -> Array | float:
+        """Quantiles of the marginal; p scalar or array, 0 to 1."""
+        return _each(self.marginals[name].quantile, p)
+
+    def cdf(self, name: str, value: ArrayLike) -> Array | float:
+        """Probability of the marginal below a value."""
+        return _each(self.marginals[name].cdf, value)
+
+    def covariance(self, names: Sequence[str]) -> Array:
+        """Covariance before the cut, loose directions with the variance of the default prior, (n, n)."""
+        loadings = np.array([self.loadings[name] for name in names]).reshape(len(names), -1)
+        return np.asarray(loadings @ self.covariance_of_coordinates @ loadings.T)
+
+    def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
+        """Independent draws of all quantities together."""
+        found = to_parameters(self.coordinates, self.draw_coordinates(n, rng))
+        if "kappa" not in found:  # of a single series with a separate mu
+            found["kappa"] = next(x for name, x in found.items() if name.startswith("kappa"))
+        return {name: found[name] for name in self.names}
+
+    def draw_coordinates(self, n: int, rng: np.random.Generator) -> Array:
+        """Draws in the coordinates, (n, p)."""
+        covariance = self.covariance_of_coordinates
+        return truncated_draws(self.point, self.center, covariance, self.lower, self.upper, n, rng)
+
+
+def truncated_draws(
+    point: Array,
+    center: Array,
+    covariance: Array,
+    lower: Array,
+    upper: Array,
+    n: int,
+    rng: np.random.Generator,
+) -> Array:
+    """Draws of a Gaussian cut at bounds, (n, p), by Gibbs sampling.
+
+    Each coordinate in turn is drawn given the others; entries without variance stay at `point`, (p,).
+    """
+    from scipy.special import ndtr, ndtri
+
+    free = np.flatnonzero(np.diag(covariance) > 0.0)
+    phi = np.tile(point, (n, 1))
+    if free.size == 0:
+        return phi
+    cov = covariance[np.ix_(free, free)]
+    size = np.sqrt(np.diag(cov))
+    precision = np.linalg.pinv(cov / np.outer(size, size), hermitian=True)
+    low = (lower[free] - center[free]) / size
+    high = (upper[free] - center[free]) / size
+    z = np.tile(np.clip((point[free] - center[free]) / size, low, high), (n, 1))
+    for _ in range(_SWEEPS):
+        for i in range(free.size):
+            sd = 1.0 / math.sqrt(precision[i, i])
+            mean = z[:, i] - (z @ precision[i]) / precision[i, i]
+            a, b = (low[i] - mean) / sd, (high[i] - mean) / sd
+            flip = a > 0.0  # take the tail in which probabilities keep their digits
+            a, b = np.where(flip, -b, a), np.where(flip, -a, b)
+            below, above = ndtr(a), ndtr(b)
+            x = np.clip(ndtri(below + rng.random(n) * (above - below)), a, b)
+            z[:, i] = mean + sd * np.where(flip, -x, x)
+    phi[:, free] = np.clip(center[free] + size * z, lower[free], upper[free])
+    return phi
+
+
+def _each(function: Callable[[float], float], x: ArrayLike) -> Array | float:
+    if np.ndim(x) == 0:
+        return function(float(np.asarray(x)))
+    values = np.asarray(x, dtype=float)
+    return np.array([function(value) for value in values.ravel().tolist()]).reshape(values.shape)

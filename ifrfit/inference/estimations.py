@@ -1,0 +1,123 @@
+"""Each method as an `Estimation`: what it finds of the parameters beyond the optimum that it starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ifrfit.inference.diagnostics.collect import noise_converged
+from ifrfit.inference.diagnostics.pooling import sharing
+from ifrfit.inference.diagnostics.quadrature_convergence import quadrature_convergence
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.posterior import TOLERANCE, QuadraturePosterior, integrate
+from ifrfit.inference.result.estimation import Estimation
+
+if TYPE_CHECKING:
+    from ifrfit.inference.mcmc import Evidence, Sample
+
+COARSE = 1e-3  # tolerance where the error model is not plain: every node costs all rows
+CHAINS = "chains.npz"
+
+Progress = Callable[[int, int], None]
+
+
+def least_squares_estimation(optimum: LeastSquares) -> Estimation:
+    """Least squares as a method of its own: the Gaussian approximation is its distribution."""
+    return Estimation("lsq", None, {"converged": noise_converged(optimum)})
+
+
+def exact_estimation(problem: Problem, optimum: LeastSquares, tolerance: float | None = None) -> Estimation:
+    """The posterior by quadrature, and whether the data want separate constants to be shared."""
+    if tolerance is None:
+        tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
+    posterior = integrate(problem, start=optimum, tolerance=tolerance)
+    return posterior_estimation(problem, optimum, posterior, integrate)
+
+
+def posterior_estimation(
+    problem: Problem,
+    optimum: LeastSquares,
+    posterior: QuadraturePosterior,
+    integrate: Callable[[Problem], QuadraturePosterior] | None,
+) -> Estimation:
+    """An integrated posterior; other questions about sharing are put to `integrate`, if there is one."""
+    diagnostics = {"converged": quadrature_convergence(posterior, noise_converged(optimum))}
+    shared = None if integrate is None else sharing(problem, posterior.log_evidence, integrate)
+    if shared is not None:
+        diagnostics["sharing"] = shared
+    return Estimation("exact", posterior, diagnostics, is_posterior=True, log_evidence=posterior.log_evidence)
+
+
+def chains_estimation(
+    problem: Problem,
+    optimum: LeastSquares,
+    *,
+    seed: int,
+    max_steps: int | None = None,
+    workers: int = 1,
+    resume: Path | None = None,
+    progress: Progress | None = None,
+    halt: Callable[[Evidence], bool] | None = None,
+) -> tuple[Estimation, Sample]:
+    """A sample of the posterior by Markov chains, see `ifrfit.inference.mcmc.sample`."""
+    from importlib.metadata import version
+
+    from ifrfit.inference import mcmc
+
+    sample = mcmc.sample(
+        problem,
+        optimum,
+        seed,
+        max_steps=mcmc.MAX_STEPS if max_steps is None else max_steps,
+        workers=workers,
+        resume=resume,
+        progress=progress,
+        halt=halt,
+    )
+    estimation = Estimation(
+        "mcmc",
+        sample.distribution,
+        {"converged": mcmc.sample_converged(sample, noise_converged(optimum))},
+        is_posterior=True,
+        versions={name: version(name) for name in ("emcee", "arviz-stats")},
+        files={CHAINS: sample},
+    )
+    return estimation, sample
+
+
+def bootstrap_estimation(
+    problem: Problem,
+    optimum: LeastSquares,
+    *,
+    seed: int,
+    scheme: str | None = None,
+    replicates: int | None = None,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Estimation:
+    """Fits of experiments drawn anew."""
+    from ifrfit.inference.bootstrap import REPLICATES, bootstrap
+    from ifrfit.inference.bootstrap.summary import estimation_of
+
+    found = bootstrap(
+        problem,
+        optimum,
+        scheme="cases" if scheme is None else scheme,
+        replicates=REPLICATES if replicates is None else replicates,
+        seed=seed,
+        workers=workers,
+        progress=progress,
+    )
+    return estimation_of(found, optimum)
+
+
+def profile_estimation(problem: Problem, optimum: LeastSquares) -> Estimation:
+    """Profile likelihoods of every quantity."""
+    from ifrfit.inference.profile.convergence_fact import profile_converged
+    from ifrfit.inference.profile.profile_all import profile_all
+
+    profiles = profile_all(problem, optimum)
+    converged = profile_converged(profiles, noise_converged(optimum))
+    return Estimation("profile", None, {"converged": converged}, profiles=profiles)

@@ -1,0 +1,490 @@
+"""Methods of estimation: what each must offer, the package's own, and the registry that holds them.
+
+A method is a frozen dataclass whose fields are its options. This module imports nothing heavy: what a method
+computes stands in modules of its own, which `run` imports.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.accuracy.request import check_request, make_request
+from ifrfit.inference.option_fields import Options, build, merged, option, options_of
+from ifrfit.registry import Registry
+
+if TYPE_CHECKING:
+    from ifrfit.inference.model.problem import Problem
+    from ifrfit.inference.optimize.least_squares import LeastSquares as LeastSquaresFit
+    from ifrfit.inference.result.estimation import Estimation
+
+Progress = Callable[[int, int], None]
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """A method of estimation: a frozen dataclass whose fields are its options, see `option_fields.option`.
+
+    Attributes
+    ----------
+    name : str
+        On the command line and in result files.
+    title : str
+        In reports: "Markov chain Monte Carlo".
+    label : str
+        In tables: "MCMC".
+    summary : str
+        In the help text: "Markov chains".
+    """
+
+    @property
+    def name(self) -> str:
+        """Name on the command line and in result files."""
+
+    @property
+    def title(self) -> str:
+        """Name in reports."""
+
+    @property
+    def label(self) -> str:
+        """Short name in tables."""
+
+    @property
+    def summary(self) -> str:
+        """A few words for the help text."""
+
+    def refuses(self, problem: Problem) -> str:
+        """Why the method cannot do a problem, with the remedy; empty where it can."""
+
+    def run(
+        self,
+        problem: Problem,
+        optimum: LeastSquaresFit,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        started: float | None = None,
+    ) -> Estimation:
+        """Estimate the parameters.
+
+        Parameters
+        ----------
+        problem : Problem
+        optimum : LeastSquaresFit
+            Of the problem, certified: where every method starts.
+        seed : int
+            Of all random numbers.
+        progress : callable, optional
+            Called with the steps done, and the most that there may be.
+        started : float, optional
+            Seconds that the clock of `ifrfit.inference.accuracy.request` showed when the user asked; by
+            default it is asked now.
+
+        Raises
+        ------
+        UsageError, DataError
+            If the problem is not one for the method after all.
+        """
+
+
+def _accuracy() -> Any:
+    return option(
+        None,
+        "Largest error of mean, sd and interval, in posterior sd: picks method and settings.",
+        form="number",
+        metavar="SD",
+    )
+
+
+def _budget() -> Any:
+    return option(None, "As exact as this time allows, as 2s, 500ms or 3min.", metavar="TIME")
+
+
+def _workers() -> Any:
+    return option(1, "mcmc, bootstrap: processes; the draws are the same.", form="integer", metavar="N")
+
+
+@dataclass(frozen=True, repr=False)
+class Exact(Options):
+    """The posterior by deterministic quadrature.
+
+    Attributes
+    ----------
+    accuracy : float or None
+        Largest error of a mean, an sd or an end of an interval, in posterior standard deviations, 1e-9 to
+        0.5. The result's `effort` says what was reached.
+    budget : float, str or None
+        Seconds (or text, as "500ms") from the call of `fit`: as exact as the time allows, or until the
+        accuracy is reached.
+    """
+
+    name: ClassVar[str] = "exact"
+    title: ClassVar[str] = "exact posterior"
+    label: ClassVar[str] = "exact"
+    summary: ClassVar[str] = "the posterior"
+    accuracy: float | None = _accuracy()
+    budget: float | str | None = _budget()
+
+    def __post_init__(self) -> None:
+        check_request(self.accuracy, self.budget)
+
+    def refuses(self, problem: Problem) -> str:
+        """Why not: true angles that tie e_n to the tangential constants."""
+        from ifrfit.inference.model.apply_error_model import tied_to_e_n
+
+        tied = tied_to_e_n(problem, problem.error_model)
+        if not tied:
+            return ""
+        return (
+            f"--angle-errors {problem.error_model.angles} with {', '.join(tied)}: the true angle ties e_n to "
+            "the tangential constants, which the quadrature does not take on. Use --method mcmc, or fix e_n."
+        )
+
+    def run(
+        self,
+        problem: Problem,
+        optimum: LeastSquaresFit,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        started: float | None = None,
+    ) -> Estimation:
+        """Integrate the posterior."""
+        from ifrfit.inference.accuracy.select_method import exact_as_requested
+        from ifrfit.inference.estimations import exact_estimation
+
+        if self.accuracy is None and self.budget is None:
+            return exact_estimation(problem, optimum)
+        return exact_as_requested(problem, optimum, make_request(self.accuracy, self.budget, started))
+
+
+@dataclass(frozen=True, repr=False)
+class LeastSquares(Options):
+    """Least squares with a certificate of the global optimum, and the Gaussian approximation about it."""
+
+    name: ClassVar[str] = "lsq"
+    title: ClassVar[str] = "least squares"
+    label: ClassVar[str] = "least squares"
+    summary: ClassVar[str] = "least squares"
+
+    def refuses(self, problem: Problem) -> str:
+        """Why not: true angles that are to be integrated out."""
+        if not problem.error_model.integrates:
+            return ""
+        return (
+            "--method lsq cannot integrate true angles out: use --method exact or mcmc with "
+            f"{problem.error_model.option}, or --angle-errors effective."
+        )
+
+    def run(
+        self,
+        problem: Problem,
+        optimum: LeastSquaresFit,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        started: float | None = None,
+    ) -> Estimation:
+        """The optimum is the answer."""
+        from ifrfit.inference.estimations import least_squares_estimation
+
+        return least_squares_estimation(optimum)
+
+
+def _only_plain(name: str, problem: Problem) -> str:
+    if problem.error_model.is_plain:
+        return ""
+    return (
+        f"--method {name} knows independent Gaussian errors of the values only: use --method exact or mcmc "
+        f"with {problem.error_model.option}."
+    )
+
+
+@dataclass(frozen=True, repr=False)
+class Profile(Options):
+    """The profile likelihood of each constant."""
+
+    name: ClassVar[str] = "profile"
+    title: ClassVar[str] = "profile likelihood"
+    label: ClassVar[str] = "profile"
+    summary: ClassVar[str] = "profile likelihood"
+
+    def refuses(self, problem: Problem) -> str:
+        """Why not: errors of angles, or heavy tails."""
+        return _only_plain(self.name, problem)
+
+    def run(
+        self,
+        problem: Problem,
+        optimum: LeastSquaresFit,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        started: float | None = None,
+    ) -> Estimation:
+        """Profile every quantity."""
+        from ifrfit.inference.estimations import profile_estimation
+
+        return profile_estimation(problem, optimum)
+
+
+@dataclass(frozen=True, repr=False)
+class MCMC(Options):
+    """The posterior by Markov chains that stop when their diagnostics suffice.
+
+    Attributes
+    ----------
+    max_steps : int or None
+        Steps of each ensemble after which it stops in any case; 10,000 by default.
+    resume : str, Path or None
+        Folder (or file) with the chains of an earlier run of the same question, to walk on with.
+    workers : int
+        Processes. The draws do not depend on it. A script that asks for more than one needs
+        ``if __name__ == "__main__":`` about what it does.
+    accuracy : float or None
+        As of `Exact`: largest standard error.
+    budget : float, str or None
+        As of `Exact`.
+
+    Raises
+    ------
+    UsageError
+        For numbers that make no sense; for `max_steps` and `resume` beside `accuracy` or `budget`, which pick
+        the settings.
+    """
+
+    name: ClassVar[str] = "mcmc"
+    title: ClassVar[str] = "Markov chain Monte Carlo"
+    label: ClassVar[str] = "MCMC"
+    summary: ClassVar[str] = "Markov chains"
+    max_steps: int | None = option(None, "mcmc: most steps, 10000 by default.", form="integer", metavar="N")
+    resume: str | Path | None = option(
+        None, "mcmc: walk on with the chains in DIR, and replace its result.", form="path", metavar="DIR"
+    )
+    workers: int = _workers()
+    accuracy: float | None = _accuracy()
+    budget: float | str | None = _budget()
+
+    def __post_init__(self) -> None:
+        if self.max_steps is not None and self.max_steps < 1:
+            raise UsageError(f"--max-steps {self.max_steps}: it must be 1 or more.")
+        _check_workers(self.workers)
+        check_request(self.accuracy, self.budget)
+        if self.accuracy is None and self.budget is None:
+            return
+        for name in ("max_steps", "resume"):
+            if getattr(self, name) is not None:
+                raise UsageError(_picked(name))
+
+    def refuses(self, problem: Problem) -> str:
+        """Nothing: chains need a density only."""
+        return ""
+
+    def run(
+        self,
+        problem: Problem,
+        optimum: LeastSquaresFit,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        started: float | None = None,
+    ) -> Estimation:
+        """Sample the posterior."""
+        from ifrfit.inference.accuracy.select_method import chains_as_requested
+        from ifrfit.inference.estimations import chains_estimation
+
+        if self.accuracy is None and self.budget is None:
+            estimation, _ = chains_estimation(
+                problem,
+                optimum,
+                seed=seed,
+                max_steps=self.max_steps,
+                workers=self.workers,
+                resume=None if self.resume is None else Path(self.resume),
+                progress=progress,
+            )
+            return estimation
+        request = make_request(self.accuracy, self.budget, started)
+        return chains_as_requested(
+            problem, optimum, request, seed=seed, workers=self.workers, progress=progress
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Bootstrap(Options):
+    """Fits of experiments drawn anew.
+
+    Attributes
+    ----------
+    scheme : {"cases", "residual", "wild", "wild-mammen"}
+        What is drawn anew: impacts within each series, residuals, or residuals times random weights
+        (Rademacher's, or Mammen's); see `ifrfit.inference.bootstrap`.
+    replicates : int or None
+        Experiments drawn; 1,000 by default.
+    workers : int
+        As of `MCMC`.
+    """
+
+    name: ClassVar[str] = "bootstrap"
+    title: ClassVar[str] = "bootstrap"
+    label: ClassVar[str] = "bootstrap"
+    summary: ClassVar[str] = "fits of experiments drawn anew"
+    scheme: str | None = option(
+        None,
+        "bootstrap: what is drawn anew: cases (impacts; default), residual, wild or wild-mammen.",
+        metavar="SCHEME",
+        keyword="resample",
+    )
+    replicates: int | None = option(
+        None, "bootstrap: experiments drawn, 1000 by default.", form="integer", metavar="N"
+    )
+    workers: int = _workers()
+
+    def __post_init__(self) -> None:
+        _check_workers(self.workers)
+
+    def refuses(self, problem: Problem) -> str:
+        """Why not: errors of angles, or heavy tails."""
+        return _only_plain(self.name, problem)
+
+    def run(
+        self,
+        problem: Problem,
+        optimum: LeastSquaresFit,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        started: float | None = None,
+    ) -> Estimation:
+        """Draw experiments anew, and fit each."""
+        from ifrfit.inference.estimations import bootstrap_estimation
+
+        return bootstrap_estimation(
+            problem,
+            optimum,
+            seed=seed,
+            scheme=self.scheme,
+            replicates=self.replicates,
+            workers=self.workers,
+            progress=progress,
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Automatic(Options):
+    """The posterior by whichever method reaches an accuracy, or comes closest within a time.
+
+    Exact where it can do the problem, else Markov chains; least squares as they are where the budget is too
+    short for either. The result's `method` and `effort` say what was picked and reached.
+
+    Attributes
+    ----------
+    accuracy : float or None
+        As of `Exact`.
+    budget : float, str or None
+        As of `Exact`.
+    workers : int
+        As of `MCMC`.
+    """
+
+    name: ClassVar[str] = "automatic"
+    title: ClassVar[str] = "posterior"
+    label: ClassVar[str] = "posterior"
+    summary: ClassVar[str] = "whichever method reaches the accuracy"
+    accuracy: float | None = _accuracy()
+    budget: float | str | None = _budget()
+    workers: int = _workers()
+
+    def __post_init__(self) -> None:
+        _check_workers(self.workers)
+        check_request(self.accuracy, self.budget)
+
+    def refuses(self, problem: Problem) -> str:
+        """Nothing: what the exact posterior refuses goes to chains."""
+        return ""
+
+    def run(
+        self,
+        problem: Problem,
+        optimum: LeastSquaresFit,
+        *,
+        seed: int = 0,
+        progress: Progress | None = None,
+        started: float | None = None,
+    ) -> Estimation:
+        """Pick a method, and run it."""
+        from ifrfit.inference.accuracy.select_method import picked_as_requested
+
+        return picked_as_requested(
+            problem,
+            optimum,
+            make_request(self.accuracy, self.budget, started),
+            Exact().refuses(problem),
+            seed=seed,
+            workers=self.workers,
+            progress=progress,
+        )
+
+
+def _check_workers(workers: int) -> None:
+    if workers < 1:
+        raise UsageError(f"--workers {workers}: it must be 1 or more.")
+
+
+def _picked(keyword: str) -> str:
+    return f"--accuracy and --budget pick the settings themselves: leave --{keyword.replace('_', '-')} out."
+
+
+# the default first; an entry is an estimator with default options
+ESTIMATORS: Registry[Estimator] = Registry(
+    "method",
+    Estimator,
+    (Exact(), LeastSquares(), Profile(), MCMC(), Bootstrap()),
+)
+
+
+def title_of(method: str) -> str:
+    """Title of a method by its name; the name where there is none, as of a package that is not installed."""
+    found = ESTIMATORS.get(method)
+    return method if found is None else found.title
+
+
+def label_of(method: str) -> str:
+    """Label of a method by its name; as `title_of`."""
+    found = ESTIMATORS.get(method)
+    return method if found is None else found.label
+
+
+def make_estimator(method: str | None, values: Mapping[str, Any]) -> Estimator:
+    """An estimator by its name and by keywords, of which those that are no option of any method do not count.
+
+    Parameters
+    ----------
+    method : str or None
+        None: `Exact`, or `Automatic` where an accuracy or a budget is given.
+    values : mapping of str to object
+        Keywords as in `ifrfit.fit`.
+
+    Raises
+    ------
+    UsageError
+        For an unknown method, an option that belongs to another method, and as the estimator's class.
+    """
+    every = {name: type(each) for name, each in ESTIMATORS.items()}
+    options = merged((*every.values(), Automatic))
+    said = {key: value for key, value in values.items() if key in options and options[key].is_given(value)}
+    owner = type(ESTIMATORS[method or Exact.name])
+    if method is None and ("accuracy" in said or "budget" in said):
+        owner = Automatic
+    for keyword in said:
+        if keyword in options_of(owner):
+            continue
+        if owner is Automatic:
+            raise UsageError(_picked(keyword))
+        owners = [name for name, each in every.items() if keyword in options_of(each)]
+        flag, those = options[keyword].flag, " or ".join(owners)
+        raise UsageError(f"{flag} belongs to --method {those}, not to --method {owner.name}.")
+    return build(owner, said)

@@ -1,0 +1,148 @@
+"""Options as fields of frozen classes: one place for the name, the help and the default of each.
+
+`ifrfit.fit` takes an option as a field of its class or as a keyword, the command line as ``--keyword``. Both
+lists are read from the classes. This module imports nothing heavy, because ``ifrfit fit --help`` needs it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, dataclass, field, fields, replace
+from typing import Any, Literal, TypeVar
+
+Form = Literal["text", "number", "integer", "path", "names", "values", "pairs", "range"]
+
+_KEY, _NESTED = "option", "options"
+
+
+@dataclass(frozen=True)
+class Option:
+    """How an option is named and written.
+
+    Attributes
+    ----------
+    help : str
+        One sentence for the help text.
+    form : str
+        How it is written on the command line. names: NAME, repeatable; values: NAME=VALUE, repeatable; pairs:
+        NAME=A,B, repeatable; range: LO,HI; text, number, integer and path: one such word.
+    metavar : str or None
+        Stands for the value in the help text.
+    keyword : str
+        Keyword of `ifrfit.fit`; with dashes the option of the command line. By default the field's name.
+    default : object
+        Of the field.
+    written : str
+        The option as a field of its class, for messages: ``Noise(dof=...)``.
+    """
+
+    help: str
+    form: Form = "text"
+    metavar: str | None = None
+    keyword: str = ""
+    default: object = None
+    written: str = ""
+
+    @property
+    def flag(self) -> str:
+        """Name on the command line, with its dashes."""
+        return "--" + self.keyword.replace("_", "-")
+
+    def is_given(self, value: object) -> bool:
+        """Whether a value says anything: neither None, nor empty, nor the default."""
+        if value is None or (isinstance(value, Mapping | list | tuple | set | frozenset | str) and not value):
+            return False
+        return bool(value != self.default)
+
+
+def option(
+    default: Any,
+    help: str,
+    *,
+    form: Form = "text",
+    metavar: str | None = None,
+    keyword: str = "",
+) -> Any:
+    """A field of a dataclass that is an option; the arguments are those of `Option`."""
+    metadata = {_KEY: Option(help, form, metavar, keyword)}
+    if isinstance(default, dict):
+        return field(default_factory=dict, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def nested(owner: type) -> Any:
+    """A field of a dataclass that holds an object with options of its own, or None."""
+    return field(default=None, metadata={_NESTED: owner})
+
+
+class Options:
+    """Base of the classes whose fields are options: shown with what differs from the defaults only."""
+
+    def __repr__(self) -> str:
+        values = ((each, getattr(self, each.name)) for each in fields(self))  # type: ignore[arg-type]
+        shown = ", ".join(f"{each.name}={value!r}" for each, value in values if value != _default(each))
+        return f"{type(self).__name__}({shown})"
+
+
+def options_of(owner: type) -> dict[str, Option]:
+    """Options of a class by keyword, those of nested objects included.
+
+    Parameters
+    ----------
+    owner : type
+        A dataclass; fields made otherwise than by `option` and `nested` are none.
+    """
+    found: dict[str, Option] = {}
+    for each in fields(owner):
+        if _KEY in each.metadata:
+            stated: Option = each.metadata[_KEY]
+            keyword = stated.keyword or each.name
+            written = f"{owner.__name__}({each.name}=...)"
+            found[keyword] = replace(stated, keyword=keyword, default=_default(each), written=written)
+        elif _NESTED in each.metadata:
+            for keyword, inner in options_of(each.metadata[_NESTED]).items():
+                written = f"{owner.__name__}({each.name}={inner.written})"
+                found[keyword] = replace(inner, written=written)
+    return found
+
+
+def given(owner: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Of some keywords those that are options of a class and say anything."""
+    options = options_of(owner)
+    return {key: value for key, value in values.items() if key in options and options[key].is_given(value)}
+
+
+T = TypeVar("T")
+
+
+def build(owner: type[T], values: Mapping[str, Any]) -> T:
+    """An object of a class from keywords; those that are no options of the class are left alone.
+
+    Raises
+    ------
+    UsageError
+        As the class.
+    """
+    said = given(owner, values)
+    made: dict[str, Any] = {}
+    for each in fields(owner):  # type: ignore[arg-type]
+        if _KEY in each.metadata:
+            keyword = each.metadata[_KEY].keyword or each.name
+            if keyword in said:
+                made[each.name] = said[keyword]
+        elif _NESTED in each.metadata and given(each.metadata[_NESTED], said):
+            made[each.name] = build(each.metadata[_NESTED], said)
+    return owner(**made)
+
+
+def merged(owners: Iterable[type]) -> dict[str, Option]:
+    """Options of several classes by keyword; one that several of them have stands once."""
+    found: dict[str, Option] = {}
+    for owner in owners:
+        for keyword, each in options_of(owner).items():
+            found.setdefault(keyword, each)
+    return found
+
+
+def _default(each: Any) -> Any:
+    return each.default if each.default_factory is MISSING else each.default_factory()

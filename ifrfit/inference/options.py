@@ -1,0 +1,227 @@
+"""What a user chooses of a question: the model and the noise, as frozen objects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import TYPE_CHECKING
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.model.error_model import ErrorModel, check_angle_errors, make_error_model
+from ifrfit.inference.option_fields import Options, nested, option
+
+if TYPE_CHECKING:
+    from ifrfit.inference.model.parameters import Parameter
+    from ifrfit.physics.closures import Closure
+
+POLICIES = ("known", "scaled", "unknown")
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, repr=False)
+class Model(Options):
+    """Closure and constants of a fit.
+
+    Attributes
+    ----------
+    closure : str
+        ifr, fr, f, ifr-contact, maw, or a registered one.
+    fix : mapping of str to float
+        Constant to its known value.
+    prior : mapping of str to (float, float)
+        Constant to mean and standard deviation of an earlier measurement.
+    bounds : mapping of str to (float, float)
+        Constant to lower and upper bound, in the place of the passive domain.
+    separate : str or collection of str
+        Constants with a value of their own in each series.
+    inertia_factor : float or None
+        J = I/(m R^2); by default the dataset's, else 2/5.
+
+    Raises
+    ------
+    UsageError
+        If the inertia factor is not positive.
+    """
+
+    closure: str = option("ifr", "ifr, fr, f, ifr-contact or maw.")
+    _: KW_ONLY
+    fix: Mapping[str, float] = option({}, "A constant that you know.", form="values", metavar="NAME=VALUE")
+    prior: Mapping[str, Range] = option(
+        {}, "A constant that you measured before.", form="pairs", metavar="NAME=MEAN,SD"
+    )
+    bounds: Mapping[str, Range] = option(
+        {}, "Bounds in the place of the physical ones.", form="pairs", metavar="NAME=LO,HI"
+    )
+    separate: str | Collection[str] = option(
+        (), "This constant has a value of its own in each series.", form="names", metavar="NAME"
+    )
+    inertia_factor: float | None = option(
+        None, "I/(m R^2): 2/5 solid (default), 2/3 hollow ball, 1/2 disc.", form="number", metavar="J"
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("fix", "prior", "bounds"):
+            object.__setattr__(self, name, dict(getattr(self, name) or {}))
+        names = (self.separate,) if isinstance(self.separate, str) else tuple(self.separate or ())
+        object.__setattr__(self, "separate", names)
+        j = self.inertia_factor
+        if j is not None and not 0.0 < j < math.inf:
+            raise UsageError(f"--inertia-factor {j:g}: it must be positive (2/5 for a solid sphere).")
+
+    def parameters(self, inertia_factor: float) -> tuple[Parameter, ...]:
+        """The parameters of the closure as this model has them.
+
+        Parameters
+        ----------
+        inertia_factor : float
+            That of the data where the model has none.
+
+        Raises
+        ------
+        UsageError
+            For an unknown closure, a constant that it does not have, or choices that contradict.
+        """
+        from ifrfit.inference.model.parameters import make_parameters
+        from ifrfit.physics.closures import get_closure
+
+        return make_parameters(
+            get_closure(self.closure),
+            inertia_factor,
+            fix=self.fix,
+            prior=self.prior,
+            bounds=self.bounds,
+            separate=self.separate,
+        )
+
+    def with_closure(self, closure: Closure) -> Model:
+        """The same with another closure, and of the choices those for constants that it has."""
+        own = closure.constants
+        return replace(
+            self,
+            closure=closure.name,
+            fix={name: value for name, value in self.fix.items() if name in own},
+            prior={name: value for name, value in self.prior.items() if name in own},
+            bounds={name: value for name, value in self.bounds.items() if name in own},
+            separate=tuple(name for name in self.separate if name in own),
+        )
+
+    def named_constants(self) -> Mapping[str, Iterable[str]]:
+        """Constants that each of the choices names."""
+        return {key: tuple(getattr(self, key)) for key in ("fix", "prior", "bounds", "separate")}
+
+
+@dataclass(frozen=True, repr=False)
+class AngleErrors(Options):
+    """Errors of the angles and spins before impact.
+
+    Attributes
+    ----------
+    kind : {"none", "effective", "set", "measured"}
+        none: taken as exact. effective: added to sigma through the slope. set: the true angles scatter about
+        the set ones (Berkson), and are integrated out. measured: the measured angles scatter about the true
+        ones (classical), which are spread evenly over `population` and integrated out.
+    sigma_deg : float or None
+        Standard uncertainty of the angle, degrees, in rows that state none.
+    population : (float, float) or None
+        Degrees between which the true angles lie, for "measured".
+
+    Raises
+    ------
+    UsageError
+        For a kind that does not exist, or values that do not belong to it.
+    """
+
+    kind: str = option(
+        "none",
+        "Errors of angle and spin: none, effective, set (Berkson), measured (classical).",
+        keyword="angle_errors",
+    )
+    _: KW_ONLY
+    population: Range | None = option(
+        None,
+        "Degrees between which measured angles truly lie.",
+        form="range",
+        metavar="LO,HI",
+        keyword="angle_population",
+    )
+    sigma_deg: float | None = option(
+        None,
+        "Uncertainty of angles whose row states none.",
+        form="number",
+        metavar="DEG",
+        keyword="sigma_gamma",
+    )
+
+    def __post_init__(self) -> None:
+        check_angle_errors(self.kind, self.population, self.sigma_deg)
+
+
+@dataclass(frozen=True, repr=False)
+class Noise(Options):
+    """How the measured values scatter.
+
+    Attributes
+    ----------
+    policy : {"known", "scaled", "unknown"} or None
+        What sigma means; by default the dataset's own policy, else known where every row has a sigma, else
+        unknown.
+    tails : {"gaussian", "student-t"}
+        Law of the errors of the values.
+    dof : float or None
+        Degrees of freedom of Student's t; 4 by default.
+    angles : AngleErrors or None
+        None: angles and spins are exact.
+    sigma_velocity, sigma_spin : float or None
+        Standard uncertainties of measured velocities and of R Omega after impact, per incoming speed: every
+        row's sigma is propagated from them.
+
+    Raises
+    ------
+    UsageError
+        For a choice that does not exist, or choices that contradict.
+    """
+
+    policy: str | None = option(None, "What sigma means: known, scaled or unknown.", keyword="noise")
+    _: KW_ONLY
+    tails: str = option("gaussian", "Law of the errors: gaussian, or student-t where outliers occur.")
+    dof: float | None = option(None, "Degrees of freedom of student-t (4).", form="number", metavar="NU")
+    angles: AngleErrors | None = nested(AngleErrors)
+    sigma_velocity: float | None = option(
+        None,
+        "Propagate all errors from that of velocities, over incoming speed,",
+        form="number",
+        metavar="S",
+    )
+    sigma_spin: float | None = option(
+        None, "and from that of R Omega, over incoming speed.", form="number", metavar="S"
+    )
+
+    def __post_init__(self) -> None:
+        if self.policy is not None and self.policy not in POLICIES:
+            raise UsageError(f"--noise {self.policy}: choose known, scaled or unknown.")
+        _ = self.error_model  # which checks
+
+    @property
+    def error_model(self) -> ErrorModel:
+        """The law of the measured values."""
+        angles = self.angles or AngleErrors()
+        return make_error_model(
+            tails=self.tails,
+            dof=self.dof,
+            angle_errors=angles.kind,
+            angle_population=angles.population,
+            sigma_gamma=angles.sigma_deg,
+            sigma_velocity=self.sigma_velocity,
+            sigma_spin=self.sigma_spin,
+        )
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether errors are independent, Gaussian, and of the values alone."""
+        return self.error_model.is_plain
+
+    def with_gaussian_values(self) -> Noise:
+        """The same with independent Gaussian errors of the values; those propagated from velocities stay."""
+        return replace(self, tails="gaussian", dof=None, angles=None)

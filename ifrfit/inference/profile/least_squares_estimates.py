@@ -1,0 +1,128 @@
+"""Estimates of least squares: by the Gaussian about the optimum, by profiles where that does not tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
+from ifrfit.inference.diagnostics.thresholds import HALF
+from ifrfit.inference.distributions.draws import kappa_name
+from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.optimum import Array
+from ifrfit.inference.profile.curve import COARSE
+from ifrfit.inference.profile.intervals import profile_of
+from ifrfit.inference.profile.objective import Misfit
+from ifrfit.inference.profile.quantities import Quantity, entry, kappa, outlying, profile_curve
+from ifrfit.inference.result.types import Constants, Estimate, Interval
+from ifrfit.inference.summary.estimates import kappa_of_constants, marginal_of_normal
+from ifrfit.inference.summary.gaussian import kappa_domain, prior_reasons
+from ifrfit.inference.summary.identification import known_of
+from ifrfit.inference.summary.status import Domain, Known, estimate_of, fixed_estimate
+
+# times the local 95 % interval; the Gaussian knows nothing of what lies further out
+_BEYOND = 1.25
+
+
+def estimates_of_optimum(
+    problem: Problem, fit: LeastSquares, gaussian: TruncatedGaussian
+) -> tuple[Constants, Mapping[str, Estimate]]:
+    """Every constant (an `Estimate`, or one a series where it is separate), and kappa of each series.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquares
+    gaussian : TruncatedGaussian
+        As `ifrfit.inference.summary.gaussian.gaussian_approximation`.
+    """
+    reasons = prior_reasons(problem, fit)
+
+    def free(name: str, domain: Domain, rivals: list[float], quantity: Quantity) -> Estimate:
+        normal = gaussian.marginals[name]
+        known = known_of(problem, fit, name, normal.sd, reasons)
+        reach = _BEYOND * normal.half_width(0.95)
+        local = all(abs(other - normal.mode) <= reach for other in rivals)
+        if known.seen and local and normal.sd < HALF * domain.prior_sd:
+            return estimate_of(domain, marginal_of_normal(normal), replace(known, unique=True))
+        return _profiled(problem, fit, quantity, known)
+
+    kappas: dict[str, Estimate] = {}
+    by_name: dict[str, Estimate] = {}
+    for number, series in enumerate(problem.series):
+        name = kappa_name(problem, number)
+        if not _both_free(problem, number):
+            continue
+        if name not in by_name:
+            at = [kappa_at_theta(problem, theta, number) for theta in outlying(fit.optimum)]
+            quantity = kappa(problem, fit, number, name)
+            assert quantity is not None  # both are free
+            by_name[name] = free(name, kappa_domain(problem, number), at, quantity)
+        kappas[series] = by_name[name]
+    constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
+    places = problem.parameters.positions
+    for constant in problem.parameters:
+        each: dict[str, Estimate] = {}
+        for number, series in enumerate(problem.series):
+            place = int(places[constant.name][number])
+            if constant.fixed is not None:
+                each[series] = fixed_estimate(constant.fixed)
+            elif constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
+                each[series] = _through_kappa(problem, constant, kappas[series])
+            elif constant.separate or number == 0:
+                at = [float(theta[place]) for theta in outlying(fit.optimum)]
+                quantity = entry(problem, fit, place)
+                each[series] = free(problem.parameters.names[place], Domain.of(constant), at, quantity)
+        constants[constant.name] = each if constant.separate else each[problem.series[0]]
+    for number, series in enumerate(problem.series):
+        derived = kappa_of_constants(problem, number, constants)
+        if derived is not None:
+            kappas[series] = derived
+    return constants, kappas
+
+
+def kappa_at_theta(problem: Problem, theta: Array, series: int) -> float:
+    """kappa = mu (1 + e_n) of a series at theta."""
+    places = problem.parameters.positions
+    return float(theta[places["mu"][series]] * (1.0 + theta[places["e_n"][series]]))
+
+
+def _both_free(problem: Problem, series: int) -> bool:
+    places, entries = problem.parameters.positions, problem.parameters.entries
+    return all(entries[int(places[name][series])].fixed is None for name in ("e_n", "mu"))
+
+
+def _profiled(problem: Problem, fit: LeastSquares, quantity: Quantity, known: Known) -> Estimate:
+    """By the profile, over all optima.
+
+    A quantity that depends on a direction the data do not see is never called determined, however short its
+    profile: that is what the bounds of another constant leave of it.
+    """
+    misfit = Misfit.of(problem, fit)
+    dof = misfit.dof_of(quantity.functional)
+    curve = profile_curve(misfit, quantity, dof, COARSE)
+    value = curve.best_place(quantity.of(fit.optimum.theta))
+    known = replace(known, plain=known.plain or "by its profile")
+    return profile_of(quantity, curve, value, dof, known, fill=False).estimate()
+
+
+def _through_kappa(problem: Problem, constant: Parameter, kappa: Estimate) -> Estimate:
+    """e_n is anywhere in its domain, and mu is what kappa leaves of it."""
+    e_n = problem.parameters["e_n"]
+    if constant.name == "e_n":
+        everything = (e_n.lower, e_n.upper)
+        return Estimate(None, None, everything, everything, "not_determined", Known.loose)
+
+    def shared_out(interval: Interval) -> Interval:
+        return interval[0] / (1.0 + e_n.upper), interval[1] / (1.0 + e_n.lower)
+
+    ends = shared_out(kappa.interval68), shared_out(kappa.interval95)
+    if kappa.status == "one_sided":
+        reason = "only a lower limit" if np.isinf(ends[1][1]) else "only an upper limit"
+        return Estimate(None, None, *ends, "one_sided", reason)
+    return Estimate(None, None, *ends, "not_determined", "the data fix kappa = mu (1 + e_n) only")

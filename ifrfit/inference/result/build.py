@@ -1,0 +1,263 @@
+"""From a problem, its optimum and an estimation to the result of a fit."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ifrfit._version import __version__
+from ifrfit.inference.diagnostics.collect import at_bound, global_optimum, misfit_facts
+from ifrfit.inference.diagnostics.identifiability import identifiable
+from ifrfit.inference.diagnostics.lack_of_fit import residuals_of
+from ifrfit.inference.diagnostics.omitted_effects.assess import effects_of
+from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
+from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
+from ifrfit.inference.diagnostics.predictive_checks import predictive
+from ifrfit.inference.distributions.protocol import Distribution
+from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
+from ifrfit.inference.model.apply_error_model import reported_policy
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
+from ifrfit.inference.profile.profile_all import estimates_of_profiles
+from ifrfit.inference.result.estimation import Estimation
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.fit_statistics import statistics_of
+from ifrfit.inference.result.state import state_of
+from ifrfit.inference.result.types import Angles, Constants, Estimate, Fact, FitStatistics, Noise
+from ifrfit.inference.summary.derived import derived_of, transitions_of
+from ifrfit.inference.summary.estimates import correlation_of, estimates_of, noise_of
+from ifrfit.inference.summary.gaussian import truncated_gaussian
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DRAWS = 2000  # kept in the result, for predictions
+_CHECKED = 300  # draws behind the posterior predictive checks
+
+
+@dataclass(frozen=True)
+class OptimumSummary:
+    """Everything that is said of an optimum, whatever method goes on from it.
+
+    Attributes
+    ----------
+    gaussian : TruncatedGaussian
+        Gaussian approximation about the optimum.
+    constants, kappas : mapping
+        Estimates of least squares: constants by name, kappa by series.
+    statistics : FitStatistics
+    facts : mapping of str to Fact
+        What the residuals say.
+    effects : tuple of EffectLine
+    points : DataFrame
+        Rows used, with fitted values and residuals.
+    """
+
+    gaussian: TruncatedGaussian
+    constants: Constants
+    kappas: Mapping[str, Estimate]
+    statistics: FitStatistics
+    facts: Mapping[str, Fact]
+    effects: tuple[EffectLine, ...]
+    points: pd.DataFrame
+
+
+def summarize_optimum(
+    problem: Problem, optimum: LeastSquares, conditions: Setting | None = None, *, brief: bool = False
+) -> OptimumSummary:
+    """Estimates of least squares, misfit and effects.
+
+    Parameters
+    ----------
+    problem : Problem
+    optimum : LeastSquares
+    conditions : Setting, optional
+        The scene of the data, for the effects' criteria.
+    brief : bool
+        Leave out what takes further fits and serves readers of this one alone: outliers, remedies, effects.
+    """
+    import pandas as pd
+
+    e_n, c, mu = problem.per_row(optimum.optimum.theta)
+    _, sticks = problem.impulse(e_n, c, mu)
+    residuals = residuals_of(problem, optimum)
+    gaussian = truncated_gaussian(problem, optimum)
+    constants, kappas = estimates_of_optimum(problem, optimum, gaussian)
+    derived = derived_of(problem, constants, kappas, transitions_of(problem, gaussian, kappas))
+    effects, fact = ((), {}) if brief else effects_of(problem, optimum, conditions, constants, derived)
+    table = problem.observations.table
+    columns = {
+        "sigma_used": optimum.sigma,
+        "fitted": problem.rows.value - residuals.raw,
+        "residual": residuals.raw,
+        "standardised": residuals.studentised,
+        "tau": problem.rows.tau,
+        "sticking": sticks,
+    }
+    return OptimumSummary(
+        gaussian,
+        constants,
+        kappas,
+        statistics_of(problem, optimum, residuals, sticks),
+        misfit_facts(problem, optimum, residuals, fact, brief=brief),
+        effects,
+        pd.concat([table, pd.DataFrame(columns, index=table.index)], axis=1),
+    )
+
+
+def build_result(
+    problem: Problem,
+    optimum: LeastSquares,
+    estimation: Estimation,
+    *,
+    seed: int = 0,
+    command: str = "",
+    conditions: Setting | None = None,
+    brief: bool = False,
+    summary: OptimumSummary | None = None,
+) -> FitResult:
+    """The result of a fit.
+
+    Parameters
+    ----------
+    problem : Problem
+    optimum : LeastSquares
+        Of the problem.
+    estimation : Estimation
+        What the method found beyond the optimum.
+    seed : int
+        Of the draws and bands.
+    command : str
+        The command line, for the record.
+    conditions : Setting, optional
+        The scene of the data, for the effects' criteria.
+    brief : bool
+        Leave out what takes further fits and serves readers of this one alone: outliers, remedies, effects.
+    summary : OptimumSummary, optional
+        As `summarize_optimum` gives it, where it was made before.
+
+    Returns
+    -------
+    FitResult
+    """
+    about = summary or summarize_optimum(problem, optimum, conditions, brief=brief)
+    own = estimation.distribution
+    constants, kappas, transitions = _estimates(problem, about, estimation)
+    free = zip(problem.parameters.names, problem.parameters.free, strict=True)
+    names = tuple(name for name, is_free in free if is_free)
+    distribution: Distribution = about.gaussian if own is None else own
+    noise = Noise(reported_policy(problem), optimum.noise, error_model=problem.error_model)
+    drawn = None
+    if own is not None:
+        bounds = problem.noise_bounds() if estimation.is_posterior else {}
+        noise = noise_of(problem, own, noise, bounds)
+        drawn = own.draws(int(min(DRAWS, own.n_draws)), np.random.default_rng(seed))
+    return FitResult(
+        closure=problem.closure.name,
+        inertia_factor=problem.inertia_factor,
+        method=estimation.method,
+        inputs=problem.observations.sources,
+        noise=noise,
+        constants=constants,
+        derived=derived_of(problem, constants, kappas, transitions),
+        correlation=(names, correlation_of(distribution, names)),
+        fit=replace(about.statistics, log_evidence=estimation.log_evidence),
+        facts=_facts(problem, optimum, about, estimation, constants, drawn),
+        warnings=(*_warnings(problem), *estimation.warnings),
+        state=state_of(problem, about.gaussian, distribution, drawn if estimation.predicts else None),
+        points=about.points,
+        seed=seed,
+        command=command,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        versions=_versions() | dict(estimation.versions),
+        asked=problem.parameters.parameters,
+        effort=estimation.effort,
+        scene=None if conditions is None else conditions.told,
+        effects=about.effects,
+        problem=problem,
+        least_squares=optimum,
+        distribution=distribution,
+        profiles=estimation.profiles,
+        files=estimation.files,
+    )
+
+
+def _estimates(
+    problem: Problem, about: OptimumSummary, estimation: Estimation
+) -> tuple[Constants, Mapping[str, Estimate], Mapping[str, Angles]]:
+    """Constants, kappa and transition angles: from profiles, from the distribution, or from the Gaussian."""
+    if estimation.profiles:
+        return estimates_of_profiles(problem, estimation.profiles, about.gaussian, about.kappas)
+    constants, kappas = about.constants, about.kappas
+    if estimation.distribution is not None or estimation.unresolved:
+        constants, kappas = estimates_of(
+            problem, estimation.distribution, constants, kappas, estimation.unresolved
+        )
+    return constants, kappas, transitions_of(problem, about.gaussian, kappas, estimation.distribution)
+
+
+def _facts(
+    problem: Problem,
+    optimum: LeastSquares,
+    about: OptimumSummary,
+    estimation: Estimation,
+    constants: Constants,
+    drawn: Mapping[str, Any] | None,
+) -> dict[str, Fact]:
+    """Findings on the optimum, on the estimates and on the method, in the order of the report."""
+    counts = about.statistics
+    facts = {
+        "converged": estimation.diagnostics["converged"],
+        "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
+        "identifiable": identifiable(problem, optimum, constants, counts.n_sticking, counts.n_sliding),
+        "at_bound": at_bound(constants),
+        **about.facts,
+    }
+    if estimation.is_posterior and drawn is not None:
+        facts["predictive"] = predictive(problem, {name: x[:_CHECKED] for name, x in drawn.items()})
+    return facts | dict(estimation.diagnostics)
+
+
+def _warnings(problem: Problem) -> tuple[str, ...]:
+    said = list(problem.observations.notes)
+    table = problem.observations.table
+    ignored = [
+        problem.observations.called(column)
+        for column in ("sigma_spin_x", "sigma_spin_y", "sigma_gamma_deg")
+        if (table[column].to_numpy(dtype=float) > 0.0).any()
+    ]
+    if ignored and problem.error_model.angles == "none":
+        said.append(f"Not propagated: {' and '.join(ignored)}; angles and spins are taken as exact.")
+    if not problem.error_model.is_plain:
+        said.append(
+            f"Scatter: {problem.error_model.words}. chi2, residuals and what is said of misfit and outliers "
+            "are those of the reweighted rows."
+        )
+    if problem.closure.caveat:
+        said.append(problem.closure.caveat)
+    given = int(np.isfinite(problem.noise.sigma).sum())
+    if problem.noise.is_unknown and given:
+        said.append(
+            f"sigma is given in {given} of {len(problem.rows)} rows, and is not used: the noise comes from "
+            "the misfit. Give every row a sigma, or choose --noise."
+        )
+    return tuple(said)
+
+
+def _versions() -> dict[str, str]:
+    import pandas
+    import scipy
+
+    return {
+        "ifrfit": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "pandas": pandas.__version__,
+    }

@@ -1,0 +1,139 @@
+"""The Gaussian approximation of least squares as a distribution of the parameters and of kappa."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.diagnostics.thresholds import HALF
+from ifrfit.inference.distributions.draws import kappa_name
+from ifrfit.inference.distributions.protocol import transition_name
+from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
+from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.laplace import gaussian_approximation
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.summary.status import Domain, on_bound
+from ifrfit.physics.closures import Coefficients
+
+Array = NDArray[np.float64]
+
+
+def truncated_gaussian(problem: Problem, fit: LeastSquares) -> TruncatedGaussian:
+    """The Gaussian about the optimum, with a marginal for each free entry of theta, kappa and transition."""
+    local = fit.gaussian
+    lower, upper, gradient = _bounds(problem, fit)
+    reasons = prior_reasons(problem, fit)
+    loadings, marginals = {}, {}
+    for place in np.flatnonzero(problem.parameters.free).tolist():
+        name, constant = problem.parameters.names[place], problem.parameters.entries[place]
+        loadings[name] = local.to_theta[place]
+        domain = Domain.of(constant)
+        value = float(fit.optimum.theta[place])
+        # the width of a prior is known, whatever the noise of the rows
+        dof = math.inf if constant.prior is not None and name in reasons else fit.noise_dof
+        marginals[name] = _marginal(fit, value, loadings[name], domain, dof, gradient)
+    for number in range(len(problem.series)):
+        name = kappa_name(problem, number)
+        if name and name not in loadings:
+            value, loadings[name] = kappa_at(problem, fit, number)
+            domain = kappa_domain(problem, number)
+            marginals[name] = _marginal(fit, value, loadings[name], domain, fit.noise_dof, gradient)
+    for number, series in enumerate(problem.series):
+        transition = _transition(problem, fit, number, gradient)
+        if transition is not None:
+            marginals[transition_name(series)] = transition
+    covariance = local.covariance(capped=True)
+    center = local.phi - 0.5 * covariance @ gradient
+    return TruncatedGaussian(marginals, loadings, local.names, local.phi, center, covariance, lower, upper)
+
+
+def _marginal(
+    fit: LeastSquares, value: float, functional: Array, domain: Domain, dof: float, gradient: Array
+) -> TruncatedNormal:
+    """Marginal of functional @ phi; its centre lies beyond the bound that the optimum lies on."""
+    variance = fit.gaussian.variance(functional, domain.prior_sd)
+    center = value
+    if math.isfinite(variance) and (on_bound(value, domain.lower) or on_bound(value, domain.upper)):
+        seen = fit.gaussian.seen
+        spread = fit.gaussian.vectors[:, seen] / fit.gaussian.singular[seen]
+        center -= 0.5 * float((functional @ spread) @ (gradient @ spread))
+    return TruncatedNormal(value, center, math.sqrt(variance), domain.lower, domain.upper, dof)
+
+
+def kappa_at(problem: Problem, fit: LeastSquares, series: int) -> tuple[float, Array]:
+    """kappa of a series at the optimum, and its derivative by the local coordinates."""
+    places = problem.parameters.positions
+    i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
+    e_n, mu = float(fit.optimum.theta[i_e]), float(fit.optimum.theta[i_mu])
+    # the coordinate itself, or by the product rule where mu is the coordinate
+    return mu * (1.0 + e_n), (1.0 + e_n) * fit.gaussian.to_theta[i_mu] + mu * fit.gaussian.to_theta[i_e]
+
+
+def kappa_domain(problem: Problem, series: int) -> Domain:
+    """Domain of kappa in a series."""
+    places, entries = problem.parameters.positions, problem.parameters.entries
+    return Domain.of_kappa(entries[int(places["e_n"][series])], entries[int(places["mu"][series])])
+
+
+def _transition(problem: Problem, fit: LeastSquares, series: int, gradient: Array) -> TruncatedNormal | None:
+    """Slip ratio kappa/b at which sticking ends in a series; None where it does not."""
+    own = problem.closure.constant
+    place = int(problem.parameters.positions[own][series]) if own else -1
+    c = float(fit.optimum.theta[place]) if own else 0.0
+    law = problem.closure.law(problem.inertia_factor)
+    b = float(law.bound(c))
+    if b <= 0.0:
+        return None
+    kappa, functional = kappa_at(problem, fit, series)
+    tau, functional = kappa / b, functional / b
+    if own:
+        functional = functional - tau * float(law.bound_slope(c)) / b * fit.gaussian.to_theta[place]
+    bounds = Domain(0.0, math.inf, 1.0)
+    if isinstance(law, Coefficients) and law.b1 == 0.0:
+        domain = kappa_domain(problem, series)
+        bounds = Domain(domain.lower / b, domain.upper / b, domain.prior_upper / b)
+    return _marginal(fit, tau, functional, bounds, fit.noise_dof, gradient)
+
+
+def _bounds(problem: Problem, fit: LeastSquares) -> tuple[Array, Array, Array]:
+    """Bounds of the coordinates, and the gradient of the objective by those that lie on one; (p,) each."""
+    local = fit.gaussian
+    gradient = np.zeros(local.phi.size)
+    low, high = problem.parameters.bounds()
+    places = problem.parameters.positions
+    for i, (name, constant) in enumerate(zip(local.names, problem.parameters.entries, strict=True)):
+        if name.startswith("kappa"):
+            series = int(np.flatnonzero(places["mu"] == i)[0])
+            e_n = float(fit.optimum.theta[places["e_n"][series]])
+            low[i], high[i] = low[i] * (1.0 + e_n), high[i] * (1.0 + e_n)
+        value = local.phi[i]
+        if constant.fixed is None and (value - low[i] <= 1e-9 or high[i] - value <= 1e-9):
+            gradient[i] = local.gradient[i]
+    return low, high, gradient
+
+
+def prior_reasons(problem: Problem, fit: LeastSquares) -> dict[str, str]:
+    """Free entries of theta and kappas whose sd the priors of the user halve, with the reason in words."""
+    named = [c.name for c in problem.parameters if c.prior is not None]
+    if not named:
+        return {}
+    bare = gaussian_approximation(problem, fit.sigma, fit.optimum.theta, with_priors=False)
+    functionals = {
+        problem.parameters.names[place]: (
+            fit.gaussian.to_theta[place],
+            problem.parameters.entries[place].prior_sd,
+        )
+        for place in np.flatnonzero(problem.parameters.free).tolist()
+    }
+    for number in range(len(problem.series)):
+        if name := kappa_name(problem, number):
+            functionals[name] = kappa_at(problem, fit, number)[1], kappa_domain(problem, number).prior_sd
+    reason = f"rests on your prior of {' and '.join(named)}"
+    return {
+        name: reason
+        for name, (functional, prior_sd) in functionals.items()
+        if fit.gaussian.variance(functional, prior_sd) < HALF**2 * bare.variance(functional, prior_sd)
+    }

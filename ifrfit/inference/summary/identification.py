@@ -1,0 +1,52 @@
+"""What is known of a quantity beside its distribution: whether the data see it, and what narrows it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.summary.status import KAPPA, Known
+
+
+def known_of(problem: Problem, fit: LeastSquares, name: str, sd: float, reasons: Mapping[str, str]) -> Known:
+    """What the rule of statuses asks of a free entry of theta, or of kappa.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquares
+    name : str
+    sd : float
+        By the covariance; infinite where the data do not see the quantity.
+    reasons : mapping
+        As `ifrfit.inference.summary.gaussian.prior_reasons`.
+    """
+    prior = reasons.get(name, "") if math.isfinite(sd) else ""
+    unique = fit.optimum.n_same == 1
+    if name not in problem.parameters.names:
+        return Known(math.isfinite(sd), unique, prior, plain=KAPPA)
+    constant = problem.parameters.entries[problem.parameters.names.index(name)]
+    if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
+        loose = f"the data fix kappa = {KAPPA} only" if constant.name == "mu" else Known.loose
+        return Known(False, True, prior, loose=loose)
+    return Known(math.isfinite(sd) and not too_few(problem, constant), unique, prior)
+
+
+def too_few(problem: Problem, constant: Parameter) -> bool:
+    """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
+    kinds = problem.rows.kinds
+    oblique = int(np.isin(kinds, ("tangential", "curved")).sum())
+    direct = {"e_n": "normal", "mu": "friction"}
+    if oblique == 0 or constant.prior is not None or direct.get(constant.name) in kinds:
+        return False
+    known = {name for name, kind in direct.items() if kind in kinds}
+    unknown = [
+        c for c in problem.parameters.entries if c.fixed is None and c.prior is None and c.name not in known
+    ]
+    return oblique <= len(unknown)

@@ -1,0 +1,51 @@
+"""What the sections of a report are made of: a result and its appraisal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from ifrfit.inference.appraisal import Appraisal
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Estimate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class ReportInput:
+    """Everything a section may draw on; it computes nothing beyond it.
+
+    Attributes
+    ----------
+    result : FitResult
+        Of a fit, or read from a file.
+    appraisal : Appraisal
+        What was computed for the report.
+    figure : Figure or None
+        The figure of the fit, where it has been drawn before.
+    """
+
+    result: FitResult
+    appraisal: Appraisal
+    figure: Figure | None = None
+
+    @cached_property
+    def free(self) -> dict[str, Estimate]:
+        """Constants that were not fixed, by label, with the series in brackets where separate."""
+        flat = self.result.flat_constants()
+        return {name: found for name, found in flat.items() if found.status != "fixed"}
+
+    @cached_property
+    def kappas(self) -> dict[str, Estimate]:
+        """kappa by label, where it is not fixed."""
+        kappa = self.result.derived.get("kappa")
+        found = kappa if isinstance(kappa, Mapping) else {"": kappa}
+        return {
+            f"kappa[{series}]" if series else "kappa": each
+            for series, each in found.items()
+            if isinstance(each, Estimate) and each.status != "fixed"
+        }
