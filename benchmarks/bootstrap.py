@@ -32,7 +32,7 @@ import numpy as np
 import ifrfit
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.bootstrap import bootstrap
-from ifrfit.inference.bootstrap.schemes import Cases, lot_of
+from ifrfit.inference.bootstrap.schemes import Cases, draw_replicates
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
@@ -65,7 +65,7 @@ class Case:
     def counts(self) -> np.ndarray:
         """How often each row occurs in each replicate: the draws that `bootstrap` makes."""
         seeds = np.random.SeedSequence(SEED).spawn(self.replicates)
-        counts = lot_of(self.problem, Cases.of(self.problem), seeds).counts
+        counts = draw_replicates(self.problem, Cases.of(self.problem), seeds).counts
         assert counts is not None
         return counts
 

@@ -95,7 +95,7 @@ def compare(problem: Problem, n_starts: int, rng: np.random.Generator, solver: S
     least = min(best, objective)
     return Comparison(
         f"{problem.closure.name}, {problem.rows.value.size} rows of {', '.join(problem.rows.names)}, "
-        f"{_choices(problem.parameters)}: {optimum.road}",
+        f"{_choices(problem.parameters)}: {optimum.method}",
         optimum.certified,
         objective,
         optimum.objective,

@@ -16,7 +16,7 @@ from ifrfit.inference.posterior import TOLERANCE, integrate
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.result.types import Estimate, Interval
-from ifrfit.inference.summary.gaussian import gaussian_approximation
+from ifrfit.inference.summary.gaussian import truncated_gaussian
 
 Array = NDArray[np.float64]
 Score = tuple[float, float, float, float]  # rank of the truth, whether it is in the 50, 68, 95 % interval
@@ -106,7 +106,7 @@ def score_covariance(experiment: Experiment, fit: LeastSquares) -> dict[str, Sco
     cdf, inverse = _law(fit.noise_dof)
     found = {}
     for name, (value, functional, prior_sd) in _functionals(experiment, fit).items():
-        sd = math.sqrt(fit.local.variance(functional, prior_sd))
+        sd = math.sqrt(fit.gaussian.variance(functional, prior_sd))
         if not (math.isfinite(sd) and sd > 0.0):
             continue
         ends = [(value + sd * inverse(low), value + sd * inverse(high)) for low, high in TAILS.tolist()]
@@ -119,7 +119,7 @@ def score_bounded(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]
     """Scores of the 68 and 95 % intervals that least squares reports, its bounds heeded."""
     label = experiment.scene.label
     estimates: dict[str, Estimate] = {}
-    gaussian = gaussian_approximation(experiment.problem, fit)
+    gaussian = truncated_gaussian(experiment.problem, fit)
     constants, kappas = estimates_of_optimum(experiment.problem, fit, gaussian)
     for name, found in constants.items():
         each = {"": found} if isinstance(found, Estimate) else found
@@ -143,7 +143,7 @@ def score_profile(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]
 
 def _functionals(experiment: Experiment, fit: LeastSquares) -> dict[str, tuple[float, Array, float]]:
     """Value of each constant and kappa, its derivative by the local coordinates, and its prior sd."""
-    problem, theta, to_theta = experiment.problem, fit.optimum.theta, fit.local.to_theta
+    problem, theta, to_theta = experiment.problem, fit.optimum.theta, fit.gaussian.to_theta
     entries = problem.parameters.entries
     found = {
         name: (float(theta[i]), to_theta[i], entries[i].prior_sd)

@@ -6,11 +6,9 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
+from factories import impacts_file
 from hypothesis import settings
-
-from ifrfit.physics import get_closure, get_observable, rebound
 
 # at home every run looks at new examples; in CI a change is judged by the same ones each time
 settings.register_profile("home", deadline=None)
@@ -20,41 +18,18 @@ settings.load_profile("ci" if os.environ.get("CI") else "home")
 Impacts = Callable[..., Path]
 
 
-def impacts_text(
-    gamma: object,
-    observables: tuple[str, ...] = ("beta",),
-    *,
-    e_n: float = 0.94,
-    c: float = -0.9,
-    mu: float = 0.12,
-    closure: str = "ifr",
-    spin_x: float = 0.0,
-    spin_y: float = 0.0,
-    noise: float = 0.0,
-    sigma: float | None = 0.05,
-    series: str = "run",
-    seed: int = 0,
-    inertia_factor: float = 0.4,
-) -> list[str]:
-    """Rows of the common schema for the given angles, `noise` sd of normal noise on every value."""
-    rng = np.random.default_rng(seed)
-    own = get_closure(closure).constant
-    extra = {own: c} if own else {}
-    rows = []
-    for name in observables:
-        state = rebound(
-            gamma, spin_x, spin_y, e_n=e_n, mu=mu, closure=closure, degrees=True,
-            inertia_factor=inertia_factor, **extra,
-        )  # fmt: skip
-        values = get_observable(name).value(state, np.asarray(mu))
-        values = values + noise * rng.standard_normal(values.shape)
-        for angle, value in zip(np.atleast_1d(gamma).tolist(), np.atleast_1d(values).tolist(), strict=True):
-            tail = "" if sigma is None else f"{sigma!r}"
-            rows.append(f"{series},{name},{angle!r},{spin_x!r},{spin_y!r},{value!r},{tail}")
-    return rows
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give the tests that share a fixture to one worker, so that it is made once (--dist loadgroup).
 
-
-HEADER = "series,observable,gamma_deg,spin_x,spin_y,value,sigma"
+    A fixture of a module keeps the tests of that file together, one of a session those of its folder.
+    """
+    for item in items:
+        shared = [found[-1] for found in item._fixtureinfo.name2fixturedefs.values()]  # type: ignore[attr-defined]
+        places = {fixture.scope: fixture.baseid for fixture in shared if fixture.baseid}
+        group = places.get("session", places.get("module"))
+        if group:
+            item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture
@@ -62,11 +37,6 @@ def impacts(tmp_path: Path) -> Impacts:
     """Write impacts to a file: keyword arguments as `impacts_text`, or several dictionaries of them."""
 
     def write(*several: dict[str, object], name: str = "impacts.csv", **one: object) -> Path:
-        rows = [HEADER]
-        for part in several or (one,):
-            rows += impacts_text(**part)  # type: ignore[arg-type]
-        path = tmp_path / name
-        path.write_text("\n".join(rows) + "\n", encoding="utf-8")
-        return path
+        return impacts_file(tmp_path / name, *(several or (one,)))
 
     return write

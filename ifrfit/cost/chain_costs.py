@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 
-from ifrfit.cost.compared_estimates import Numbers, of_law
+from ifrfit.cost.compared_estimates import Numbers, of_distribution
 from ifrfit.cost.timing import Timing
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.log_posterior import Density
@@ -63,7 +63,7 @@ def chains_measured(
             walked += middle - begin
             kept = mcmc.Evidence(coordinates.quantities(chains.at)).kept
             law = Draws.of(problem, {name: x.reshape(-1) for name, x in kept.items()})
-            numbers[length].append(of_law(problem, law))
+            numbers[length].append(of_distribution(problem, law))
             seconds[length].append(walked + time.perf_counter() - middle)
         spent.append(walked)
     for length in lengths:

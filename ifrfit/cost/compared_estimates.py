@@ -67,13 +67,13 @@ def free_names(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def of_law(problem: Problem, law: Distribution) -> Numbers:
+def of_distribution(problem: Problem, distribution: Distribution) -> Numbers:
     """From marginals: of the exact posterior, of chains, of replicates."""
     names = free_names(problem)
     return Numbers(
-        np.array([law.mean(name) for name in names]),
-        np.array([law.sd(name) for name in names]),
-        np.array([np.asarray(law.quantile(name, _TAILS)) for name in names]),
+        np.array([distribution.mean(name) for name in names]),
+        np.array([distribution.sd(name) for name in names]),
+        np.array([np.asarray(distribution.quantile(name, _TAILS)) for name in names]),
     )
 
 
@@ -82,8 +82,8 @@ def of_least_squares(problem: Problem, found: LeastSquares) -> Numbers:
 
     Directions that the data leave loose have the standard deviation of the default prior.
     """
-    to_theta = found.local.to_theta
-    covariance = to_theta @ found.local.covariance(capped=True) @ to_theta.T
+    to_theta = found.gaussian.to_theta
+    covariance = to_theta @ found.gaussian.covariance(capped=True) @ to_theta.T
     sd = np.sqrt(np.diag(covariance))[problem.parameters.free]
     low, high = _domain(problem)
     value = np.clip(found.optimum.theta[problem.parameters.free], low, high)

@@ -135,9 +135,7 @@ def check_observable(observable: Observable) -> None:
             f"Observable {name} takes {', '.join(sorted(unknown))}: known are {', '.join(_TAKEN)}."
         )
     if observable.panel is not None and "</" in observable.panel:
-        raise UsageError(
-            f"Observable {name}: the expression of its panel contains '</', which ends a script."
-        )
+        raise UsageError(f"Observable {name}: its panel contains '</', which would end the page's script.")
     incidence = Incidence.of(np.linspace(5.0, 80.0, 16), 0.2, -0.03, degrees=True)
     for e_n, mu, j in ((0.9, 0.1, 0.4), (0.6, 0.3, 2.0 / 3.0)):
         state = rebound_of(incidence, get_closure("fr"), e_n, 0.4, mu, j)

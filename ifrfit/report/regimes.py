@@ -46,8 +46,7 @@ def has_angle(observable: str) -> bool:
 
 def transitions(result: FitResult, series: str) -> tuple[Estimate, ...]:
     """Transition angles of a series, ascending: none, one or two."""
-    by_series = result.derived.get("transition_angle_deg") or {}
-    entry = by_series.get(series)
+    entry = result.transitions.get(series)
     if entry is None:
         return ()
     return (entry,) if isinstance(entry, Estimate) else tuple(entry)
@@ -67,7 +66,7 @@ def angled_series(result: FitResult) -> list[str]:
     """Series that hold impacts, in order of appearance."""
     rows = result.points
     if not len(rows):
-        return list(result.derived.get("transition_angle_deg") or {})
+        return list(result.transitions)
     angled = rows["observable"].map(lambda name: has_angle(str(name))).astype(bool)
     return [str(name) for name in rows["series"][angled].unique()]
 

@@ -14,7 +14,7 @@ from ifrfit.cost.compared_estimates import (
     Numbers,
     free_names,
     largest_errors,
-    of_law,
+    of_distribution,
     of_least_squares,
     of_profiles,
 )
@@ -48,7 +48,7 @@ def linear_problem(impacts, c):
 def test_the_reference_is_the_posterior_in_closed_form(near_the_bound, far_from_bounds):
     for problem in (near_the_bound, far_from_bounds):
         right, _, _ = closed_form(problem)
-        found = of_law(problem, integrate(problem, 1e-9))
+        found = of_distribution(problem, integrate(problem, 1e-9))
         assert max(largest_errors([found], right).values()) < 3e-9
 
 
@@ -58,7 +58,7 @@ def test_errors_of_exact_are_those_against_the_closed_form(near_the_bound):
     assert measured.reference.error <= measured.reference.tolerance
     for cost in (c for c in measured.costs if c.method == "exact"):
         tolerance = float(cost.setting.removeprefix("tolerance "))
-        own = of_law(near_the_bound, integrate(near_the_bound, tolerance))
+        own = of_distribution(near_the_bound, integrate(near_the_bound, tolerance))
         expected = max(largest_errors([own], right)[cost.quantity], measured.reference.error)
         assert cost.error == pytest.approx(expected, abs=1e-8)
         assert cost.error <= tolerance
@@ -171,4 +171,4 @@ def test_constants_of_each_series_count(far_from_bounds):
         "cross-2019", method="lsq", fix={"e_n": 0.94}, series=["no spin", "spin 0.225"], separate="mu"
     ).problem
     assert free_names(problem) == ("e_t", "mu[no spin]", "mu[spin 0.225]")
-    assert of_law(problem, integrate(problem, 1e-2)).ends.shape == (3, 2)
+    assert of_distribution(problem, integrate(problem, 1e-2)).ends.shape == (3, 2)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ifrfit import AngleErrors, Noise
-from ifrfit.cost.compared_estimates import largest_errors, of_law
+from ifrfit.cost.compared_estimates import largest_errors, of_distribution
 from ifrfit.cost.inference_costs import QUICK, Extent, inference_costs
 from ifrfit.cost.measure import measure_costs
 from ifrfit.errors import DataError, UsageError
@@ -58,11 +58,11 @@ def test_the_reference_under_a_scatter_that_hardly_differs_is_the_plain_one(impa
     right, _, _ = closed_form(fit(path, method="lsq", fix=fix).problem)
     for error_model in ({"angle_errors": "set", "sigma_gamma": 0.1}, {"tails": "student-t", "dof": 1e6}):
         problem = start_of(path, fix=fix, **error_model).problem
-        found = of_law(problem, integrate(problem, 1e-3))
+        found = of_distribution(problem, integrate(problem, 1e-3))
         assert max(largest_errors([found], right).values()) < 2e-3
     # the control: heavy tails make another posterior
     problem = start_of(path, fix=fix, tails="student-t").problem
-    assert max(largest_errors([of_law(problem, integrate(problem, 1e-3))], right).values()) > 0.1
+    assert max(largest_errors([of_distribution(problem, integrate(problem, 1e-3))], right).values()) > 0.1
 
 
 def test_the_noise_of_an_integrated_scatter_is_as_in_a_fit(impacts):
@@ -70,9 +70,9 @@ def test_the_noise_of_an_integrated_scatter_is_as_in_a_fit(impacts):
     path = impacts(gamma=np.linspace(5.0, 80.0, 12), noise=0.05, sigma=None, seed=3)
     own = start_of(path, fix=FIX, angle_errors="set", sigma_gamma=1.0).problem
     through_fit = fit(path, method="lsq", fix=FIX, noise=EFFECTIVE).problem
-    assert own.noise == through_fit.noise == "scaled"
-    assert own.noise_bounds == through_fit.noise_bounds
-    assert own.sigma.tolist() == through_fit.sigma.tolist()
+    assert own.noise.policy == through_fit.noise.policy == "scaled"
+    assert own.noise_bounds() == through_fit.noise_bounds()
+    assert own.noise.sigma.tolist() == through_fit.noise.sigma.tolist()
 
 
 def test_angles_that_tie_e_n_leave_no_reference(impacts):

@@ -308,7 +308,7 @@ def test_every_field_is_an_option_with_help_and_is_described(owner):
 
 def test_who_brings_a_sampler_finds_the_density_and_the_predictions():
     """emcee on `fit.problem`, against the quadrature."""
-    fit = ifrfit.fit("cross-2019", Model(fix={"e_n": 0.94}))
+    fit = ifrfit.fit("cross-2019", Model(fix={"e_n": 0.94}), noise="known")
     problem = fit.problem
     free = problem.parameters.free
 

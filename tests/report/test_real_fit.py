@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from built_results import TRUTH, Run, make_table, points_of
 
 from ifrfit.data import Observations, Source
 from ifrfit.inference import load_result
@@ -14,9 +15,14 @@ from ifrfit.report import plot, summary, write_folder
 
 
 @pytest.fixture(scope="module")
-def result(made):
-    points = made.points_of((made.Run("a"), made.Run("b", spin_y=0.2)), ("beta",), "impacts.csv", made.TRUTH)
-    table = points[[*made.make_table({"value": [0.0]}).columns]]
+def result():
+    points = points_of(
+        (Run("a"), Run("b", spin_y=0.2)),
+        ("beta",),
+        "impacts.csv",
+        TRUTH,
+    )
+    table = points[[*make_table({"value": [0.0]}).columns]]
     source = Source("impacts.csv", "cd" * 32, len(table), len(table), {}, "measured")
     return fit(Observations(table, (source,)), fix={"e_n": 0.94})
 

@@ -15,22 +15,29 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.bootstrap.parameter_groups import Part, PartSolved, leverage_of, make_part, solve_part
+from ifrfit.inference.bootstrap.parameter_groups import (
+    BatchedGroup,
+    GroupFits,
+    leverage_of,
+    make_batched_group,
+    solve_batched_group,
+)
 from ifrfit.inference.bootstrap.replicate_fits import (
     NO_E_N,
     NO_NOISE,
     NO_SLIDING,
     NO_STICKING,
-    RESTLESS,
+    NOISE_NOT_CONVERGED,
     TOO_FEW,
-    Solved,
+    ReplicateFits,
 )
-from ifrfit.inference.bootstrap.schemes import Lot
+from ifrfit.inference.bootstrap.schemes import ReplicateData
 from ifrfit.inference.diagnostics.thresholds import AT_REST
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.least_squares import LeastSquares, inputs_of, n_taken
-from ifrfit.inference.optimize.solve import series_blocks, whole_block
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.noise_identifiability import inputs_of_rows, n_parameters_seen
+from ifrfit.inference.optimize.solve import series_groups, whole_group
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -40,27 +47,27 @@ _CONVERGED = 1e-10
 
 
 @dataclass(frozen=True)
-class Together:
+class BatchedSolver:
     """A problem whose replicates are solved together.
 
     Attributes
     ----------
     problem : Problem
-    parts : tuple of Part
-        One a block of rows that share constants.
+    parameter_groups : tuple of BatchedGroup
+        One for each group of rows that share constants.
     places : tuple of ndarray of int
-        Of each part's (e_n, c, mu) in theta; -1 for the constant that the closure has not.
+        Of each group's (e_n, c, mu) in theta; -1 for the constant that the closure has not.
     groups : mapping of str to ndarray of int
         Rows of each noise that is not known.
     """
 
     problem: Problem
-    parts: tuple[Part, ...]
+    parameter_groups: tuple[BatchedGroup, ...]
     places: tuple[Index, ...]
     groups: Mapping[str, Index]
 
     @classmethod
-    def of(cls, problem: Problem, found: LeastSquares) -> Together | None:
+    def of(cls, problem: Problem, found: LeastSquares) -> BatchedSolver | None:
         """Restate a problem; None if its replicates have to be fitted one by one."""
         if not problem.closure.bilinear:
             return None
@@ -73,72 +80,73 @@ class Together:
             if whole
             else [np.flatnonzero(problem.rows.series == i) for i in range(len(problem.series))]
         )
-        blocks = [whole_block(problem, found.sigma)] if whole else series_blocks(problem, found.sigma)
-        parts = []
-        for block, rows in zip(blocks, series, strict=True):
-            part = make_part(block, rows, found.sigma)
-            if part is None:
+        groups = [whole_group(problem, found.sigma)] if whole else series_groups(problem, found.sigma)
+        parameter_groups = []
+        for group, rows in zip(groups, series, strict=True):
+            batched = make_batched_group(group, rows, found.sigma)
+            if batched is None:
                 return None
-            parts.append(part)
+            parameter_groups.append(batched)
         at = problem.parameters.positions
         own = problem.closure.constant
         places = tuple(
-            np.array([at["e_n"][i], at[own][i] if own else -1, at["mu"][i]]) for i in range(len(parts))
+            np.array([at["e_n"][i], at[own][i] if own else -1, at["mu"][i]])
+            for i in range(len(parameter_groups))
         )
-        return cls(problem, tuple(parts), places, problem.noise_groups())
+        return cls(problem, tuple(parameter_groups), places, problem.noise_groups())
 
-    def solve(self, lot: Lot) -> Solved:
-        """Fit every replicate of a lot; noise that is not known is looked for until it comes to rest."""
-        m, p = lot.size, len(self.problem.parameters.names)
-        theta, noise = np.zeros((m, p)), self._first_noise(lot)
-        reason, is_open = np.full(m, "", dtype=object), np.zeros((m, p), dtype=bool)
+    def solve(self, replicates: ReplicateData) -> ReplicateFits:
+        """Fit every replicate of a set; noise that is not known is looked for until it comes to rest."""
+        m, p = replicates.size, len(self.problem.parameters.names)
+        theta, noise = np.zeros((m, p)), self._first_noise(replicates)
+        reason, is_undetermined = np.full(m, "", dtype=object), np.zeros((m, p), dtype=bool)
         certified = np.zeros(m, dtype=bool)
-        refused, left = self._refused(lot), np.arange(m)
+        refused, left = self._refused(replicates), np.arange(m)
         for _ in range(_ITERATIONS):
-            now = lot.take(left)
-            solved = self._solve_parts(now, noise[left])
+            now = replicates.take(left)
+            solved = self._solve_groups(now, noise[left])
             theta[left] = self._theta(solved)
-            certified[left] = np.all([part.minima.certified for part in solved], axis=0)
-            reason[left], is_open[left] = self._lost(now, solved)
+            certified[left] = np.all([batched.minima.certified for batched in solved], axis=0)
+            reason[left], is_undetermined[left] = self._undetermined(now, solved)
             if not self.groups:
                 break
             new, tells = self._noise(now, noise[left], solved, theta[left])
             change = np.abs(new / noise[left] - 1.0).max(axis=1)
             noise[left], refused[left] = new, refused[left] | ~tells
-            if not self.weighs:
+            if not self.noise_matters:
                 left = left[:0]
                 break
-            restless = left[tells & (change > AT_REST)]
+            not_converged = left[tells & (change > AT_REST)]
             left = left[tells & (change > _CONVERGED)]
             if not left.size:
                 break
         else:
-            reason[restless] = RESTLESS
+            reason[not_converged] = NOISE_NOT_CONVERGED
         reason[refused] = NO_NOISE
-        is_open[np.isin(reason, (NO_NOISE, RESTLESS))] = self.problem.parameters.free
-        return Solved(theta, noise, tuple(reason), is_open, certified)
+        is_undetermined[np.isin(reason, (NO_NOISE, NOISE_NOT_CONVERGED))] = self.problem.parameters.free
+        return ReplicateFits(theta, noise, tuple(reason), is_undetermined, certified)
 
     @cached_property
-    def weighs(self) -> bool:
+    def noise_matters(self) -> bool:
         """Whether the optimum depends on the unknown noise: where rows of several, or a prior, meet."""
         code = _codes(self.groups, self.problem.rows.value.size)
-        for part in self.parts:
+        for batched in self.parameter_groups:
             for rows, prior in (
-                (np.concatenate((part.switching, part.always)), bool((part.always < 0).any())),
-                (part.normal, part.held is not None and part.block.e_n.prior is not None),
+                (np.concatenate((batched.switching, batched.always)), bool((batched.always < 0).any())),
+                (batched.normal, batched.fixed_e_n is not None and batched.group.e_n.prior is not None),
             ):
                 if np.unique(code[rows[rows >= 0]]).size + prior > 1:
                     return True
         return False
 
-    def _first_noise(self, lot: Lot) -> Array:
+    def _first_noise(self, replicates: ReplicateData) -> Array:
         """Where the search for the noise begins, as in least squares: at the scatter of the values."""
-        noise = np.ones((lot.size, len(self.groups)))
+        noise = np.ones((replicates.size, len(self.groups)))
         if self.problem.noise.is_unknown:
-            value = self.problem.rows.value + (0.0 if lot.shift is None else lot.shift)
-            counts = np.ones_like(value) if lot.counts is None else lot.counts
+            value = self.problem.rows.value + (0.0 if replicates.shift is None else replicates.shift)
+            counts = np.ones_like(value) if replicates.counts is None else replicates.counts
             for i, rows in enumerate(self.groups.values()):
-                own = np.broadcast_to(value, (lot.size, value.shape[-1]))[:, rows]
+                own = np.broadcast_to(value, (replicates.size, value.shape[-1]))[:, rows]
                 share = counts[..., rows] / np.maximum(counts[..., rows].sum(axis=-1, keepdims=True), 1.0)
                 mean = (share * own).sum(axis=1, keepdims=True)
                 noise[:, i] = np.maximum(np.sqrt((share * (own - mean) ** 2).sum(axis=1)), 1e-6)
@@ -151,42 +159,44 @@ class Together:
             return base[None]
         return np.asarray(base * noise[:, _codes(self.groups, base.size)])
 
-    def _solve_parts(self, lot: Lot, noise: Array) -> list[PartSolved]:
-        """Solve every part at the given noise."""
+    def _solve_groups(self, replicates: ReplicateData, noise: Array) -> list[GroupFits]:
+        """Solve every group at the given noise."""
         weight = 1.0 / self._sigma(noise) ** 2
         weight = (
-            np.broadcast_to(weight, (lot.size, weight.shape[1]))
-            if lot.counts is None
-            else weight * lot.counts
+            np.broadcast_to(weight, (replicates.size, weight.shape[1]))
+            if replicates.counts is None
+            else weight * replicates.counts
         )
         index = {c.name: i for i, c in enumerate(self.problem.parameters)}
         own = [index["e_n"], index.get(self.problem.closure.constant or "", -1), index["mu"]]
-        prior = np.column_stack((lot.prior, np.full(lot.size, np.nan)))[:, own]
-        return [solve_part(part, weight, lot.shift, prior) for part in self.parts]
+        prior = np.column_stack((replicates.prior, np.full(replicates.size, np.nan)))[:, own]
+        return [
+            solve_batched_group(batched, weight, replicates.shift, prior) for batched in self.parameter_groups
+        ]
 
-    def _theta(self, solved: Sequence[PartSolved]) -> Array:
-        """The constants of all parts in one vector each."""
+    def _theta(self, solved: Sequence[GroupFits]) -> Array:
+        """The constants of all groups in one vector each."""
         theta = np.zeros((solved[0].constants.shape[0], len(self.problem.parameters.names)))
-        for places, part in zip(self.places, solved, strict=True):
-            for place, column in zip(places, part.constants.T, strict=True):
+        for places, batched in zip(self.places, solved, strict=True):
+            for place, column in zip(places, batched.constants.T, strict=True):
                 if place >= 0:
                     theta[:, place] = column
         return theta
 
     def _noise(
-        self, lot: Lot, noise: Array, solved: Sequence[PartSolved], theta: Array
+        self, replicates: ReplicateData, noise: Array, solved: Sequence[GroupFits], theta: Array
     ) -> tuple[Array, Bool]:
         """Noise from each group's misfit over its degrees of freedom; and whether the misfit tells it."""
         n = self.problem.rows.value.size
-        counts = np.ones((lot.size, n)) if lot.counts is None else lot.counts
-        value = self.problem.rows.value + (0.0 if lot.shift is None else lot.shift)
+        counts = np.ones((replicates.size, n)) if replicates.counts is None else replicates.counts
+        value = self.problem.rows.value + (0.0 if replicates.shift is None else replicates.shift)
         base = self.problem.noise.base
         square = counts * ((value - self.problem.predict(theta)) / base) ** 2
         weight = counts / self._sigma(noise) ** 2
         leverage = np.zeros_like(weight)
-        for part, one in zip(self.parts, solved, strict=True):
-            leverage += leverage_of(part, weight, one)
-        new, tells = noise.copy(), np.ones(lot.size, dtype=bool)
+        for batched, one in zip(self.parameter_groups, solved, strict=True):
+            leverage += leverage_of(batched, weight, one)
+        new, tells = noise.copy(), np.ones(replicates.size, dtype=bool)
         for i, rows in enumerate(self.groups.values()):
             total, number = square[:, rows].sum(axis=1), counts[:, rows].sum(axis=1)
             dof = number - leverage[:, rows].sum(axis=1)
@@ -197,48 +207,54 @@ class Together:
             tells &= fine
         return new, tells
 
-    def _refused(self, lot: Lot) -> Bool:
+    def _refused(self, replicates: ReplicateData) -> Bool:
         """Which replicates have a noise that their rows cannot tell, as least squares would refuse them."""
-        refused = np.zeros(lot.size, dtype=bool)
-        if lot.counts is None:
+        refused = np.zeros(replicates.size, dtype=bool)
+        if replicates.counts is None:
             return refused
         for rows in self.groups.values():
-            inputs = inputs_of(self.problem, rows)
-            points = _different(inputs, lot.counts[:, rows])
-            few = points <= n_taken(self.problem, rows)
+            inputs = inputs_of_rows(self.problem, rows)
+            points = _different(inputs, replicates.counts[:, rows])
+            few = points <= n_parameters_seen(self.problem, rows)
             if few.any():
                 values = np.column_stack((inputs, self.problem.rows.value[rows]))
-                refused |= few & (_different(values, lot.counts[:, rows]) <= points)
+                refused |= few & (_different(values, replicates.counts[:, rows]) <= points)
         return refused
 
-    def _lost(self, lot: Lot, solved: Sequence[PartSolved]) -> tuple[NDArray[np.object_], Bool]:
+    def _undetermined(
+        self, replicates: ReplicateData, solved: Sequence[GroupFits]
+    ) -> tuple[NDArray[np.object_], Bool]:
         """What replicates leave open that the data do not, and why."""
-        reason = np.full(lot.size, "", dtype=object)
-        is_open = np.zeros((lot.size, len(self.problem.parameters.names)), dtype=bool)
-        for part, places, one in zip(self.parts, self.places, solved, strict=True):
-            for number in np.flatnonzero((one.minima.rank < part.rank) | one.without_e_n):
-                if one.minima.rank[number] < part.rank:
-                    slides, sticks = self._regimes(lot, part, one, int(number))
+        reason = np.full(replicates.size, "", dtype=object)
+        is_undetermined = np.zeros((replicates.size, len(self.problem.parameters.names)), dtype=bool)
+        for batched, places, one in zip(self.parameter_groups, self.places, solved, strict=True):
+            for number in np.flatnonzero((one.minima.rank < batched.rank) | one.without_e_n):
+                if one.minima.rank[number] < batched.rank:
+                    slides, sticks = self._regimes(replicates, batched, one, int(number))
                     why, which = (
                         (NO_SLIDING, places[2:])
                         if not slides
                         else (NO_STICKING, places[1:2])
-                        if not sticks and part.block.coefficients.a1 == 0.0
-                        else (TOO_FEW, places if part.held is None else places[1:])
+                        if not sticks and batched.group.coefficients.a1 == 0.0
+                        else (TOO_FEW, places if batched.fixed_e_n is None else places[1:])
                     )
                 else:
                     why, which = NO_E_N, places[[0, 2]]
                 reason[number] = reason[number] or why
-                is_open[number, which[which >= 0]] = True
-        return reason, is_open & self.problem.parameters.free
+                is_undetermined[number, which[which >= 0]] = True
+        return reason, is_undetermined & self.problem.parameters.free
 
-    def _regimes(self, lot: Lot, part: Part, solved: PartSolved, number: int) -> tuple[bool, bool]:
+    def _regimes(
+        self, replicates: ReplicateData, batched: BatchedGroup, solved: GroupFits, number: int
+    ) -> tuple[bool, bool]:
         """Whether a row that is left slides, and whether one sticks."""
         n_stick = int(solved.minima.n_stick[number])
-        left = np.ones(self.problem.rows.value.size) if lot.counts is None else lot.counts[number]
-        grazing = part.always[(part.always >= 0) & np.isinf(self.problem.rows.tau[part.always])]
-        slides = bool(left[part.switching[n_stick:]].any() or left[grazing].any())
-        return slides, bool(left[part.switching[:n_stick]].any())
+        left = (
+            np.ones(self.problem.rows.value.size) if replicates.counts is None else replicates.counts[number]
+        )
+        grazing = batched.always[(batched.always >= 0) & np.isinf(self.problem.rows.tau[batched.always])]
+        slides = bool(left[batched.switching[n_stick:]].any() or left[grazing].any())
+        return slides, bool(left[batched.switching[:n_stick]].any())
 
 
 def _codes(groups: Mapping[str, Index], n: int) -> Index:

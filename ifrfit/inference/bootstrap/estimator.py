@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.bootstrap.batched_solver import Together
-from ifrfit.inference.bootstrap.replicate_fits import Solved, joined
-from ifrfit.inference.bootstrap.schemes import Scheme, lot_of, make_scheme
-from ifrfit.inference.bootstrap.sequential_solver import OneByOne
+from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
+from ifrfit.inference.bootstrap.replicate_fits import ReplicateFits, concatenate_fits
+from ifrfit.inference.bootstrap.schemes import Scheme, draw_replicates, make_scheme
+from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.distributions.draws import kappa_draws
 from ifrfit.inference.model.noise import noise_name
@@ -41,7 +41,7 @@ class Bootstrap:
     problem : Problem
     scheme : str
         Name of the scheme.
-    scarce : str
+    shortage : str
         What there is too little of to draw from, in words; empty if there is enough.
     draws : mapping of str to ndarray
         Constants and noises of the replicates that have an answer, by the names of `Distribution`.
@@ -52,19 +52,19 @@ class Bootstrap:
         Entry of theta to how many replicates leave it open although the data do not, by reason.
     certified : int
         Replicates with an answer whose optimum is proven to be global.
-    apart : bool
-        Whether rows of one impact were drawn apart.
+    splits_impacts : bool
+        Whether rows of one impact were drawn independently of one another.
     """
 
     problem: Problem
     scheme: str
-    scarce: str
+    shortage: str
     draws: Mapping[str, Array] = field(repr=False)
     replicates: int
     reasons: Mapping[str, int]
     open: Mapping[str, Mapping[str, int]]
     certified: int
-    apart: bool
+    splits_impacts: bool
 
     @property
     def failed(self) -> int:
@@ -138,18 +138,18 @@ def bootstrap(
     if workers < 1:
         raise UsageError(f"--workers {workers}: at least one.")
     chosen = make_scheme(scheme, problem, found) if isinstance(scheme, str) else scheme
-    solver = Together.of(problem, found) or OneByOne.of(problem, found)
-    together = isinstance(solver, Together)
+    solver = BatchedSolver.of(problem, found) or SequentialSolver.of(problem, found)
+    together = isinstance(solver, BatchedSolver)
     size = max(1, at_once // problem.rows.value.size) if together else _LOT
     seeds = np.random.SeedSequence(seed).spawn(replicates)
     lots = [seeds[start : start + size] for start in range(0, replicates, size)]
     task = Task(problem, chosen, solver)
-    parts: list[Solved] = []
+    parts: list[ReplicateFits] = []
     for part in each(task, lots, 1 if together else workers):
         parts.append(part)
         if progress is not None:
             progress(sum(len(p.reason) for p in parts), replicates)
-    return _gathered(problem, chosen, joined(parts), seed)
+    return _collect(problem, chosen, concatenate_fits(parts), seed)
 
 
 @dataclass(frozen=True)
@@ -158,15 +158,15 @@ class Task:
 
     problem: Problem
     scheme: Scheme
-    solver: Together | OneByOne
+    solver: BatchedSolver | SequentialSolver
 
-    def __call__(self, seeds: list[np.random.SeedSequence]) -> Solved:
+    def __call__(self, seeds: list[np.random.SeedSequence]) -> ReplicateFits:
         """Draw one replicate a seed, and fit them."""
-        lot = lot_of(self.problem, self.scheme, seeds)
+        lot = draw_replicates(self.problem, self.scheme, seeds)
         return self.solver.solve(lot)
 
 
-def each(task: Task, lots: list[list[np.random.SeedSequence]], workers: int) -> Iterator[Solved]:
+def each(task: Task, lots: list[list[np.random.SeedSequence]], workers: int) -> Iterator[ReplicateFits]:
     """Fit the lots in order, here or in processes of their own."""
     if workers == 1 or len(lots) == 1:
         yield from map(task, lots)
@@ -176,7 +176,7 @@ def each(task: Task, lots: list[list[np.random.SeedSequence]], workers: int) -> 
         yield from pool.map(task, lots)
 
 
-def _gathered(problem: Problem, chosen: Scheme, solved: Solved, seed: int) -> Bootstrap:
+def _collect(problem: Problem, chosen: Scheme, solved: ReplicateFits, seed: int) -> Bootstrap:
     """Keep the draws of the replicates that have an answer, and count the others."""
     answered = np.array([not reason for reason in solved.reason])
     theta = solved.theta[answered]
@@ -184,23 +184,23 @@ def _gathered(problem: Problem, chosen: Scheme, solved: Solved, seed: int) -> Bo
         theta = _spread_e_n(problem, theta, seed)
     free = zip(problem.parameters.names, theta.T, problem.parameters.free, strict=True)
     draws = {name: column for name, column, is_free in free if is_free}
-    if chosen.tells_noise:
+    if chosen.informs_noise:
         noises = zip(problem.noise_groups(), solved.noise[answered].T, strict=True)
         draws |= {noise_name(group): column for group, column in noises}
-    is_open: dict[str, Counter[str]] = {}
+    is_undetermined: dict[str, Counter[str]] = {}
     for number in np.flatnonzero(~answered):
         for place in np.flatnonzero(solved.open[number]):
-            is_open.setdefault(problem.parameters.names[place], Counter())[solved.reason[number]] += 1
+            is_undetermined.setdefault(problem.parameters.names[place], Counter())[solved.reason[number]] += 1
     return Bootstrap(
         problem,
         chosen.name,
-        chosen.scarce,
+        chosen.shortage,
         draws,
         answered.size,
         Counter(reason for reason in solved.reason if reason),
-        is_open,
+        is_undetermined,
         int(solved.certified[answered].sum()),
-        chosen.apart,
+        chosen.splits_impacts,
     )
 
 

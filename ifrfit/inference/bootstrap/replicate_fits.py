@@ -17,11 +17,11 @@ NO_STICKING = "no impact sticks in it"
 NO_E_N = "nothing in it measures e_n"
 TOO_FEW = "its impacts do not tell the constants apart"
 NO_NOISE = "its rows cannot tell their own noise"
-RESTLESS = "its noise does not settle"
+NOISE_NOT_CONVERGED = "its noise does not settle"
 
 
 @dataclass(frozen=True)
-class Solved:
+class ReplicateFits:
     """Fits of some replicates.
 
     Attributes
@@ -45,9 +45,9 @@ class Solved:
     certified: Bool
 
 
-def joined(parts: Sequence[Solved]) -> Solved:
+def concatenate_fits(parts: Sequence[ReplicateFits]) -> ReplicateFits:
     """Several lots as one."""
-    return Solved(
+    return ReplicateFits(
         np.concatenate([part.theta for part in parts]),
         np.concatenate([part.noise for part in parts]),
         tuple(reason for part in parts for reason in part.reason),

@@ -29,7 +29,7 @@ _OWN = 1e-6  # 1 - leverage below which a row fits itself: it has no residual
 
 
 @dataclass(frozen=True)
-class Lot:
+class ReplicateData:
     """Some replicates.
 
     Attributes
@@ -51,10 +51,10 @@ class Lot:
         """Number of replicates."""
         return int(self.prior.shape[0])
 
-    def take(self, which: Index) -> Lot:
+    def take(self, which: Index) -> ReplicateData:
         """Some of the replicates."""
         counts = None if self.counts is None else self.counts[which]
-        return Lot(counts, None if self.shift is None else self.shift[which], self.prior[which])
+        return ReplicateData(counts, None if self.shift is None else self.shift[which], self.prior[which])
 
 
 class Scheme(Protocol):
@@ -66,13 +66,13 @@ class Scheme(Protocol):
         ...
 
     @property
-    def tells_noise(self) -> bool:
+    def informs_noise(self) -> bool:
         """Whether replicates tell how uncertain the noise is."""
         ...
 
     @property
-    def apart(self) -> bool:
-        """Whether rows of one impact are drawn apart."""
+    def splits_impacts(self) -> bool:
+        """Whether rows of one impact are drawn independently of one another."""
         ...
 
     @property
@@ -81,7 +81,7 @@ class Scheme(Protocol):
         ...
 
     @property
-    def scarce(self) -> str:
+    def shortage(self) -> str:
         """What there is too little of to draw from, in words with the remedy; empty if there is enough."""
         ...
 
@@ -90,7 +90,9 @@ class Scheme(Protocol):
         ...
 
 
-def lot_of(problem: Problem, scheme: Scheme, seeds: Sequence[np.random.SeedSequence]) -> Lot:
+def draw_replicates(
+    problem: Problem, scheme: Scheme, seeds: Sequence[np.random.SeedSequence]
+) -> ReplicateData:
     """One replicate a seed: so that it does not matter which are drawn together, or by whom.
 
     A prior is an auxiliary measurement: its mean is drawn anew from the normal law of its sd in each
@@ -104,7 +106,7 @@ def lot_of(problem: Problem, scheme: Scheme, seeds: Sequence[np.random.SeedSeque
         counts.append(count)
         shifts.append(shift)
         priors.append(scheme.prior + sd * rng.standard_normal(sd.size))
-    return Lot(_stacked(counts), _stacked(shifts), np.array(priors).reshape(len(seeds), -1))
+    return ReplicateData(_stacked(counts), _stacked(shifts), np.array(priors).reshape(len(seeds), -1))
 
 
 def _stacked(rows: list[Array | None]) -> Array | None:
@@ -148,18 +150,18 @@ class Cases:
     impact: Index
     kinds: tuple[Index, ...]
     prior: Array
-    scarce: str = ""
-    apart: bool = False
+    shortage: str = ""
+    splits_impacts: bool = False
     name: str = "cases"
-    tells_noise: bool = True
+    informs_noise: bool = True
 
     @classmethod
     def of(cls, problem: Problem, impact: Index | None = None) -> Cases:
         """Cases of a problem; `impact` numbers them, by default the impacts."""
         own = number_impacts(problem) if impact is None else impact
         kinds = kinds_of(problem, own)
-        apart = bool(np.unique(own).size > np.unique(number_impacts(problem)).size)
-        return cls(own, tuple(kind.impacts for kind in kinds), prior_means(problem), _few(kinds), apart)
+        splits = bool(np.unique(own).size > np.unique(number_impacts(problem)).size)
+        return cls(own, tuple(kind.impacts for kind in kinds), prior_means(problem), _few(kinds), splits)
 
     def draw(self, rng: np.random.Generator) -> tuple[Array, None]:
         """Draw each kind."""
@@ -195,10 +197,10 @@ class Residuals:
     base: Array = field(repr=False)  # fitted - value
     sigma: Array = field(repr=False)
     prior: Array
-    scarce: str = ""
-    apart: bool = False
+    shortage: str = ""
+    splits_impacts: bool = False
     name: str = "residual"
-    tells_noise: bool = True
+    informs_noise: bool = True
 
     @classmethod
     def of(cls, problem: Problem, found: LeastSquares) -> Residuals:
@@ -207,14 +209,14 @@ class Residuals:
         groups = problem.groups() if problem.noise.is_unknown else {"all": np.arange(residual.size)}
         pools, few = [], []
         for name, rows in groups.items():
-            own = residual[rows][1.0 - found.local.leverage[rows] > _OWN]
+            own = residual[rows][1.0 - found.gaussian.leverage[rows] > _OWN]
             pools.append((rows, own - own.mean() if own.size else np.zeros(1)))
             if own.size < FEWEST:
                 few.append(f"{own.size} in {name}")
-        scarce = f"residuals, {'; '.join(few)}: use --method exact" if few else ""
+        shortage = f"residuals, {'; '.join(few)}: use --method exact" if few else ""
         base = problem.predict(found.optimum.theta) - problem.rows.value
-        apart = int(number_impacts(problem).max()) + 1 < residual.size
-        return cls(tuple(pools), base, found.sigma, fitted_means(problem, found), scarce, apart)
+        splits = int(number_impacts(problem).max()) + 1 < residual.size
+        return cls(tuple(pools), base, found.sigma, fitted_means(problem, found), shortage, splits)
 
     def draw(self, rng: np.random.Generator) -> tuple[None, Array]:
         """Draw each pool."""
@@ -242,10 +244,10 @@ class Wild:
     weights: tuple[float, float]
     chance: float  # of the first weight
     prior: Array
-    scarce: str = ""
+    shortage: str = ""
     name: str = "wild"
-    apart: bool = False
-    tells_noise: bool = False
+    splits_impacts: bool = False
+    informs_noise: bool = False
 
     @classmethod
     def of(cls, problem: Problem, found: LeastSquares, name: str = "wild") -> Wild:
@@ -253,8 +255,8 @@ class Wild:
         root = math.sqrt(5.0)
         mammen = (0.5 * (1.0 - root), 0.5 * (1.0 + root)), (5.0 + root) / 10.0
         weights, chance = mammen if name == "wild-mammen" else ((-1.0, 1.0), 0.5)
-        own = int((1.0 - found.local.leverage <= _OWN).sum())
-        scarce = (
+        own = int((1.0 - found.gaussian.leverage <= _OWN).sum())
+        shortage = (
             f"{own} row{'s' if own > 1 else ''} met exactly whatever the value, without a residual to weigh: "
             "use --method exact"
         )
@@ -265,7 +267,7 @@ class Wild:
             weights,
             chance,
             fitted_means(problem, found),
-            scarce if own else "",
+            shortage if own else "",
             name,
         )
 
@@ -278,7 +280,7 @@ class Wild:
 def corrected(problem: Problem, found: LeastSquares) -> Array:
     """Residuals over sqrt(1 - leverage), with the variance of their noise; 0 where a row fits itself."""
     raw = problem.rows.value - problem.predict(found.optimum.theta)
-    left = 1.0 - found.local.leverage
+    left = 1.0 - found.gaussian.leverage
     return np.asarray(np.where(left > _OWN, raw / np.sqrt(np.maximum(left, _OWN)), 0.0))
 
 

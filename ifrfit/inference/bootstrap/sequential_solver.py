@@ -12,15 +12,15 @@ from ifrfit.inference.bootstrap.replicate_fits import (
     NO_NOISE,
     NO_SLIDING,
     NO_STICKING,
-    RESTLESS,
+    NOISE_NOT_CONVERGED,
     TOO_FEW,
-    Solved,
-    joined,
+    ReplicateFits,
+    concatenate_fits,
 )
-from ifrfit.inference.bootstrap.schemes import Lot
+from ifrfit.inference.bootstrap.schemes import ReplicateData
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.laplace import Local
+from ifrfit.inference.optimize.laplace import GaussianApproximation
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ _LOADED = 1e-6  # share of the prior sd from which on a constant takes part in a
 
 
 @dataclass(frozen=True)
-class OneByOne:
+class SequentialSolver:
     """A problem whose replicates are fitted one by one.
 
     Attributes
@@ -44,18 +44,18 @@ class OneByOne:
     seen: Bool
 
     @classmethod
-    def of(cls, problem: Problem, found: LeastSquares) -> OneByOne:
+    def of(cls, problem: Problem, found: LeastSquares) -> SequentialSolver:
         """From the fit to the data as they are."""
-        return cls(problem, problem.parameters.free & ~_loose(problem, found.local))
+        return cls(problem, problem.parameters.free & ~_loose(problem, found.gaussian))
 
-    def solve(self, lot: Lot) -> Solved:
-        """Fit every replicate of a lot."""
-        return joined([self._fit(lot, number) for number in range(lot.size)])
+    def solve(self, replicates: ReplicateData) -> ReplicateFits:
+        """Fit every replicate, one by one."""
+        return concatenate_fits([self._fit(replicates, number) for number in range(replicates.size)])
 
-    def _fit(self, lot: Lot, number: int) -> Solved:
+    def _fit(self, replicates: ReplicateData, number: int) -> ReplicateFits:
         groups, base = self.problem.noise_groups(), self.problem.noise.base
-        rows = drawn_rows(self.problem, lot, number)
-        drawn = replicate(self.problem, lot, number)
+        rows = drawn_rows(self.problem, replicates, number)
+        drawn = replicate(self.problem, replicates, number)
         noise = np.ones(len(groups))
         try:
             found = least_squares(drawn)
@@ -68,32 +68,42 @@ class OneByOne:
                 noise[i] = sigma[own[0]] / base[own[0]]
         except DataError:
             theta, nothing = np.zeros((1, self.seen.size)), np.zeros(1, dtype=bool)
-            return Solved(theta, noise[None], (NO_NOISE,), self.problem.parameters.free[None], nothing)
-        is_open = self.seen & _loose(drawn, found.local)
-        why = RESTLESS if not found.converged else _why(drawn, found) if is_open.any() else ""
+            return ReplicateFits(theta, noise[None], (NO_NOISE,), self.problem.parameters.free[None], nothing)
+        is_undetermined = self.seen & _loose(drawn, found.gaussian)
+        why = (
+            NOISE_NOT_CONVERGED
+            if not found.converged
+            else _why(drawn, found)
+            if is_undetermined.any()
+            else ""
+        )
         certified = np.array([found.optimum.certified])
-        return Solved(found.optimum.theta[None], noise[None], (why,), is_open[None], certified)
+        return ReplicateFits(found.optimum.theta[None], noise[None], (why,), is_undetermined[None], certified)
 
 
-def drawn_rows(problem: Problem, lot: Lot, number: int) -> Index:
+def drawn_rows(problem: Problem, replicates: ReplicateData, number: int) -> Index:
     """The problem's row behind each row of a replicate."""
     every = np.arange(problem.rows.value.size)
-    return every if lot.counts is None else np.repeat(every, lot.counts[number].astype(np.intp))
+    return every if replicates.counts is None else np.repeat(every, replicates.counts[number].astype(np.intp))
 
 
-def replicate(problem: Problem, lot: Lot, number: int) -> Problem:
+def replicate(problem: Problem, replicates: ReplicateData, number: int) -> Problem:
     """One replicate as a problem of its own."""
     parameters = (
         c if c.prior is None else replace(c, prior=(float(mean), c.prior[1]))
-        for c, mean in zip(problem.parameters, lot.prior[number], strict=True)
+        for c, mean in zip(problem.parameters, replicates.prior[number], strict=True)
     )
     problem = problem.with_parameters(parameters)
-    if lot.shift is not None:
-        problem = replace(problem, rows=replace(problem.rows, value=problem.rows.value + lot.shift[number]))
-    return problem if lot.counts is None else problem.with_rows(drawn_rows(problem, lot, number))
+    if replicates.shift is not None:
+        problem = replace(
+            problem, rows=replace(problem.rows, value=problem.rows.value + replicates.shift[number])
+        )
+    return (
+        problem if replicates.counts is None else problem.with_rows(drawn_rows(problem, replicates, number))
+    )
 
 
-def _loose(problem: Problem, local: Local) -> Bool:
+def _loose(problem: Problem, local: GaussianApproximation) -> Bool:
     """Entries of theta that take part in a direction that the rows do not see."""
     share = np.abs(local.to_theta @ local.vectors[:, ~local.seen])
     prior_sd = np.array([c.prior_sd for c in problem.parameters.entries])

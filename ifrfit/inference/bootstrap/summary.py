@@ -13,7 +13,7 @@ from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import FACTS, FAILED
 from ifrfit.inference.distributions.draws import Draws, kappa_name
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.laplace import Local
+from ifrfit.inference.optimize.laplace import GaussianApproximation
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.result.estimation import Estimation, Unresolved
 from ifrfit.inference.result.types import Fact
@@ -39,19 +39,19 @@ def estimation_of(found: Bootstrap, optimum: LeastSquares) -> Estimation:
     interval, and nobody knows how far.
     """
     enough = found.answered >= _FEWEST
-    predicts = enough and not _leaves_open(found.problem, optimum.local)
-    warnings = (SEPARATED,) if found.apart else ()
+    predicts = enough and not _leaves_open(found.problem, optimum.gaussian)
+    warnings = (SEPARATED,) if found.splits_impacts else ()
     if not predicts:
         warnings = (*warnings, GAUSSIAN)
     elif found.failed > FAILED * found.replicates:
         warnings = (*warnings, ANSWERED)
-    says = f"too few to draw from: {found.scarce}" if found.scarce else "enough to draw from"
+    says = f"too few to draw from: {found.shortage}" if found.shortage else "enough to draw from"
     return Estimation(
         "bootstrap",
         Draws.of(found.problem, found.draws) if enough else None,
         {
             "converged": _converged(found, noise_converged(optimum)),
-            "resampling": Fact(not found.scarce, says, {"scheme": found.scheme}, FACTS["resampling"]),
+            "resampling": Fact(not found.shortage, says, {"scheme": found.scheme}, FACTS["resampling"]),
         },
         predicts=predicts,
         unresolved=_unresolved(found),
@@ -109,7 +109,7 @@ def _open(found: Bootstrap, reasons: Mapping[str, int], draws: Array) -> Unresol
     return Unresolved(reason)
 
 
-def _leaves_open(problem: Problem, local: Local) -> bool:
+def _leaves_open(problem: Problem, local: GaussianApproximation) -> bool:
     """Whether the data leave anything loose, but e_n and mu that only share kappa."""
     prior_sd = np.array([c.prior_sd for c in problem.parameters.entries])
     loose = np.abs(local.vectors[:, ~local.seen]) > _LOADED * prior_sd[:, None]

@@ -23,12 +23,12 @@ from ifrfit.inference.comparison.psi_rows import (
     SLIDING,
     STEEPEST,
     PsiRows,
-    hold,
     psi_rows,
 )
 from ifrfit.inference.comparison.types import PsiPlane, Slope
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, PiecewiseProblem, minimise
+from ifrfit.inference.optimize.branch_and_bound import minimise
+from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, PiecewiseProblem
 from ifrfit.inference.result.types import Interval
 from ifrfit.physics.closures import Closure
 from ifrfit.physics.rebound import rebound
@@ -164,7 +164,7 @@ def _interval(fitted: _Fitted, place: int, error: float | None) -> Interval:
     best, least, rise = float(fitted.optimum.t[place]), fitted.optimum.chi2, fitted.rise()
 
     def above(x: float) -> float:
-        return minimise(hold(fitted.problem, place, x)).chi2 - least - rise
+        return minimise(fitted.problem.with_fixed(place, x)).chi2 - least - rise
 
     steps = (error or _SIXTEENTH) * _STEPS
     ends = []

@@ -1,4 +1,4 @@
-"""Rows restated in the psi plane, as residuals that are linear in its two slopes and one intercept.
+"""LinearRows restated in the psi plane, as residuals that are linear in its two slopes and one intercept.
 
 In the plane Psi_1 = U_t/U_n = tau and Psi_2 = V_t/U_n, sticking is a line through the origin and sliding a
 line with an intercept: Psi_2 = (S - D) tau where impacts stick, Psi_2 = S tau - I where they slide, and they
@@ -9,13 +9,13 @@ factor k says the same as a point of the plane, with its own error bar.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.piecewise import PiecewiseProblem, Rows
+from ifrfit.inference.optimize.piecewise import LinearRows, PiecewiseProblem
 from ifrfit.physics.closures import rotational_share
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -28,7 +28,7 @@ STEEPEST = 10.0  # size of a slope beyond which nothing is looked for
 
 @dataclass(frozen=True)
 class PsiRows:
-    """Rows of the plane.
+    """LinearRows of the plane.
 
     Attributes
     ----------
@@ -61,49 +61,25 @@ class PsiRows:
         always = np.concatenate((stick[still], slide[grazing]))
         inner = ~(still | grazing)
         reach = float(self.tau[inner].max(initial=1.0))
-        walls = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
+        constraints = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
         # wide enough for slopes of sticking as steep, and for all impacts to stick
         limits = STEEPEST * np.array([1.0, 1.0, 2.0, 0.0, 4.0 * reach, 0.0])
         return PiecewiseProblem(
             self.tau[inner],
-            Rows.of(stick[inner], y[inner]),
-            Rows.of(slide[inner], y[inner]),
-            Rows.of(always, np.concatenate((y[still], y[grazing]))),
+            LinearRows.of(stick[inner], y[inner]),
+            LinearRows.of(slide[inner], y[inner]),
+            LinearRows.of(always, np.concatenate((y[still], y[grazing]))),
             np.array([0.0, 0.0, 1.0]),
             0.0,
             np.array([0.0, 1.0, 0.0]),
             0.0,
-            walls,
+            constraints,
             limits,
         )
 
 
-def hold(problem: PiecewiseProblem, place: int, value: float) -> PiecewiseProblem:
-    """The same with one unknown held: in two unknowns."""
-    rest = [i for i in range(3) if i != place]
-
-    def rows(r: Rows) -> Rows:
-        own = r.columns[place]
-        target = r.target if own is None else r.target - value * own
-        return Rows(tuple(r.columns[i] for i in rest), target)
-
-    kept = np.abs(problem.walls[:, rest]).max(axis=1) > 0.0
-    return replace(
-        problem,
-        stick=rows(problem.stick),
-        slide=rows(problem.slide),
-        always=rows(problem.always),
-        kappa=problem.kappa[rest],
-        kappa0=problem.kappa0 + value * float(problem.kappa[place]),
-        bound=problem.bound[rest],
-        bound0=problem.bound0 + value * float(problem.bound[place]),
-        walls=problem.walls[kept][:, rest],
-        limits=problem.limits[kept] - value * problem.walls[kept, place],
-    )
-
-
 def psi_rows(problem: Problem) -> tuple[PsiRows | None, dict[str, str]]:
-    """Rows that can be restated, and why the others cannot.
+    """LinearRows that can be restated, and why the others cannot.
 
     Returns
     -------

@@ -79,7 +79,7 @@ def global_optimum(found: LeastSquares, *, bilinear: bool) -> Fact:
         "gap": optimum.gap,
         "n_optima_same": optimum.n_same,
         "n_optima_near": optimum.n_near,
-        "road": optimum.road,
+        "road": optimum.method,
     }
     rule = FACTS["global_optimum"]
     rivals = optimum.n_near - 1
@@ -88,11 +88,11 @@ def global_optimum(found: LeastSquares, *, bilinear: bool) -> Fact:
         return Fact(optimum.n_same == 1, f"global optimum certified, {alone}", figures, rule)
     if optimum.gap is not None:
         proof = f"gap {optimum.gap:.1e}"
-    elif optimum.road.endswith(ITERATED):
+    elif optimum.method.endswith(ITERATED):
         proof = "each set of weights has a certified optimum, but the weights may settle elsewhere, too"
     else:
         proof = f"no bound is known for {'these observables' if bilinear else 'this closure'}"
-    return Fact(False, f"the optimum is not proven to be global ({optimum.road}; {proof})", figures, rule)
+    return Fact(False, f"the optimum is not proven to be global ({optimum.method}; {proof})", figures, rule)
 
 
 def at_bound(constants: Mapping[str, Any]) -> Fact:

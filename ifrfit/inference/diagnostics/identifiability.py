@@ -21,7 +21,7 @@ def identifiable(
     problem: Problem, fit: LeastSquares, constants: Mapping[str, Any], n_sticking: int, n_sliding: int
 ) -> Fact:
     """Whether the data determine every free constant; names the loose combinations and the remedy."""
-    local = fit.local
+    local = fit.gaussian
     n_free = int(problem.parameters.free.sum())
     loose = [
         _combination(local.names, local.vectors[:, i] / _prior_scale(problem))

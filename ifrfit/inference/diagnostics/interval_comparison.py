@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.summary.gaussian import kappa_at
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,21 +22,10 @@ if TYPE_CHECKING:
 _LEVEL = 0.95
 
 
-class Marginals(Protocol):
-    """What a posterior must give to be compared."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Quantities that have a marginal."""
-
-    def quantile(self, name: str, p: ArrayLike) -> Any:
-        """Where the posterior probability below is p."""
-
-
 def intervals(
     problem: Problem,
     fit: LeastSquares,
-    posterior: Marginals | None,
+    posterior: Distribution | None,
     profiles: Mapping[str, Profile] | None = None,
 ) -> pd.DataFrame:
     """Central 95 % intervals of every free constant and of kappa, by three methods.
@@ -44,7 +34,7 @@ def intervals(
     ----------
     problem : Problem
     fit : LeastSquares
-    posterior : Posterior or None
+    posterior : Distribution or None
         Its columns are nan without one, or where it has no such marginal.
     profiles : mapping, optional
         What `profile_all` returned, if it has been called before.
@@ -69,7 +59,7 @@ def intervals(
         if name not in found:
             continue
         profile = found[name]
-        sd = math.sqrt(fit.local.variance(functional, 1.0))
+        sd = math.sqrt(fit.gaussian.variance(functional, 1.0))
         half = half_width(_LEVEL, fit.noise_dof) * sd
         exact = (math.nan, math.nan)
         if posterior is not None and name in posterior.names:
@@ -93,17 +83,12 @@ def intervals(
 
 def _quantities(problem: Problem, fit: LeastSquares) -> list[tuple[str, float, Any]]:
     """Name, value and derivative by the local coordinates of each free constant and of kappa."""
-    theta, to_theta = fit.optimum.theta, fit.local.to_theta
+    theta, to_theta = fit.optimum.theta, fit.gaussian.to_theta
     found = [
         (problem.parameters.names[i], float(theta[i]), to_theta[i])
         for i in np.flatnonzero(problem.parameters.free).tolist()
     ]
-    places = problem.parameters.positions
-    for series, i_e, i_mu in zip(problem.series, places["e_n"], places["mu"], strict=True):
-        factor, mu = 1.0 + float(theta[i_e]), float(theta[i_mu])
-        functional = factor * to_theta[i_mu] + mu * to_theta[i_e]
-        separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
-        name = f"kappa[{series}]" if separate else "kappa"
-        if separate or series == problem.series[0]:
-            found.append((name, mu * factor, functional))
+    separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
+    for number, series in enumerate(problem.series if separate else problem.series[:1]):
+        found.append((f"kappa[{series}]" if separate else "kappa", *kappa_at(problem, fit, number)))
     return found

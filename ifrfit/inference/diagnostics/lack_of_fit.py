@@ -44,7 +44,7 @@ def residuals_of(problem: Problem, fit: LeastSquares) -> Residuals:
     """
     raw = problem.rows.value - problem.predict(fit.optimum.theta)
     standardised = raw / fit.sigma
-    internal = standardised / np.sqrt(np.maximum(1.0 - fit.local.leverage, 1e-6))
+    internal = standardised / np.sqrt(np.maximum(1.0 - fit.gaussian.leverage, 1e-6))
     if math.isinf(fit.noise_dof) or fit.noise_dof <= 1.0:
         return Residuals(raw, standardised, internal)
     rest = np.maximum(fit.noise_dof - internal**2, 1e-12)
@@ -58,7 +58,7 @@ def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals, *, re
     with the runs test beside it.
     """
     r = residuals.standardised
-    dof = r.size - round(float(fit.local.leverage.sum()))
+    dof = r.size - round(float(fit.gaussian.leverage.sum()))
     runs = _runs(problem, r)
     rule = FACTS["lack_of_fit"]
     figures: dict[str, object] = {"dof": dof, "p_runs": runs}

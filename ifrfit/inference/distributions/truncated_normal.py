@@ -49,7 +49,7 @@ class TruncatedNormal:
             return (x - self.lower) / (self.upper - self.lower)
         if self.sd == 0.0:
             return float(x >= self.mode)
-        below, _ = _law(self.dof)
+        below, _ = _functions(self.dof)
         # from the tail in which the bounds lie, so that probabilities keep their digits
         sign = -1.0 if self.center < self.lower else 1.0
         low, at, high = (below(sign * (y - self.center) / self.sd) for y in (self.lower, x, self.upper))
@@ -61,18 +61,18 @@ class TruncatedNormal:
 
 
 def quantile(p: float, center: float, sd: float, lower: float, upper: float, dof: float = math.inf) -> float:
-    """Quantile p of a law with the given centre and scale, restricted to [lower, upper].
+    """Quantile p of a distribution with the given centre and scale, restricted to [lower, upper].
 
     Parameters
     ----------
     p : float
         Probability, 0 to 1.
     center, sd : float
-        Of the law before it is cut; the centre may lie outside the bounds.
+        Before the cut; the centre may lie outside the bounds.
     lower, upper : float
         Bounds, may be infinite.
     dof : float
-        Degrees of freedom of Student's t; infinite for the normal law.
+        Degrees of freedom of Student's t; infinite for the normal distribution.
     """
     if sd == 0.0:
         return min(max(center, lower), upper)
@@ -84,7 +84,7 @@ def quantile(p: float, center: float, sd: float, lower: float, upper: float, dof
 
 
 def _cut(p: float, low: float, high: float, dof: float) -> float:
-    cdf, inverse = _law(dof)
+    cdf, inverse = _functions(dof)
     below, above = cdf(low), cdf(high)
     if above - below <= 0.0 or (math.isinf(dof) and high < -_FAR):
         # so far out that the tail is exponential with rate |high|
@@ -94,7 +94,7 @@ def _cut(p: float, low: float, high: float, dof: float) -> float:
     return min(max(inverse(below + p * (above - below)), low), high)
 
 
-def _law(dof: float) -> tuple[Callable[[float], float], Callable[[float], float]]:
+def _functions(dof: float) -> tuple[Callable[[float], float], Callable[[float], float]]:
     if math.isinf(dof):
         return lambda x: float(special.ndtr(x)), lambda p: float(special.ndtri(p))
     return lambda x: float(special.stdtr(dof, x)), lambda p: float(special.stdtrit(dof, p))
@@ -102,4 +102,4 @@ def _law(dof: float) -> tuple[Callable[[float], float], Callable[[float], float]
 
 def half_width(level: float, dof: float = math.inf) -> float:
     """Half width of the central interval of the given level, in sd."""
-    return _law(dof)[1](0.5 + 0.5 * level)
+    return _functions(dof)[1](0.5 + 0.5 * level)

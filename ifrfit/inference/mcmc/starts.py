@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.mcmc.coordinates import Coordinates
-from ifrfit.inference.optimize.laplace import local_picture
+from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.optimize.optimum import Optimum
 
@@ -64,7 +64,9 @@ def _gaussian(coordinates: Coordinates, found: LeastSquares, theta: Array) -> tu
     low, high = problem.parameters.bounds()
     theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
     free = problem.parameters.free
-    covariance = local_picture(problem, found.sigma, theta).covariance(capped=True)[np.ix_(free, free)]
+    covariance = gaussian_approximation(problem, found.sigma, theta).covariance(capped=True)[
+        np.ix_(free, free)
+    ]
     noise, spread = _noise(coordinates, found)
     point = np.concatenate((theta[free], noise))
     inside = _INSIDE * (density.upper - density.lower)

@@ -1,4 +1,8 @@
-"""Where quadratics are stationary on the faces of polytopes, many cells at once."""
+"""Stationary points of convex quadratics under every set of active constraints, many quadratics at once.
+
+With q unknowns at most three and a handful of constraints all active sets can be enumerated; no general
+solver of quadratic programs does thousands of them at once.
+"""
 
 from __future__ import annotations
 
@@ -10,34 +14,51 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FLAT = 1e-14  # below this share of its diagonal a pivot counts as zero
-_PARALLEL = 1e-12  # below this determinant walls do not meet in one point
+_PARALLEL = 1e-12  # below this determinant constraints do not meet in one point
 
 
 def stationary_points(
-    gram: Array, slope: Array, walls: Array, limits: Array
+    gram: Array, slope: Array, constraints: Array, limits: Array
 ) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Stationary points of all faces: points (m, faces, q), which exist, and the walls each one touches."""
-    _, n_walls, q = walls.shape
-    points, good, touched = [], [], []
+    """Stationary points of t'Gt - 2 g't with each choice of up to q of the p constraints active.
+
+    Parameters
+    ----------
+    gram, slope : ndarray, (k, q, q) and (k, q)
+    constraints, limits : ndarray, (k, p, q) and (k, p)
+        An active constraint holds as constraint @ t = limit.
+
+    Returns
+    -------
+    points : ndarray, (k, sets, q)
+    exists : ndarray of bool, (k, sets)
+        False where the quadratic is flat under the set, or its constraints do not meet in one point.
+    active : ndarray of bool, (sets, p)
+        The constraints of each set.
+    """
+    _, n_constraints, q = constraints.shape
+    points, exists, active = [], [], []
     for n_active in range(q + 1):
-        chosen = list(itertools.combinations(range(n_walls), n_active))
-        faces = np.array(chosen, dtype=np.intp).reshape(len(chosen), n_active)
+        chosen = list(itertools.combinations(range(n_constraints), n_active))
+        sets = np.array(chosen, dtype=np.intp).reshape(len(chosen), n_active)
         if q == 2 and n_active == 1:
-            t, fine = _edges(gram, slope, walls, limits)
+            t, fine = _on_lines(gram, slope, constraints, limits)
         else:
-            t, fine = _stationary(gram, slope, walls[:, faces], limits[:, faces])
+            t, fine = _stationary(gram, slope, constraints[:, sets], limits[:, sets])
         points.append(t)
-        good.append(fine)
-        held = np.zeros((len(faces), n_walls), dtype=bool)
-        held[np.arange(len(faces))[:, None], faces] = True
-        touched.append(held)
-    return np.concatenate(points, axis=1), np.concatenate(good, axis=1), np.concatenate(touched)
+        exists.append(fine)
+        own = np.zeros((len(sets), n_constraints), dtype=bool)
+        own[np.arange(len(sets))[:, None], sets] = True
+        active.append(own)
+    return np.concatenate(points, axis=1), np.concatenate(exists, axis=1), np.concatenate(active)
 
 
-def _edges(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Minima along each wall in two unknowns, in closed form; the commonest case by far."""
+def _on_lines(
+    gram: Array, slope: Array, constraints: Array, limits: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Minima along each constraint in two unknowns, in closed form; the commonest case by far."""
     size = size_of(gram[:, range(2), range(2)])
-    scaled = walls / size[:, None]
+    scaled = constraints / size[:, None]
     norm = np.sqrt((scaled * scaled).sum(axis=2))
     norm = np.where(norm > 0.0, norm, 1.0)
     scaled = scaled / norm[..., None]
@@ -51,24 +72,26 @@ def _edges(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple[Arra
     return (foot + length[..., None] * along) / size[:, None], good
 
 
-def _stationary(gram: Array, slope: Array, walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Stationary points of the quadratics on faces, each where some walls are touched.
+def _stationary(
+    gram: Array, slope: Array, constraints: Array, limits: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Stationary points where all the given constraints hold as equations, from the KKT system.
 
-    walls (m, faces, active, q) and limits (m, faces, active); gives points (m, faces, q).
+    constraints (k, sets, active, q) and limits (k, sets, active); gives points (k, sets, q).
     """
-    m, n_faces, n_active, q = walls.shape
+    k, n_sets, n_active, q = constraints.shape
     if n_active == q:
-        return _corners(walls, limits)
+        return _corners(constraints, limits)
     size = size_of(gram[:, range(q), range(q)])
-    scaled = walls / size[:, None, None, :]
+    scaled = constraints / size[:, None, None, :]
     norm = np.sqrt((scaled * scaled).sum(axis=3))
     norm = np.where(norm > 0.0, norm, 1.0)
     scaled = scaled / norm[..., None]
-    system = np.zeros((m, n_faces, q + n_active, q + n_active))
+    system = np.zeros((k, n_sets, q + n_active, q + n_active))
     system[:, :, :q, :q] = (gram / (size[:, :, None] * size[:, None, :]))[:, None]
     system[:, :, q:, :q] = scaled
     system[:, :, :q, q:] = np.swapaxes(scaled, 2, 3)
-    right = np.zeros((m, n_faces, q + n_active))
+    right = np.zeros((k, n_sets, q + n_active))
     right[:, :, :q] = (slope / size)[:, None]
     right[:, :, q:] = limits / norm
     good = np.abs(_determinant(system)) > FLAT
@@ -96,12 +119,12 @@ def _solved(a: Array, right: Array) -> Array:
     return np.stack((first / determinant, second / determinant), axis=-1)
 
 
-def _corners(walls: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Points where q walls meet; the quadratic has no say there, so its scale does not enter."""
-    q = walls.shape[3]
-    columns = np.abs(walls).max(axis=2, initial=0.0)
+def _corners(constraints: Array, limits: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Points where q constraints meet, whatever the quadratic is there."""
+    q = constraints.shape[3]
+    columns = np.abs(constraints).max(axis=2, initial=0.0)
     columns = np.where(columns > 0.0, columns, 1.0)
-    system = walls / columns[:, :, None, :]
+    system = constraints / columns[:, :, None, :]
     rows = np.abs(system).max(axis=3, initial=0.0)
     rows = np.where(rows > 0.0, rows, 1.0)
     system = system / rows[..., None]

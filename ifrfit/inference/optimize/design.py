@@ -10,15 +10,15 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.parameter_group import Array, Block, Bool, Constants
-from ifrfit.inference.optimize.piecewise import PiecewiseProblem, Rows
+from ifrfit.inference.optimize.parameter_group import Array, Bool, Constants, ParameterGroup
+from ifrfit.inference.optimize.piecewise import LinearRows, PiecewiseProblem
 
 _PRIORS = {"e_n": -1, "mu": -3}  # in `LinearForm.always`; the closure constant has -2
 
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A block restated.
+    """A group restated.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class LinearForm:
     to_constants : callable
         The way back to the constants.
     switching, always : ndarray of int
-        The block's row behind each row of the problem, of those with two forms and of the rest; -1, -2 and -3
+        The group's row behind each row of the problem, of those with two forms and of the rest; -1, -2 and -3
         stand for the prior of e_n, of the closure constant and of mu.
     """
 
@@ -74,15 +74,15 @@ class Frame:
 
 
 class Domain:
-    """Collects walls: normal @ full <= limit."""
+    """Collects constraints: normal @ full <= limit."""
 
     def __init__(self) -> None:
-        self.walls: list[list[float]] = []
+        self.constraints: list[list[float]] = []
         self.limits: list[float] = []
 
-    def wall(self, normal: list[float], limit: float) -> None:
+    def constraint(self, normal: list[float], limit: float) -> None:
         """Add normal @ full <= limit."""
-        self.walls.append(normal)
+        self.constraints.append(normal)
         self.limits.append(limit)
 
     def between(self, unknown: int, constant: Parameter) -> None:
@@ -91,17 +91,17 @@ class Domain:
             return
         unit = [0.0, 0.0, 0.0]
         unit[unknown] = -1.0
-        self.wall(list(unit), -constant.lower)
+        self.constraint(list(unit), -constant.lower)
         if math.isfinite(constant.upper):
             unit[unknown] = 1.0
-            self.wall(list(unit), constant.upper)
+            self.constraint(list(unit), constant.upper)
 
 
 class Forms:
-    """Collects the weighted rows of a block in three unknowns, then reduces them to the free ones."""
+    """Collects the weighted rows of a group in three unknowns, then reduces them to the free ones."""
 
-    def __init__(self, block: Block, switching: Bool) -> None:
-        self.block = block
+    def __init__(self, group: ParameterGroup, switching: Bool) -> None:
+        self.group = group
         self.switching = switching
         self.all = bool(switching.all())
         self.stick: list[Array | None] = [None, None, None]
@@ -118,14 +118,14 @@ class Forms:
 
     def add_normal(self, unknown: int) -> None:
         """Rows of the normal kind, such as e_n and v_n = e_n cos gamma."""
-        at = self.block.of_kind("normal")
+        at = self.group.of_kind("normal")
         if not at.any():
             return
-        self._add(unknown, self.block.rows.normal_factor(at), np.flatnonzero(at))
+        self._add(unknown, self.group.rows.normal_factor(at), np.flatnonzero(at))
 
     def add_friction(self, unknown: int, factor: float) -> None:
-        """Rows of mu."""
-        at = self.block.of_kind("friction")
+        """LinearRows of mu."""
+        at = self.group.of_kind("friction")
         if at.any():
             self._add(unknown, np.full(int(at.sum()), factor), np.flatnonzero(at))
 
@@ -137,7 +137,7 @@ class Forms:
             self._put(unknown, np.array([factor]), np.array([mean]), np.array([1.0 / sd]), code)
 
     def _add(self, unknown: int, factor: Array, at: Index) -> None:
-        self._put(unknown, factor, self.block.rows.value[at], self.block.weight[at], at)
+        self._put(unknown, factor, self.group.rows.value[at], self.group.weight[at], at)
 
     def _put(self, unknown: int, factor: Array, value: Array, weight: Array, of: Index) -> None:
         design = np.zeros((value.size, 3))
@@ -157,33 +157,33 @@ class Forms:
     ) -> LinearForm:
         """Reduce to the free unknowns."""
         matrix, base = frame.matrix(), frame.base
-        weight, value = self.of(self.block.weight), self.of(self.block.rows.value)
-        tau = self.of(self.block.rows.tau)
+        weight, value = self.of(self.group.weight), self.of(self.group.rows.value)
+        tau = self.of(self.group.rows.tau)
 
-        def rows(columns: list[Array | None], constant: Array | float) -> Rows:
+        def rows(columns: list[Array | None], constant: Array | float) -> LinearRows:
             target = value - constant
             for column, x in zip(columns, base, strict=True):
                 if column is not None and x != 0.0:
                     target = target - x * column
-            return Rows(tuple(_weighted(columns, m, weight) for m in matrix.T), weight * target)
+            return LinearRows(tuple(_weighted(columns, m, weight) for m in matrix.T), weight * target)
 
         stick, slide = rows(self.stick, self.stick0), rows(self.slide, self.slide0)
         rest = np.concatenate([np.zeros((0, 3)), *self.rest])
         rest_target = np.concatenate([np.zeros(0), *self.rest_target])
-        always = Rows.of(rest @ matrix, rest_target - rest @ base)
+        always = LinearRows.of(rest @ matrix, rest_target - rest @ base)
         switching = np.flatnonzero(self.switching)
         always_of = np.concatenate([np.zeros(0, dtype=np.intp), *self.rest_of])
         grazing = np.isinf(tau)  # no transition can reach them: they slide whatever the constants
         if grazing.any():
             lost = slide.take(grazing)
-            always = Rows.of(
+            always = LinearRows.of(
                 np.concatenate((always.design, lost.design)), np.concatenate((always.target, lost.target))
             )
             stick, slide, tau = stick.take(~grazing), slide.take(~grazing), tau[~grazing]
             always_of, switching = np.concatenate((always_of, switching[grazing])), switching[~grazing]
-        walls = np.array(domain.walls).reshape(-1, 3)
-        limits = np.array(domain.limits) - walls @ base
-        reduced = walls @ matrix
+        constraints = np.array(domain.constraints).reshape(-1, 3)
+        limits = np.array(domain.limits) - constraints @ base
+        reduced = constraints @ matrix
         real = np.abs(reduced).max(axis=1, initial=0.0) > 0.0
         problem = PiecewiseProblem(
             tau,

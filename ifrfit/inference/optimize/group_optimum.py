@@ -1,76 +1,77 @@
-"""The optimum of one block: directly where it is linear, over e_n where it is not."""
+"""The optimum of one group: directly where it is linear, over e_n where it is not."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 
+from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.design import LinearForm
 from ifrfit.inference.optimize.linear_families import linear_form
-from ifrfit.inference.optimize.normal_and_friction import solve_coupled
 from ifrfit.inference.optimize.parameter_group import (
-    Block,
-    BlockOptimum,
     Constants,
+    GroupOptimum,
+    ParameterGroup,
     is_separable,
-    normal_part,
-    without_normal,
+    restitution_optimum,
+    without_normal_rows,
 )
-from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, minimise
+from ifrfit.inference.optimize.piecewise import PiecewiseOptimum
+from ifrfit.inference.optimize.restitution_and_friction import solve_over_e_n
 
 
-def solve_block(block: Block) -> BlockOptimum | None:
+def solve_group(group: ParameterGroup) -> GroupOptimum | None:
     """Optimum of rows that share one set of constants; None where only a search can find it."""
-    if block.of_kind("curved").any():
+    if group.of_kind("curved").any():
         return None
-    if block.e_n.fixed is None and is_separable(block):
-        e_n, objective = normal_part(block)
-        rest = without_normal(block, e_n)
-        found = solve_block(rest)
+    if group.e_n.fixed is None and is_separable(group):
+        e_n, objective = restitution_optimum(group)
+        rest = without_normal_rows(group, e_n)
+        found = solve_group(rest)
         return None if found is None else raised(found, objective)
-    form = linear_form(block)
+    form = linear_form(group)
     if form is None:
-        return solve_coupled(block)
+        return solve_over_e_n(group)
     optimum = minimise(form.problem)
-    minima = tuple((value, middle_of_loose(block, form.to_constants(t))) for value, t in optimum.optima)
-    return BlockOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(block, form, optimum))
+    minima = tuple((value, center_free_e_n(group, form.to_constants(t))) for value, t in optimum.optima)
+    return GroupOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(group, form, optimum))
 
 
-def _extremes(block: Block, form: LinearForm, optimum: PiecewiseOptimum) -> tuple[Constants, ...]:
+def _extremes(group: ParameterGroup, form: LinearForm, optimum: PiecewiseOptimum) -> tuple[Constants, ...]:
     """Outlying constants that describe the data as well; infinite where no oblique row sets a limit."""
     found = [form.to_constants(t) for t in optimum.extremes]
-    if not block.of_kind("tangential").any():
+    if not group.of_kind("tangential").any():
         return tuple(found)
     e_n, c, mu = form.to_constants(optimum.t)
-    if optimum.all_stick and block.mu.fixed is None:
+    if optimum.all_stick and group.mu.fixed is None:
         found.append((e_n, c, math.inf))
-    if optimum.all_slide and block.coefficients.a1 == 0.0 and block.c.fixed is None:
+    if optimum.all_slide and group.coefficients.a1 == 0.0 and group.c.fixed is None:
         found.append((e_n, math.inf, mu))  # a constant that shows in sticking only
     return tuple(found)
 
 
-def raised(found: BlockOptimum, by: float) -> BlockOptimum:
+def raised(found: GroupOptimum, by: float) -> GroupOptimum:
     """The same optimum with something added to every objective."""
     minima = tuple((value + by, constants) for value, constants in found.minima)
     return replace(found, objective=found.objective + by, minima=minima)
 
 
-def middle_of_loose(block: Block, constants: Constants) -> Constants:
+def center_free_e_n(group: ParameterGroup, constants: Constants) -> Constants:
     """Put e_n into the middle of what bounds of mu allow, where nothing measures it."""
     e_n, c, mu = constants
     touched = (
-        block.e_n.fixed is not None
-        or block.e_n.prior is not None
-        or block.of_kind("normal", "friction").any()
-        or block.of_scale("impulse").any()
-        or block.of_scale("rebound").any()
-        or block.mu.fixed is not None
-        or block.mu.prior is not None
+        group.e_n.fixed is not None
+        or group.e_n.prior is not None
+        or group.of_kind("normal", "friction").any()
+        or group.of_scale("impulse").any()
+        or group.of_scale("rebound").any()
+        or group.mu.fixed is not None
+        or group.mu.prior is not None
     )
     kappa = mu * (1.0 + e_n)
     if touched or kappa <= 0.0:
         return constants
-    low = max(block.e_n.lower, kappa / block.mu.upper - 1.0)
-    high = min(block.e_n.upper, kappa / block.mu.lower - 1.0 if block.mu.lower > 0.0 else math.inf)
+    low = max(group.e_n.lower, kappa / group.mu.upper - 1.0)
+    high = min(group.e_n.upper, kappa / group.mu.lower - 1.0 if group.mu.lower > 0.0 else math.inf)
     middle = 0.5 * (low + high)
     return middle, c, kappa / (1.0 + middle)

@@ -1,4 +1,4 @@
-"""The local Gaussian at an optimum: covariance, rank, and which combinations of constants are loose."""
+"""Gaussian (Laplace) approximation at an optimum: covariance, rank, undetermined combinations."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _LOADED = 1e-7  # share of the prior sd below which a constant does not take par
 
 
 @dataclass(frozen=True)
-class Local:
-    """Second-order picture of the objective about theta.
+class GaussianApproximation:
+    """Second-order expansion of the objective about theta.
 
     Attributes
     ----------
     names : tuple of str
-        Coordinates in which the picture is taken: those of theta, with kappa in the place of mu where that
+        Coordinates of the expansion: those of theta, with kappa in the place of mu where that
         is one to one.
     phi : ndarray
         theta in these coordinates.
@@ -83,8 +83,10 @@ class Local:
         return np.asarray(spread @ spread.T)
 
 
-def local_picture(problem: Problem, sigma: Array, theta: Array, *, with_priors: bool = True) -> Local:
-    """Take the picture at theta.
+def gaussian_approximation(
+    problem: Problem, sigma: Array, theta: Array, *, with_priors: bool = True
+) -> GaussianApproximation:
+    """Expand the objective at theta.
 
     Parameters
     ----------
@@ -119,7 +121,9 @@ def local_picture(problem: Problem, sigma: Array, theta: Array, *, with_priors: 
     vectors[free] = scale[free, None] * right.T
     seen = singular[: left.shape[1]] > RANK * singular.max(initial=0.0)
     leverage = (left[: problem.rows.value.size, seen] ** 2).sum(axis=1)
-    return Local(names, phi, to_theta, vectors, singular, -2.0 * (by_phi.T @ residual), leverage)
+    return GaussianApproximation(
+        names, phi, to_theta, vectors, singular, -2.0 * (by_phi.T @ residual), leverage
+    )
 
 
 def kappa_coordinates(problem: Problem, theta: Array) -> tuple[tuple[str, ...], Array, Array]:

@@ -1,24 +1,34 @@
-"""Least squares: certified optimum, and the noise where the data must say how large it is."""
+"""Least squares: certified optimum, the noise where it is estimated, and weights that follow from the fit.
+
+Errors that are not normal, and errors of angles, are met by iteratively reweighted least squares (IRLS).
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import AT_REST
+from ifrfit.inference.model.error_model import ITERATED, PLAIN, ErrorModel
+from ifrfit.inference.model.latent_quadrature import slopes
+from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.laplace import Local, local_picture
+from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
+from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.solve import solve
-from ifrfit.physics.observables import OBSERVABLES
 
 _ITERATIONS = 100
 _CONVERGED = 1e-10
+_REWEIGHTINGS = 60
+_WEIGHTS_CONVERGED = 1e-8
+_SMALLEST_FACTOR = 1e-6  # on sigma: a smaller one says that the misfit is nothing but rounding
 
 
 @dataclass(frozen=True)
@@ -36,7 +46,7 @@ class LeastSquares:
         Degrees of freedom behind the noise; infinite where sigma is known.
     change : float
         Last relative change of the noise; 0 where it is known.
-    local : Local
+    gaussian : GaussianApproximation
     """
 
     optimum: Optimum
@@ -44,7 +54,7 @@ class LeastSquares:
     noise: Mapping[str, float]
     noise_dof: float
     change: float
-    local: Local
+    gaussian: GaussianApproximation
 
     @property
     def converged(self) -> bool:
@@ -57,7 +67,8 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
 
     known: sigma is taken at its word. scaled: sigma times one common factor, from the misfit.
     unknown: one sigma a series and observable, from the misfit; weights are iterated and the optimum is
-    certified at the final ones. The same where the scatter is not plain, see `scatter.reweighted`.
+    certified at the final ones. With heavy tails or errors of angles the weights are iterated as well, see
+    `_iteratively_reweighted`.
 
     Parameters
     ----------
@@ -71,18 +82,21 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
         If the noise is to come from the misfit and a group could be fitted exactly.
     """
     if not problem.error_model.is_plain:
-        from ifrfit.inference.optimize.irls import reweighted  # which calls this for each set of weights
+        return _iteratively_reweighted(problem)
+    return _with_plain_errors(problem, start)
 
-        return reweighted(problem)
+
+def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSquares:
+    """Fit under normal errors of the values alone; see `least_squares`."""
     if problem.noise.is_known:
         optimum = solve(problem, problem.noise.sigma, start)
-        local = local_picture(problem, problem.noise.sigma, optimum.theta)
+        gaussian = gaussian_approximation(problem, problem.noise.sigma, optimum.theta)
         return LeastSquares(
-            optimum, problem.noise.sigma, group_sigma(problem, problem.noise.sigma), math.inf, 0.0, local
+            optimum, problem.noise.sigma, group_sigma(problem, problem.noise.sigma), math.inf, 0.0, gaussian
         )
     groups = problem.noise_groups()
     for name, rows in groups.items():
-        _refuse_exact(problem, name, rows)
+        refuse_exact_group(problem, name, rows)
     base = problem.noise.base
     factor = np.ones(base.size)
     change = math.inf
@@ -92,8 +106,8 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
     near = start  # a search that found the optimum once follows it while the noise settles
     for _ in range(_ITERATIONS):
         optimum = solve(problem, base * factor, near)
-        local = local_picture(problem, base * factor, optimum.theta)
-        new = _factors(problem, optimum.theta, base, groups, local)
+        gaussian = gaussian_approximation(problem, base * factor, optimum.theta)
+        new = _factors(problem, optimum.theta, base, groups, gaussian)
         change = float(np.abs(new / factor - 1.0).max())
         factor = new
         if change <= _CONVERGED:
@@ -102,78 +116,85 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
     sigma = base * factor
     if near is not None:
         optimum = solve(problem, sigma, start)
-    dof = sum(rows.size - float(local.leverage[rows].sum()) for rows in groups.values())
-    local = local_picture(problem, sigma, optimum.theta)
-    return LeastSquares(optimum, sigma, group_sigma(problem, sigma), dof, change, local)
+    dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
+    gaussian = gaussian_approximation(problem, sigma, optimum.theta)
+    return LeastSquares(optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian)
 
 
-def _factors(problem: Problem, theta: Array, base: Array, groups: Mapping[str, Index], local: Local) -> Array:
+def _iteratively_reweighted(problem: Problem) -> LeastSquares:
+    """Fit with weights that follow from the fit.
+
+    Student-t: the weight of a row is (nu + 1)/(nu + z^2), which makes the fixed point the maximum of the
+    likelihood (Lange, Little & Taylor 1989). Errors of angle and spin add to sigma through the slope at the
+    fit (effective variance); where the true angles are integrated out this is no more than the place to begin
+    from. Each single fit is certified; that the weights lead to the best of several fixed points is not.
+
+    Returns
+    -------
+    LeastSquares
+        With `sigma` as weighted, and the Gaussian approximation widened to Student's information.
+    """
+    plain = replace(problem, error_model=PLAIN)
+    base, factor = problem.noise.sigma, 1.0
+    if problem.noise.is_scaled:
+        factor = float(np.median(_with_plain_errors(plain).sigma / base))
+    nu = problem.error_model.dof
+    sigma, change = base * factor, math.inf
+    found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
+    for _ in range(_REWEIGHTINGS):
+        theta = found.optimum.theta
+        wide = _effective_sigma(problem, theta, factor)
+        z = (problem.rows.value - problem.predict(theta)) / wide
+        weight = np.ones(z.size) if nu is None else (nu + 1.0) / (nu + z * z)
+        if problem.noise.is_scaled:
+            dof = max(z.size - float(found.gaussian.leverage.sum()), 0.5)
+            factor = max(factor * math.sqrt(float(weight @ (z * z)) / dof), _SMALLEST_FACTOR)
+            wide = _effective_sigma(problem, theta, factor)
+        new = wide / np.sqrt(weight)
+        change = float(np.abs(new / sigma - 1.0).max())
+        sigma = new
+        found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
+        if change <= _WEIGHTS_CONVERGED:
+            break
+    information = 1.0 if nu is None else math.sqrt((nu + 3.0) / (nu + 1.0))
+    gaussian = gaussian_approximation(plain, sigma * information, found.optimum.theta)
+    dof = math.inf
+    if problem.noise.is_scaled:
+        dof = max(sigma.size - float(gaussian.leverage.sum()), 0.5)
+    optimum = replace(found.optimum, gap=None, method=f"{found.optimum.method}, {ITERATED}")
+    return LeastSquares(optimum, sigma, group_sigma(problem, base * factor), dof, change, gaussian)
+
+
+def _effective_sigma(problem: Problem, theta: Array, factor: float = 1.0) -> Array:
+    """Error of each row with those of its angle and spin added through the slope at theta, (n,)."""
+    sigma = problem.noise.sigma * factor
+    if problem.error_model.angles == "none":
+        return np.asarray(sigma)
+    square = sigma**2
+    laws = replace(problem, error_model=ErrorModel(angles="effective", gamma=problem.error_model.gamma))
+    for number, _ in enumerate(problem.series):
+        rows = np.flatnonzero(problem.rows.series == number)
+        law = RowLaw.of(laws, rows)
+        for sd, slope in slopes(law, at_theta(problem, theta[None], series=number)):
+            square[rows[law.order]] += (slope[0, 0, :, 0] * sd) ** 2
+    return np.asarray(np.sqrt(square))
+
+
+def _factors(
+    problem: Problem, theta: Array, base: Array, groups: Mapping[str, Index], gaussian: GaussianApproximation
+) -> Array:
     """Noise factor of each row: misfit of its group over the degrees of freedom that the group keeps."""
     residual = (problem.rows.value - problem.predict(theta)) / base
     factor = np.empty(base.size)
     for name, rows in groups.items():
         square = float(residual[rows] @ residual[rows])
-        dof = rows.size - float(local.leverage[rows].sum())
+        dof = rows.size - float(gaussian.leverage[rows].sum())
         # a misfit of nothing but rounding says nothing of the noise
         size = float(np.abs(problem.rows.value[rows] / base[rows]).max()) + 1.0
         if dof < 0.5 or square <= (1e-13 * size) ** 2 * rows.size:
-            raise DataError(_needs_sigma(problem, name, rows))
+            raise DataError(needs_sigma(problem, name, rows))
         factor[rows] = math.sqrt(square / dof)
     return factor
-
-
-def _refuse_exact(problem: Problem, name: str, rows: Index) -> None:
-    """Refuse a group whose points the free constants could run through exactly."""
-    inputs = inputs_of(problem, rows)
-    values = np.column_stack((inputs, problem.rows.value[rows]))
-    points = np.unique(inputs, axis=0).shape[0]
-    scatter = np.unique(values, axis=0).shape[0] > points
-    if points <= n_taken(problem, rows) and not scatter:
-        raise DataError(_needs_sigma(problem, name, rows))
-
-
-def n_taken(problem: Problem, rows: Index) -> int:
-    """How many free constants, or combinations of them, the rows depend on."""
-    free = {c.name for c in problem.parameters if c.fixed is None}
-    own = {problem.closure.constant}
-    takes: set[str] = set()
-    for which in np.unique(problem.rows.which[rows]):
-        observable = OBSERVABLES[problem.rows.names[which]]
-        if observable.kind == "normal":
-            takes |= free & {"e_n"}
-        elif observable.kind == "friction":
-            takes |= free & {"mu"}
-        elif observable.kind == "tangential" and observable.scale == "one":
-            takes |= (free & own) | ({"kappa"} if free & {"mu", "e_n"} else set())
-        else:
-            takes |= free
-    return len(takes)
-
-
-def inputs_of(problem: Problem, rows: Index) -> Array:
-    """What was set in each row, as numbers: rows that differ in none of them repeat one point, (n, 5)."""
-    i = problem.rows.incidence
-    inputs = np.column_stack(
-        (problem.rows.which[rows], problem.rows.tau[rows], i.spin_x[rows], i.spin_y[rows], i.sine[rows])
-    )
-    inputs[np.isin(problem.rows.which[rows], _without_angle(problem))] *= [1, 0, 0, 0, 0]
-    return np.asarray(inputs, dtype=float)
-
-
-def _without_angle(problem: Problem) -> list[int]:
-    return [i for i, n in enumerate(problem.rows.names) if not OBSERVABLES[n].has_angle]
-
-
-def _needs_sigma(problem: Problem, name: str, rows: Index) -> str:
-    table = problem.observations.table.iloc[rows]
-    what = ", ".join(dict.fromkeys(table["observable"]))
-    where = table["source"].iloc[0] + (f", series {table['series'].iloc[0]}" if name else "")
-    own, needs = ("its own", "it needs") if rows.size == 1 else ("their own", "they need")
-    return (
-        f"{where}: {rows.size} value{'' if rows.size == 1 else 's'} of {what} cannot tell {own} noise "
-        f"from the constants, so {needs} a sigma. "
-        "Add a column sigma (and --noise known), or more impacts at other angles."
-    )
 
 
 def group_sigma(problem: Problem, sigma: Array) -> dict[str, float]:

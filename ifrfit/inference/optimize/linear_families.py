@@ -23,65 +23,65 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.optimize.design import Domain, Forms, Frame, LinearForm
-from ifrfit.inference.optimize.parameter_group import Array, Block, Constants
+from ifrfit.inference.optimize.parameter_group import Array, Constants, ParameterGroup
 
 _TINY = 1e-300
 LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
 
 
-def linear_form(block: Block) -> LinearForm | None:
-    """Restate the block in the family that takes its rows; None if it is not linear in any."""
-    scaled = block.of_scale("impulse"), block.of_scale("rebound")
-    friction = bool(block.of_kind("friction").any()) or block.mu.prior is not None
-    normal = bool(block.of_kind("normal").any()) or block.e_n.prior is not None
-    if block.of_kind("curved").any():
+def linear_form(group: ParameterGroup) -> LinearForm | None:
+    """Restate the group in the family that takes its rows; None if it is not linear in any."""
+    scaled = group.of_scale("impulse"), group.of_scale("rebound")
+    friction = bool(group.of_kind("friction").any()) or group.mu.prior is not None
+    normal = bool(group.of_kind("normal").any()) or group.e_n.prior is not None
+    if group.of_kind("curved").any():
         return None
-    if not block.of_kind("tangential").any():
-        return _direct_family(block)
-    if block.e_n.fixed is not None or not (scaled[0].any() or scaled[1].any() or friction):
-        return kappa_form(block)
-    if normal or (block.c.prior is not None and (scaled[0].any() or scaled[1].any())):
+    if not group.of_kind("tangential").any():
+        return _direct_family(group)
+    if group.e_n.fixed is not None or not (scaled[0].any() or scaled[1].any() or friction):
+        return kappa_form(group)
+    if normal or (group.c.prior is not None and (scaled[0].any() or scaled[1].any())):
         return None
     if not (scaled[0].any() or scaled[1].any()):
-        return _friction_family(block)
-    if (scaled[0] | block.of_kind("friction")).all():
-        return _impulse_family(block)
+        return _friction_family(group)
+    if (scaled[0] | group.of_kind("friction")).all():
+        return _impulse_family(group)
     if scaled[1].all() and not friction:
-        return _rebound_family(block)
+        return _rebound_family(group)
     return None
 
 
-def kappa_form(block: Block) -> LinearForm:
-    """Restate in e_n, c and kappa: any block without curved rows whose e_n is fixed, and some others."""
-    e = block.e_n.fixed
-    factor = np.ones(block.rows.tau.size)
+def kappa_form(group: ParameterGroup) -> LinearForm:
+    """Restate in e_n, c and kappa: any group without curved rows whose e_n is fixed, and some others."""
+    e = group.e_n.fixed
+    factor = np.ones(group.rows.tau.size)
     if e is not None:
-        factor[block.of_scale("impulse")] = 1.0 / (1.0 + e)
-        factor[block.of_scale("rebound")] = 1.0 / max(e, _TINY)
-    offset, slope = block.linear_parts()
-    k = block.coefficients
-    tangential = block.of_kind("tangential")
-    forms = Forms(block, tangential)
+        factor[group.of_scale("impulse")] = 1.0 / (1.0 + e)
+        factor[group.of_scale("rebound")] = 1.0 / max(e, _TINY)
+    offset, slope = group.linear_parts()
+    k = group.coefficients
+    tangential = group.of_kind("tangential")
+    forms = Forms(group, tangential)
     forms.stick[1] = forms.of(slope * factor * (k.a1 + k.b1))
     forms.stick0 = forms.of(factor * (offset + slope * (k.a0 + k.b0)))
     forms.slide[1] = forms.of(slope * factor * k.a1)
-    forms.slide[2] = forms.of(_over_tau(slope * factor, block.rows.tau))
+    forms.slide[2] = forms.of(_over_tau(slope * factor, group.rows.tau))
     forms.slide0 = forms.of(factor * (offset + slope * k.a0))
     forms.add_normal(0)
     if e is not None:
         forms.add_friction(2, 1.0 / (1.0 + e))
-        forms.add_prior(block.mu, 2, 1.0 / (1.0 + e))
-    forms.add_prior(block.e_n, 0)
-    forms.add_prior(block.c, 1)
-    frame = Frame.of(block.e_n, block.c, None)
-    if block.mu.fixed is not None:
-        frame.tie(2, block.mu.fixed, 0, block.mu.fixed)  # kappa = mu + mu e_n
+        forms.add_prior(group.mu, 2, 1.0 / (1.0 + e))
+    forms.add_prior(group.e_n, 0)
+    forms.add_prior(group.c, 1)
+    frame = Frame.of(group.e_n, group.c, None)
+    if group.mu.fixed is not None:
+        frame.tie(2, group.mu.fixed, 0, group.mu.fixed)  # kappa = mu + mu e_n
     domain = Domain()
-    domain.between(0, block.e_n)
-    domain.between(1, block.c)
-    domain.wall([block.mu.lower, 0.0, -1.0], -block.mu.lower)  # kappa >= mu_lo (1 + e_n)
-    if math.isfinite(block.mu.upper):
-        domain.wall([-block.mu.upper, 0.0, 1.0], block.mu.upper)
+    domain.between(0, group.e_n)
+    domain.between(1, group.c)
+    domain.constraint([group.mu.lower, 0.0, -1.0], -group.mu.lower)  # kappa >= mu_lo (1 + e_n)
+    if math.isfinite(group.mu.upper):
+        domain.constraint([-group.mu.upper, 0.0, 1.0], group.mu.upper)
 
     def back(full: Array) -> Constants:
         return full[0], full[1], full[2] / (1.0 + full[0])
@@ -89,102 +89,102 @@ def kappa_form(block: Block) -> LinearForm:
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, k.b1, 0.0], k.b0, back)
 
 
-def _friction_family(block: Block) -> LinearForm:
+def _friction_family(group: ParameterGroup) -> LinearForm:
     """Unknowns mu, c, kappa; e_n = kappa/mu - 1."""
-    offset, slope = block.linear_parts()
-    k = block.coefficients
-    tangential = block.of_kind("tangential")
-    forms = Forms(block, tangential)
+    offset, slope = group.linear_parts()
+    k = group.coefficients
+    tangential = group.of_kind("tangential")
+    forms = Forms(group, tangential)
     forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
     forms.stick0 = forms.of(offset + slope * (k.a0 + k.b0))
     forms.slide[1] = forms.of(slope * k.a1)
-    forms.slide[2] = forms.of(_over_tau(slope, block.rows.tau))
+    forms.slide[2] = forms.of(_over_tau(slope, group.rows.tau))
     forms.slide0 = forms.of(offset + slope * k.a0)
     forms.add_friction(0, 1.0)
-    forms.add_prior(block.mu, 0)
-    forms.add_prior(block.c, 1)
+    forms.add_prior(group.mu, 0)
+    forms.add_prior(group.c, 1)
     domain = Domain()
-    domain.between(0, block.mu)
-    domain.between(1, block.c)
-    domain.wall([1.0 + block.e_n.lower, 0.0, -1.0], 0.0)
-    domain.wall([-1.0 - block.e_n.upper, 0.0, 1.0], 0.0)
-    middle = 0.5 * (block.e_n.lower + block.e_n.upper)
+    domain.between(0, group.mu)
+    domain.between(1, group.c)
+    domain.constraint([1.0 + group.e_n.lower, 0.0, -1.0], 0.0)
+    domain.constraint([-1.0 - group.e_n.upper, 0.0, 1.0], 0.0)
+    middle = 0.5 * (group.e_n.lower + group.e_n.upper)
 
     def back(full: Array) -> Constants:
         e_n = full[2] / full[0] - 1.0 if full[0] > 0.0 else middle
-        return min(max(e_n, block.e_n.lower), block.e_n.upper), full[1], full[0]
+        return min(max(e_n, group.e_n.lower), group.e_n.upper), full[1], full[0]
 
-    frame = Frame.of(block.mu, block.c, None)
+    frame = Frame.of(group.mu, group.c, None)
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, k.b1, 0.0], k.b0, back)
 
 
-def _impulse_family(block: Block) -> LinearForm:
+def _impulse_family(group: ParameterGroup) -> LinearForm:
     """Unknowns w = 1/(1 + e_n), c w, mu."""
-    _, slope = block.linear_parts()
-    tangential = block.of_kind("tangential")
-    forms = Forms(block, tangential)
-    k = block.coefficients
+    _, slope = group.linear_parts()
+    tangential = group.of_kind("tangential")
+    forms = Forms(group, tangential)
+    k = group.coefficients
     forms.stick[0] = forms.of(slope * (k.a0 + k.b0))
     forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
     forms.slide[0] = forms.of(slope * k.a0)
     forms.slide[1] = forms.of(slope * k.a1)
-    forms.slide[2] = forms.of(_over_tau(slope, block.rows.tau))
+    forms.slide[2] = forms.of(_over_tau(slope, group.rows.tau))
     forms.add_friction(2, 1.0)
-    forms.add_prior(block.mu, 2)
+    forms.add_prior(group.mu, 2)
     domain = Domain()
-    domain.wall([1.0, 0.0, 0.0], 1.0 / (1.0 + block.e_n.lower))
-    domain.wall([-1.0, 0.0, 0.0], -1.0 / (1.0 + block.e_n.upper))
-    _product_walls(domain, block.c)
-    domain.between(2, block.mu)
+    domain.constraint([1.0, 0.0, 0.0], 1.0 / (1.0 + group.e_n.lower))
+    domain.constraint([-1.0, 0.0, 0.0], -1.0 / (1.0 + group.e_n.upper))
+    _product_bounds(domain, group.c)
+    domain.between(2, group.mu)
 
     def back(full: Array) -> Constants:
         return 1.0 / full[0] - 1.0, full[1] / full[0], full[2]
 
-    frame = Frame.of(None, None, block.mu)
-    if block.c.fixed is not None:
-        frame.tie(1, 0.0, 0, block.c.fixed)
+    frame = Frame.of(None, None, group.mu)
+    if group.c.fixed is not None:
+        frame.tie(1, 0.0, 0, group.c.fixed)
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
 
 
-def _rebound_family(block: Block) -> LinearForm:
+def _rebound_family(group: ParameterGroup) -> LinearForm:
     """Unknowns w = 1/e_n, c w, kappa w."""
-    offset, slope = block.linear_parts()
-    forms = Forms(block, np.ones(block.rows.tau.size, dtype=bool))
-    k = block.coefficients
+    offset, slope = group.linear_parts()
+    forms = Forms(group, np.ones(group.rows.tau.size, dtype=bool))
+    k = group.coefficients
     forms.stick[0] = _cleared(offset, slope * (k.a0 + k.b0))
     forms.stick[1] = slope * (k.a1 + k.b1)
     forms.slide[0] = _cleared(offset, slope * k.a0)
     forms.slide[1] = slope * k.a1
-    forms.slide[2] = _over_tau(slope, block.rows.tau)
+    forms.slide[2] = _over_tau(slope, group.rows.tau)
     domain = Domain()
-    domain.wall([-1.0, 0.0, 0.0], -1.0 / max(block.e_n.upper, LOWEST))
-    domain.wall([1.0, 0.0, 0.0], 1.0 / max(block.e_n.lower, LOWEST))
-    _product_walls(domain, block.c)
-    domain.wall([block.mu.lower, 0.0, -1.0], -block.mu.lower)  # kappa w >= mu_lo (1 + w)
-    if math.isfinite(block.mu.upper):
-        domain.wall([-block.mu.upper, 0.0, 1.0], block.mu.upper)
+    domain.constraint([-1.0, 0.0, 0.0], -1.0 / max(group.e_n.upper, LOWEST))
+    domain.constraint([1.0, 0.0, 0.0], 1.0 / max(group.e_n.lower, LOWEST))
+    _product_bounds(domain, group.c)
+    domain.constraint([group.mu.lower, 0.0, -1.0], -group.mu.lower)  # kappa w >= mu_lo (1 + w)
+    if math.isfinite(group.mu.upper):
+        domain.constraint([-group.mu.upper, 0.0, 1.0], group.mu.upper)
 
     def back(full: Array) -> Constants:
         return 1.0 / full[0], full[1] / full[0], full[2] / (full[0] + 1.0)
 
     frame = Frame.of(None, None, None)
-    if block.c.fixed is not None:
-        frame.tie(1, 0.0, 0, block.c.fixed)
-    if block.mu.fixed is not None:
-        frame.tie(2, block.mu.fixed, 0, block.mu.fixed)
+    if group.c.fixed is not None:
+        frame.tie(1, 0.0, 0, group.c.fixed)
+    if group.mu.fixed is not None:
+        frame.tie(2, group.mu.fixed, 0, group.mu.fixed)
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
 
 
-def _direct_family(block: Block) -> LinearForm:
+def _direct_family(group: ParameterGroup) -> LinearForm:
     """Unknowns e_n, c, mu: without oblique rows nothing ties one to another."""
-    forms = Forms(block, np.zeros(block.rows.tau.size, dtype=bool))
+    forms = Forms(group, np.zeros(group.rows.tau.size, dtype=bool))
     domain = Domain()
     forms.add_normal(0)
     forms.add_friction(2, 1.0)
-    for unknown, constant in enumerate((block.e_n, block.c, block.mu)):
+    for unknown, constant in enumerate((group.e_n, group.c, group.mu)):
         forms.add_prior(constant, unknown)
         domain.between(unknown, constant)
-    frame = Frame.of(block.e_n, block.c, block.mu)
+    frame = Frame.of(group.e_n, group.c, group.mu)
 
     def back(full: Array) -> Constants:
         return full[0], full[1], full[2]
@@ -192,11 +192,11 @@ def _direct_family(block: Block) -> LinearForm:
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], 0.0, back)
 
 
-def _product_walls(domain: Domain, c: Parameter) -> None:
+def _product_bounds(domain: Domain, c: Parameter) -> None:
     """c_lo w <= c w <= c_hi w."""
     if c.fixed is None:
-        domain.wall([c.lower, -1.0, 0.0], 0.0)
-        domain.wall([-c.upper, 1.0, 0.0], 0.0)
+        domain.constraint([c.lower, -1.0, 0.0], 0.0)
+        domain.constraint([-c.upper, 1.0, 0.0], 0.0)
 
 
 def _cleared(offset: Array, part: Array) -> Array:

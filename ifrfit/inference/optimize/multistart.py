@@ -9,6 +9,7 @@ import numpy as np
 
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.optimum import Array, Optimum
+from ifrfit.inference.optimize.piecewise import NEAR
 
 _TRANSITIONS = 9
 _REFINED = 8  # starts that are followed down to their minimum
@@ -95,7 +96,7 @@ def _prior_jacobian(problem: Problem) -> Array:
 def _distinct(
     problem: Problem, sigma: Array, found: list[tuple[float, Array]]
 ) -> tuple[tuple[float, Array], ...]:
-    """Local minima at different places within 4; starts that stopped on the way to a better one go along.
+    """Local minima at different places within `NEAR`; starts that stopped on the way to a better one too.
 
     Places whose rows have the same values are one: a valley along which the data do not tell the constants.
     """
@@ -103,7 +104,7 @@ def _distinct(
     kept: list[tuple[float, Array]] = []
     values: list[Array] = []
     for value, theta in found:
-        if value > best + 4.0 or any(np.abs(theta - other).max() <= 1e-3 for _, other in kept):
+        if value > best + NEAR or any(np.abs(theta - other).max() <= 1e-3 for _, other in kept):
             continue
         fitted = np.concatenate((problem.predict(theta) / sigma, problem.parameters.prior_residuals(theta)))
         if all(np.abs(fitted - other).max() > 1e-3 for other in values):

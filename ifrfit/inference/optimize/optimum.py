@@ -27,11 +27,11 @@ class Optimum:
     gap : float or None
         objective minus a proven lower bound over everything else; None where no bound is known.
     minima : tuple of (float, ndarray)
-        Objective and theta of the distinct local minima within 4, best first.
+        Objective and theta of the distinct local minima within `NEAR`, best first.
     extremes : tuple of ndarray
         theta at outlying places whose objective lies within 3.84, infinite entries where nothing limits them;
-        empty where the road does not tell.
-    road : str
+        empty where the method does not tell.
+    method : str
         How it was found.
     """
 
@@ -39,7 +39,7 @@ class Optimum:
     objective: float
     gap: float | None
     minima: tuple[tuple[float, Array], ...]
-    road: str
+    method: str
     extremes: tuple[Array, ...] = ()
 
     @property
@@ -49,7 +49,7 @@ class Optimum:
 
     @property
     def n_near(self) -> int:
-        """Local minima within 4 of the objective."""
+        """Local minima within `NEAR` of the objective."""
         return len(self.minima)
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,7 @@ Constants = tuple[float, float, float]  # e_n, c, mu
 
 
 @dataclass(frozen=True)
-class Block:
+class ParameterGroup:
     """Rows that share one set of constants, with the weights (1/sigma) they have in the sum of squares."""
 
     rows: Rows
@@ -59,56 +60,69 @@ class Block:
 
 
 @dataclass(frozen=True)
-class BlockOptimum:
-    """Best constants (e_n, c, mu) of a block, and what is proven; see `Optimum`."""
+class GroupOptimum:
+    """Best constants (e_n, c, mu) of a group, and what is proven; see `Optimum`."""
 
     constants: Constants
     objective: float
     gap: float | None
     minima: tuple[tuple[float, Constants], ...]
     extremes: tuple[Constants, ...] = ()
-    road: str = "all partitions"
+    method: str = "all partitions"
 
 
-def is_separable(block: Block) -> bool:
+def is_separable(group: ParameterGroup) -> bool:
     """Whether e_n can be found apart: nothing ties it to the tangential constants but kappa itself."""
     tied = (
-        block.of_scale("impulse").any() or block.of_scale("rebound").any() or block.of_kind("friction").any()
+        group.of_scale("impulse").any() or group.of_scale("rebound").any() or group.of_kind("friction").any()
     )
-    free_mu = block.mu.fixed is None and block.mu.prior is None
-    return not tied and free_mu and block.mu.lower == 0.0 and math.isinf(block.mu.upper)
+    free_mu = group.mu.fixed is None and group.mu.prior is None
+    return not tied and free_mu and group.mu.lower == 0.0 and math.isinf(group.mu.upper)
 
 
-def normal_sums(block: Block) -> tuple[float, float, float]:
+def restitution_sums(group: ParameterGroup) -> tuple[float, float, float]:
     """Sums (w, w y, w y^2) of everything that measures e_n directly: rows of e_n and v_n, and its prior."""
-    at = block.of_kind("normal")
-    factor = block.rows.normal_factor(at) * block.weight[at]
-    value = block.rows.value[at] * block.weight[at]
-    if block.e_n.prior is not None:
-        mean, sd = block.e_n.prior
+    at = group.of_kind("normal")
+    factor = group.rows.normal_factor(at) * group.weight[at]
+    value = group.rows.value[at] * group.weight[at]
+    if group.e_n.prior is not None:
+        mean, sd = group.e_n.prior
         factor, value = np.append(factor, 1.0 / sd), np.append(value, mean / sd)
     return float(factor @ factor), float(factor @ value), float(value @ value)
 
 
-def normal_part(block: Block) -> tuple[float, float]:
+def restitution_optimum(group: ParameterGroup) -> tuple[float, float]:
     """Best e_n from the rows and the prior that measure it, and its share of the objective.
 
     The middle of the domain where nothing measures it.
     """
-    at = block.of_kind("normal")
-    weight, product, _ = normal_sums(block)
+    at = group.of_kind("normal")
+    weight, product, _ = restitution_sums(group)
     if weight == 0.0:
-        return 0.5 * (block.e_n.lower + block.e_n.upper), 0.0
-    e_n = min(max(product / weight, block.e_n.lower), block.e_n.upper)
-    residual = (block.rows.value[at] - block.rows.normal_factor(at) * e_n) * block.weight[at]
+        return 0.5 * (group.e_n.lower + group.e_n.upper), 0.0
+    e_n = min(max(product / weight, group.e_n.lower), group.e_n.upper)
+    residual = (group.rows.value[at] - group.rows.normal_factor(at) * e_n) * group.weight[at]
     objective = float(residual @ residual)
-    if block.e_n.prior is not None:
-        objective += ((e_n - block.e_n.prior[0]) / block.e_n.prior[1]) ** 2
+    if group.e_n.prior is not None:
+        objective += ((e_n - group.e_n.prior[0]) / group.e_n.prior[1]) ** 2
     return e_n, objective
 
 
-def without_normal(block: Block, e_n: float) -> Block:
-    """The block less what measures e_n, with e_n held."""
-    rest = np.flatnonzero(~block.of_kind("normal"))
-    held = replace(block.e_n, fixed=e_n, prior=None)
-    return replace(block, rows=block.rows.take(rest), weight=block.weight[rest], e_n=held)
+def without_normal_rows(group: ParameterGroup, e_n: float) -> ParameterGroup:
+    """The group less what measures e_n, with e_n held."""
+    rest = np.flatnonzero(~group.of_kind("normal"))
+    held = replace(group.e_n, fixed=e_n, prior=None)
+    return replace(group, rows=group.rows.take(rest), weight=group.weight[rest], e_n=held)
+
+
+def kappa_range(groups: Sequence[ParameterGroup]) -> tuple[float, float]:
+    """Domain of kappa at fixed e_n; without an upper bound of mu it ends where every row sticks."""
+    first = groups[0]
+    unit = 1.0 + (first.e_n.fixed or 0.0)
+    low = first.mu.lower * unit
+    if math.isfinite(first.mu.upper):
+        return low, first.mu.upper * unit
+    linear = first.coefficients
+    bound = max(linear.b0 + linear.b1 * c for c in (first.c.lower, first.c.upper))
+    highest = max(float(g.rows.tau[np.isfinite(g.rows.tau)].max(initial=0.0)) for g in groups)
+    return low, max(bound * highest * 1.01, low + 1.0)

@@ -1,4 +1,4 @@
-"""The last digits: the best cell from its own rows, and every cell that rounding leaves in doubt."""
+"""Refinement of the last digits: cells that rounding leaves in doubt are solved from their own rows."""
 
 from __future__ import annotations
 
@@ -7,58 +7,64 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.optimize.piecewise import Array, PiecewiseProblem, Rows
-from ifrfit.inference.optimize.regime_sums import Branched, Cells, solve_cells
+from ifrfit.inference.optimize.piecewise import Array, LinearRows, PiecewiseProblem
+from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, cell_constraints, cell_minima
+from ifrfit.inference.optimize.solved_cells import SolvedCells
 
-_WELL = 1e-6  # reciprocal condition of a Gram matrix that needs no orthogonalisation of the rows
+_WELL_CONDITIONED = 1e-6  # reciprocal condition of a Gram matrix that needs no orthogonalisation of the rows
 _FLAT = 1e-8  # of a direction that would be 1 in a cell's own frame
-_TOLERANCE = 5e-10  # relative; a bound that lies lower than this below the value leaves doubt
-_MOST = 256  # cells that are solved again at the most
-_AT_REST = 1e-12  # of a standard deviation
-_LOOKS = 3  # at a cell, each from where the last one led
+DOUBT = 5e-10  # relative; a bound that lies lower than this below the value leaves doubt
+_MOST_REFINED = 256  # cells that are solved again at the most
+_STEP_CONVERGED = 1e-12  # of a standard deviation
+_STEPS = 3  # at a cell, each from the last minimum
 
 
-def settle(problem: PiecewiseProblem, cells: Cells, found: Branched) -> Branched:
+def refine(problem: PiecewiseProblem, quadratic: PiecewiseQuadratic, found: SolvedCells) -> SolvedCells:
     """Solve the best cell again from its own rows, then whatever its value does not exclude.
 
     What is still in doubt after that keeps its bound, and so shows in the gap. Where the sums leave no
     doubt, as they mostly do, nothing is solved again.
     """
-    slack = _TOLERANCE * max(1.0, abs(found.value))
+    slack = DOUBT * max(1.0, abs(found.value))
     if found.errors[found.best] <= slack and not (found.bounds < found.value - slack).any():
         return found
     bounds = found.bounds.copy()
-    starts = {int(cell): point for cell, point in zip(found.solved, found.points, strict=True)}
-    settled: dict[int, tuple[float, float, Array]] = {}
+    starts = {int(cell): point for cell, point in zip(found.cells, found.points, strict=True)}
+    refined: dict[int, tuple[float, float, Array]] = {}
     cell = found.cell
     while True:
-        # a cell that was never solved is looked at from the best point so far; its walls hold it in place
-        value, error, point = _from_rows(problem, cells, cell, starts.get(cell, found.point))
-        settled[cell] = value, error, point
+        # a cell that was never solved is expanded about the best point so far
+        value, error, point = _from_rows(problem, quadratic, cell, starts.get(cell, found.point))
+        refined[cell] = value, error, point
         bounds[cell] = value - error
-        best = min(value for value, _, _ in settled.values())
-        below = np.flatnonzero(bounds < best - _TOLERANCE * max(1.0, abs(best)))
-        doubtful = [int(c) for c in below[np.argsort(bounds[below])] if int(c) not in settled]
-        if not doubtful or len(settled) >= _MOST:
+        best = min(value for value, _, _ in refined.values())
+        below = np.flatnonzero(bounds < best - DOUBT * max(1.0, abs(best)))
+        doubtful = [int(c) for c in below[np.argsort(bounds[below])] if int(c) not in refined]
+        if not doubtful or len(refined) >= _MOST_REFINED:
             break
         cell = doubtful[0]
     # values that were never confirmed must not pass for the best
-    rest = ~np.isin(found.solved, list(settled)) & np.isfinite(found.values)
-    sure = {c: s for c, s in settled.items() if np.isfinite(s[0])}
+    rest = ~np.isin(found.cells, list(refined)) & np.isfinite(found.values)
+    sure = {c: s for c, s in refined.items() if np.isfinite(s[0])}
     values = np.where(found.values >= best, found.values, best + found.errors)[rest]
-    return Branched(
+    return SolvedCells(
         np.concatenate(([value for value, _, _ in sure.values()], values)),
         np.concatenate(([error for _, error, _ in sure.values()], found.errors[rest])),
         np.concatenate(([point for _, _, point in sure.values()], found.points[rest])),
-        np.concatenate((np.array(list(sure), dtype=np.intp), found.solved[rest])),
+        np.concatenate((np.array(list(sure), dtype=np.intp), found.cells[rest])),
         bounds,
-        found.counted,
+        found.all_near_solved,
     )
 
 
-def _from_rows(problem: PiecewiseProblem, cells: Cells, cell: int, t: Array) -> tuple[float, float, Array]:
-    """Constrained minimum of one cell, in coordinates about t in which its Gram matrix is the identity."""
-    count = int(cells.count[cell])
+def _from_rows(
+    problem: PiecewiseProblem, quadratic: PiecewiseQuadratic, cell: int, t: Array
+) -> tuple[float, float, Array]:
+    """Constrained minimum of one cell, in coordinates about t in which its Gram matrix is the identity.
+
+    Gives the value, its rounding error and the minimiser; eq. (6) of certificate.md.
+    """
+    count = int(quadratic.n_stick[cell])
     parts = [problem.stick.take(slice(None, count)), problem.slide.take(slice(count, None)), problem.always]
     q = t.size
     gram: Array = sum((part.gram() for part in parts), start=np.zeros((q, q)))
@@ -66,7 +72,7 @@ def _from_rows(problem: PiecewiseProblem, cells: Cells, cell: int, t: Array) -> 
     start, to_rows = np.zeros(q), np.eye(q)
     if frame is None:
         frame = _frame_of_rows(np.concatenate([part.design for part in parts]))
-        parts = [Rows.of(part.design @ frame, part.residuals(t)) for part in parts]
+        parts = [LinearRows.of(part.design @ frame, part.residuals(t)) for part in parts]
         gram = sum((part.gram() for part in parts), start=np.zeros((q, q)))
         # in this frame a direction is round or it is nothing but rounding
         flat: NDArray[np.bool_] = np.diag(gram) < _FLAT
@@ -78,53 +84,52 @@ def _from_rows(problem: PiecewiseProblem, cells: Cells, cell: int, t: Array) -> 
         to_rows, u = frame, np.asarray(np.linalg.solve(frame, t))
     value, error, point = np.inf, 0.0, t
     at = slice(cell, cell + 1)
-    for _ in range(_LOOKS):
+    for _ in range(_STEPS):
         residuals = [part.residuals(to_rows @ u) for part in parts]
-        onto = (part.onto(r) for part, r in zip(parts, residuals, strict=True))
-        downhill = sum(onto, start=np.zeros(q))
-        slope = to_rows.T @ downhill - frame.T @ problem.slope0
-        slope[flat] = 0.0
+        products = (part.transpose_times(r) for part, r in zip(parts, residuals, strict=True))
+        downhill = sum(products, start=np.zeros(q))
+        slope = to_rows.T @ downhill
+        slope[flat] = 0.0  # no row tells anything there; a linear term does
+        slope -= frame.T @ problem.half_linear
         square = np.array([sum(float(r @ r) for r in residuals)])
-        alone = Cells(
-            gram[:, :, None],
-            slope[:, None],
+        solved = cell_minima(
+            *cell_constraints(_in_frame(problem, point, frame), quadratic.low[at], quadratic.high[at]),
+            gram[None],
+            slope[None],
             square,
-            cells.count[at],
-            cells.low[at],
-            cells.high[at],
-            cells.rounding,
+            quadratic.rounding,
+            np.ones((1, q)),
         )
-        solved = solve_cells(_seen_from(problem, point, frame), alone, np.array([0]), np.ones((1, q)))
         if not np.isfinite(solved.values[0]):
             break
-        shift = 0.0 if problem.pull is None else float(problem.pull @ point)
+        shift = 0.0 if problem.linear is None else float(problem.linear @ point)
         value, error = float(solved.values[0]) + shift, float(solved.errors[0])
         ahead = start + frame @ (u + solved.points[0])
         if not _inside_domain(problem, ahead):  # a direction that is flat but for rounding led astray
             break
         u = u + solved.points[0]
         point = start + frame @ u
-        if float(np.abs(solved.points[0]).max(initial=0.0)) <= _AT_REST:
+        if float(np.abs(solved.points[0]).max(initial=0.0)) <= _STEP_CONVERGED:
             break
     return value, error, point
 
 
 def _inside_domain(problem: PiecewiseProblem, t: Array) -> bool:
-    terms = problem.walls * t
+    terms = problem.constraints * t
     size = np.abs(terms).sum(axis=1) + np.abs(problem.limits) + 1.0
     return bool((terms.sum(axis=1) - problem.limits <= 1e-9 * size).all())
 
 
-def _seen_from(problem: PiecewiseProblem, center: Array, frame: Array) -> PiecewiseProblem:
-    """The problem's walls in u, with t = center + frame @ u."""
+def _in_frame(problem: PiecewiseProblem, center: Array, frame: Array) -> PiecewiseProblem:
+    """The problem's constraints in u, with t = center + frame @ u."""
     return replace(
         problem,
         kappa=problem.kappa @ frame,
         kappa0=problem.kappa0 + float(problem.kappa @ center),
         bound=problem.bound @ frame,
         bound0=problem.bound0 + float(problem.bound @ center),
-        walls=problem.walls @ frame,
-        limits=problem.limits - problem.walls @ center,
+        constraints=problem.constraints @ frame,
+        limits=problem.limits - problem.constraints @ center,
     )
 
 
@@ -136,7 +141,7 @@ def _frame_of_gram(gram: Array) -> Array | None:
     if size.min() <= 0.0:
         return None
     value, vector = np.linalg.eigh(gram / np.outer(size, size))
-    if value[0] < _WELL:
+    if value[0] < _WELL_CONDITIONED:
         return None
     return np.asarray(vector / np.sqrt(value) / size[:, None])
 

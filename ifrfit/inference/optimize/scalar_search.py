@@ -1,4 +1,4 @@
-"""Minima of a function of one number: a grid, then every dip polished."""
+"""Minima of a function of one variable: over a whole range, or about a place near the minimum."""
 
 from __future__ import annotations
 
@@ -10,34 +10,90 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _GRID = 33
-_MOST = 8  # dips that are polished, the deepest ones
+_MOST = 8  # dips of the grid that are polished, the deepest ones
+DISTINCT = 1e-6  # relative; minima nearer to one another are one
 
 
-def dips(
+def scalar_minima(
     function: Callable[[Array], Array], low: float, high: float, seeds: Iterable[float] = ()
 ) -> list[tuple[float, float]]:
     """Local minima of `function` on [low, high] as (value, place), best first.
 
-    `function` takes many places at once. Each interval of the grid next to a dip is searched by Brent's
-    bounded method; `seeds` join the grid.
+    Parameters
+    ----------
+    function : callable
+        Values at many places at once, (n,) to (n,).
+    low, high : float
+    seeds : iterable of float
+        Places that join the grid. Each interval of the grid next to a dip is searched by Brent's method.
     """
-    from scipy.optimize import minimize_scalar
-
     inside = [x for x in seeds if low < x < high]
     grid = np.unique(np.concatenate((np.linspace(low, high, _GRID), inside)))
     values = function(grid)
     padded = np.concatenate(([np.inf], values, [np.inf]))
     found: list[tuple[float, float]] = []
-    places = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))
-    for i in map(int, places[np.argsort(values[places], kind="stable")][:_MOST]):
-        ends = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, grid.size - 1)])
-        result = minimize_scalar(
-            lambda x: float(function(np.array([x]))[0]),
-            bounds=ends,
-            method="bounded",
-            options={"xatol": 1e-12},
-        )
-        pair = min((float(result.fun), float(result.x)), (float(values[i]), float(grid[i])))
-        if all(abs(pair[1] - place) > 1e-6 * (1.0 + abs(place)) for _, place in found):
+    dips = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))
+    for i in map(int, dips[np.argsort(values[dips], kind="stable")][:_MOST]):
+        pair = _polished(lambda x: float(function(np.array([x]))[0]), grid, values, i, 1e-12)
+        if all(are_distinct(pair[1], place) for _, place in found):
             found.append(pair)
     return sorted(found)
+
+
+def minimum_near(
+    function: Callable[[float], float],
+    start: float,
+    low: float,
+    high: float,
+    *,
+    share: float,
+    n_grid: int,
+    xatol: float,
+) -> tuple[float, float]:
+    """Minimum of `function` on [low, high] about `start`, as (value, place).
+
+    Parameters
+    ----------
+    function : callable
+    start : float
+        A place near the minimum.
+    low, high : float
+    share : float
+        Of the range, to either side of `start`: where the minimum is looked for first.
+    n_grid : int
+        Places over the whole range that are looked at where it is not there.
+    xatol : float
+        Tolerance of the place.
+    """
+    start = min(max(start, low), high)
+    step = share * (high - low)
+    grid = np.unique([max(start - step, low), start, min(start + step, high)])
+    values = np.array([function(x) for x in grid.tolist()])
+    if grid[int(np.argmin(values))] != start or start in (low, high):
+        grid = np.unique(np.concatenate((grid, np.linspace(low, high, n_grid))))
+        values = np.array([function(x) for x in grid.tolist()])
+    return _polished(function, grid, values, int(np.argmin(values)), xatol)
+
+
+def bounded_minimum(
+    function: Callable[[float], float], low: float, high: float, xatol: float
+) -> tuple[float, float]:
+    """A local minimum between two places by Brent's method, as (value, place)."""
+    from scipy.optimize import minimize_scalar
+
+    found = minimize_scalar(function, bounds=(low, high), method="bounded", options={"xatol": xatol})
+    return float(found.fun), float(found.x)
+
+
+def are_distinct(x: float, y: float) -> bool:
+    """Whether two minima are not one."""
+    return abs(x - y) > DISTINCT * (1.0 + abs(y))
+
+
+def _polished(
+    function: Callable[[float], float], grid: Array, values: Array, i: int, xatol: float
+) -> tuple[float, float]:
+    """The best of grid place i and of what Brent's method finds between its neighbours."""
+    at_grid = float(values[i]), float(grid[i])
+    low, high = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, grid.size - 1)])
+    return at_grid if low == high else min(bounded_minimum(function, low, high, xatol), at_grid)

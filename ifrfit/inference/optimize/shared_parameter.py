@@ -1,105 +1,159 @@
-"""One constant shared by series that otherwise have their own: certified.
+"""One parameter shared by series that otherwise have their own: a decomposition over it, certified.
 
-At a given value of the shared constant every series is solved exactly on its own, which leaves a search over
-one number, proven by `ifrfit.inference.optimize.lagrangian_bound`.
+At a given value of the shared parameter (c, or kappa in the place of mu) every series is solved exactly on
+its own, see `ifrfit.inference.optimize.decomposition`.
 """
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.lagrangian_bound import KAPPA, C, Shared, constants_at, prove
+from ifrfit.inference.optimize.decomposition import Decomposition, GaussianMember, PiecewiseMember
+from ifrfit.inference.optimize.design import LinearForm
+from ifrfit.inference.optimize.linear_families import kappa_form
 from ifrfit.inference.optimize.optimum import Optimum, theta_of
-from ifrfit.inference.optimize.parameter_group import Block, is_separable, normal_part, without_normal
-from ifrfit.inference.optimize.scalar_search import dips
+from ifrfit.inference.optimize.parameter_group import (
+    Constants,
+    ParameterGroup,
+    is_separable,
+    kappa_range,
+    restitution_optimum,
+    without_normal_rows,
+)
+from ifrfit.inference.optimize.piecewise import NEAR
 
 
-def solve_shared(problem: Problem, blocks: list[Block], whole: Block) -> Optimum | None:
-    """Optimum of series under one shared constant; None if more than one ties them together.
+def solve_shared(problem: Problem, groups: Sequence[ParameterGroup], whole: ParameterGroup) -> Optimum | None:
+    """Optimum of series under one shared parameter; None if more than one ties them together.
 
     Parameters
     ----------
     problem : Problem
-    blocks : list of Block
-        One a series, without the priors of shared constants.
-    whole : Block
+    groups : sequence of ParameterGroup
+        One a series, without the priors of shared parameters.
+    whole : ParameterGroup
         All rows, with all priors.
     """
-    if any(block.of_kind("curved").any() for block in blocks):
+    if any(group.of_kind("curved").any() for group in groups):
         return None
-    settled = _settle_e_n(problem, blocks, whole)
-    if settled is None:
+    fixed = fix_restitution(groups, whole)
+    if fixed is None:
         return None
-    blocks, base = settled
-    shared = [x for x in (whole.c, whole.mu) if not x.separate and x.fixed is None]
+    shared = [x.name for x in (whole.c, whole.mu) if not x.separate and x.fixed is None]
     if len(shared) != 1:
         return None
-    place = C if shared[0] is whole.c else KAPPA
-    if place == KAPPA and len({block.e_n.fixed for block in blocks}) > 1:
+    groups, base = fixed
+    linked = LinkedGroups.of(groups, shared[0], whole.mu.prior if shared[0] == "mu" else whole.c.prior)
+    if linked is None:
         return None
-    return _outer(problem, blocks, shared[0].prior, place, base)
+    found = linked.decomposition.minimise(linked.seeds)
+    least = found.minima[0][0]
+    minima = tuple(
+        (value + base, theta_of(problem, linked.constants(x)))
+        for value, x in found.minima
+        if value <= least + NEAR
+    )
+    method = "all partitions of each series at each shared value"
+    return Optimum(minima[0][1], least + base, found.gap, minima, method)
 
 
-def _settle_e_n(problem: Problem, blocks: list[Block], whole: Block) -> tuple[list[Block], float] | None:
-    """Hold e_n where the user or the normal rows alone decide it; None where the rest has a say."""
+def fix_restitution(
+    groups: Sequence[ParameterGroup], whole: ParameterGroup, given: Mapping[int, float] | None = None
+) -> tuple[list[ParameterGroup], float] | None:
+    """Fix e_n where the user or the normal rows alone decide it; None where other rows have a say in it.
+
+    Parameters
+    ----------
+    groups : sequence of ParameterGroup
+        One a series.
+    whole : ParameterGroup
+        All rows.
+    given : mapping of int to float, optional
+        e_n of some series, in the place of its best value.
+
+    Returns
+    -------
+    groups : list of ParameterGroup
+    objective : float
+        What the normal rows and the prior of e_n have at its best value.
+    """
     if whole.e_n.fixed is not None:
-        return blocks, 0.0
+        return list(groups), 0.0
     if not is_separable(whole) or (whole.e_n.separate and not whole.mu.separate):
         return None
     if whole.e_n.separate:
-        parts = [normal_part(block) for block in blocks]
-        held = [without_normal(block, e) for block, (e, _) in zip(blocks, parts, strict=True)]
-        return held, sum(objective for _, objective in parts)
-    e_n, objective = normal_part(whole)
-    return [without_normal(block, e_n) for block in blocks], objective
-
-
-def _outer(
-    problem: Problem, blocks: list[Block], prior: tuple[float, float] | None, place: int, base: float
-) -> Optimum:
-    """Search over the shared value, then bound everything else."""
-    limits = _range(blocks, place)
-    scale = 1.0 if place == C else 1.0 / (1.0 + (blocks[0].e_n.fixed or 0.0))
-    known = None if prior is None else (prior[0] / scale, prior[1] / scale)
-    shared = Shared(tuple(blocks), place, known)
-    dipped = dips(shared.along, *limits, _seeds(shared))
-    found = sorted((shared.total(x), x) for _, x in dipped)
-    best, bound = prove(shared, found[0], limits)
-    found = [best, *(dip for dip in found if abs(dip[1] - best[1]) > 1e-6 * (1.0 + abs(best[1])))]
-    minima = [
-        (value + base, [constants_at(block, place, x) for block in blocks])
-        for value, x in found
-        if value <= best[0] + 4.0
+        best = [restitution_optimum(group) for group in groups]
+        objective = sum(value for _, value in best)
+    else:
+        best = [restitution_optimum(whole)] * len(groups)
+        objective = best[0][1]
+    fixed = [
+        without_normal_rows(group, (given or {}).get(number, e_n))
+        for number, (group, (e_n, _)) in enumerate(zip(groups, best, strict=True))
     ]
-    return Optimum(
-        theta_of(problem, minima[0][1]),
-        best[0] + base,
-        max(0.0, best[0] - bound),
-        tuple((value, theta_of(problem, constants)) for value, constants in minima),
-        "all partitions of each series at each shared value",
-    )
+    return fixed, objective
 
 
-def _seeds(shared: Shared) -> list[float]:
-    """What each series would choose for itself, all its local minima."""
-    optima = [constants for series in shared.series for constants in series.optima]
-    return [c if shared.place == C else mu * (1.0 + e_n) for e_n, c, mu in optima]
+@dataclass(frozen=True)
+class LinkedGroups:
+    """Groups with fixed e_n that share c, or mu and so kappa.
 
+    Attributes
+    ----------
+    forms : tuple of LinearForm
+        Each group in its unknowns c and kappa.
+    members : tuple of PiecewiseMember
+        Each group along the shared one.
+    decomposition : Decomposition
+        The members and the prior, over the domain of the shared unknown.
+    unit : float
+        The shared unknown over the shared parameter: 1 + e_n where kappa stands for mu.
+    """
 
-def _range(blocks: list[Block], place: int) -> tuple[float, float]:
-    """Domain of the shared value; kappa ends where every row sticks."""
-    first = blocks[0]
-    if place == C:
-        return first.c.lower, first.c.upper
-    linear = first.coefficients
-    bound = max(linear.b0 + linear.b1 * c for c in (first.c.lower, first.c.upper))
-    finite = [block.rows.tau[np.isfinite(block.rows.tau)] for block in blocks]
-    highest = max(float(tau.max(initial=0.0)) for tau in finite)
-    factor = 1.0 + (first.e_n.fixed or 0.0)
-    low = first.mu.lower * factor
-    if math.isfinite(first.mu.upper):
-        return low, first.mu.upper * factor
-    return low, max(bound * highest * 1.01, low + 1.0)
+    forms: tuple[LinearForm, ...]
+    members: tuple[PiecewiseMember, ...]
+    decomposition: Decomposition
+    unit: float
+
+    @classmethod
+    def of(
+        cls, groups: Sequence[ParameterGroup], name: str, prior: tuple[float, float] | None
+    ) -> LinkedGroups | None:
+        """Link groups over one parameter; None for mu of series that differ in e_n.
+
+        Parameters
+        ----------
+        groups : sequence of ParameterGroup
+        name : str
+            Of the parameter: mu, or else the closure's own.
+        prior : (float, float) or None
+            Its mean and standard deviation.
+        """
+        over_kappa = name == "mu"
+        if over_kappa and len({group.e_n.fixed for group in groups}) > 1:
+            return None
+        unit = 1.0 + (groups[0].e_n.fixed or 0.0) if over_kappa else 1.0
+        if over_kappa:  # its prior counts once
+            groups = [replace(group, mu=replace(group.mu, prior=None)) for group in groups]
+        forms = tuple(kappa_form(group) for group in groups)
+        members = tuple(
+            PiecewiseMember(form.problem, int(over_kappa and group.c.fixed is None))
+            for form, group in zip(forms, groups, strict=True)
+        )
+        priors = () if prior is None else (GaussianMember(prior[0] * unit, prior[1] * unit),)
+        low, high = kappa_range(groups) if over_kappa else (groups[0].c.lower, groups[0].c.upper)
+        return cls(forms, members, Decomposition((*members, *priors), low, high), unit)
+
+    @property
+    def seeds(self) -> list[float]:
+        """What each group would choose for itself, at all its local minima."""
+        return [float(t[m.unknown]) for m in self.members for _, t in m.optimum.optima]
+
+    def constants(self, x: float) -> list[Constants]:
+        """Best (e_n, c, mu) of each group at a shared value."""
+        return [
+            form.to_constants(member.minimiser(x))
+            for form, member in zip(self.forms, self.members, strict=True)
+        ]

@@ -1,4 +1,4 @@
-"""The optimum of a problem at given noise, by the road that fits it."""
+"""The optimum of a problem at given noise, by the method that fits it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.group_optimum import solve_block
+from ifrfit.inference.optimize.group_optimum import solve_group
 from ifrfit.inference.optimize.multistart import multistart
 from ifrfit.inference.optimize.optimum import Array, Optimum, theta_of
-from ifrfit.inference.optimize.parameter_group import Block, BlockOptimum, Constants
+from ifrfit.inference.optimize.parameter_group import Constants, GroupOptimum, ParameterGroup
 from ifrfit.inference.optimize.shared_parameter import solve_shared
 
 
@@ -34,35 +34,37 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
     if not problem.closure.bilinear and problem.has_oblique:
         return multistart(problem, sigma, near)
     if len(problem.series) == 1 or not any(c.separate for c in problem.parameters):
-        block = whole_block(problem, sigma)
-        found = solve_block(block)
+        group = whole_group(problem, sigma)
+        found = solve_group(group)
         if found is None:
             return multistart(problem, sigma, near)
         return _optimum(problem, found)
     if all(c.separate or c.fixed is not None for c in problem.parameters):
-        parts = [solve_block(block) for block in series_blocks(problem, sigma)]
+        parts = [solve_group(group) for group in series_groups(problem, sigma)]
         if all(part is not None for part in parts):
             return _join(problem, [part for part in parts if part is not None])
         return multistart(problem, sigma, near)
-    blocks = series_blocks(problem, sigma)
-    return solve_shared(problem, blocks, whole_block(problem, sigma)) or multistart(problem, sigma, near)
+    groups = series_groups(problem, sigma)
+    return solve_shared(problem, groups, whole_group(problem, sigma)) or multistart(problem, sigma, near)
 
 
-def whole_block(problem: Problem, sigma: Array) -> Block:
-    """All rows as one block."""
+def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
+    """All rows as one group."""
     e_n, c, mu = _specs(problem)
-    return Block(problem.rows, 1.0 / sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
+    return ParameterGroup(problem.rows, 1.0 / sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
 
 
-def series_blocks(problem: Problem, sigma: Array) -> list[Block]:
-    """One block a series. A prior on a shared constant is not in any of them."""
+def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
+    """One group a series. A prior on a shared constant is not in any of them."""
     e_n, c, mu = (x if x.separate else replace(x, prior=None) for x in _specs(problem))
-    blocks = []
+    groups = []
     for number in range(len(problem.series)):
         at = np.flatnonzero(problem.rows.series == number)
         rows = problem.rows.take(at)
-        blocks.append(Block(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu))
-    return blocks
+        groups.append(
+            ParameterGroup(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu)
+        )
+    return groups
 
 
 def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:
@@ -71,8 +73,8 @@ def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:
     return parameters["e_n"], parameters[own] if own else none, parameters["mu"]
 
 
-def _optimum(problem: Problem, found: BlockOptimum) -> Optimum:
-    """A single block: theta is (e_n, c, mu), less c where the closure has none."""
+def _optimum(problem: Problem, found: GroupOptimum) -> Optimum:
+    """A single group: theta is (e_n, c, mu), less c where the closure has none."""
     places = (0, 1, 2) if problem.closure.constant else (0, 2)
     kept = list(zip(places, problem.parameters, strict=True))
 
@@ -83,10 +85,10 @@ def _optimum(problem: Problem, found: BlockOptimum) -> Optimum:
 
     minima = tuple((value, theta(constants)) for value, constants in found.minima)
     extremes = tuple(theta(constants) for constants in found.extremes)
-    return Optimum(minima[0][1], found.objective, found.gap, minima, found.road, extremes)
+    return Optimum(minima[0][1], found.objective, found.gap, minima, found.method, extremes)
 
 
-def _join(problem: Problem, parts: list[BlockOptimum]) -> Optimum:
+def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
     """Series that share nothing: objectives and gaps add; a rival of one series is a rival of the whole."""
     best = [part.constants for part in parts]
     objective = sum(part.objective for part in parts)
@@ -100,5 +102,5 @@ def _join(problem: Problem, parts: list[BlockOptimum]) -> Optimum:
     minima.sort(key=lambda pair: pair[0])
     gaps = [part.gap for part in parts]
     gap = None if any(g is None for g in gaps) else sum(g for g in gaps if g is not None)
-    road = "all partitions of each series"
-    return Optimum(minima[0][1], objective, gap, tuple(minima), road, tuple(extremes))
+    method = "all partitions of each series"
+    return Optimum(minima[0][1], objective, gap, tuple(minima), method, tuple(extremes))

@@ -31,7 +31,7 @@ class GridSettings:
     @cached_property
     def covariance(self) -> Array:
         """Of theta in the Gaussian approximation; loose directions as wide as the prior, (p, p)."""
-        return self.start.local.covariance(capped=True)
+        return self.start.gaussian.covariance(capped=True)
 
     @cached_property
     def bounds(self) -> Mapping[str, tuple[float, float]]:
@@ -100,7 +100,7 @@ class GridSettings:
         return self._spreads[kind, block]
 
     def _spread(self, kind: str, block: int) -> tuple[float, float]:
-        local = self.start.local
+        local = self.start.gaussian
         theta = self.start.optimum.theta
         to_theta = local.to_theta
         if kind == "kappa":

@@ -12,13 +12,15 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.multistart import multistart
 from ifrfit.inference.optimize.optimum import Array, objective_at
-from ifrfit.inference.optimize.parameter_group import is_separable, normal_part
-from ifrfit.inference.optimize.solve import series_blocks, solve, whole_block
+from ifrfit.inference.optimize.parameter_group import is_separable, restitution_optimum
+from ifrfit.inference.optimize.scalar_search import minimum_near
+from ifrfit.inference.optimize.solve import series_groups, solve, whole_group
 from ifrfit.inference.profile.constrained_series import best_of_series
 
 LOWEST = 1e-3
-_REACH = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
+_SHARE = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
 _GRID = 7  # values over the whole range that are looked at where it is not there
+_XATOL = 1e-7
 _STARTS = 3  # of a local search
 
 Tie = Callable[[float, float], float]  # e_n and c to mu
@@ -53,12 +55,12 @@ def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Arr
     found = best_of_series(problem, sigma, at, start)
     if found is not None:
         return found
-    return multistart(_held(problem, at), sigma, start).theta
+    return multistart(_constrained(problem, at), sigma, start).theta
 
 
 def _solved(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array) -> Array:
-    """One set of constants: fixed in the problem itself, which the certified roads know."""
-    theta = solve(_held(problem, at), sigma, start).theta.copy()
+    """One set of constants: fixed in the problem itself, which the certified solvers know."""
+    theta = solve(_constrained(problem, at), sigma, start).theta.copy()
     for place, x in at.items():
         theta[place] = x
     return theta
@@ -87,20 +89,20 @@ def series_problem(problem: Problem, sigma: Array, series: int) -> tuple[Problem
     return part, sigma[rows]
 
 
-def _held(problem: Problem, at: Mapping[int, float]) -> Problem:
+def _constrained(problem: Problem, at: Mapping[int, float]) -> Problem:
     """The problem with entries of theta fixed, by their places."""
     return problem.with_fixed({problem.parameters.names[i]: x for i, x in at.items()})
 
 
-def settled_e_n(problem: Problem, sigma: Array, series: int) -> float | None:
+def separable_e_n(problem: Problem, sigma: Array, series: int) -> float | None:
     """Best e_n of a series where the rest of the rows has no say in it; None where it has."""
     e_n, mu = problem.parameters["e_n"], problem.parameters["mu"]
     if e_n.fixed is not None:
         return e_n.fixed
-    whole = whole_block(problem, sigma)
+    whole = whole_group(problem, sigma)
     if not is_separable(whole) or whole.of_kind("curved").any() or (e_n.separate and not mu.separate):
         return None
-    return normal_part(series_blocks(problem, sigma)[series] if e_n.separate else whole)[0]
+    return restitution_optimum(series_groups(problem, sigma)[series] if e_n.separate else whole)[0]
 
 
 def best_over_e_n(
@@ -110,9 +112,7 @@ def best_over_e_n(
 
     None where only a local search can find the rest.
     """
-    from scipy.optimize import minimize_scalar
-
-    if any(c.separate for c in problem.parameters) or whole_block(problem, sigma).of_kind("curved").any():
+    if any(c.separate for c in problem.parameters) or whole_group(problem, sigma).of_kind("curved").any():
         return None
     e_n = problem.parameters["e_n"]
     i_e, i_mu = 0, len(problem.parameters.names) - 1
@@ -125,17 +125,7 @@ def best_over_e_n(
         seen[e] = objective_at(problem, sigma, theta), theta
         return seen[e][0]
 
-    start = min(max(float(near[i_e]), low), high)
-    reach = _REACH * (high - low)
-    grid = np.unique([max(start - reach, low), start, min(start + reach, high)])
-    values = [total(e) for e in grid.tolist()]
-    if grid[int(np.argmin(values))] != start or start in (low, high):
-        grid = np.unique(np.concatenate((grid, np.linspace(low, high, _GRID))))
-        values = [total(e) for e in grid.tolist()]
-    i = int(np.argmin(values))
-    ends = float(grid[max(i - 1, 0)]), float(grid[min(i + 1, grid.size - 1)])
-    if ends[1] > ends[0]:
-        minimize_scalar(total, bounds=ends, method="bounded", options={"xatol": 1e-7})
+    minimum_near(total, float(near[i_e]), low, high, share=_SHARE, n_grid=_GRID, xatol=_XATOL)
     return min(seen.values(), key=lambda pair: pair[0])[1]
 
 

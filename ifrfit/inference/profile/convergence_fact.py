@@ -9,30 +9,30 @@ from ifrfit.inference.profile.types import Profile
 from ifrfit.inference.result.types import Fact
 
 
-def profile_converged(profiles: Mapping[str, Profile], settled: Fact) -> Fact:
+def profile_converged(profiles: Mapping[str, Profile], noise: Fact) -> Fact:
     """Whether the noise settled, and every profile closes or reaches the end of its domain.
 
     Parameters
     ----------
     profiles : mapping
         Name to `Profile`, as `profile_all` returns them.
-    settled : Fact
+    noise : Fact
         "converged" of the least squares behind them.
 
     Returns
     -------
     Fact
-        Its figures are those of `settled`, the number of profiles, and the names of those that a budget
+        Its figures are those of `noise`, the number of profiles, and the names of those that a budget
         stopped.
     """
     stopped = {name: profile.stopped for name, profile in profiles.items() if profile.stopped}
-    figures = {**settled.figures, "n_profiles": len(profiles), "stopped": list(stopped)}
-    if not settled.ok:
-        says = settled.says
+    figures = {**noise.figures, "n_profiles": len(profiles), "stopped": list(stopped)}
+    if not noise.ok:
+        says = noise.says
     elif stopped:
         first, why = next(iter(stopped.items()))
         names = f"profile of {first} was" if len(stopped) == 1 else f"profiles of {', '.join(stopped)} were"
         says = f"the {names} stopped early ({why}): compare the intervals with --method exact"
     else:
-        says = f"{settled.says}, and every profile closes or reaches the end of its domain"
-    return Fact(settled.ok and not stopped, says, figures, FACTS["converged"])
+        says = f"{noise.says}, and every profile closes or reaches the end of its domain"
+    return Fact(noise.ok and not stopped, says, figures, FACTS["converged"])

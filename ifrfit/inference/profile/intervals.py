@@ -49,7 +49,7 @@ def profile_of(
         shape=shape_of(pieces68, pieces, curve.lower, curve.upper),
         status=estimate.status,
         reason=estimate.reason,
-        stated=estimate.value is not None,
+        has_value=estimate.value is not None,
         lower=curve.lower,
         upper=curve.upper,
         dof=dof,

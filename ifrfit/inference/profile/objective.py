@@ -62,7 +62,7 @@ class Misfit:
     def of(cls, problem: Problem, fit: LeastSquares) -> Misfit:
         """The misfit under the problem's noise policy."""
         groups, base = tuple(problem.noise_groups().values()), problem.noise.base
-        dof = np.array([rows.size - float(fit.local.leverage[rows].sum()) for rows in groups])
+        dof = np.array([rows.size - float(fit.gaussian.leverage[rows].sum()) for rows in groups])
         bare = cls(problem, fit, groups, base, dof, np.ones(dof.size))
         return cls(problem, fit, groups, base, dof, bare._squares(fit.optimum.theta))
 
@@ -100,7 +100,7 @@ class Misfit:
         """
         if not self.groups:
             return math.inf
-        local = self.fit.local
+        local = self.fit.gaussian
         inverse = np.where(local.seen, 1.0 / np.where(local.seen, local.singular, 1.0) ** 2, 0.0)
         direction = local.vectors @ (inverse * (functional @ local.vectors))
         total = float(functional @ direction)

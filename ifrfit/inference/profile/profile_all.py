@@ -14,8 +14,8 @@ from ifrfit.inference.profile.intervals import profile_of
 from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, profile_curve, quantities_of, transition_tau
 from ifrfit.inference.profile.types import Profile
-from ifrfit.inference.result.types import Constants, Estimate
-from ifrfit.inference.summary.derived import Angles, angle_near, constant_bound, median_spin, transitions_of
+from ifrfit.inference.result.types import Angles, Constants, Estimate
+from ifrfit.inference.summary.derived import angle_near, constant_bound, median_spin, transitions_of
 from ifrfit.inference.summary.estimates import kappa_of_constants
 from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
@@ -48,7 +48,7 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
     reasons = prior_reasons(problem, fit)
     found = {}
     for name, quantity in quantities_of(problem, fit).items():
-        sd = math.sqrt(fit.local.variance(quantity.functional, quantity.domain.prior_sd))
+        sd = math.sqrt(fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd))
         found[name] = _profile(misfit, quantity, known_of(problem, fit, name, sd, reasons), curves)
     e_n, mu = problem.parameters["e_n"], problem.parameters["mu"]
     if e_n.fixed is not None:
@@ -94,7 +94,7 @@ def _transitions(
         quantity = transition_tau(problem, fit, number)
         if quantity is None:
             return {}
-        tau = _profile(misfit, quantity, Known(kappa.stated), curves)
+        tau = _profile(misfit, quantity, Known(kappa.has_value), curves)
     spin_x, spin_y = median_spin(problem, number)
     angles = transition_angles(tau.value, spin_x, spin_y)
     out = {}

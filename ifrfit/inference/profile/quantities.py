@@ -18,7 +18,7 @@ from ifrfit.inference.profile.constrained_fit import (
     best_with,
     kappa_range,
     lowest_e_n,
-    settled_e_n,
+    separable_e_n,
 )
 from ifrfit.inference.profile.curve import FINE, ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
@@ -73,7 +73,7 @@ def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
         lambda theta: float(theta[place]),
         lambda x, sigma, near: best_with(problem, sigma, {place: x}, near),
         replace(Domain.of(constant), lower=lower),
-        fit.local.to_theta[place],
+        fit.gaussian.to_theta[place],
         far,
     )
 
@@ -91,9 +91,9 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
         if mu.fixed is not None:
             e = min(max(x / mu.fixed - 1.0, e_n.lower), e_n.upper) if mu.fixed > 0.0 else e_n.lower
             return best_with(problem, sigma, {i_e: e}, near)
-        settled = settled_e_n(problem, sigma, series)
-        if settled is not None:
-            at = {i_mu: x / (1.0 + settled)} | ({} if e_n.fixed is not None else {i_e: settled})
+        best_e_n = separable_e_n(problem, sigma, series)
+        if best_e_n is not None:
+            at = {i_mu: x / (1.0 + best_e_n)} | ({} if e_n.fixed is not None else {i_e: best_e_n})
             return best_with(problem, sigma, at, near)
         found = best_over_e_n(problem, sigma, x, kappa_range(x, mu), near)
         if found is not None:
@@ -140,7 +140,8 @@ def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity
         return best_tied(problem, sigma, series, tie, (-math.inf, math.inf), _distinct(starts))
 
     functional = kappa_at(problem, fit, series)[1] / bound
-    functional = functional - of(theta) * float(law.bound_slope(theta[i_c])) / bound * fit.local.to_theta[i_c]
+    slope = float(law.bound_slope(theta[i_c])) / bound
+    functional = functional - of(theta) * slope * fit.gaussian.to_theta[i_c]
     at = problem.rows.series == series
     tau = problem.rows.tau[at & np.isfinite(problem.rows.tau)]
     far = 1.05 * float(tau.max(initial=0.1)) if _level(problem, i_mu) is not None else None
@@ -196,7 +197,7 @@ def profile_curve(
             curve.unconverged.append(x)
         return found.rise
 
-    variance = fit.local.variance(quantity.functional, quantity.domain.prior_sd)
+    variance = fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd)
     sd = math.sqrt(variance)
     step = sd if 0.0 < sd < 0.2 * quantity.domain.prior_sd else 0.05 * quantity.domain.prior_sd
     curve = ProfileCurve(rise, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution)

@@ -38,7 +38,8 @@ class Profile:
     value : float
         The optimum.
     stderr : float or None
-        Half the 95 % interval over the law's half width: the sd if the profile were a parabola.
+        Half the 95 % interval over the half width of a normal (or t) distribution: the sd if the profile were
+        a parabola.
     interval68, interval95 : tuple of float
         As reported: central, or from the bound to the quantile of one tail where the status is one_sided.
     central68, central95 : tuple of float
@@ -48,8 +49,8 @@ class Profile:
     shape : {"bounded", "one_sided", "flat", "multimodal"}
     status, reason : str
         By the table of statuses.
-    stated : bool
-        Whether the value is stated; not where the status is not_determined, nor with a mere limit.
+    has_value : bool
+        Whether an estimate has the value; not where the status is not_determined, nor with a mere limit.
     lower, upper : float
         Domain.
     dof : float
@@ -74,7 +75,7 @@ class Profile:
     shape: Shape
     status: Status
     reason: str
-    stated: bool
+    has_value: bool
     lower: float
     upper: float
     dof: float
@@ -95,7 +96,7 @@ class Profile:
 
     def estimate(self) -> Estimate:
         """The same as an `Estimate`, for results."""
-        value, stderr = (self.value, self.stderr) if self.stated else (None, None)
+        value, stderr = (self.value, self.stderr) if self.has_value else (None, None)
         return Estimate(value, stderr, self.interval68, self.interval95, self.status, self.reason)
 
     def mapped(self, name: str, function: Callable[[float], float]) -> Profile:

@@ -29,10 +29,10 @@ from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.fit_statistics import statistics_of
 from ifrfit.inference.result.state import state_of
-from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, Noise
-from ifrfit.inference.summary.derived import Angles, derived_of, transitions_of
+from ifrfit.inference.result.types import Angles, Constants, Estimate, Fact, FitStatistics, Noise
+from ifrfit.inference.summary.derived import derived_of, transitions_of
 from ifrfit.inference.summary.estimates import correlation_of, estimates_of, noise_of
-from ifrfit.inference.summary.gaussian import gaussian_approximation
+from ifrfit.inference.summary.gaussian import truncated_gaussian
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,7 +87,7 @@ def summarize_optimum(
     e_n, c, mu = problem.per_row(optimum.optimum.theta)
     _, sticks = problem.impulse(e_n, c, mu)
     residuals = residuals_of(problem, optimum)
-    gaussian = gaussian_approximation(problem, optimum)
+    gaussian = truncated_gaussian(problem, optimum)
     constants, kappas = estimates_of_optimum(problem, optimum, gaussian)
     derived = derived_of(problem, constants, kappas, transitions_of(problem, gaussian, kappas))
     effects, fact = ((), {}) if brief else effects_of(problem, optimum, conditions, constants, derived)

@@ -20,7 +20,7 @@ def statistics_of(
     """Count rows and sum up the misfit; the most likely noise goes into the likelihood."""
     r = residuals.raw
     n = r.size
-    dof = n - round(float(found.local.leverage.sum()))
+    dof = n - round(float(found.gaussian.leverage.sum()))
     yardstick = problem.noise.sigma if problem.noise.is_scaled else found.sigma
     chi2 = float(((r / yardstick) ** 2).sum())
     is_chi2 = problem.noise.is_known and problem.error_model.is_plain
@@ -32,13 +32,13 @@ def statistics_of(
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
     if not problem.error_model.is_plain:
         log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
-    k = found.local.rank + len(groups)
+    k = found.gaussian.rank + len(groups)
     regime = problem.rows.is_oblique
     return FitStatistics(
         n=n,
         n_sliding=int((regime & ~sticks).sum()),
         n_sticking=int((regime & sticks).sum()),
-        rank=found.local.rank,
+        rank=found.gaussian.rank,
         prior_chi2=float(prior @ prior),
         chi2=chi2,
         dof=dof,

@@ -11,16 +11,14 @@ import numpy as np
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution, transition_name
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.result.types import Constants, Estimate
+from ifrfit.inference.result.types import Angles, Constants, Derived, Estimate
 from ifrfit.physics.closures import Coefficients, Meaning
 from ifrfit.physics.transition import transition_angles
-
-Angles = Estimate | list[Estimate] | None
 
 
 def derived_of(
     problem: Problem, constants: Constants, kappas: Mapping[str, Estimate], transitions: Mapping[str, Angles]
-) -> dict[str, Any]:
+) -> Derived:
     """kappa, transition_angle_deg, what the closure constant stands for; by series where they differ."""
     separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     return {
@@ -65,7 +63,7 @@ def _meant(meaning: Meaning, c: Estimate, j: float) -> Estimate:
         outer,
         c.status,
         c.reason,
-        value(c.mean) if meaning.linear and c.mean is not None else None,
+        mean=value(c.mean) if meaning.linear and c.mean is not None else None,
     )
 
 

@@ -13,7 +13,7 @@ from ifrfit.inference.distributions.protocol import transition_name
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.laplace import local_picture
+from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquares
 from ifrfit.inference.summary.status import Domain, on_bound
 from ifrfit.physics.closures import Coefficients
@@ -21,9 +21,9 @@ from ifrfit.physics.closures import Coefficients
 Array = NDArray[np.float64]
 
 
-def gaussian_approximation(problem: Problem, fit: LeastSquares) -> TruncatedGaussian:
+def truncated_gaussian(problem: Problem, fit: LeastSquares) -> TruncatedGaussian:
     """The Gaussian about the optimum, with a marginal for each free entry of theta, kappa and transition."""
-    local = fit.local
+    local = fit.gaussian
     lower, upper, gradient = _bounds(problem, fit)
     reasons = prior_reasons(problem, fit)
     loadings, marginals = {}, {}
@@ -54,11 +54,11 @@ def _marginal(
     fit: LeastSquares, value: float, functional: Array, domain: Domain, dof: float, gradient: Array
 ) -> TruncatedNormal:
     """Marginal of functional @ phi; its centre lies beyond the bound that the optimum lies on."""
-    variance = fit.local.variance(functional, domain.prior_sd)
+    variance = fit.gaussian.variance(functional, domain.prior_sd)
     center = value
     if math.isfinite(variance) and (on_bound(value, domain.lower) or on_bound(value, domain.upper)):
-        seen = fit.local.seen
-        spread = fit.local.vectors[:, seen] / fit.local.singular[seen]
+        seen = fit.gaussian.seen
+        spread = fit.gaussian.vectors[:, seen] / fit.gaussian.singular[seen]
         center -= 0.5 * float((functional @ spread) @ (gradient @ spread))
     return TruncatedNormal(value, center, math.sqrt(variance), domain.lower, domain.upper, dof)
 
@@ -69,7 +69,7 @@ def kappa_at(problem: Problem, fit: LeastSquares, series: int) -> tuple[float, A
     i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
     e_n, mu = float(fit.optimum.theta[i_e]), float(fit.optimum.theta[i_mu])
     # the coordinate itself, or by the product rule where mu is the coordinate
-    return mu * (1.0 + e_n), (1.0 + e_n) * fit.local.to_theta[i_mu] + mu * fit.local.to_theta[i_e]
+    return mu * (1.0 + e_n), (1.0 + e_n) * fit.gaussian.to_theta[i_mu] + mu * fit.gaussian.to_theta[i_e]
 
 
 def kappa_domain(problem: Problem, series: int) -> Domain:
@@ -90,7 +90,7 @@ def _transition(problem: Problem, fit: LeastSquares, series: int, gradient: Arra
     kappa, functional = kappa_at(problem, fit, series)
     tau, functional = kappa / b, functional / b
     if own:
-        functional = functional - tau * float(law.bound_slope(c)) / b * fit.local.to_theta[place]
+        functional = functional - tau * float(law.bound_slope(c)) / b * fit.gaussian.to_theta[place]
     bounds = Domain(0.0, math.inf, 1.0)
     if isinstance(law, Coefficients) and law.b1 == 0.0:
         domain = kappa_domain(problem, series)
@@ -100,7 +100,7 @@ def _transition(problem: Problem, fit: LeastSquares, series: int, gradient: Arra
 
 def _bounds(problem: Problem, fit: LeastSquares) -> tuple[Array, Array, Array]:
     """Bounds of the coordinates, and the gradient of the objective by those that lie on one; (p,) each."""
-    local = fit.local
+    local = fit.gaussian
     gradient = np.zeros(local.phi.size)
     low, high = problem.parameters.bounds()
     places = problem.parameters.positions
@@ -120,10 +120,10 @@ def prior_reasons(problem: Problem, fit: LeastSquares) -> dict[str, str]:
     named = [c.name for c in problem.parameters if c.prior is not None]
     if not named:
         return {}
-    bare = local_picture(problem, fit.sigma, fit.optimum.theta, with_priors=False)
+    bare = gaussian_approximation(problem, fit.sigma, fit.optimum.theta, with_priors=False)
     functionals = {
         problem.parameters.names[place]: (
-            fit.local.to_theta[place],
+            fit.gaussian.to_theta[place],
             problem.parameters.entries[place].prior_sd,
         )
         for place in np.flatnonzero(problem.parameters.free).tolist()
@@ -135,5 +135,5 @@ def prior_reasons(problem: Problem, fit: LeastSquares) -> dict[str, str]:
     return {
         name: reason
         for name, (functional, prior_sd) in functionals.items()
-        if fit.local.variance(functional, prior_sd) < HALF**2 * bare.variance(functional, prior_sd)
+        if fit.gaussian.variance(functional, prior_sd) < HALF**2 * bare.variance(functional, prior_sd)
     }

@@ -137,7 +137,7 @@ def _constants(result: FitResult) -> dict[str, list[tuple[str, Estimate]]]:
         if isinstance(entry, Estimate):
             found[name] = [("", entry)]
         elif entry:
-            found[name] = list(entry.items())
+            found[name] = [(series, one) for series, one in entry.items() if isinstance(one, Estimate)]
     return found
 
 

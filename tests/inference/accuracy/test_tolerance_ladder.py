@@ -9,7 +9,7 @@ import pytest
 
 import ifrfit
 from ifrfit import Automatic
-from ifrfit.cost.compared_estimates import largest_errors, of_law
+from ifrfit.cost.compared_estimates import largest_errors, of_distribution
 from ifrfit.inference.accuracy.request import make_request
 from ifrfit.inference.accuracy.tolerance_ladder import LADDER, ladder, refine
 from ifrfit.inference.posterior import integrate
@@ -167,7 +167,7 @@ def references():
         "cross-2019": {"fix": {"e_n": 0.94}},
     }.items():
         fit = ifrfit.fit(name, method="lsq", **choices)
-        found[name] = fit.problem, choices, of_law(fit.problem, integrate(fit.problem, 1e-8))
+        found[name] = fit.problem, choices, of_distribution(fit.problem, integrate(fit.problem, 1e-8))
     return found
 
 
@@ -176,7 +176,7 @@ def references():
 def test_the_accuracy_that_was_asked_for_is_reached(references, name, accuracy):
     problem, choices, reference = references[name]
     fit = ifrfit.fit(name, method=Automatic(accuracy=accuracy), **choices)
-    off = max(largest_errors([of_law(problem, fit.distribution)], reference).values())
+    off = max(largest_errors([of_distribution(problem, fit.distribution)], reference).values())
     assert off <= accuracy
     assert fit.effort.method == "exact"
     assert fit.effort.reached <= accuracy

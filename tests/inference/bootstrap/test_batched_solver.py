@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bootstrap_scenes import fitted, scene
 from random_problems import random_problem
-from scenes import fitted, scene
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.bootstrap.batched_solver import Together
+from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_NOISE, NO_SLIDING, NO_STICKING, TOO_FEW
-from ifrfit.inference.bootstrap.schemes import Lot, lot_of, make_scheme
-from ifrfit.inference.bootstrap.sequential_solver import OneByOne, replicate
+from ifrfit.inference.bootstrap.schemes import ReplicateData, draw_replicates, make_scheme
+from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver, replicate
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.optimize.optimum import objective_at
@@ -43,7 +43,7 @@ QUESTIONS = {
 @pytest.mark.parametrize("name", QUESTIONS)
 def test_every_replicate_has_the_optimum_of_the_certified_solver(name: str) -> None:
     problem, found = fitted(scene(**{"n": 20, **QUESTIONS[name]}))
-    together, alone = Together.of(problem, found), OneByOne.of(problem, found)
+    together, alone = BatchedSolver.of(problem, found), SequentialSolver.of(problem, found)
     assert together is not None
     for scheme in ("cases", "residual", "wild"):
         try:
@@ -51,7 +51,7 @@ def test_every_replicate_has_the_optimum_of_the_certified_solver(name: str) -> N
         except UsageError:
             assert problem.parameters["e_n"].separate
             continue
-        lot = lot_of(problem, chosen, np.random.SeedSequence(3).spawn(5))
+        lot = draw_replicates(problem, chosen, np.random.SeedSequence(3).spawn(5))
         ours, theirs = together.solve(lot), alone.solve(lot)
         assert ours.reason == theirs.reason
         assert ours.certified.all()
@@ -59,7 +59,7 @@ def test_every_replicate_has_the_optimum_of_the_certified_solver(name: str) -> N
         answered = [number for number, reason in enumerate(ours.reason) if not reason]
         assert len(answered) >= 3
         for number in answered:
-            if together.weighs and on_the_transition(problem, theirs.theta[number]):
+            if together.noise_matters and on_the_transition(problem, theirs.theta[number]):
                 # which regime such a row counts to is a matter of the last digit, and so are the degrees of
                 # freedom of its noise
                 assert ours.theta[number] == pytest.approx(theirs.theta[number], abs=1e-4)
@@ -90,11 +90,11 @@ def test_no_replicate_of_random_problems_lies_above_the_certified_optimum() -> N
             found = least_squares(problem)
         except DataError:
             continue
-        together = Together.of(problem, found)
+        together = BatchedSolver.of(problem, found)
         if together is None:
             continue
         scheme = make_scheme(("cases", "wild")[seed % 2], problem, found)
-        lot = lot_of(problem, scheme, np.random.SeedSequence(seed).spawn(2))
+        lot = draw_replicates(problem, scheme, np.random.SeedSequence(seed).spawn(2))
         solved = together.solve(lot)
         for number in range(lot.size):
             one = replicate(problem, lot, number)
@@ -111,11 +111,11 @@ def test_what_is_curved_or_partly_shared_is_fitted_one_by_one() -> None:
         scene(observables=("mu_app", "e_n"), n=8),
         scene(series=2, n=8, separate=("mu",)),
     ):
-        assert Together.of(*fitted(problem)) is None
-    assert Together.of(*fitted(scene(series=1, n=8, separate=("mu",)))) is not None
+        assert BatchedSolver.of(*fitted(problem)) is None
+    assert BatchedSolver.of(*fitted(scene(series=1, n=8, separate=("mu",)))) is not None
 
 
-def _counted(problem, **only: object) -> Lot:
+def _counted(problem, **only: object) -> ReplicateData:
     """One replicate with the given rows only, by a condition on tau and the observable."""
     keep = np.ones(problem.rows.value.size, dtype=bool)
     names = np.array(problem.rows.names)[problem.rows.which]
@@ -129,7 +129,7 @@ def _counted(problem, **only: object) -> Lot:
     if "first" in only:
         keep &= (np.arange(keep.size) < only["first"]) | (names == "e_n")
     exact = problem.predict(np.array(only["exact"])) - problem.rows.value if "exact" in only else 0.0 * tau
-    return Lot(keep[None].astype(float), exact[None], np.full((1, len(problem.parameters)), np.nan))
+    return ReplicateData(keep[None].astype(float), exact[None], np.full((1, len(problem.parameters)), np.nan))
 
 
 @pytest.mark.parametrize(
@@ -145,15 +145,17 @@ def _counted(problem, **only: object) -> Lot:
 def test_a_replicate_that_leaves_something_open_says_what_and_why(question, only, reason, left) -> None:
     problem, found = fitted(scene(**question))
     lot = _counted(problem, **only)
-    solved = Together.of(problem, found).solve(lot)
+    solved = BatchedSolver.of(problem, found).solve(lot)
     assert solved.reason == (reason,)
     assert {
-        name for name, is_open in zip(problem.parameters.names, solved.open[0], strict=True) if is_open
+        name
+        for name, is_undetermined in zip(problem.parameters.names, solved.open[0], strict=True)
+        if is_undetermined
     } == left
-    alone = OneByOne.of(problem, found).solve(lot)
+    alone = SequentialSolver.of(problem, found).solve(lot)
     # least squares puts e_n into the middle of its domain, and the transition on the first of exact rows
     if reason not in (NO_E_N, NO_STICKING):
         assert alone.reason == (reason,)
-    whole = Together.of(problem, found).solve(_counted(problem))
+    whole = BatchedSolver.of(problem, found).solve(_counted(problem))
     assert whole.reason == ("",)
     assert whole.theta[0] == pytest.approx(found.optimum.theta, abs=1e-9)

@@ -6,16 +6,16 @@ import math
 
 import numpy as np
 import pytest
-from scenes import TRUTH, fitted, scene, with_values
+from bootstrap_scenes import TRUTH, fitted, scene, with_values
 from scipy import stats
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.bootstrap import Bootstrap, bootstrap
-from ifrfit.inference.bootstrap.batched_solver import Together
+from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.estimator import Task, each
-from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING, joined
+from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING, concatenate_fits
 from ifrfit.inference.bootstrap.schemes import SCHEMES, Cases
-from ifrfit.inference.bootstrap.sequential_solver import OneByOne
+from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
 
 
 def made(problem, **options: object) -> Bootstrap:
@@ -58,7 +58,9 @@ def test_quantiles_of_the_mean_are_those_of_its_known_law() -> None:
 
 def test_the_sd_of_all_constants_agrees_with_the_covariance_where_the_model_holds() -> None:
     problem, found = fitted(scene(150, noise="unknown", seed=5))
-    sd = np.sqrt(np.diag(found.local.to_theta @ found.local.covariance(capped=True) @ found.local.to_theta.T))
+    sd = np.sqrt(
+        np.diag(found.gaussian.to_theta @ found.gaussian.covariance(capped=True) @ found.gaussian.to_theta.T)
+    )
     for scheme in SCHEMES:
         draws = bootstrap(problem, found, scheme=scheme, replicates=600).draws
         own = np.array([draws[name].std() for name in ("e_n", "e_t", "mu")])
@@ -89,10 +91,10 @@ def test_neither_chunks_nor_the_number_of_replicates_change_a_replicate(scheme) 
 
 def test_the_number_of_workers_changes_no_draw() -> None:
     problem, found = fitted(scene(6, ("beta",), fix={"e_n": 0.9}))
-    task = Task(problem, Cases.of(problem), OneByOne.of(problem, found))
+    task = Task(problem, Cases.of(problem), SequentialSolver.of(problem, found))
     seeds = np.random.SeedSequence(2).spawn(12)
     lots = [seeds[:5], seeds[5:10], seeds[10:]]
-    one, two = (joined(list(each(task, lots, workers))) for workers in (1, 2))
+    one, two = (concatenate_fits(list(each(task, lots, workers))) for workers in (1, 2))
     assert one.reason == two.reason
     assert (one.theta == two.theta).all()
     assert (one.certified == two.certified).all()
@@ -107,7 +109,7 @@ def test_progress_is_told_up_to_the_end() -> None:
 @pytest.mark.long
 def test_what_is_fitted_one_by_one_is_the_same_by_any_number_of_workers() -> None:
     problem, found = fitted(scene(6, series=2, separate=("mu",), fix={"e_n": 0.9}))
-    assert Together.of(problem, found) is None
+    assert BatchedSolver.of(problem, found) is None
     one = bootstrap(problem, found, replicates=100)
     same(one, bootstrap(problem, found, replicates=100, workers=2))
     assert one.answered > 90
@@ -121,7 +123,7 @@ def test_rows_drawn_in_the_place_of_impacts_come_out_too_narrow() -> None:
     rows = Cases.of(problem, np.arange(problem.rows.value.size))
     apart = bootstrap(problem, found, scheme=rows, replicates=1000)
     once = bootstrap(*fitted(scene(30, seed=2)), replicates=1000).draws
-    assert apart.apart
+    assert apart.splits_impacts
     for name in ("e_n", "e_t", "mu"):
         assert impacts[name].std() == pytest.approx(once[name].std(), rel=0.2)
         ratio = apart.draws[name].std() / impacts[name].std()

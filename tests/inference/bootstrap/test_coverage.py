@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scenes import TRUTH, fitted, scene
+from bootstrap_scenes import TRUTH, fitted, scene
 
 from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.schemes import SCHEMES, Cases

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from bootstrap_scenes import fitted, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import fitted, scene
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.bootstrap.resampling_units import kinds_of, number_impacts
-from ifrfit.inference.bootstrap.schemes import Cases, Residuals, Wild, corrected, lot_of, make_scheme
+from ifrfit.inference.bootstrap.schemes import Cases, Residuals, Wild, corrected, draw_replicates, make_scheme
 
 N = 2000
 
@@ -110,7 +110,7 @@ def test_wild_weights_have_the_moments_they_are_named_for(name, third) -> None:
 @pytest.mark.parametrize("name", ["cases", "residual", "wild"])
 def test_means_of_priors_are_drawn_about_the_data_or_the_fit(name) -> None:
     problem, found = fitted(scene(12, prior={"e_n": (0.8, 0.03)}))
-    lot = lot_of(problem, make_scheme(name, problem, found), np.random.SeedSequence(1).spawn(N))
+    lot = draw_replicates(problem, make_scheme(name, problem, found), np.random.SeedSequence(1).spawn(N))
     center = 0.8 if name == "cases" else found.optimum.theta[0]
     assert lot.prior[:, 0].mean() == pytest.approx(center, abs=5.0 * 0.03 / math.sqrt(N))
     assert lot.prior[:, 0].std() == pytest.approx(0.03, rel=0.06)
@@ -119,14 +119,14 @@ def test_means_of_priors_are_drawn_about_the_data_or_the_fit(name) -> None:
 
 def test_too_little_to_draw_from_is_said_with_the_remedy() -> None:
     problem, found = fitted(scene(12).with_rows(np.arange(14)))
-    assert "2 impacts with e_n in s0" in Cases.of(problem).scarce
-    assert "--prior" in Cases.of(problem).scarce
-    assert Residuals.of(problem, found).scarce == ""  # known noise: all rows share their residuals
+    assert "2 impacts with e_n in s0" in Cases.of(problem).shortage
+    assert "--prior" in Cases.of(problem).shortage
+    assert Residuals.of(problem, found).shortage == ""  # known noise: all rows share their residuals
     alone = fitted(scene(12).with_rows(np.arange(13)))
-    assert "1 row met exactly" in Wild.of(*alone).scarce
-    assert Cases.of(scene(12)).scarce == ""
-    assert Wild.of(*fitted(scene(12))).scarce == ""
-    assert "4 in s0/beta; 4 in s0/e_n" in Residuals.of(*fitted(scene(4, noise="unknown"))).scarce
+    assert "1 row met exactly" in Wild.of(*alone).shortage
+    assert Cases.of(scene(12)).shortage == ""
+    assert Wild.of(*fitted(scene(12))).shortage == ""
+    assert "4 in s0/beta; 4 in s0/e_n" in Residuals.of(*fitted(scene(4, noise="unknown"))).shortage
 
 
 def test_what_cannot_be_drawn_is_refused() -> None:

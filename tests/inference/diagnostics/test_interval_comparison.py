@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,16 +8,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from hard_cases.synthetic import GRAZING, STEEP, TRUTH, table
 from scipy import special
 
 import ifrfit
 from ifrfit.inference.diagnostics.interval_comparison import intervals
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
 from ifrfit.inference.optimize.least_squares import least_squares
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from hard_cases.synthetic import GRAZING, STEEP, TRUTH, table
 
 Z = float(special.ndtri(0.975))
 
@@ -57,7 +53,7 @@ def row(**values) -> pd.DataFrame:
 def test_linear_data_have_one_interval(tmp_path: Path) -> None:
     problem, fit = asked(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
     sd = {
-        name: math.sqrt(fit.local.variance(fit.local.to_theta[i], 1.0))
+        name: math.sqrt(fit.gaussian.variance(fit.gaussian.to_theta[i], 1.0))
         for i, name in enumerate(problem.parameters.names)
     }
     value = dict(zip(problem.parameters.names, fit.optimum.theta.tolist(), strict=True))

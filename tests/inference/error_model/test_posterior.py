@@ -130,7 +130,7 @@ def test_least_squares_of_student_is_the_maximum_of_its_likelihood():
     assert not found.optimum.certified
     # the local picture has the size of the posterior, not of the weights
     post = integrate(problem, tolerance=1e-2)
-    local = found.local
+    local = found.gaussian
     sd = np.sqrt(np.diag(local.to_theta @ local.covariance(capped=True) @ local.to_theta.T))[
         problem.parameters.free
     ]

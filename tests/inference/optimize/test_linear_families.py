@@ -45,7 +45,7 @@ def test_a_noisy_problem_is_certified_and_no_grid_point_lies_lower(name, impacts
     path = impacts(gamma=GAMMA, observables=observables, noise=0.03, sigma=0.03, seed=4)
     problem = problem_of(path, **choices)
     found = solve(problem, problem.noise.sigma)
-    assert found.road == road
+    assert found.method == road
     assert found.certified
     assert found.objective == pytest.approx(objective_at(problem, problem.noise.sigma, found.theta), rel=1e-9)
     e_n = [0.94] if "fix" in choices else np.linspace(0.5, 1.0, 13)
@@ -60,7 +60,7 @@ def test_noise_free_constants_come_back(name, impacts):
     problem = problem_of(impacts(gamma=GAMMA, observables=observables, sigma=0.05), **choices)
     found = solve(problem, problem.noise.sigma)
     # where e_n is searched for, its place is known to the square root of rounding
-    places = 1e-10 if found.road == "all partitions" else 1e-6
+    places = 1e-10 if found.method == "all partitions" else 1e-6
     np.testing.assert_allclose(found.theta, [0.94, -0.9, 0.12], rtol=0, atol=places)
 
 
@@ -101,7 +101,7 @@ def test_separate_friction_is_certified_through_the_dual(impacts):
     problem = problem_of(path, fix={"e_n": 0.94}, separate=("mu",))
     found = solve(problem, problem.noise.sigma)
     assert found.certified
-    assert found.road.startswith("all partitions of each series")
+    assert found.method.startswith("all partitions of each series")
     rng = np.random.default_rng(0)
     for _ in range(300):
         theta = found.theta * (1.0 + 0.05 * rng.standard_normal(found.theta.size))

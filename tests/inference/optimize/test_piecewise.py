@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ifrfit.inference.optimize.piecewise import PiecewiseProblem, Rows, minimise
-from ifrfit.inference.optimize.refinement import settle
-from ifrfit.inference.optimize.regime_sums import Branched, branch, build
+from ifrfit.inference.optimize.branch_and_bound import branch, minimise, minimise_batch
+from ifrfit.inference.optimize.piecewise import LinearRows, PiecewiseBatch, PiecewiseProblem
+from ifrfit.inference.optimize.piecewise_quadratic import quadratic_of
+from ifrfit.inference.optimize.refinement import refine
+from ifrfit.inference.optimize.solved_cells import SolvedCells
 
 
-def sphere(tau, y, sigma, closure="ifr", pull=None):
+def sphere(tau, y, sigma, closure="ifr", linear=None):
     """Beta of a solid sphere in (c, kappa), written out by hand."""
     n = tau.size
     stick, slide = np.zeros((n, 2)), np.zeros((n, 2))
@@ -25,16 +29,16 @@ def sphere(tau, y, sigma, closure="ifr", pull=None):
     slide[:, 1] = 3.5 / tau
     return PiecewiseProblem(
         tau,
-        Rows.of(stick / sigma[:, None], (y - stick0) / sigma),
-        Rows.of(slide / sigma[:, None], (y - slide0) / sigma),
-        Rows.of(np.zeros((0, 2)), np.zeros(0)),
+        LinearRows.of(stick / sigma[:, None], (y - stick0) / sigma),
+        LinearRows.of(slide / sigma[:, None], (y - slide0) / sigma),
+        LinearRows.of(np.zeros((0, 2)), np.zeros(0)),
         np.array([0.0, 1.0]),
         0.0,
         np.array(bound),
         bound0,
         np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, -1.0]]),
         np.array([high, -low, 0.0]),
-        pull,
+        linear,
     )
 
 
@@ -107,15 +111,15 @@ def test_a_single_valley_counts_once():
     assert found.n_solved < found.n_cells + 1
 
 
-def test_a_pull_moves_the_minimum_as_its_multiplier_says():
+def test_a_linear_term_moves_the_minimum():
     rng = np.random.default_rng(3)
     tau = np.tan(np.radians(np.linspace(5, 85, 40)))
     y = -0.8 + np.minimum(1.4, 3.5 * 0.23 / tau) + rng.normal(0, 0.02, 40)
-    pull = np.array([30.0, -10.0])
-    problem = sphere(tau, y, np.full(40, 0.02), pull=pull)
+    linear = np.array([30.0, -10.0])
+    problem = sphere(tau, y, np.full(40, 0.02), linear=linear)
     found = minimise(problem)
     c, kappa = np.meshgrid(np.linspace(-1.0, -0.4, 601), np.linspace(0.0, 0.6, 1201))
-    grid = chi2(problem, c, kappa) + pull[0] * c + pull[1] * kappa
+    grid = chi2(problem, c, kappa) + linear[0] * c + linear[1] * kappa
     assert found.chi2 <= grid.min() + 1e-9
     assert found.chi2 == pytest.approx(grid.min(), rel=1e-3)
 
@@ -128,17 +132,40 @@ def test_noise_free_rows_are_met_to_the_last_digits():
     assert found.chi2 < 1e-24
 
 
-def test_a_cell_that_was_never_solved_is_settled_all_the_same():
+def test_a_cell_that_was_never_solved_is_refined_all_the_same():
     rng = np.random.default_rng(7)
     tau = np.sort(np.tan(np.radians(rng.uniform(3, 87, 20))))
     problem = sphere(tau, rng.uniform(-1, 1, 20), np.full(20, 0.1))
-    cells = build(problem)
-    whole = branch(problem, cells)
+    quadratic = quadratic_of(PiecewiseBatch(problem))
+    whole = branch(problem, quadratic, 8, count_minima=True).member(0)
     worst = np.array([int(np.argmax(whole.values))])
     bounds = np.zeros(whole.bounds.size)  # nothing is known of the other cells
-    crippled = Branched(
-        whole.values[worst], whole.errors[worst], whole.points[worst], whole.solved[worst], bounds, True
+    crippled = SolvedCells(
+        whole.values[worst], whole.errors[worst], whole.points[worst], whole.cells[worst], bounds, True
     )
-    found = settle(problem, cells, crippled)
+    found = refine(problem, quadratic, crippled)
     assert found.value == pytest.approx(minimise(problem).chi2, rel=1e-9)
     assert found.lowest_bound_elsewhere() >= found.value * (1 - 1e-9)
+
+
+@pytest.mark.parametrize("closure", ["ifr", "fr"])
+@pytest.mark.parametrize("shifted", [False, True])
+def test_each_member_of_a_batch_has_the_minimum_it_has_alone(closure, shifted):
+    rng = np.random.default_rng(11)
+    tau = np.sort(np.tan(np.radians(rng.uniform(3, 87, 30))))
+    tau[7] = tau[6]
+    problem = sphere(tau, rng.uniform(-1, 1, 30), np.ones(30), closure)
+    always = LinearRows.of(rng.normal(size=(2, 2)), rng.normal(size=2))
+    batch = PiecewiseBatch(
+        replace(problem, always=always),
+        rng.integers(0, 4, (40, 30)) * 10.0 ** rng.uniform(0, 4, (40, 30)),
+        rng.uniform(0.0, 2.0, (40, 2)),
+        rng.normal(0.0, 0.1, (40, 30)) if shifted else None,
+        rng.normal(0.0, 0.1, (40, 2)) if shifted else None,
+    )
+    found = minimise_batch(batch)
+    assert found.certified.all()
+    for i in range(batch.size):
+        alone = minimise(batch.member(i))
+        assert found.values[i] == pytest.approx(alone.chi2, rel=1e-9)
+        assert batch.member(i).value(found.points[i]) == pytest.approx(alone.chi2, rel=1e-9)

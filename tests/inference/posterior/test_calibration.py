@@ -7,17 +7,12 @@ from __future__ import annotations
 
 import math
 import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
-from scipy.special import ndtr, ndtri
-
-sys.path.insert(0, str(Path(__file__).parents[3] / "scripts"))  # workers find the modules by it, too
-
 from calibration_methods import EXACT, NARROW, NO_KINK, WALTON, WRONG_SIGMA, score_marginals
 from calibration_page import CONTROLS, page, verdict
 from calibration_scenes import SCENES, share_sliding, simulate, understated_sigma, walton, without_kink
@@ -35,6 +30,7 @@ from calibration_verdict import (
     lines_of,
     passes,
 )
+from scipy.special import ndtr, ndtri
 
 SEED = 7
 REPEATS = 140  # in each scene: the narrowed intervals are caught from some 540 on

@@ -1,11 +1,11 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hard_cases.synthetic import FAN, HEADER, STEEP, noise, rows, table, values
 
 import ifrfit
 from ifrfit.inference.diagnostics.thresholds import FACTS
@@ -16,10 +16,6 @@ from ifrfit.inference.profile.convergence_fact import profile_converged
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import Profile
 from ifrfit.inference.result.types import Fact
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from hard_cases.synthetic import FAN, HEADER, STEEP, noise, rows, table, values
 
 SETTLED = Fact(True, "the noise has settled", {"change": 1e-9}, FACTS["converged"])
 

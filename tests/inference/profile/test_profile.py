@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hard_cases.synthetic import FAN, GRAZING, HEADER, STEEP, TRUTH, noise, rows, table, values
 from scipy import special
 
 import ifrfit
@@ -20,10 +20,6 @@ from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import Profile
 from ifrfit.inference.result.build import build_result
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from hard_cases.synthetic import FAN, GRAZING, HEADER, STEEP, TRUTH, noise, rows, table, values
 
 KNOWN = {"e_n": TRUTH["e_n"]}
 Z = float(special.ndtri(0.975))
@@ -57,7 +53,7 @@ def profiles(folder: Path, text: str, **options: Any) -> dict[str, Profile]:
 def test_a_parabola_gives_the_gaussian_interval(tmp_path: Path) -> None:
     # all impacts slide and stay so over the whole region: linear in e_t and kappa
     problem, fit = question(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9), fix={})
-    sd = math.sqrt(fit.local.variance(fit.local.to_theta[1], 1.0))
+    sd = math.sqrt(fit.gaussian.variance(fit.gaussian.to_theta[1], 1.0))
     found = profile_all(problem, fit)["e_t"]
     value = float(fit.optimum.theta[1])
     assert found.shape == "bounded"
@@ -130,7 +126,7 @@ def test_on_its_bound(tmp_path: Path) -> None:
 
 def test_one_tail_is_cut_where_the_normal_law_has_it(tmp_path: Path) -> None:
     problem, fit = question(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.993), fix={})
-    sd = math.sqrt(fit.local.variance(fit.local.to_theta[1], 1.0))
+    sd = math.sqrt(fit.gaussian.variance(fit.gaussian.to_theta[1], 1.0))
     found = profile_all(problem, fit)["e_t"]
     assert found.status == "one_sided"
     assert found.interval95[1] == pytest.approx(found.value + special.ndtri(0.95) * sd, abs=1e-6)
@@ -214,7 +210,7 @@ def test_separate_constants_under_a_shared_one(tmp_path: Path) -> None:
         "transition_angle_deg[run]", "transition_angle_deg[second]",
     }  # fmt: skip
     for place, series in ((2, "run"), (3, "second")):
-        sd = math.sqrt(fit.local.variance(fit.local.to_theta[place], 1.0))
+        sd = math.sqrt(fit.gaussian.variance(fit.gaussian.to_theta[place], 1.0))
         mu = constants["mu"][series]
         assert mu.status == "determined"
         assert mu.value == pytest.approx(float(fit.optimum.theta[place]))

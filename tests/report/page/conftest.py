@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import functools
-import importlib.util
 import os
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+from factories import impacts_file
 
 import ifrfit
 from ifrfit import FitResult
@@ -27,28 +26,6 @@ HOSTILE = (
     "<img src=x onerror=\"document.title='taken'\">",
     "</script><script>document.title='taken'</script>",
 )
-
-
-def _sharing() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("shared_impacts", Path(__file__).parents[2] / "conftest.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def table(folder: Path, name: str, *parts: dict[str, Any]) -> Path:
-    """A CSV of made impacts."""
-    shared = _sharing()
-    rows = []
-    for part in parts:
-        # the series in quotes, whatever characters it has
-        series = str(part.get("series", "run")).replace('"', '""')
-        rows += [f'"{series}"{row}' for row in shared.impacts_text(**{**part, "series": ""})]
-    path = folder / name
-    path.write_text("\n".join([shared.HEADER, *rows]) + "\n", encoding="utf-8")
-    return path
 
 
 @pytest.fixture(scope="session")
@@ -68,9 +45,9 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], FitResu
                 {**one, "series": HOSTILE[0]},
                 {**one, "series": HOSTILE[1], "mu": 0.2, "spin_y": -0.3, "seed": 3},
             )
-            path = table(folder, "hostile.csv", *parts)
+            path = impacts_file(folder / "hostile.csv", *parts)
             return ifrfit.fit(path, fix={"e_n": 0.94}, separate="mu", command=f"ifrfit {HOSTILE[1]}")
-        path = table(folder, "impacts.csv", one)
+        path = impacts_file(folder / "impacts.csv", one)
         if name == "loose":
             return ifrfit.fit(path)
         return ifrfit.fit(path, fix={"e_n": 0.94}, method="lsq" if name == "lsq" else "exact")

@@ -6,12 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
+from factories import small_report
 
 from ifrfit.errors import UsageError
 from ifrfit.report.page import write_batch, write_report
 from ifrfit.report.page.batch import index, named_entries
-from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Report, Section
-from ifrfit.report.page.drawings.checks import draw_checks
 from ifrfit.report.page.html import fill
 from ifrfit.report.page.markdown import escaped, markdown_files
 
@@ -21,10 +20,7 @@ KINDS = {"html": b"<!DOCTYPE html>", "md": b"<!-- ifrfit report -->", "pdf": b"%
 @pytest.fixture
 def small(monkeypatch):
     """Reports of one paragraph and one picture, where only their files matter."""
-    picture = Picture("checks", "Checks", "one", draw_checks({"chi2": 0.5}))
-    sections = (Section("one", "One", (Paragraph("Words."), Pictures((picture,), "A caption."))),)
-    report = Report("small", (), ("It is.", "Nothing."), False, sections, {"ifrfit": "1"})
-    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_, **__: report)
+    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_: small_report())
 
 
 @pytest.mark.usefixtures("small")

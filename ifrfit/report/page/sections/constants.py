@@ -87,9 +87,8 @@ def _row(label: str, estimate: Estimate, remark: str) -> tuple[str, ...]:
 def derived(result: FitResult) -> list[tuple[str, Estimate]]:
     """Transition angles and the restitution in sticking, by name."""
     found = []
-    by_series = result.derived.get("transition_angle_deg") or {}
-    for series in by_series:
-        whose = f" [{series}]" if len(by_series) > 1 else ""
+    for series in result.transitions:
+        whose = f" [{series}]" if len(result.transitions) > 1 else ""
         for angle in transitions(result, series):
             found.append((f"transition angle, deg{whose}", angle))
     closure = CLOSURES.get(result.closure)

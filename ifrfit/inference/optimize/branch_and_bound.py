@@ -1,0 +1,252 @@
+"""The global minimum of piecewise problems, and its proof: branch and bound over the cells.
+
+Sort the rows by tau. Between two neighbouring values of tau the sum of squares is one convex quadratic, a
+cell; sums over the rows give the quadratics of all cells in O(n). A cell's unconstrained minimum bounds it
+from below; only cells whose bound lies under the best value found are solved exactly. What remains is
+proven: no cell holds a lower value. Bounds and values are taken less their rounding error, and a cell that
+rounding leaves in doubt is solved again from its own rows. Derived in docs/theory/certificate.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.diagnostics.thresholds import GAP, RANK
+from ifrfit.inference.optimize.local_minima import local_minima
+from ifrfit.inference.optimize.piecewise import (
+    NEAR,
+    Array,
+    PiecewiseBatch,
+    PiecewiseOptimum,
+    PiecewiseProblem,
+)
+from ifrfit.inference.optimize.piecewise_quadratic import PiecewiseQuadratic, quadratic_of
+from ifrfit.inference.optimize.refinement import DOUBT, refine
+from ifrfit.inference.optimize.solved_cells import SolvedCells
+
+Index = NDArray[np.intp]
+Bool = NDArray[np.bool_]
+
+_MANY = 20_000  # rows beyond which the sums are taken about a point near the optimum
+_SAMPLE = 1000  # rows that find that point
+_CHI2_95 = 3.84146  # rise of chi2 at the ends of a 95 % interval
+_FIRST, _FIRST_IN_BATCH = 8, 3  # cells of a problem that are solved to get a first value
+_CHUNK = 4096  # cells solved at once
+_MOST_NEAR = 512  # cells solved beyond need, to count local minima
+_TIED = 1e-9  # relative; cells this near to the least value hold it as well
+
+
+def minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
+    """Find the global minimum and prove it.
+
+    Parameters
+    ----------
+    problem : PiecewiseProblem
+        In at most three unknowns.
+    """
+    problem = problem.sorted_by_tau()
+    if problem.tau.size <= _MANY:
+        return _minimise(problem)
+    # sums over many rows keep their digits when they are taken about a point near the optimum
+    center = _minimise(problem.take(slice(None, None, problem.tau.size // _SAMPLE))).t
+    shift = 0.0 if problem.linear is None else float(problem.linear @ center)
+    return _minimise(problem.about(center)).moved(center, shift)
+
+
+def _minimise(problem: PiecewiseProblem) -> PiecewiseOptimum:
+    """Minimise a problem whose rows are sorted."""
+    quadratic = quadratic_of(PiecewiseBatch(problem))
+    found = refine(problem, quadratic, branch(problem, quadratic, _FIRST, count_minima=True).member(0))
+    chi2 = problem.value(found.point)
+    gap = max(0.0, chi2 - found.lowest_bound_elsewhere())
+    optima = [(chi2, found.point), *local_minima(problem, quadratic, found)[1:]]
+    near = found.values <= found.value + _CHI2_95
+    points, which = found.points[near], found.cells[near]
+    return PiecewiseOptimum(
+        found.point,
+        chi2,
+        gap,
+        tuple(optima),
+        np.concatenate((points[points.argmin(axis=0)], points[points.argmax(axis=0)])),
+        bool((which == 0).any()),
+        bool((which == found.bounds.size - 1).any()),
+        found.bounds.size,
+        found.cells.size,
+    )
+
+
+@dataclass(frozen=True)
+class Branched:
+    """Minima of the cells that were solved, and a lower bound of every cell, of b problems with m cells.
+
+    Attributes
+    ----------
+    values, errors : ndarray, (b, m)
+        Minima and their rounding errors; infinite and 0 where a cell was not solved.
+    points : ndarray, (b, m, q)
+    first : ndarray of int, (b, k)
+        Cells that were solved first: those of the lowest bounds.
+    solved : ndarray of bool, (b, m)
+        All that were solved.
+    bounds : ndarray, (b, m)
+    all_near_solved : bool
+        Whether every cell within `NEAR` of the least value is among the solved.
+    """
+
+    values: Array
+    errors: Array
+    points: Array
+    first: Index
+    solved: Bool
+    bounds: Array
+    all_near_solved: bool
+
+    def member(self, number: int) -> SolvedCells:
+        """The solved cells of one problem, in the order in which they were solved."""
+        later = self.solved[number].copy()
+        later[self.first[number]] = False
+        cells = np.concatenate((self.first[number], np.flatnonzero(later)))
+        return SolvedCells(
+            self.values[number, cells],
+            self.errors[number, cells],
+            self.points[number, cells],
+            cells,
+            self.bounds[number],
+            self.all_near_solved,
+        )
+
+
+def branch(
+    problem: PiecewiseProblem, quadratic: PiecewiseQuadratic, n_first: int, *, count_minima: bool = False
+) -> Branched:
+    """Solve every cell whose bound does not lie above the best value of its problem.
+
+    The cells with the lowest bounds give a first value; all that its bound admits follow. The value only
+    falls, so nothing that could hold the minimum is left out. A cell that the sums leave in doubt keeps the
+    bound that needs no sums. With `count_minima` cells within `NEAR` of the best value are solved as well.
+    """
+    free, doubtful = quadratic.lower_bounds(linear=problem.linear is not None)
+    b, m = free.shape
+    least = 0.0 if problem.linear is None else -np.inf  # that needs no sums
+    bounds = np.maximum(free, least)
+    bounds[doubtful] = least
+    values, errors = np.full(b * m, np.inf), np.zeros(b * m)
+    points = np.zeros((b * m, problem.kappa.size))
+
+    def solve(which: Index) -> None:
+        for start in range(0, which.size, _CHUNK):
+            at = which[start : start + _CHUNK]
+            found = quadratic.minima(problem, at)
+            values[at], errors[at], points[at] = found.values, found.errors, found.points
+
+    n_first = min(n_first, m)
+    lowest = np.argpartition(bounds, n_first - 1, axis=1)[:, :n_first]
+    first = (lowest + m * np.arange(b)[:, None]).reshape(-1)
+    solve(first)
+    best = (values[first] + errors[first]).reshape(b, n_first).min(axis=1, keepdims=True)
+    admitted = bounds <= best
+    all_near_solved = False
+    if count_minima:
+        near = bounds <= best + NEAR
+        all_near_solved = int(near.sum()) <= _MOST_NEAR
+        if all_near_solved:
+            admitted = near
+        else:
+            # all sliding and all sticking: whether they describe the data is asked for
+            admitted[:, [0, -1]] |= near[:, [0, -1]]
+    admitted.reshape(-1)[first] = False
+    solve(np.flatnonzero(admitted))
+    solved = admitted
+    solved.reshape(-1)[first] = True
+    sure = solved & ~doubtful
+    bounds[sure] = (values - errors).reshape(b, m)[sure]
+    shape = (b, m)
+    return Branched(
+        values.reshape(shape),
+        errors.reshape(shape),
+        points.reshape(b, m, problem.kappa.size),
+        lowest,
+        solved,
+        bounds,
+        all_near_solved,
+    )
+
+
+@dataclass(frozen=True)
+class BatchOptima:
+    """The minimum of each member of a batch.
+
+    Attributes
+    ----------
+    points : ndarray, (b, q)
+    values : ndarray, (b,)
+        Sums of squares.
+    certified : ndarray of bool, (b,)
+        Whether nothing lower than the value is possible, to 1e-9 relative.
+    rank : ndarray of int, (b,)
+        Unknowns, or combinations of them, that the rows determine at the minimum; where several cells hold
+        the minimum, in the one that determines least.
+    n_stick : ndarray of int, (b,)
+        How many rows, as sorted, stick in that cell.
+    """
+
+    points: Array
+    values: Array
+    certified: Bool
+    rank: Index
+    n_stick: Index
+
+
+def minimise_batch(batch: PiecewiseBatch) -> BatchOptima:
+    """Global minimum of every member, with its proof; those in doubt for rounding go to `minimise`."""
+    quadratic = quadratic_of(batch)
+    found = branch(batch.problem, quadratic, _FIRST_IN_BATCH)
+    every = np.arange(batch.size)
+    best = found.values.argmin(axis=1)
+    value, point = found.values[every, best], found.points[every, best]
+    scale = np.maximum(1.0, value)
+    elsewhere = np.where(np.arange(quadratic.n_cells) == best[:, None], np.inf, found.bounds)
+    certified = value - elsewhere.min(axis=1, initial=np.inf) <= GAP * scale
+    doubtful = ~(found.errors[every, best] <= DOUBT * scale)
+    doubtful |= found.bounds.min(axis=1) < value - DOUBT * scale
+    rank, n_stick = _least_rank(quadratic, found.values <= (value + _TIED * scale)[:, None])
+    for number in np.flatnonzero(doubtful):
+        alone = batch.member(int(number))
+        optimum = minimise(alone)
+        point[number], value[number] = optimum.t, optimum.chi2
+        certified[number] = optimum.gap <= GAP * max(1.0, optimum.chi2)
+        rank[number], n_stick[number] = _rank_at(alone, optimum.t)
+    return BatchOptima(point, value, certified, rank, n_stick)
+
+
+def _least_rank(quadratic: PiecewiseQuadratic, tied: Bool) -> tuple[Index, Index]:
+    """Least rank over the cells (b, m) that hold the minimum, and how many rows stick there, (b,)."""
+    flat = np.flatnonzero(tied)
+    member, cell = np.divmod(flat, quadratic.n_cells)
+    ranks = _rank_of(quadratic.grams(flat))
+    order = np.lexsort((ranks, member))
+    number, first = np.unique(member[order], return_index=True)
+    rank, n_stick = np.zeros(len(tied), dtype=np.intp), np.zeros(len(tied), dtype=np.intp)
+    rank[number] = ranks[order][first]
+    n_stick[number] = quadratic.n_stick[cell[order][first]]
+    return rank, n_stick
+
+
+def _rank_of(gram: Array) -> Index:
+    """Rank of stacked Gram matrices, (k, q, q), each unknown in units of its own size."""
+    q = gram.shape[-1]
+    diagonal = gram[:, range(q), range(q)]
+    size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    curvature = np.linalg.eigvalsh(gram / (size[:, :, None] * size[:, None, :])) if q else diagonal
+    return np.asarray((curvature > RANK * RANK * q).sum(axis=1))
+
+
+def _rank_at(problem: PiecewiseProblem, t: Array) -> tuple[int, int]:
+    """Rank at one point of one problem, and how many rows stick there."""
+    sticks = problem.sticks(t)
+    parts = (problem.stick.take(sticks), problem.slide.take(~sticks), problem.always)
+    gram = sum((part.gram() for part in parts), start=np.zeros((t.size, t.size)))
+    return int(_rank_of(gram[None])[0]), int(sticks.sum())

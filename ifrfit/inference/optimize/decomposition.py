@@ -1,0 +1,204 @@
+"""Sums of functions that are linked by one parameter: their minimum, and its proof.
+
+F(x) = sum_i f_i(x), each f_i the least sum of squares of a group of rows at a given x. What proves the
+minimum is Lagrange's dual on ever smaller intervals: eqs. (7) to (9) of docs/theory/certificate.md.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.thresholds import GAP
+from ifrfit.inference.optimize.branch_and_bound import minimise
+from ifrfit.inference.optimize.piecewise import Array, PiecewiseOptimum, PiecewiseProblem
+from ifrfit.inference.optimize.piecewise_profile import PiecewiseProfile
+from ifrfit.inference.optimize.scalar_search import are_distinct, bounded_minimum, scalar_minima
+
+_INTERVALS = 400  # at the most
+_NARROW = 1e-13
+_CUT = 0.125  # of an interval, to either side of the minimum in it
+
+
+class BoundedMember(Protocol):
+    """A function of the linking parameter that can be bounded from below."""
+
+    def lower_bound(self, low: float, high: float, multiplier: float) -> float:
+        """Proven lower bound of f(x) + multiplier * x over low <= x <= high."""
+        ...
+
+
+class Member(BoundedMember, Protocol):
+    """A function f of the linking parameter x."""
+
+    def profile(self, x: Array) -> tuple[Array, Array]:
+        """Value f(x) and slope f'(x) at many places, each (n,)."""
+        ...
+
+    def value(self, x: float) -> float:
+        """f(x) with all its digits."""
+        ...
+
+
+def lagrangian_bound(
+    members: Sequence[BoundedMember], multipliers: Sequence[float], low: float, high: float
+) -> float:
+    """Lower bound of the sum of the members over an interval, eq. (8); the multipliers must sum to zero."""
+    return sum(
+        member.lower_bound(low, high, multiplier)
+        for member, multiplier in zip(members, multipliers, strict=True)
+    )
+
+
+@dataclass(frozen=True)
+class GaussianMember:
+    """((x - mean)/sd)^2: a prior of the linking parameter."""
+
+    mean: float
+    sd: float
+
+    def profile(self, x: Array) -> tuple[Array, Array]:
+        """Value and slope at many places."""
+        return ((x - self.mean) / self.sd) ** 2, 2.0 * (x - self.mean) / self.sd**2
+
+    def value(self, x: float) -> float:
+        """Value at one place."""
+        return ((x - self.mean) / self.sd) ** 2
+
+    def lower_bound(self, low: float, high: float, multiplier: float) -> float:
+        """Minimum with the multiplier, a parabola's."""
+        x = min(max(self.mean - 0.5 * multiplier * self.sd * self.sd, low), high)
+        return self.value(x) + multiplier * x
+
+
+@dataclass(frozen=True)
+class PiecewiseMember:
+    """Least sum of squares of a piecewise problem at given values of one of its unknowns.
+
+    Attributes
+    ----------
+    problem : PiecewiseProblem
+        In one unknown or two, for all but `lower_bound`.
+    unknown : int
+        The one that links.
+    """
+
+    problem: PiecewiseProblem
+    unknown: int
+
+    @cached_property
+    def optimum(self) -> PiecewiseOptimum:
+        """Its own minimum over all unknowns."""
+        return minimise(self.problem)
+
+    @cached_property
+    def _profile(self) -> PiecewiseProfile:
+        return PiecewiseProfile(self.problem, self.optimum.t, self.unknown)
+
+    def profile(self, x: Array) -> tuple[Array, Array]:
+        """Value and slope at many places, in closed form."""
+        return self._profile(x)
+
+    def value(self, x: float) -> float:
+        """Value at one place, certified."""
+        return minimise(self.problem.with_fixed(self.unknown, x)).chi2
+
+    def minimiser(self, x: float) -> Array:
+        """All unknowns at a given value of the linking one, (q,)."""
+        return np.insert(minimise(self.problem.with_fixed(self.unknown, x)).t, self.unknown, x)
+
+    def lower_bound(self, low: float, high: float, multiplier: float) -> float:
+        """Certified minimum with the multiplier over the interval, less its gap."""
+        lowest, highest = self.problem.interval(self.unknown)
+        low, high = max(low, lowest), min(high, highest)
+        if multiplier * (low if multiplier > 0.0 else high) == -np.inf:
+            return -np.inf  # where no row changes any more the multiplier leads down without end
+        found = minimise(self.problem.within(self.unknown, low, high).with_linear(self.unknown, multiplier))
+        return found.chi2 - found.gap
+
+
+@dataclass(frozen=True)
+class LinkedOptimum:
+    """The minimum of a decomposition.
+
+    Attributes
+    ----------
+    minima : tuple of (float, float)
+        Value and place of the distinct local minima that were found, best first.
+    bound : float
+        Nothing lies lower than this.
+    """
+
+    minima: tuple[tuple[float, float], ...]
+    bound: float
+
+    @property
+    def gap(self) -> float:
+        """How far the least value lies above the bound."""
+        return max(0.0, self.minima[0][0] - self.bound)
+
+
+@dataclass(frozen=True)
+class Decomposition:
+    """F(x) = sum of members, over an interval of the linking parameter."""
+
+    members: tuple[Member, ...]
+    low: float
+    high: float
+
+    def profile(self, x: Array) -> Array:
+        """F at many places, quickly."""
+        return np.asarray(np.sum([member.profile(x)[0] for member in self.members], axis=0))
+
+    def value(self, x: float) -> float:
+        """F at one place, certified."""
+        return sum(member.value(x) for member in self.members)
+
+    def lower_bound(self, low: float, high: float, x: float) -> float:
+        """Lower bound over a part of the interval, with the multipliers of eq. (9) from x."""
+        slopes = [float(member.profile(np.array([x]))[1][0]) for member in self.members]
+        multipliers = np.mean(slopes) - np.array(slopes)
+        return lagrangian_bound(self.members, multipliers.tolist(), low, high)
+
+    def minimise(self, seeds: Sequence[float] = ()) -> LinkedOptimum:
+        """Search the profile, then prove the best of what is found.
+
+        Parameters
+        ----------
+        seeds : sequence of float
+            Places to look at, beside a grid.
+        """
+        dips = scalar_minima(self.profile, self.low, self.high, seeds)
+        found = sorted((self.value(x), x) for _, x in dips)
+        best, bound = self._prove(found[0])
+        others = (dip for dip in found if are_distinct(dip[1], best[1]))
+        return LinkedOptimum((best, *others), bound)
+
+    def _prove(self, best: tuple[float, float]) -> tuple[tuple[float, float], float]:
+        """Bound F by branching on x; gives the optimum, a better one if the branching met it, and a bound."""
+        queue = [(self.low, self.high)]
+        proven = np.inf
+        for _ in range(_INTERVALS):
+            if not queue:
+                break
+            low, high = queue.pop()
+            holds_best = low <= best[1] <= high
+            x = best[1] if holds_best else 0.5 * (low + high)
+            bound = self.lower_bound(low, high, x)
+            closed = bound >= best[0] - 0.5 * GAP * max(1.0, best[0])
+            if closed or high - low <= _NARROW * (1.0 + abs(high)):
+                proven = min(proven, bound)
+                continue
+            if not holds_best and self.value(x) < best[0]:
+                best = min(best, bounded_minimum(self.value, low, high, 1e-12))
+            step = _CUT * (high - low)
+            cuts = {low, high} | ({max(low, x - step), min(high, x + step)} if holds_best else {x})
+            queue += itertools.pairwise(sorted(cuts))
+        for low, high in queue:  # what the budget left over
+            proven = min(proven, self.lower_bound(low, high, 0.5 * (low + high)))
+        return best, float(proven)

@@ -1,0 +1,72 @@
+"""Which groups of rows can tell the size of their own noise by their misfit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ifrfit.errors import DataError
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.optimum import Array
+from ifrfit.physics.observables import OBSERVABLES
+
+
+def refuse_exact_group(problem: Problem, name: str, rows: Index) -> None:
+    """Refuse a group whose points the free constants could run through exactly.
+
+    Raises
+    ------
+    DataError
+        If there are no more different points than parameters, and no point is repeated with another value.
+    """
+    inputs = inputs_of_rows(problem, rows)
+    values = np.column_stack((inputs, problem.rows.value[rows]))
+    points = np.unique(inputs, axis=0).shape[0]
+    scatter = np.unique(values, axis=0).shape[0] > points
+    if points <= n_parameters_seen(problem, rows) and not scatter:
+        raise DataError(needs_sigma(problem, name, rows))
+
+
+def n_parameters_seen(problem: Problem, rows: Index) -> int:
+    """How many free constants, or combinations of them, the rows depend on."""
+    free = {c.name for c in problem.parameters if c.fixed is None}
+    own = {problem.closure.constant}
+    seen: set[str] = set()
+    for which in np.unique(problem.rows.which[rows]):
+        observable = OBSERVABLES[problem.rows.names[which]]
+        if observable.kind == "normal":
+            seen |= free & {"e_n"}
+        elif observable.kind == "friction":
+            seen |= free & {"mu"}
+        elif observable.kind == "tangential" and observable.scale == "one":
+            seen |= (free & own) | ({"kappa"} if free & {"mu", "e_n"} else set())
+        else:
+            seen |= free
+    return len(seen)
+
+
+def inputs_of_rows(problem: Problem, rows: Index) -> Array:
+    """Observable, tau, spins and sine of each row, (n, 5): equal rows are repeats of one point."""
+    i = problem.rows.incidence
+    inputs = np.column_stack(
+        (problem.rows.which[rows], problem.rows.tau[rows], i.spin_x[rows], i.spin_y[rows], i.sine[rows])
+    )
+    inputs[np.isin(problem.rows.which[rows], _without_angle(problem))] *= [1, 0, 0, 0, 0]
+    return np.asarray(inputs, dtype=float)
+
+
+def _without_angle(problem: Problem) -> list[int]:
+    return [i for i, n in enumerate(problem.rows.names) if not OBSERVABLES[n].has_angle]
+
+
+def needs_sigma(problem: Problem, name: str, rows: Index) -> str:
+    """Message of the error where a group (`name`; "" for all rows) cannot tell its own noise."""
+    table = problem.observations.table.iloc[rows]
+    what = ", ".join(dict.fromkeys(table["observable"]))
+    where = table["source"].iloc[0] + (f", series {table['series'].iloc[0]}" if name else "")
+    own, needs = ("its own", "it needs") if rows.size == 1 else ("their own", "they need")
+    return (
+        f"{where}: {rows.size} value{'' if rows.size == 1 else 's'} of {what} cannot tell {own} noise "
+        f"from the constants, so {needs} a sigma. "
+        "Add a column sigma (and --noise known), or more impacts at other angles."
+    )

@@ -1,0 +1,194 @@
+"""One group whose e_n is measured both directly and through friction: a search over e_n, and its proof.
+
+For a given e_n every row is linear, so the certified solver gives the best of everything else; what is left
+is a search over e_n alone. Where the rows split into two sides that meet in one quantity, the Lagrangian
+bound over that quantity proves the result: eqs. (10) and (11) of docs/theory/certificate.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.optimize.branch_and_bound import minimise
+from ifrfit.inference.optimize.decomposition import PiecewiseMember, lagrangian_bound
+from ifrfit.inference.optimize.linear_families import LOWEST, kappa_form, linear_form
+from ifrfit.inference.optimize.parameter_group import (
+    Constants,
+    GroupOptimum,
+    ParameterGroup,
+    kappa_range,
+    restitution_sums,
+)
+from ifrfit.inference.optimize.piecewise import NEAR
+from ifrfit.inference.optimize.scalar_search import bounded_minimum, scalar_minima
+
+_REBOUND_SEEDS = 40
+
+
+def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
+    """Optimum over e_n of the certified optima at given e_n, with the Lagrangian bound where there is one."""
+    low, high = _range_of_e_n(group)
+
+    def at(e_n: float) -> tuple[float, Constants]:
+        form = kappa_form(replace(group, e_n=replace(group.e_n, fixed=e_n, prior=None)))
+        optimum = minimise(form.problem)
+        prior = 0.0 if group.e_n.prior is None else ((e_n - group.e_n.prior[0]) / group.e_n.prior[1]) ** 2
+        return optimum.chi2 + prior, form.to_constants(optimum.t)
+
+    # over the outgoing velocity the scale is 1/e_n: small values need a closer look
+    seeds = np.geomspace(low, high, _REBOUND_SEEDS).tolist() if group.of_scale("rebound").any() else []
+    found = scalar_minima(lambda e_n: np.array([at(float(e))[0] for e in e_n]), low, high, seeds)
+    objective = found[0][0]
+    minima = tuple((value, at(e_n)[1]) for value, e_n in found if value <= objective + NEAR)
+    constants = minima[0][1]
+    bound = _bound(group, constants)
+    gap = max(0.0, objective - bound) if math.isfinite(bound) else None
+    return GroupOptimum(constants, objective, gap, minima, method="all partitions at each e_n")
+
+
+def _range_of_e_n(group: ParameterGroup) -> tuple[float, float]:
+    lower = group.e_n.lower
+    if group.of_scale("rebound").any():
+        lower = max(lower, LOWEST)  # tan_psi_out has no value at e_n = 0
+    if math.isfinite(group.e_n.upper):
+        return lower, group.e_n.upper
+    return lower, max(1.0, 2.0 * lower)
+
+
+def _bound(group: ParameterGroup, constants: Constants) -> float:
+    """Lower bound over everything, where the rows split into two sides; -inf where they do not."""
+    impulse, rebound = group.of_scale("impulse"), group.of_scale("rebound")
+    if not (impulse.any() or rebound.any()):
+        return _bound_over_kappa(group, constants)
+    others = group.of_kind("tangential") & ~impulse
+    if others.any() or group.c.prior is not None:
+        return -math.inf
+    return _bound_over_w(group, constants)
+
+
+def _bound_over_kappa(group: ParameterGroup, constants: Constants) -> float:
+    """Tangential rows know (c, kappa), the others (e_n, mu); they meet in kappa: eq. (10)."""
+    e_n, _, mu = constants
+    other = _RestitutionAndFriction.of(group)
+    multiplier = 2.0 * (other.p * mu - other.q) / (1.0 + e_n)  # stationarity in mu
+    tangential = _of_rows(group, "tangential")
+    tangential = replace(
+        tangential,
+        e_n=replace(group.e_n, fixed=0.0, lower=0.0, prior=None),  # so that mu is kappa
+        mu=Parameter("mu", 0.0, math.inf),
+    )
+    members = PiecewiseMember(kappa_form(tangential).problem, int(group.c.fixed is None)), other
+    _, end = kappa_range([tangential])
+    below = lagrangian_bound(members, (multiplier, -multiplier), 0.0, end)
+    above = lagrangian_bound(members, (0.0, 0.0), end, math.inf)  # every row sticks: kappa changes none
+    return min(below, above)
+
+
+def _bound_over_w(group: ParameterGroup, constants: Constants) -> float:
+    """mu_app and mu know (w, c w, mu), the others e_n; they meet in w = 1/(1 + e_n): eq. (11)."""
+    e_n = constants[0]
+    other = _Restitution(*restitution_sums(group), group.e_n.lower, group.e_n.upper)
+    multiplier = -2.0 * (other.a * e_n - other.b) * (1.0 + e_n) ** 2  # stationarity in e_n
+    impulse = _of_rows(group, "tangential", "friction")
+    form = linear_form(replace(impulse, e_n=replace(group.e_n, prior=None)))
+    if form is None:
+        return -math.inf
+    first = PiecewiseMember(form.problem, 0)
+    return lagrangian_bound((first, other), (multiplier, -multiplier), -math.inf, math.inf)
+
+
+def _of_rows(group: ParameterGroup, *kinds: str) -> ParameterGroup:
+    at = np.flatnonzero(group.of_kind(*kinds))
+    return replace(group, rows=group.rows.take(at), weight=group.weight[at])
+
+
+@dataclass(frozen=True)
+class _RestitutionAndFriction:
+    """a e^2 - 2 b e + s + p mu^2 - 2 q mu + r at given kappa = mu (1 + e): direct measurements of both."""
+
+    a: float
+    b: float
+    s: float
+    p: float
+    q: float
+    r: float
+    e_n: tuple[float, float]
+    mu: tuple[float, float]
+
+    @classmethod
+    def of(cls, group: ParameterGroup) -> _RestitutionAndFriction:
+        at = group.of_kind("friction")
+        weight, value = group.weight[at], group.rows.value[at]
+        p, q = float(weight @ weight), float((weight * weight) @ value)
+        r = float((weight * value) @ (weight * value))
+        if group.mu.prior is not None:
+            mean, sd = group.mu.prior
+            p, q, r = p + sd**-2, q + mean * sd**-2, r + (mean / sd) ** 2
+        mu = group.mu
+        ends = (mu.lower, mu.upper) if mu.fixed is None else (mu.fixed, mu.fixed)
+        return cls(*restitution_sums(group), p, q, r, (group.e_n.lower, group.e_n.upper), ends)
+
+    def lower_bound(self, low: float, high: float, multiplier: float) -> float:
+        """Minimum with the multiplier over all kappa, or over those above `low`, whatever `high` is.
+
+        A second multiplier pulls kappa up to `low`: the largest of the bounds that it gives is taken.
+        """
+        if low <= 0.0:
+            return self._minimum(multiplier)
+        steepest = max(0.0, multiplier + 2.0 * math.sqrt(self.a * self.p))  # beyond it nothing is convex
+        least, _ = bounded_minimum(
+            lambda pull: -self._minimum(multiplier - pull) - pull * low, 0.0, steepest, 1e-9 * steepest
+        )
+        return max(self._minimum(multiplier), -least)
+
+    def _minimum(self, multiplier: float) -> float:
+        """Minimum with the multiplier over the box of e_n and mu; -inf where it is not convex."""
+        a, b, p, q = self.a, self.b, self.p, self.q
+        if not 4.0 * a * p > multiplier * multiplier:
+            return -math.inf
+
+        def value(e: float, mu: float) -> float:
+            normal, friction = a * e * e - 2 * b * e + self.s, p * mu * mu - 2 * q * mu + self.r
+            return normal + friction + multiplier * mu * (1.0 + e)
+
+        def best_mu(e: float) -> float:
+            return (2 * q - multiplier * (1 + e)) / (2 * p)
+
+        e = (2 * b - multiplier * (2 * q - multiplier) / (2 * p)) / (2 * a - multiplier**2 / (2 * p))
+        mu = best_mu(e)
+        if self.e_n[0] <= e <= self.e_n[1] and self.mu[0] <= mu <= self.mu[1]:
+            return value(e, mu)
+        edges = [value(end, _clip(best_mu(end), self.mu)) for end in self.e_n if math.isfinite(end)]
+        edges += [
+            value(_clip((2 * b - multiplier * end) / (2 * a), self.e_n), end)
+            for end in self.mu
+            if math.isfinite(end)
+        ]
+        return min(edges)
+
+
+@dataclass(frozen=True)
+class _Restitution:
+    """a e^2 - 2 b e + s at given w = 1/(1 + e): direct measurements of e_n."""
+
+    a: float
+    b: float
+    s: float
+    lower: float
+    upper: float
+
+    def lower_bound(self, low: float, high: float, multiplier: float) -> float:
+        """Minimum with the multiplier over all w: at an end, or where a cubic in 1 + e has a root."""
+        roots = np.roots([2.0 * self.a, -2.0 * (self.a + self.b), 0.0, -multiplier])
+        inside = [float(r.real) - 1.0 for r in roots if abs(r.imag) < 1e-9 * (1.0 + abs(r.real))]
+        candidates = [e for e in inside if self.lower < e < self.upper]
+        candidates += [e for e in (self.lower, self.upper) if math.isfinite(e)]
+        return min(self.a * e * e - 2 * self.b * e + self.s + multiplier / (1.0 + e) for e in candidates)
+
+
+def _clip(x: float, ends: tuple[float, float]) -> float:
+    return min(max(x, ends[0]), ends[1])

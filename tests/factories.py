@@ -1,0 +1,68 @@
+"""Builders that tests share: impacts made by the physics of the package, and a report quickly written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ifrfit.physics import get_closure, get_observable, rebound
+
+HEADER = "series,observable,gamma_deg,spin_x,spin_y,value,sigma"
+
+
+def impacts_text(
+    gamma: object,
+    observables: tuple[str, ...] = ("beta",),
+    *,
+    e_n: float = 0.94,
+    c: float = -0.9,
+    mu: float = 0.12,
+    closure: str = "ifr",
+    spin_x: float = 0.0,
+    spin_y: float = 0.0,
+    noise: float = 0.0,
+    sigma: float | None = 0.05,
+    series: str = "run",
+    seed: int = 0,
+    inertia_factor: float = 0.4,
+) -> list[str]:
+    """Rows of the common schema for the given angles, `noise` sd of normal noise on every value.
+
+    The series is quoted where its name needs that.
+    """
+    rng = np.random.default_rng(seed)
+    own = get_closure(closure).constant
+    extra = {own: c} if own else {}
+    if set(series) & set(',"\n'):
+        series = '"' + series.replace('"', '""') + '"'
+    rows = []
+    for name in observables:
+        state = rebound(
+            gamma, spin_x, spin_y, e_n=e_n, mu=mu, closure=closure, degrees=True,
+            inertia_factor=inertia_factor, **extra,
+        )  # fmt: skip
+        values = get_observable(name).value(state, np.asarray(mu))
+        values = values + noise * rng.standard_normal(values.shape)
+        for angle, value in zip(np.atleast_1d(gamma).tolist(), np.atleast_1d(values).tolist(), strict=True):
+            tail = "" if sigma is None else f"{sigma!r}"
+            rows.append(f"{series},{name},{angle!r},{spin_x!r},{spin_y!r},{value!r},{tail}")
+    return rows
+
+
+def impacts_file(path: Path, *parts: dict[str, Any]) -> Path:
+    """Write a CSV of impacts, each part with the arguments of `impacts_text`; the path."""
+    rows = [row for part in parts for row in impacts_text(**part)]
+    path.write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def small_report() -> Any:
+    """A `Report` of one paragraph and one picture, where only its files matter."""
+    from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Report, Section
+    from ifrfit.report.page.drawings.checks import draw_checks
+
+    picture = Picture("checks", "Checks", "one", draw_checks({"chi2": 0.5}))
+    sections = (Section("one", "One", (Paragraph("Words."), Pictures((picture,), "A caption."))),)
+    return Report("small", (), ("It is.", "Nothing."), False, sections, {"ifrfit": "1"})

@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from toys import BEND, COUNT, GRIP, HALF_DROP, OUTLINE, SPIN_GAINED, TILT, Brake, Guess
+
+from ifrfit.cli.main import app
+from ifrfit.registry import registered
+
+
+@pytest.fixture(scope="session")
+def toys() -> Iterator[None]:
+    """Everything that is made up, registered for as long as these tests run."""
+    with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake(), Guess(), COUNT, OUTLINE):
+        yield
+
+
+@pytest.fixture(scope="session")
+def cli() -> Callable[..., str]:
+    """A command in this process that must succeed; its output."""
+
+    def run(*arguments: object) -> str:
+        words = [str(argument) for argument in arguments]
+        found = CliRunner().invoke(app, words, prog_name="ifrfit")
+        if found.exception is not None and not isinstance(found.exception, SystemExit):
+            raise found.exception
+        assert found.exit_code == 0, found.output
+        return found.stdout
+
+    return run

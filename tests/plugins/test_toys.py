@@ -1,0 +1,315 @@
+"""What a user registers is known everywhere: in fits, predictions, comparisons, reports, scenes and costs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from toys import BEND, GRIP, HALF_DROP, SPIN_GAINED, TILT, Guess
+
+import ifrfit
+from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.estimators import ESTIMATORS
+from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
+from ifrfit.physics.effects import EFFECTS
+from ifrfit.registry import registered
+from ifrfit.report.page.explorer import payload, reason_without_panel
+from ifrfit.report.page.html import panel_script
+
+GAMMA = np.linspace(4.0, 80.0, 20)
+TRUTH = {"g_rip": 0.7, "eta": 0.6}
+SCENE = """
+observables = {observables}
+[sphere]
+diameter_mm = 5
+material = "alumina"
+[wall]
+material = "soda-lime-glass"
+[impact]
+gamma_deg = {{ from = 5, to = 80, count = 6 }}
+speed_m_s = 3.9
+[constants]
+{constants}
+"""
+
+pytestmark = pytest.mark.usefixtures("toys")
+
+
+def table(folder: Path, closure: Closure, observable: str = "beta", noise: float = 0.01) -> Path:
+    """Impacts of a closure with known constants."""
+    own = {closure.constant: TRUTH[closure.constant]} if closure.constant else {}
+    state = ifrfit.rebound(GAMMA, e_n=0.9, mu=0.12, closure=closure.name, degrees=True, **own)
+    value = OBSERVABLES[observable].value(state, np.asarray(0.12))
+    value = value + noise * np.random.default_rng(1).standard_normal(GAMMA.size)
+    path = folder / f"{closure.name}-{observable}.csv"
+    rows = [
+        f"{gamma!r},{observable},{each!r},{noise!r}"
+        for gamma, each in zip(GAMMA.tolist(), value.tolist(), strict=True)
+    ]
+    path.write_text("gamma_deg,observable,value,sigma\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("toys")
+
+
+@pytest.fixture(scope="module")
+def fits(folder: Path, toys: None) -> dict[str, Any]:
+    """An exact fit by each toy closure to its own impacts."""
+    return {
+        closure.name: ifrfit.fit(table(folder, closure), closure=closure.name, fix={"e_n": 0.9})
+        for closure in (GRIP, BEND)
+    }
+
+
+# ---- closures
+
+
+@pytest.mark.parametrize("method", tuple(ESTIMATORS))
+def test_a_closure_with_a_new_constant_is_fitted_by_every_method(folder: Path, method: str) -> None:
+    found = ifrfit.fit(table(folder, GRIP), closure="grip", method=method, fix={"e_n": 0.9})
+    estimate = found.constants["g_rip"]
+    assert estimate.status == "determined"
+    assert estimate.interval95[0] < 0.7 < estimate.interval95[1]
+    sticking = found.derived["beta_sticking"]
+    assert sticking.value == pytest.approx(2.0 * estimate.value - 1.0)
+
+
+def test_a_law_that_is_not_bilinear_is_fitted(fits: dict[str, Any]) -> None:
+    found = fits["bend"]
+    low, high = found.constants["eta"].interval95
+    assert low < 0.6 < high
+    assert "beta_sticking" not in found.derived  # the closure does not say what eta stands for
+
+
+@pytest.mark.parametrize("name", ["grip", "bend"])
+def test_predictions_follow_the_closure(fits: dict[str, Any], name: str) -> None:
+    found = fits[name]
+    own = {key: found.constants[key].value for key in TRUTH if key in found.constants}
+    state = ifrfit.rebound(
+        [10.0, 70.0], e_n=0.9, mu=found.constants["mu"].value, closure=name, degrees=True, **own
+    )
+    np.testing.assert_allclose(found.predict([10.0, 70.0])["value"], state.beta, atol=0.01)
+
+
+def test_tables_write_the_constant_in_latex(fits: dict[str, Any]) -> None:
+    assert r"$\Gamma$ & $0.70" in fits["grip"].summary(style="latex")
+    assert r"$\eta$ & $0.6" in fits["bend"].summary(style="latex")
+
+
+@pytest.mark.parametrize("name", ["grip", "bend"])
+def test_a_result_goes_to_a_file_and_back(fits: dict[str, Any], folder: Path, name: str) -> None:
+    path = folder / f"{name}.json"
+    fits[name].save(path)
+    again = ifrfit.load_result(path)
+    assert again.constants == fits[name].constants
+    assert again.summary() == fits[name].summary()
+
+
+def test_all_closures_are_compared(folder: Path) -> None:
+    found = ifrfit.compare(table(folder, GRIP), fix={"e_n": 0.9}, noise="known", loo=False)
+    assert list(found.entries) == list(CLOSURES)
+    assert found.entries["grip"].probability > found.entries["f"].probability
+    assert "GRIP" in found.summary()
+    assert "BEND" in found.summary()
+
+
+@pytest.mark.parametrize(("name", "constant"), [("grip", "g_rip"), ("bend", "eta")])
+def test_a_scene_takes_the_closure(fits: dict[str, Any], folder: Path, name: str, constant: str) -> None:
+    scene = folder / f"{name}.toml"
+    lines = f'closure = "{name}"\ne_n = 0.9\nmu = 0.12\n{constant} = {TRUTH[constant]}'
+    scene.write_text(SCENE.format(observables=["beta"], constants=lines), encoding="utf-8")
+    found = ifrfit.simulate(scene)
+    own = {constant: TRUTH[constant]}
+    gamma = np.linspace(5.0, 80.0, 6)
+    state = ifrfit.rebound(gamma, e_n=0.9, mu=0.12, closure=name, degrees=True, **own)
+    np.testing.assert_allclose(found.rebounds()["value"], state.beta, atol=2e-3)
+    fits[name].save(folder / f"{name}-fit.json")
+    scene.write_text(
+        SCENE.format(observables=["beta"], constants=f'result = "{name}-fit.json"'), encoding="utf-8"
+    )
+    assert ifrfit.simulate(scene, samples=5).closure == name
+    scene.write_text(
+        SCENE.format(
+            observables=["beta"], constants='closure = "f"\nmu = 0.1\ne_n = 0.9\n' + f"{constant} = 0.5"
+        )
+    )
+    with pytest.raises(DataError, match=f"closure F has no {constant}; it takes e_n, mu"):
+        ifrfit.simulate(scene)
+
+
+def test_costs_name_every_closure(folder: Path) -> None:
+    found = ifrfit.measure_costs(
+        table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, kinds="physics", quick=True
+    )
+    methods = {cost.method for cost in found.costs}
+    assert {f"closure {c.title}" for c in CLOSURES.values() if c.name != "maw"} | {"table"} <= methods
+    best = {cost.method: cost.error for cost in found.costs}
+    assert best["closure GRIP"] < 1.0
+
+
+# ---- every closure of the registry through every command
+
+
+@pytest.mark.parametrize("name", [*CLOSURES, "grip", "bend"])
+def test_every_closure_goes_through_every_command(cli: Callable[..., str], tmp_path: Path, name: str) -> None:
+    data, result = table(tmp_path, GRIP), tmp_path / "result.json"
+    chosen = ("--closure", name, "--fix", "e_n=0.9")
+    result.write_text(cli("fit", data, *chosen, "--method", "lsq", "--json"), encoding="utf-8")
+    assert list(json.loads(result.read_text())["constants"]) == list(CLOSURES[name].constants)
+    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
+    cli("report", result, "--out", tmp_path / "page.html")
+    assert f"closure {CLOSURES[name].title}" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    others = [*chosen, "--closure", "ifr" if name != "ifr" else "fr"]
+    assert name in json.loads(cli("compare", data, *others, "--no-loo", "--json"))["closures"]
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
+    cli("simulate", scene, "--out", tmp_path / "simulated")
+    assert json.loads(cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json"))["costs"]
+
+
+# ---- observables
+
+
+@pytest.mark.parametrize("observable", [SPIN_GAINED, TILT, HALF_DROP])
+def test_an_observable_is_read_and_fitted(folder: Path, observable: Any) -> None:
+    path = table(folder, CLOSURES["f"], observable.name, 0.05 if observable.unit == "deg" else 0.002)
+    free = observable.kind == "normal"
+    for method in ("lsq", "exact"):
+        found = ifrfit.fit(path, closure="f", method=method, fix={"mu": 0.12} if free else {"e_n": 0.9})
+        name, truth = ("e_n", 0.9) if free else ("mu", 0.12)
+        low, high = found.constants[name].interval95
+        assert low < truth < high
+        assert high - low < 0.1
+    assert observable.meaning in found.summary() or observable.name in found.summary()
+
+
+def test_an_observable_beyond_its_range_is_refused(folder: Path) -> None:
+    path = folder / "wrong.csv"
+    path.write_text("gamma_deg,observable,value\n10,tilt_deg,91\n20,half_v_n,0.2\n")
+    with pytest.raises(DataError, match=r"91 degrees is impossible for tilt_deg \(-90 to 90 degrees\)"):
+        ifrfit.read(path)
+
+
+def test_a_scene_takes_the_observables(folder: Path) -> None:
+    scene = folder / "observables.toml"
+    names = ["spin_gained", "tilt_deg", "half_v_n"]
+    scene.write_text(SCENE.format(observables=names, constants="e_n = 0.9\nmu = 0.1\ne_t = -0.9"))
+    found = ifrfit.simulate(scene)
+    assert list(dict.fromkeys(found.rebounds()["observable"])) == names
+    assert np.isfinite(found.rebounds()["value"]).all()
+
+
+def test_errors_of_spins_reach_a_new_observable(folder: Path) -> None:
+    path = table(folder, CLOSURES["f"], "spin_gained", 0.01)
+    found = ifrfit.fit(
+        path,
+        closure="f",
+        fix={"e_n": 0.9},
+        method="lsq",
+        noise=ifrfit.Noise(sigma_velocity=0.01, sigma_spin=0.03),
+    )
+    assert set(found.points["sigma"].round(12)) == {0.03}
+
+
+def test_the_page_has_a_panel_where_there_is_an_expression(folder: Path) -> None:
+    for observable, there in ((SPIN_GAINED, True), (TILT, False)):
+        path = table(folder, CLOSURES["f"], observable.name, 0.01)
+        found = ifrfit.fit(path, closure="f", fix={"e_n": 0.9}, method="lsq")
+        why = "The panel has no formula for tilt_deg: the picture above stands alone."
+        assert reason_without_panel(found) == ("" if there else why)
+    assert "spin_gained: (r) => r.spinY - r.i.spinY," in panel_script()
+    assert "tilt_deg: (r)" not in panel_script()
+
+
+def test_the_panel_leaves_out_what_has_no_expression(folder: Path) -> None:
+    paths = [table(folder, CLOSURES["f"], each.name, 0.01) for each in (SPIN_GAINED, TILT)]
+    found = ifrfit.fit(paths, closure="f", fix={"e_n": 0.9}, method="lsq")
+    content = payload(found)
+    assert [each["name"] for each in content["observables"]] == ["spin_gained"]
+    assert content["left_out"] == ["tilt_deg"]
+    assert len(content["rows"]["value"]) == GAMMA.size
+
+
+# ---- effects
+
+
+def test_an_effect_joins_the_plan(folder: Path) -> None:
+    scene = folder / "brake.toml"
+    scene.write_text(SCENE.format(observables=["e_n"], constants="e_n = 0.9\nmu = 0.1\ne_t = -0.9"))
+    found = ifrfit.simulate(scene)
+    line = next(line for line in found.plan.lines if line.effect == "brake")
+    assert line.state == "on"
+    assert line.change == pytest.approx(0.45, abs=0.01)
+    assert [each.effect for each in found.plan.lines] == list(EFFECTS)
+    np.testing.assert_allclose(found.rebounds()["value"], 0.45, atol=0.01)
+    assert "brake" in found.summary()
+
+
+# ---- methods, sections, formats
+
+
+def test_a_method_goes_through_every_command(cli: Callable[..., str], tmp_path: Path) -> None:
+    data, result = table(tmp_path, GRIP), tmp_path / "result.json"
+    chosen = ("--closure", "grip", "--fix", "e_n=0.9")
+    result.write_text(cli("fit", data, *chosen, "--method", "guess", "--json"), encoding="utf-8")
+    content = json.loads(result.read_text())
+    assert content["method"] == "guess"
+    assert "courage 1" in content["warnings"]
+    assert "educated guess" in ifrfit.load_result(result).summary()
+    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
+    cli("report", result, "--out", tmp_path / "page.outline")
+    assert "How many rows" in (tmp_path / "page.outline").read_text(encoding="utf-8").splitlines()
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
+    cli("simulate", scene, "--out", tmp_path / "simulated")
+    costs = cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json")
+    assert "guess" in {cost["method"] for cost in json.loads(costs)["costs"]}
+
+
+def test_options_of_a_method_are_its_own(folder: Path) -> None:
+    found = ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method=Guess(courage=2.0))
+    assert "courage 2" in found.warnings
+    assert ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method="guess").method == "guess"
+
+
+# ---- what is refused, and what stays
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        (
+            replace(GRIP, name="g2", own=replace(GRIP.own, domain=lambda j: (0.0, 1.2))),
+            r"Closure GRIP creates kinetic energy with g_rip = 1\.2, inertia factor 0\.4: the contact point "
+            r"leaves with 1\.4 times its velocity\.",
+        ),
+        (replace(GRIP, name="g2", own=replace(GRIP.own, name="mu")), "calls its constant 'mu'"),
+        (replace(GRIP, name="g2", own=replace(GRIP.own, name="a b")), "calls its constant 'a b'"),
+        (replace(GRIP, name="g2", law=lambda j: 3.0), "is a float: it must have the functions of"),
+        (replace(TILT, name="tilt"), "end with _deg where its unit is deg"),
+        (replace(SPIN_GAINED, name="s2", takes=frozenset({"Q"})), "takes Q: known are Tx, Ty, Sx, Sy, N"),
+        (replace(SPIN_GAINED, name="s2", linear=None), "lacks the form of that kind"),
+        (replace(SPIN_GAINED, name="s2", linear=lambda i, j: (i.sine, -i.slip_x / j)), "differ by up to"),
+        (replace(HALF_DROP, name="s2", high=0.1), "outside its range"),
+        (replace(SPIN_GAINED, name="s2", panel="'</script>'"), "would end the page's script"),
+        (GRIP, "There is a closure 'grip' already"),
+    ],
+)
+def test_an_entry_that_contradicts_itself_is_refused(entry: Any, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        ifrfit.register(entry)
+
+
+def test_nothing_stays_behind() -> None:
+    extra = replace(GRIP, name="for-a-while")
+    with registered(extra):
+        assert CLOSURES["for-a-while"] is extra
+    assert "for-a-while" not in CLOSURES
