@@ -9,7 +9,10 @@ from typer.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from toys import BEND, GRIP, HALF_DROP, SPIN_GAINED, TILT, Brake
+from extensions.closure import GRIP
+from extensions.effect import Brake
+from extensions.observable import SPIN_GAINED
+from toys import BEND, HALF_DROP, TILT
 
 from ifrfit.cli.main import app
 from ifrfit.registry import registered

@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from toys import BEND, GRIP, HALF_DROP, SPIN_GAINED, TILT
+from extensions.closure import GRIP
+from extensions.observable import SPIN_GAINED
+from toys import BEND, HALF_DROP, TILT
 
 import ifrfit
 from ifrfit.errors import DataError, UsageError
