@@ -11,7 +11,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from extensions.closure import GRIP
 from extensions.effect import Brake
+from extensions.format import FORMAT
+from extensions.method import Mode
 from extensions.observable import SPIN_GAINED
+from extensions.section import SECTION
 from toys import BEND, HALF_DROP, TILT
 
 from ifrfit.cli.main import app
@@ -21,7 +24,7 @@ from ifrfit.registry import registered
 @pytest.fixture(scope="session")
 def toys() -> Iterator[None]:
     """Everything that is made up, registered for as long as these tests run."""
-    with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake()):
+    with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake(), Mode(), SECTION, FORMAT):
         yield
 
 
