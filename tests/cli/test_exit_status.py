@@ -120,6 +120,7 @@ def test_a_missing_file_is_3_and_close_names_are_offered(cli):
     assert "there is neither a file nor a dataset of that name. Did you mean kharaz-2001?" in sentence(found)
 
 
+@pytest.mark.usefixtures("small_page")
 @pytest.mark.parametrize("form", [(), ("--json",), ("--quiet",), ("--out", "kept")])
 def test_strict_is_4_when_a_constant_is_not_determined_and_the_result_is_delivered(cli, impacts, form):
     path = impacts(gamma=range(5, 85, 5), sigma=0.01)

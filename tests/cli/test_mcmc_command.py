@@ -29,6 +29,7 @@ def converged(folder: str) -> dict[str, object]:
     return dict(content["facts"]["converged"])
 
 
+@pytest.mark.usefixtures("small_page")
 def test_too_short_a_walk_says_so_and_resumed_it_is_the_long_one(cli):
     short = cli(*MCMC, "--max-steps", 60, "--out", "short", "--strict")
     assert short.returncode == 4
@@ -75,6 +76,7 @@ def test_too_short_a_walk_says_so_and_resumed_it_is_the_long_one(cli):
     assert "cannot be read as chains" in damaged.stderr
 
 
+@pytest.mark.usefixtures("small_page")
 def test_an_earlier_result_is_not_replaced_unless_resumed(cli):
     assert cli(*MCMC, "--max-steps", 5, "--out", "out", "--quiet").returncode == 0
     assert cli(*MCMC, "--max-steps", 5, "--out", "out").returncode == 2

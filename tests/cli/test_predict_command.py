@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from factories import impacts_file
 
 import ifrfit
 
@@ -19,19 +20,18 @@ COLUMNS = [
 ]  # fmt: skip
 
 
-def fitted(cli, impacts, method):
-    """A result with interior constants: beta with sigma, e_n known."""
-    path = impacts(gamma=range(5, 85, 5), sigma=0.02, noise=0.02)
-    out = path.with_name("saved")
-    options = ("--fix", "e_n=0.94", "--method", method, "--quiet", "--out", out)
-    assert cli("fit", path, *options).returncode == 0
-    return out / "result.json"
+def fitted(folder, method, *parts, **choices):
+    """The file of a result; by default with interior constants: beta with sigma, e_n known."""
+    parts = parts or ({"gamma": range(5, 85, 5), "sigma": 0.02, "noise": 0.02},)
+    path = impacts_file(folder / "impacts.csv", *parts)
+    ifrfit.fit(path, fix={"e_n": 0.94}, method=method, **choices).save(folder / "result.json")
+    return folder / "result.json"
 
 
-@pytest.fixture
-def saved(cli, impacts):
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
     """Of least squares: the curve is the one of the constants, to the last digit."""
-    return fitted(cli, impacts, "lsq")
+    return fitted(tmp_path_factory.mktemp("saved"), "lsq")
 
 
 def table(outcome):
@@ -52,8 +52,8 @@ def test_columns_bands_and_curve(cli, saved):
     np.testing.assert_allclose(found["value"], curve, rtol=1e-9)
 
 
-def test_a_posterior_is_predicted_from_the_draws_that_the_file_keeps(cli, impacts):
-    path = fitted(cli, impacts, "exact")
+def test_a_posterior_is_predicted_from_the_draws_that_the_file_keeps(cli, tmp_path):
+    path = fitted(tmp_path, "exact")
     found = table(cli("predict", path, "--gamma", "10,35,60"))
     content = json.loads(path.read_text(encoding="utf-8"))
     sample = content["state"]["sample"]
@@ -122,15 +122,13 @@ def test_what_is_undefined_is_empty(cli, saved):
     assert table(found)["value"].notna().tolist() == [False, True]
 
 
-def test_the_curve_lies_in_its_own_band_where_a_constant_lies_on_its_bound(cli, impacts):
-    path = impacts(gamma=range(5, 85, 5), sigma=0.02, noise=0.02, c=-1.0, seed=3)
-    out = path.with_name("saved")
-    options = ("--fix", "e_n=0.94", "--method", "lsq", "--quiet", "--out", out)
-    assert cli("fit", path, *options).returncode == 0
-    constants = json.loads((out / "result.json").read_text(encoding="utf-8"))["constants"]
+def test_the_curve_lies_in_its_own_band_where_a_constant_lies_on_its_bound(cli, tmp_path):
+    part = {"gamma": range(5, 85, 5), "sigma": 0.02, "noise": 0.02, "c": -1.0, "seed": 3}
+    path = fitted(tmp_path, "lsq", part)
+    constants = json.loads(path.read_text(encoding="utf-8"))["constants"]
     if constants["e_t"]["value"] != -1.0:
         pytest.fail("choose another seed: e_t does not lie on its bound")
-    found = table(cli("predict", out / "result.json", "--gamma", "5,10,15"))
+    found = table(cli("predict", path, "--gamma", "5,10,15"))
     assert (found["lo95"] <= found["value"]).all()
     assert (found["value"] <= found["hi95"]).all()
 
@@ -142,15 +140,12 @@ def test_the_same_result_gives_the_same_bytes(cli, saved):
     assert "\r" not in first
 
 
-def test_separate_constants_ask_for_a_series(cli, impacts):
-    path = impacts(
+def test_separate_constants_ask_for_a_series(cli, tmp_path):
+    parts = (
         {"gamma": range(5, 85, 5), "series": "dry", "sigma": 0.01, "mu": 0.1},
         {"gamma": range(5, 85, 5), "series": "wet", "sigma": 0.01, "mu": 0.2},
     )
-    out = path.with_name("saved")
-    options = ("--separate", "mu", "--fix", "e_n=0.94", "--quiet", "--out", out)
-    assert cli("fit", path, *options).returncode == 0
-    saved = out / "result.json"
+    saved = fitted(tmp_path, "exact", *parts, separate="mu")
     refused = cli("predict", saved, "--gamma", "60")
     assert refused.returncode == 2
     assert refused.stderr == "ifrfit: Constants are separate by series: name one of dry, wet.\n"

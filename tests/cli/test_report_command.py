@@ -37,6 +37,7 @@ def test_report_writes_the_page_of_fit_again_closures_compared(cli, fitted):
     ]  # fmt: skip
 
 
+@pytest.mark.usefixtures("small_page")
 def test_the_form_follows_the_option_or_the_name(cli, result):
     assert cli("report", result, "--format", "md").stdout == "written: results/report.md\n"
     assert Path("results/report-figures/fit.png").exists()
@@ -46,6 +47,7 @@ def test_the_form_follows_the_option_or_the_name(cli, result):
     assert Path("folder/report.html").exists()
 
 
+@pytest.mark.usefixtures("small_page")
 def test_several_results_make_an_index(cli, result):
     Path("second.json").write_bytes(result.read_bytes())
     found = cli("report", result, "second.json", "--out", "all")

@@ -1,12 +1,12 @@
 """No local search may end below what is certified to be the least.
 
-The suite's share of ``scripts/calibrate.py``: 300 random problems, 40 local starts each. The local searches
-are MINPACK's on a model written out by hand, so that they share nothing with the certified solver.
+The suite's share of ``scripts/calibrate.py``: 60 random problems (300 with -m long), 40 local starts each.
+The local searches are MINPACK's on a model written out by hand, so that they share nothing with the
+certified solver.
 """
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -31,12 +31,13 @@ def problems():
     return [random_problem(np.random.default_rng(child)) for child in children]
 
 
-def test_certified_is_never_worse_than_40_local_starts_on_300_problems():
-    found = list(compare_many(300, 40, SEED, min(2, os.cpu_count() or 1)))
+@pytest.mark.parametrize("n", [60, pytest.param(300, marks=pytest.mark.long)])
+def test_certified_is_never_worse_than_40_local_starts(n):
+    found = list(compare_many(n, 40, SEED, 1))
     lines, held = summary(found)
     assert held, "\n".join(lines)
     certified = [c for c in found if c.certified]
-    assert len(certified) >= 250  # the check would be empty if little were certified
+    assert len(certified) >= 5 * n // 6  # the check would be empty if little were certified
     # and it would prove little if local searches never went astray
     assert sum(c.missed for c in certified) > 0.05 * sum(c.starts for c in certified)
 

@@ -57,19 +57,20 @@ def test_mu_of_a_series_goes_with_an_open_restitution(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("separate", [("mu",), ("e_t", "mu"), ("e_n", "mu"), ("e_t",)], ids="+".join)
 @pytest.mark.parametrize("sigma_e_n", [None, 0.3, 0.02])
+@pytest.mark.parametrize("places", [6, pytest.param(21, marks=pytest.mark.long)])
 def test_a_held_mu_leaves_e_n_to_the_slope(
-    separate: tuple[str, ...], sigma_e_n: float | None, tmp_path: Path
+    separate: tuple[str, ...], sigma_e_n: float | None, places: int, tmp_path: Path
 ) -> None:
     problem, fit = question(tmp_path, sigma_e_n, separate=separate)
-    places = problem.parameters.positions
-    i_e, i_mu = int(places["e_n"][0]), int(places["mu"][0])
+    positions = problem.parameters.positions
+    i_e, i_mu = int(positions["e_n"][0]), int(positions["mu"][0])
     for factor in (0.75, 1.2):
         mu = factor * float(fit.optimum.theta[i_mu])
         theta = best_with(problem, fit.sigma, {i_mu: mu}, fit.optimum.theta)
         assert theta[i_mu] == mu
         grid = [
             best_with(problem, fit.sigma, {i_mu: mu, i_e: e_n}, fit.optimum.theta)
-            for e_n in np.linspace(0.0, 1.0, 21).tolist()
+            for e_n in np.linspace(0.0, 1.0, places).tolist()
         ]
         at_grid = [objective_at(problem, fit.sigma, each) for each in grid]
         best = min(at_grid)
