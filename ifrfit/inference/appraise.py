@@ -111,7 +111,7 @@ def _too_large_to_compare(result: FitResult) -> str:
     free = sum(found.status != "fixed" for found in result.flat_constants().values())
     if len(result.points) > MOST_ROWS or free > MOST_CONSTANTS:
         return f"{len(result.points)} rows and {free} free constants take long"
-    curved = int(result.points["observable"].map(lambda name: OBSERVABLES[name].kind == "curved").sum())
+    curved = sum(OBSERVABLES[name].kind == "curved" for name in result.points["observable"])
     if curved > MOST_CURVED:
         return f"{curved} rebound angles or total restitutions take long"
     error_model = result.noise.error_model

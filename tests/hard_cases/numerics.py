@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +33,7 @@ class Judged:
 
 
 Solve = Callable[[Path, str], Judged]
+best = functools.cache(best_chi2)  # the same for every method
 
 
 def _judged(gamma: Any, beta: Any, sigma: Any, *, e_n: float, closure: str = "ifr", law: Law = IFR) -> Solve:
@@ -41,7 +43,7 @@ def _judged(gamma: Any, beta: Any, sigma: Any, *, e_n: float, closure: str = "if
     def run(folder: Path, method: str) -> Judged:
         path = put(folder, HEADER + rows(gamma, np.array(beta), sigma))
         result = fit(path, fix={"e_n": e_n}, closure=closure, method=method)
-        chi2, c, kappa = best_chi2(gamma, beta, sigma, law)
+        chi2, c, kappa = best(gamma, beta, sigma, law)
         return Judged(result, float(chi2), float(c), float(kappa))
 
     return run

@@ -17,7 +17,11 @@ RUNS = [
     pytest.param(
         case,
         method,
-        marks=pytest.mark.long if method in SLOW else (),
+        # one worker, so that what all methods are compared with is computed once
+        marks=[
+            pytest.mark.xdist_group(f"hard case {case.name}"),
+            *([pytest.mark.long] if method in SLOW else []),
+        ],
         id=f"{case.name}{f' by {method}' if method else ''}",
     )
     for case in CASES

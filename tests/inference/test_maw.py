@@ -55,7 +55,7 @@ def test_exact_data_are_met_exactly(impacts: Impacts) -> None:
     assert found.fit.chi2 < 1e-8
 
 
-def brute(found: ifrfit.FitResult, per_panel: int = 12) -> tuple[float, np.ndarray, np.ndarray]:
+def brute(found: ifrfit.FitResult, per_panel: int = 8) -> tuple[float, np.ndarray, np.ndarray]:
     """Evidence, means and standard deviations by Gauss-Legendre panels over the whole domain."""
     density = Density(found.problem)
     drawn = found.distribution.draws(4000, np.random.default_rng(1))

@@ -43,7 +43,7 @@ def scene(nothing_installed, fits) -> Callable:
 
 @pytest.fixture(scope="session")
 def picture(nothing_installed, fits) -> Callable:
-    """Figure and rows by the figure's name."""
+    """Figure and rows by the figure's name, for the whole run of `reproduce` as well."""
     made: dict = {}
 
     def of(name: str):

@@ -157,7 +157,7 @@ def test_unknown_noise(question: Question) -> None:
     ids=["a noise each", "common factor"],
 )
 def test_unknown_noise_beside_e_n(question: Question) -> None:
-    known = Dense(question, pieces=(12, 8, 120), order=12).summary()  # the tails are long
+    known = Dense(question, pieces=(12, 8, 60), order=10).summary()  # the tails are long
     check(integrate(question.problem()), known, 1e-4)
 
 
