@@ -143,8 +143,8 @@ def e_n_is_separable(settings: GridSettings) -> bool:
 def _noise_is_closed_with_e_n(settings: GridSettings) -> bool:
     """Whether one integral over all parameters has a common factor of the noise in closed form, eq. (5).
 
-    Where b depends on c and e_n has rows of its own, separating it would leave that factor as an outer axis, on
-    which the grids of kappa and c differ: 200 times as long on 50 rows of beta and e_n, and not converged.
+    Where b depends on c and e_n has rows of its own, separating it would leave that factor as an outer axis,
+    on which the grids of kappa and c differ: 200 times as long on 50 rows of beta and e_n, and not converged.
     """
     problem = settings.problem
     one_block = len(problem.series) == 1 or not any(c.separate for c in problem.parameters)
