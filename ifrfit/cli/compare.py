@@ -59,9 +59,9 @@ def compare(
 
 
 def _json(comparison: Comparison) -> str:
-    from ifrfit.inference.comparison.write_json import dumps
+    from ifrfit.inference.io.json_text import dumps
 
-    return dumps(comparison)
+    return dumps(comparison.to_dict())
 
 
 def _insist(comparison: Comparison) -> None:

@@ -62,6 +62,6 @@ def cost(
 
 
 def _json(costs: Costs) -> str:
-    from ifrfit.cost.report.to_json import dumps
+    from ifrfit.inference.io.json_text import dumps
 
-    return dumps(costs)
+    return dumps(costs.to_dict())

@@ -55,9 +55,9 @@ def fit(
         table = result.intervals() if intervals else None
         written = _write(result, out, force)
     if as_json:
-        from ifrfit.inference.io.write_result import dumps
+        from ifrfit.inference.io.json_text import dumps
 
-        typer.echo(dumps(result), nl=False)
+        typer.echo(dumps(result.to_dict()), nl=False)
     elif not quiet:
         typer.echo(result.summary())
         if table is not None:

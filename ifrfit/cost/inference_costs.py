@@ -22,6 +22,7 @@ from ifrfit.inference.accuracy.tolerance_ladder import foreseen
 from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.distributions.draws import Draws
+from ifrfit.inference.estimators import ESTIMATORS, Estimator
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
@@ -161,7 +162,7 @@ def inference_costs(
     """
     if not problem.parameters.free.any():
         raise UsageError("Every constant is fixed: no method has anything to find. Leave out a --fix.")
-    most = 3 + len(extent.tolerances) + len(extent.replicates) + len(extent.steps)
+    most = 3 + len(extent.tolerances) + len(extent.replicates) + len(extent.steps) + len(_further())
     answers: list[_Answer] = []
     notes: list[str] = []
     ladder, finest = _ladder(problem, extent, notes)
@@ -169,6 +170,7 @@ def inference_costs(
         _deterministic(problem, extent, ladder, notes),
         _bootstraps(problem, extent, seed, notes),
         _chains(problem, extent, seed, notes),
+        _registered(problem, extent, seed, notes),
     ):
         answers.append(answer)
         if progress is not None:
@@ -281,6 +283,34 @@ def _seconds_a_replicate(problem: Problem) -> float:
     start = least_squares(problem)
     taken = time.perf_counter() - begin
     return 0.0 if BatchedSolver.of(problem, start) is not None else taken
+
+
+def _further() -> list[Estimator]:
+    """Methods that were registered: they are measured as they are, with their default options."""
+    own = (LSQ, PROFILE, BOOTSTRAP, EXACT, MCMC)
+    return [estimator for name, estimator in ESTIMATORS.items() if name not in own]
+
+
+def _registered(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
+    for estimator in _further():
+        refusal = estimator.refuses(problem)
+        if refusal:
+            notes.append(f"{estimator.title} is left out: {refusal}")
+            continue
+        numbers: list[Numbers] = []
+        seconds: list[float] = []
+        for own in range(seed, seed + extent.seeds):
+            if sum(seconds) > extent.longest:
+                break
+            begin = time.perf_counter()
+            optimum = least_squares(problem)
+            distribution = estimator.run(problem, optimum, seed=own).distribution
+            if distribution is None:  # the Gaussian approximation stands in its place
+                numbers.append(of_least_squares(problem, optimum))
+            else:
+                numbers.append(of_distribution(problem, distribution))
+            seconds.append(time.perf_counter() - begin)
+        yield _Answer(estimator.name, "default options", tuple(numbers), Timing.of(seconds))
 
 
 def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:

@@ -123,8 +123,8 @@ class Source:
     rows_skipped: Mapping[str, int] = field(default_factory=dict)
     provenance: str = ""
     selection: str = ""
-    descriptor: Descriptor | None = None
-    headers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    descriptor: Descriptor | None = field(default=None, metadata={"optional": True})
+    headers: Mapping[str, tuple[str, ...]] = field(default_factory=dict, metadata={"internal": True})
 
 
 class _Frame:

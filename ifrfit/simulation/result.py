@@ -14,6 +14,7 @@ from ifrfit._version import __version__
 from ifrfit.data.observations import SCHEMA
 from ifrfit.data.schema import TINY
 from ifrfit.data.validate import without_value
+from ifrfit.inference.io.plain import to_plain
 from ifrfit.inference.result.display import Display
 from ifrfit.physics.effects import EFFECTS, Contact, Impacts, Outcome, Plan, PlanLine
 from ifrfit.physics.observables import OBSERVABLES
@@ -222,33 +223,35 @@ def _bands(values: Array) -> tuple[Array, Array]:
 
 def to_dict(simulation: Simulation) -> dict[str, Any]:
     """Content of simulation.json: strict JSON, nan and infinity as null."""
-    scene, outcome = simulation.scene, simulation.outcome
-    curves = simulation.curves()
-    return {
-        "schema": VERSION,
-        "ifrfit": __version__,
-        "scene": {"name": scene.name, "title": scene.title, "sha256": scene.sha256},
-        "provenance": "simulated",
-        "seed": simulation.seed,
-        "closure": simulation.closure,
-        "inertia_factor": simulation.contact.inertia_factor,
-        "observables": list(scene.observables),
-        "points": simulation.points,
-        "samples": simulation.samples,
-        "outcomes": {
-            "impacts": int(outcome.captured.size),
-            "captured": int(outcome.captured.sum()),
-            "sticking": int(outcome.sticking.sum()),
-        },
-        "plan": {
-            "accuracy": simulation.plan.accuracy,
-            "dropped_together": _number(simulation.plan.dropped),
-            "effects": [_line(line) for line in simulation.plan.lines],
-        },
-        "curves": [{key: _number(value) for key, value in row.items()} for row in curves.to_dict("records")],
-        "materials": list(scene.sources),
-        "notes": list(simulation.notes),
-    }
+    scene, outcome, plan = simulation.scene, simulation.outcome, simulation.plan
+    content: dict[str, Any] = to_plain(
+        {
+            "schema": VERSION,
+            "ifrfit": __version__,
+            "scene": {"name": scene.name, "title": scene.title, "sha256": scene.sha256},
+            "provenance": "simulated",
+            "seed": simulation.seed,
+            "closure": simulation.closure,
+            "inertia_factor": simulation.contact.inertia_factor,
+            "observables": scene.observables,
+            "points": simulation.points,
+            "samples": simulation.samples,
+            "outcomes": {
+                "impacts": outcome.captured.size,
+                "captured": outcome.captured.sum(),
+                "sticking": outcome.sticking.sum(),
+            },
+            "plan": {
+                "accuracy": plan.accuracy,
+                "dropped_together": plan.dropped,
+                "effects": [_line(line) for line in plan.lines],
+            },
+            "curves": simulation.curves().to_dict("records"),
+            "materials": scene.sources,
+            "notes": simulation.notes,
+        }
+    )
+    return content
 
 
 def _line(line: PlanLine) -> dict[str, Any]:
@@ -257,10 +260,10 @@ def _line(line: PlanLine) -> dict[str, Any]:
         "effect": line.effect,
         "state": line.state,
         "number": criterion.symbol if criterion else None,
-        "value": _number(criterion.value) if criterion else None,
-        "threshold": _number(criterion.threshold) if criterion else None,
+        "value": criterion.value if criterion else None,
+        "threshold": criterion.threshold if criterion else None,
         "matters": ("above" if criterion.above else "below") if criterion else None,
-        "change": _number(line.change),
+        "change": line.change,
         "decides_existence": line.change is not None and math.isinf(line.change),
         "observable": line.observable,
         "reason": line.reason,
@@ -269,10 +272,3 @@ def _line(line: PlanLine) -> dict[str, Any]:
         "source": EFFECTS[line.effect].source,
         "alarm": line.alarm,
     }
-
-
-def _number(value: Any) -> Any:
-    """A plain number, or null where there is none."""
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from ifrfit.inference.keywords import DataKeywords
 from ifrfit.inference.option_fields import options_of
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.result.types import Fact
@@ -52,7 +53,9 @@ def test_options_of_fit_mean_the_same(cli, path):
 
 def test_every_shared_option_is_offered(cli):
     text = cli("compare", "--help").stdout
-    for name in {**options_of(Model), **options_of(Noise)}:
+    for option in (options_of(Model) | options_of(Noise)).values():
+        assert option.flag in text
+    for name in (*DataKeywords.__annotations__, "scene", "seed"):
         assert f"--{name.replace('_', '-')}" in text
     assert "--method" not in text
 

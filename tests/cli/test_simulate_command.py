@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from json_schemas import validator
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 LATERAL = SCENES / "lateral-spin.toml"
@@ -48,6 +49,7 @@ def test_costs_are_measured_where_they_are_asked_for(cli, one_impact):
     assert "closure alone, planar" in found.stdout
     assert found.stdout.rstrip().endswith("cost.csv  cost.svg  cost.png")
     content = json.loads(cli("simulate", one_impact, "--cost", "--json").stdout)
+    validator("simulation").validate(content)
     assert list(content["cost"]["effects_ns"]) == [
         line["effect"] for line in content["plan"]["effects"] if line["value"] is not None
     ]

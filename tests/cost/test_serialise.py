@@ -5,16 +5,14 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from importlib.resources import files
 
-import jsonschema
 import pytest
-import referencing
+from json_schemas import validator
 
 from ifrfit.cost.inference_costs import UNIT
 from ifrfit.cost.machine import Machine
-from ifrfit.cost.report.to_json import dumps
 from ifrfit.cost.timing import Cost, Timing
+from ifrfit.inference.io.json_text import dumps
 
 from .made import made
 
@@ -26,14 +24,7 @@ def costs():
 
 @pytest.fixture(scope="module")
 def schema():
-    def content(name):
-        return json.loads(files("ifrfit").joinpath(name).read_text(encoding="utf-8"))
-
-    result = referencing.Resource.from_contents(content("result.schema.json"))
-    registry = referencing.Registry().with_resources([("urn:ifrfit:result:1", result)])
-    own = content("cost.schema.json")
-    jsonschema.Draft202012Validator.check_schema(own)
-    return jsonschema.Draft202012Validator(own, registry=registry)
+    return validator("cost")
 
 
 def strict(text):
@@ -44,7 +35,7 @@ def strict(text):
 
 
 def test_the_numbers_are_those_of_the_table(costs, schema):
-    content = strict(dumps(costs))
+    content = strict(dumps(costs.to_dict()))
     schema.validate(content)
     assert content == costs.to_dict()
     assert content["costs"] == costs.table().to_dict("records")
@@ -70,7 +61,7 @@ def test_whose_data_and_which_machine(costs):
 
 def test_an_error_that_there_is_none_of_is_null(costs, schema):
     unknown = Cost("inference", "exact", "", "mean", Timing.of([1.0]), math.nan, UNIT)
-    content = strict(dumps(replace(costs, costs=(unknown,))))
+    content = strict(dumps(replace(costs, costs=(unknown,)).to_dict()))
     schema.validate(content)
     assert [row["error"] for row in content["costs"]] == [None]
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from toys import BEND, GRIP, HALF_DROP, SPIN_GAINED, TILT, Brake
+from toys import BEND, COUNT, GRIP, HALF_DROP, OUTLINE, SPIN_GAINED, TILT, Brake, Guess
 
 from ifrfit.cli.main import app
 from ifrfit.registry import registered
@@ -18,7 +18,7 @@ from ifrfit.registry import registered
 @pytest.fixture(scope="session")
 def toys() -> Iterator[None]:
     """Everything that is made up, registered for as long as these tests run."""
-    with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake()):
+    with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake(), Guess(), COUNT, OUTLINE):
         yield
 
 

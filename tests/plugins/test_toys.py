@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from toys import BEND, GRIP, HALF_DROP, SPIN_GAINED, TILT
+from toys import BEND, GRIP, HALF_DROP, SPIN_GAINED, TILT, Guess
 
 import ifrfit
 from ifrfit.errors import DataError, UsageError
@@ -18,7 +18,7 @@ from ifrfit.inference.estimators import ESTIMATORS
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.registry import registered
-from ifrfit.report.page.explorer import payload, why_not
+from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.html import panel_script
 
 GAMMA = np.linspace(4.0, 80.0, 20)
@@ -210,7 +210,11 @@ def test_a_scene_takes_the_observables(folder: Path) -> None:
 def test_errors_of_spins_reach_a_new_observable(folder: Path) -> None:
     path = table(folder, CLOSURES["f"], "spin_gained", 0.01)
     found = ifrfit.fit(
-        path, closure="f", fix={"e_n": 0.9}, method="lsq", sigma_velocity=0.01, sigma_spin=0.03
+        path,
+        closure="f",
+        fix={"e_n": 0.9},
+        method="lsq",
+        noise=ifrfit.Noise(sigma_velocity=0.01, sigma_spin=0.03),
     )
     assert set(found.points["sigma"].round(12)) == {0.03}
 
@@ -220,7 +224,7 @@ def test_the_page_has_a_panel_where_there_is_an_expression(folder: Path) -> None
         path = table(folder, CLOSURES["f"], observable.name, 0.01)
         found = ifrfit.fit(path, closure="f", fix={"e_n": 0.9}, method="lsq")
         why = "The panel has no formula for tilt_deg: the picture above stands alone."
-        assert why_not(found) == ("" if there else why)
+        assert reason_without_panel(found) == ("" if there else why)
     assert "spin_gained: (r) => r.spinY - r.i.spinY," in panel_script()
     assert "tilt_deg: (r)" not in panel_script()
 
@@ -247,6 +251,33 @@ def test_an_effect_joins_the_plan(folder: Path) -> None:
     assert [each.effect for each in found.plan.lines] == list(EFFECTS)
     np.testing.assert_allclose(found.rebounds()["value"], 0.45, atol=0.01)
     assert "brake" in found.summary()
+
+
+# ---- methods, sections, formats
+
+
+def test_a_method_goes_through_every_command(cli: Callable[..., str], tmp_path: Path) -> None:
+    data, result = table(tmp_path, GRIP), tmp_path / "result.json"
+    chosen = ("--closure", "grip", "--fix", "e_n=0.9")
+    result.write_text(cli("fit", data, *chosen, "--method", "guess", "--json"), encoding="utf-8")
+    content = json.loads(result.read_text())
+    assert content["method"] == "guess"
+    assert "courage 1" in content["warnings"]
+    assert "educated guess" in ifrfit.load_result(result).summary()
+    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
+    cli("report", result, "--out", tmp_path / "page.outline")
+    assert "How many rows" in (tmp_path / "page.outline").read_text(encoding="utf-8").splitlines()
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
+    cli("simulate", scene, "--out", tmp_path / "simulated")
+    costs = cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json")
+    assert "guess" in {cost["method"] for cost in json.loads(costs)["costs"]}
+
+
+def test_options_of_a_method_are_its_own(folder: Path) -> None:
+    found = ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method=Guess(courage=2.0))
+    assert "courage 2" in found.warnings
+    assert ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method="guess").method == "guess"
 
 
 # ---- what is refused, and what stays

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from ifrfit.inference.estimators import LeastSquares
+from ifrfit.inference.option_fields import Options, option
+from ifrfit.inference.result.estimation import Estimation
 from ifrfit.physics.closures import Closure, ClosureConstant, Coefficients, rotational_share
 from ifrfit.physics.effects.contact import Contact, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 from ifrfit.physics.impulse_laws import impulse_factor
 from ifrfit.physics.observables import Observable
+from ifrfit.report.page.blocks import Paragraph, Report
+from ifrfit.report.page.plugins import GENERATOR, ReportFormat, ReportSection
+from ifrfit.report.page.report_input import ReportInput
 
 
 def _grip(j: float) -> Coefficients:
@@ -135,3 +141,35 @@ class Brake:
     def apply(self, contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
         out = bounce.done
         return replace(bounce, outcome=replace(out, v_n=0.5 * out.v_n, e_n=0.5 * out.e_n))
+
+
+@dataclass(frozen=True, repr=False)
+class Guess(Options):
+    """Least squares under another name, with an option of its own."""
+
+    name: ClassVar[str] = "guess"
+    title: ClassVar[str] = "educated guess"
+    label: ClassVar[str] = "guess"
+    summary: ClassVar[str] = "an educated guess"
+    courage: float = option(1.0, "guess: how bold it is.", form="number", metavar="X")
+
+    def refuses(self, problem: Any) -> str:
+        return "" if problem.error_model.is_plain else "it guesses at plain errors only."
+
+    def run(
+        self, problem: Any, optimum: Any, *, seed: int = 0, progress: Any = None, started: float | None = None
+    ) -> Estimation:
+        found = LeastSquares().run(problem, optimum)
+        return replace(found, method=self.name, warnings=(f"courage {self.courage:g}",))
+
+
+def _count(given: ReportInput) -> tuple[Paragraph, ...]:
+    return (Paragraph(f"{len(given.result.points)} rows by {given.result.closure}."),)
+
+
+def _outline(report: Report, stem: str) -> dict[str, bytes]:
+    return {f"{stem}.outline": "\n".join([GENERATOR, *(each.title for each in report.sections)]).encode()}
+
+
+COUNT = ReportSection("count", "How many rows", _count)
+OUTLINE = ReportFormat("outline", _outline)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from json_schemas import validator
 
 import ifrfit
 from ifrfit.errors import DataError, UsageError
@@ -15,6 +16,7 @@ from ifrfit.physics import OBSERVABLES
 from ifrfit.physics.effects import compose
 from ifrfit.physics.effects.outcome_difference import differences
 from ifrfit.physics.scenes import read_scene
+from ifrfit.physics.scenes.scene import AXES
 from ifrfit.simulation.simulate import simulate
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "docs" / "scenes").glob("*.toml"))
@@ -317,3 +319,14 @@ def test_the_json_says_what_it_is(scene):
     assert content["outcomes"] == {"impacts": 33, "captured": 0, "sticking": content["outcomes"]["sticking"]}
     assert len(content["plan"]["effects"]) == 7
     assert len(content["curves"]) == 66
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_simulation_json_meets_its_schema(path):
+    schema = validator("simulation")
+    content = simulate(path, samples=3).to_dict()
+    schema.validate(content)
+    assert json.loads(json.dumps(content, allow_nan=False)) == content
+    assert set(AXES) <= set(schema.schema["$defs"]["curve_point"]["properties"])
+    for key, value in (("schema", "ifrfit/simulation/2"), ("plan", {}), ("curves", [{}]), ("extra", 1)):
+        assert not schema.is_valid(content | {key: value}), key

@@ -9,11 +9,18 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from ifrfit.data import Source
 from ifrfit.inference.comparison.types import Loo, PriorRow, PsiPlane, Verdict
+from ifrfit.inference.io.json_text import write_json
+from ifrfit.inference.io.plain import to_plain
 from ifrfit.inference.result.display import Display
 from ifrfit.inference.result.fit_result import FitResult
 
 if TYPE_CHECKING:
     import pandas as pd
+
+SCHEMA = "ifrfit/compare/1"
+# as in result.json
+_OF_ALL_FITS = ("ifrfit", "created", "command", "seed", "versions", "input", "inertia_factor")
+_OF_EACH_FIT = ("noise", "constants", "derived", "fit", "facts", "warnings")
 
 
 @dataclass(frozen=True)
@@ -131,13 +138,36 @@ class Comparison(Display):
         return table.astype(dict.fromkeys(table.columns.difference(["free", "rank"]), float))
 
     def to_dict(self) -> dict[str, Any]:
-        """Exactly the content of compare.json."""
-        from ifrfit.inference.comparison.write_json import to_dict
-
-        return to_dict(self)
+        """Exactly the content of compare.json: only str, int, float, bool, None, list and dict."""
+        fits = {name: entry.fit.to_dict() for name, entry in self.entries.items()}
+        best = fits[self.ranked[0]]
+        return {
+            "schema": SCHEMA,
+            **{key: best[key] for key in _OF_ALL_FITS},
+            "verdict": to_plain(self.verdict),
+            "closures": {
+                name: _entry(self.entries[name]) | {key: fits[name][key] for key in _OF_EACH_FIT}
+                for name in self.ranked
+            },
+            "priors": to_plain(self.priors),
+            "psi_plane": _plane(self.psi_plane),
+            "notes": list(self.notes),
+        }
 
     def save(self, path: str | Path) -> None:
         """Write compare.json; it appears whole or not at all."""
-        from ifrfit.inference.comparison.write_json import save
+        write_json(self.to_dict(), Path(path))
 
-        save(self, Path(path))
+
+def _entry(entry: Entry) -> dict[str, Any]:
+    names = ("free", "aicc", "log_evidence", "log_bayes_factor", "probability", "prior", "loo")
+    return {name: to_plain(getattr(entry, name)) for name in names}
+
+
+def _plane(plane: PsiPlane) -> dict[str, Any]:
+    """The slopes, with what follows from them."""
+    content: dict[str, Any] = {"available": not plane.reason} | to_plain(plane)
+    for key, slope in (("sliding_slope", plane.sliding), ("sliding_minus_sticking", plane.difference)):
+        if slope is not None:
+            content[key]["contradicts"] = list(slope.contradicts)
+    return content

@@ -28,17 +28,17 @@ class Loo:
     difference, se_difference : float
         elpd less that of the closure with the largest, at most 0, and the standard error of that, impact by
         impact.
-    pointwise, pareto_k : ndarray, (n_impacts,)
-        Of each impact, in the order of `impacts`. The k are those before any refit; -inf where the weights
-        are bounded, nan where their tail has too few values.
-    impacts : tuple of str
-        Line of the file, or impact_id.
-    refitted, doubtful : tuple of str
-        Impacts whose k is over the threshold, or whose weights could not be smoothed: left out in an exact
-        refit instead; or neither.
     n_draws : int
     threshold : float
         Of k.
+    refitted, doubtful : tuple of str
+        Impacts whose k is over the threshold, or whose weights could not be smoothed: left out in an exact
+        refit instead; or neither.
+    impacts : tuple of str
+        Line of the file, or impact_id.
+    pointwise, pareto_k : ndarray, (n_impacts,)
+        Of each impact, in the order of `impacts`. The k are those before any refit; -inf where the weights
+        are bounded, nan where their tail has too few values.
     """
 
     elpd: float
@@ -46,13 +46,13 @@ class Loo:
     p_loo: float
     difference: float
     se_difference: float
-    pointwise: Array
-    pareto_k: Array
-    impacts: tuple[str, ...]
-    refitted: tuple[str, ...]
-    doubtful: tuple[str, ...]
     n_draws: int
     threshold: float
+    refitted: tuple[str, ...]
+    doubtful: tuple[str, ...]
+    impacts: tuple[str, ...]
+    pointwise: Array
+    pareto_k: Array
 
     @property
     def largest_k(self) -> float:
@@ -139,8 +139,8 @@ class PsiPlane:
     n: int = 0
     n_sticking: int = 0
     n_sliding: int = 0
-    sliding: Slope | None = None
-    difference: Slope | None = None
+    sliding: Slope | None = field(default=None, metadata={"key": "sliding_slope"})
+    difference: Slope | None = field(default=None, metadata={"key": "sliding_minus_sticking"})
     left_out: Mapping[str, str] = field(default_factory=dict)
 
 

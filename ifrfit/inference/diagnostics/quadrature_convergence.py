@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.posterior.adaptive_quadrature import QuadraturePosterior
+from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
 from ifrfit.inference.result.types import Fact
 
 

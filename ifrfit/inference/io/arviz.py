@@ -14,7 +14,7 @@ from ifrfit.inference.model.log_posterior import Density
 
 if TYPE_CHECKING:
     from ifrfit.inference.mcmc import Sample
-    from ifrfit.inference.result.fit_result import FitResult
+    from ifrfit.inference.result.findings import Findings
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ _AT_ONCE = 2_000_000  # of them worked out together
 _INDEPENDENT = 2.0  # autocorrelation times after which a draw knows nothing of the one before
 
 
-def to_arviz(result: FitResult) -> Any:
+def to_arviz(result: Findings) -> Any:
     """Put a posterior into ArviZ's form; see `FitResult.to_arviz`."""
     try:
         from arviz_base import from_dict
@@ -81,7 +81,7 @@ def _by_name(
     return posterior, dims, coords
 
 
-def _about(result: FitResult) -> dict[str, Any]:
+def _about(result: Findings) -> dict[str, Any]:
     """Where the draws come from: what netCDF can hold of it, that is numbers and texts."""
     return {
         "inference_library": "ifrfit",
@@ -101,7 +101,7 @@ def _about(result: FitResult) -> dict[str, Any]:
     }
 
 
-def _sample_of(result: FitResult) -> Sample | None:
+def _sample_of(result: Findings) -> Sample | None:
     """The chains of mcmc; None for another method."""
     if result.method != "mcmc":
         return None
@@ -110,7 +110,7 @@ def _sample_of(result: FitResult) -> Sample | None:
     return next(file for file in result.files.values() if isinstance(file, Sample))
 
 
-def _independent(result: FitResult, allowed: int) -> tuple[dict[str, Array], dict[str, Any]]:
+def _independent(result: Findings, allowed: int) -> tuple[dict[str, Array], dict[str, Any]]:
     """Independent draws, so many a chain as the log likelihood allows."""
     each = max(1, allowed // _CHAINS)
     each = min(each, _DRAWS)

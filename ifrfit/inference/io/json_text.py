@@ -24,6 +24,16 @@ def _dump(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
+def dumps(content: dict[str, Any]) -> str:
+    """The text of a JSON file: strict, one line a list, ends with a line feed."""
+    return render(content) + "\n"
+
+
+def write_json(content: dict[str, Any], path: Path) -> None:
+    """Write a JSON file, or replace it; it appears whole or not at all. Its folder must be there."""
+    write_whole(dumps(content), path)
+
+
 def write_whole(text: str, path: Path) -> None:
     """Write a text file that appears whole or not at all."""
     fresh = path.with_name(f".{path.name}-{uuid.uuid4().hex[:12]}.new")

@@ -13,7 +13,7 @@ from ifrfit.physics.observables import get_observable
 from ifrfit.physics.rebound import rebound
 
 if TYPE_CHECKING:
-    from ifrfit.inference.result.fit_result import FitResult
+    from ifrfit.inference.result.findings import Findings
 
 
 def lmfit_model(observable: str, closure: str = "ifr", inertia_factor: float = 0.4) -> Any:
@@ -84,7 +84,7 @@ def constants_from(params: Any) -> dict[str, dict[str, Any]]:
     return {"fix": fix, "bounds": bounds}
 
 
-def minimizer_result(result: FitResult) -> Any:
+def minimizer_result(result: Findings) -> Any:
     """Polish the result's own optimum with lmfit and hand out lmfit's account of it.
 
     Only constants that the data determine vary; the others are held at the optimum.
@@ -127,7 +127,7 @@ def _label(name: str) -> str:
     return "".join(ch if ch.isalnum() or ch == "_" else "_" for ch in name).strip("_")
 
 
-def _settled(result: FitResult) -> set[str]:
+def _settled(result: Findings) -> set[str]:
     from ifrfit.inference.result.types import Estimate
 
     names = set()

@@ -1,31 +1,29 @@
-"""Reading result.json back: every key is checked by hand, and a wrong one is named."""
+"""Reading result.json back: what is missing or of the wrong kind is named by its key."""
 
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
-from ifrfit.inference.diagnostics.omitted_effects.read_json import effect_from, scene_from
-from ifrfit.inference.io.json_node import REMEDY, Node
-from ifrfit.inference.io.read_parts import (
-    asked_from,
-    constant_from,
-    derived_from,
-    effort_from,
-    fact_from,
-    noise_from,
-    points_from,
-    source_from,
-    state_from,
-    statistics_from,
-)
-from ifrfit.inference.io.write_result import NULL_MARK, SCHEMA
+from ifrfit.inference.io.plain import REMEDY, Node, from_plain
+from ifrfit.inference.io.write_result import FACTOR, NULL_MARK, SCHEMA, NoiseInFile, ResultFile
+from ifrfit.inference.model.error_model import PLAIN, make_error_model
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Noise
 
 if TYPE_CHECKING:
-    pass
+    import pandas as pd
+
+_COUNT_COLUMNS = ("n_repeats", "row")
+_POINT_COLUMNS = (*TABLE_COLUMNS, "sigma_used", "fitted", "residual", "standardised", "tau", "sticking")
 
 
 def load_result(path: str | Path) -> FitResult:
@@ -96,31 +94,108 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
             f"{name}: has {stated}; this version of ifrfit reads '{SCHEMA}'. "
             "Name the result.json of a fit, or use the ifrfit that wrote the file."
         )
-    correlation = root["correlation"]
-    warnings = [str(item) for item in root["warnings"].each(lambda node: node.text())]
+    file: ResultFile = from_plain(ResultFile, root)
+    sample = _sample(root["state"]["sample"], file.state.names) if "sample" in root["state"].value else None
     return FitResult(
-        closure=root["closure"].text(),
-        inertia_factor=root["inertia_factor"].number(),
-        method=root["method"].text(),
-        inputs=tuple(root["input"].each(source_from)),
-        noise=noise_from(root["noise"]),
-        constants=root["constants"].mapped(constant_from),
-        derived=root["derived"].mapped(derived_from),
-        correlation=(
-            tuple(correlation["names"].each(lambda node: node.text())),
-            correlation["matrix"].square(len(correlation["names"].value)),
+        closure=file.closure,
+        inertia_factor=file.inertia_factor,
+        method=file.method,
+        inputs=file.input,
+        noise=_noise(file.noise),
+        constants=file.constants,
+        derived=file.derived,
+        correlation=(file.correlation.names, file.correlation.matrix),
+        fit=file.fit,
+        facts=file.facts,
+        warnings=tuple(says for says in file.warnings if not says.startswith(NULL_MARK)),
+        state=replace(file.state, sample=sample),
+        points=_points(root["points"]),
+        seed=file.seed,
+        command=file.command,
+        created=file.created,
+        versions=file.versions,
+        asked=tuple(
+            Parameter(name, *c.bounds, c.fixed, c.prior, c.separate) for name, c in file.asked.items()
         ),
-        fit=statistics_from(root["fit"]),
-        facts=root["facts"].mapped(fact_from),
-        warnings=tuple(says for says in warnings if not says.startswith(NULL_MARK)),
-        state=state_from(root["state"]),
-        points=points_from(root["points"]),
-        seed=root["seed"].whole(),
-        command=root["command"].text(),
-        created=root["created"].text(),
-        versions=root["versions"].mapped(lambda node: node.text()),
-        asked=asked_from(root["asked"]) if "asked" in root else (),
-        effort=effort_from(root["effort"]) if "effort" in root else None,
-        scene=scene_from(root["scene"]) if "scene" in root else None,
-        effects=tuple(root["effects"].each(effect_from)) if "effects" in root else (),
+        effort=file.effort,
+        scene=file.scene,
+        effects=file.effects,
     )
+
+
+def _noise(noise: NoiseInFile) -> Noise:
+    estimates = {"" if name == FACTOR else name: estimate for name, estimate in noise.estimates.items()}
+    prior = {"" if name == FACTOR else name: bounds for name, bounds in noise.prior.items()}
+    model = PLAIN if noise.scatter is None else make_error_model(**asdict(noise.scatter))
+    return Noise(noise.policy, noise.sigma, estimates, prior, model)
+
+
+def _sample(node: Node, names: tuple[str, ...]) -> Any:
+    """Draws of the posterior, (n, names), from one list a name."""
+    columns = [_finite(node[name]) for name in names]
+    lengths = [len(column) for column in columns]
+    if not columns or min(lengths) == 0:
+        node.fail("an object of lists that are not empty")
+    for name, length in zip(names, lengths, strict=True):
+        if length != lengths[0]:
+            node[name].fail(f"as long as {node.path}.{names[0]} ({lengths[0]})")
+    sample = np.column_stack(columns)
+    sample.flags.writeable = False
+    return sample
+
+
+def _finite(node: Node) -> Any:
+    """A vector of any length, all of it finite numbers."""
+    node.check(list)
+    if not set(map(type, node.value)) <= {int, float}:
+        node.each(Node.number)
+    try:
+        numbers = np.array(node.value, dtype=float)
+    except OverflowError:
+        numbers = np.full(1, math.inf)
+    if not np.isfinite(numbers).all():
+        node.fail("a list of finite numbers")
+    return numbers
+
+
+def _points(node: Node) -> pd.DataFrame:
+    """The table of rows used; without rows where the file does not keep them."""
+    import pandas as pd
+
+    given = {name: Node([], name, node.file) for name in _POINT_COLUMNS}
+    if node.value is not None:
+        given = {name: node[name] for name in dict.fromkeys((*_POINT_COLUMNS, *node.value))}
+    columns = {name: _column(name, column) for name, column in given.items()}
+    lengths = {name: len(column) for name, column in columns.items()}
+    for name, length in lengths.items():
+        if length != lengths["value"]:
+            given[name].fail(f"as long as points.value ({lengths['value']})")
+    table = pd.DataFrame(columns)
+    for name in TEXT_COLUMNS:
+        table[name] = table[name].astype("str")
+    # the slip ratio at grazing incidence: infinite, which JSON does not know
+    table.loc[table["tau"].isna() & table["gamma_deg"].notna(), "tau"] = math.inf
+    return table
+
+
+def _column(name: str, node: Node) -> Any:
+    """One column; the kinds of its cells are looked at together, cell by cell only to name a wrong one."""
+    import pandas as pd
+
+    node.check(list)
+    kinds = set(map(type, node.value))
+    if name in TEXT_COLUMNS:
+        if not kinds <= {str}:
+            node.each(lambda cell: cell.scalar(str))
+        return pd.Series(node.value, dtype=object)
+    if name in _COUNT_COLUMNS:
+        if not kinds <= {int}:
+            node.each(lambda cell: cell.scalar(int))
+        return pd.Series(node.value, dtype="int64")
+    if name == "sticking" or kinds == {bool}:
+        if not kinds <= {bool, type(None)}:
+            node.each(lambda cell: cell.check(bool) if cell.value is not None else None)
+        return pd.Series(node.value, dtype=object if type(None) in kinds else bool)
+    if not kinds <= {int, float, type(None)}:
+        node.each(lambda cell: cell.number(math.nan))
+    return pd.Series(node.value, dtype=float)

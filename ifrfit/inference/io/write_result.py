@@ -1,21 +1,34 @@
-"""A fit as strict JSON (schema ifrfit/result/1) and back."""
+"""A fit as the content of result.json (schema ifrfit/result/1)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, fields
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit._version import __version__
 from ifrfit.data import Source
-from ifrfit.inference.io.json_text import render, write_whole
-from ifrfit.inference.model.parameters import Parameter
-from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate, FitStatistics, Noise, State
+from ifrfit.inference.accuracy.types import Effort
+from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
+from ifrfit.inference.io.plain import OPTIONAL, Nulls, Shape, to_plain
+from ifrfit.inference.result.types import (
+    Angles,
+    Constants,
+    Estimate,
+    Fact,
+    FitStatistics,
+    FloatOrNan,
+    Interval,
+    Noise,
+    State,
+)
+
+if TYPE_CHECKING:
+    from ifrfit.inference.result.findings import Findings
 
 SCHEMA = "ifrfit/result/1"
 MOST_ROWS = 100_000
@@ -25,41 +38,83 @@ NULL_MARK = "Written as null: "
 FACTOR = "factor"
 
 
-class _Nulls:
-    """What had to be written as null, and why."""
+@dataclass(frozen=True)
+class ErrorModelChoices:
+    """The choices that `make_error_model` takes."""
 
-    def __init__(self) -> None:
-        self.open_ends = False
-        self.values: list[str] = []
-        self.columns: list[str] = []
-        self.rows = 0
-
-    def number(self, value: float, path: str) -> float | None:
-        if math.isfinite(value):
-            return value
-        word = "not a number" if math.isnan(value) else "infinite"
-        self.values.append(f"{path} ({word})")
-        return None
-
-    def sentences(self) -> list[str]:
-        said = []
-        if self.open_ends:
-            said.append("ends of intervals and bounds that are infinite")
-        if self.values:
-            said.append(", ".join(self.values))
-        if self.columns:
-            said.append(f"cells without a finite number in the columns {', '.join(self.columns)} of points")
-        if self.rows:
-            said.append(f"points, as {self.rows} rows are more than the {MOST_ROWS} that a result keeps")
-        return [f"{NULL_MARK}{what}." for what in said]
+    tails: str
+    dof: float | None
+    angle_errors: str
+    angle_population: tuple[float, ...] | None
+    sigma_gamma: float | None
+    sigma_velocity: float | None
+    sigma_spin: float | None
 
 
-def to_dict(result: FitResult) -> dict[str, Any]:
+@dataclass(frozen=True)
+class NoiseInFile:
+    """The noise: what is common to all rows is named, and the error model stands as the user chose it."""
+
+    policy: str
+    sigma: Mapping[str, FloatOrNan]
+    estimates: Mapping[str, Estimate] = field(default_factory=dict, metadata=OPTIONAL)
+    prior: Mapping[str, Interval] = field(default_factory=dict, metadata=OPTIONAL)
+    scatter: ErrorModelChoices | None = field(default=None, metadata=OPTIONAL)
+
+
+@dataclass(frozen=True)
+class ParameterInFile:
+    """What the user asked of a constant: enough to put the same question again."""
+
+    bounds: Interval
+    fixed: float | None
+    prior: Interval | None
+    separate: bool
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Correlation matrix of the free constants."""
+
+    names: tuple[str, ...]
+    matrix: Annotated[NDArray[np.float64], Shape(("names", "names"))]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultFile:
+    """Everything in result.json in its order; `points` and the draws in `state` by column."""
+
+    schema: str
+    ifrfit: str
+    created: str
+    command: str
+    seed: int
+    versions: Mapping[str, str]
+    input: tuple[Source, ...]
+    closure: str
+    inertia_factor: float
+    method: str
+    noise: NoiseInFile
+    asked: Mapping[str, ParameterInFile] = field(default_factory=dict, metadata=OPTIONAL)
+    effort: Effort | None = field(default=None, metadata=OPTIONAL)
+    constants: Constants
+    derived: Mapping[str, Estimate | Mapping[str, Angles]]
+    correlation: Correlation
+    fit: FitStatistics
+    facts: Mapping[str, Fact]
+    scene: SceneOfData | None = field(default=None, metadata=OPTIONAL)
+    effects: tuple[EffectLine, ...] = field(default=(), metadata=OPTIONAL)
+    warnings: tuple[str, ...]
+    state: State
+    points: Any
+
+
+def to_dict(result: Findings) -> dict[str, Any]:
     """Exactly the content of result.json.
 
     Parameters
     ----------
-    result : FitResult
+    result : Findings
 
     Returns
     -------
@@ -67,197 +122,70 @@ def to_dict(result: FitResult) -> dict[str, Any]:
         Keys in the order of the schema; only str, int, float, bool, None, list and dict. nan and infinity
         are None, with the reason in ``warnings``. Points beyond 100000 rows are left out (None).
     """
-    nulls = _Nulls()
-    content: dict[str, Any] = {
-        "schema": SCHEMA,
-        "ifrfit": result.versions.get("ifrfit", __version__),
-        "created": result.created,
-        "command": result.command,
-        "seed": int(result.seed),
-        "versions": dict(result.versions),
-        "input": [_source(source, i, nulls) for i, source in enumerate(result.inputs)],
-        "closure": result.closure,
-        "inertia_factor": float(result.inertia_factor),
-        "method": result.method,
-        "noise": _noise(result.noise, nulls),
-        **({"asked": {c.name: _asked(c, nulls) for c in result.asked}} if result.asked else {}),
-        **({"effort": _plain(asdict(result.effort), "effort", nulls)} if result.effort is not None else {}),
-        "constants": _estimates(result.constants, "constants", nulls),
-        "derived": _estimates(result.derived, "derived", nulls),
-        "correlation": {
-            "names": list(result.correlation[0]),
-            "matrix": _plain(result.correlation[1], "correlation.matrix", nulls),
+    nulls = Nulls()
+    file = ResultFile(
+        schema=SCHEMA,
+        ifrfit=result.versions.get("ifrfit", __version__),
+        created=result.created,
+        command=result.command,
+        seed=result.seed,
+        versions=result.versions,
+        input=result.inputs,
+        closure=result.closure,
+        inertia_factor=float(result.inertia_factor),
+        method=result.method,
+        noise=_noise(result.noise),
+        asked={
+            c.name: ParameterInFile((c.lower, c.upper), c.fixed, c.prior, c.separate) for c in result.asked
         },
-        "fit": _plain({f.name: getattr(result.fit, f.name) for f in fields(FitStatistics)}, "fit", nulls),
-        "facts": {
-            name: {
-                "ok": bool(fact.ok),
-                "says": fact.says,
-                "figures": _plain(fact.figures, f"facts.{name}.figures", nulls),
-                "threshold": fact.threshold,
-            }
-            for name, fact in result.facts.items()
-        },
-        **({"scene": _plain(asdict(result.scene), "scene", nulls)} if result.scene else {}),
-        **(
-            {"effects": [_plain(asdict(line), "effects", nulls) for line in result.effects]}
-            if result.effects
-            else {}
-        ),
-        "warnings": [],
-        "state": _state(result.state, nulls),
-        "points": _points(result.points, nulls),
-    }
-    content["warnings"] = [*result.warnings, *nulls.sentences()]
+        effort=result.effort,
+        constants=result.constants,
+        derived=result.derived,
+        correlation=Correlation(*result.correlation),
+        fit=result.fit,
+        facts=result.facts,
+        scene=result.scene,
+        effects=result.effects,
+        warnings=result.warnings,
+        state=result.state,
+        points=None,
+    )
+    content: dict[str, Any] = to_plain(file, nulls)
+    names, sample = result.state.names, result.state.sample
+    if sample is not None:  # a column a name: one line each, so that the file stays readable
+        columns = dict(zip(names, sample.T, strict=True))
+        content["state"]["sample"] = to_plain(columns, nulls, "state.sample")
+    content["points"], missing = _points(result.points)
+    said = ["ends of intervals and bounds that are infinite"] if nulls.open_ends else []
+    said += [", ".join(nulls.values)] if nulls.values else []
+    content["warnings"] += [f"{NULL_MARK}{what}." for what in (*said, *missing)]
     return content
 
 
-def dumps(result: FitResult) -> str:
-    """The text of result.json: strict JSON, one line a list, ends with a line feed."""
-    return render(to_dict(result)) + "\n"
+def _noise(noise: Noise) -> NoiseInFile:
+    chosen = ErrorModelChoices(**noise.error_model.choices()) if noise.error_model.words else None
+    estimates = {name or FACTOR: estimate for name, estimate in noise.estimates.items()}
+    prior = {name or FACTOR: bounds for name, bounds in noise.prior.items()}
+    return NoiseInFile(noise.policy, noise.sigma, estimates, prior, chosen)
 
 
-def save(result: FitResult, path: Path) -> None:
-    """Write result.json; it appears whole or not at all.
-
-    Parameters
-    ----------
-    result : FitResult
-    path : Path
-        File to write or replace; its folder must be there.
-    """
-    write_whole(dumps(result), Path(path))
-
-
-def _plain(value: Any, path: str, nulls: _Nulls) -> Any:
-    """Any value as JSON knows it."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item, f"{path}.{key}", nulls) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, (list, tuple, set, frozenset)):
-        items = sorted(value, key=str) if isinstance(value, (set, frozenset)) else value
-        return [_plain(item, f"{path}[{i}]", nulls) for i, item in enumerate(items)]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float):
-        return nulls.number(value, path)
-    if value is None or isinstance(value, (bool, int, str)):
-        return value
-    return str(value)
-
-
-def _estimates(value: Any, path: str, nulls: _Nulls) -> Any:
-    """Estimates in whatever mapping or tuple they come; None stays None."""
-    if isinstance(value, Estimate):
-        return _estimate(value, path, nulls)
-    if isinstance(value, Mapping):
-        return {str(key): _estimates(item, f"{path}.{key}", nulls) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_estimates(item, f"{path}[{i}]", nulls) for i, item in enumerate(value)]
-    return _plain(value, path, nulls)
-
-
-def _asked(constant: Parameter, nulls: _Nulls) -> dict[str, Any]:
-    """What the user asked of a constant: enough to put the same question again."""
-    return {
-        "bounds": _ends((constant.lower, constant.upper), nulls),
-        "fixed": constant.fixed,
-        "prior": None if constant.prior is None else [float(number) for number in constant.prior],
-        "separate": constant.separate,
-    }
-
-
-def _estimate(estimate: Estimate, path: str, nulls: _Nulls) -> dict[str, Any]:
-    mean = {} if estimate.mean is None else {"mean": _plain(estimate.mean, f"{path}.mean", nulls)}
-    return {
-        "value": _plain(estimate.value, f"{path}.value", nulls),
-        **mean,
-        "stderr": _plain(estimate.stderr, f"{path}.stderr", nulls),
-        "interval68": _ends(estimate.interval68, nulls),
-        "interval95": _ends(estimate.interval95, nulls),
-        "status": estimate.status,
-        "reason": estimate.reason,
-    }
-
-
-def _noise(noise: Noise, nulls: _Nulls) -> dict[str, Any]:
-    """Sigma; and where the method has them, what is known of it and under which prior."""
-    content: dict[str, Any] = {
-        "policy": noise.policy,
-        "sigma": _plain(noise.sigma, "noise.sigma", nulls),
-    }
-    if noise.estimates:
-        named = {name or FACTOR: estimate for name, estimate in noise.estimates.items()}
-        content["estimates"] = _estimates(named, "noise.estimates", nulls)
-    if noise.prior:
-        content["prior"] = {name or FACTOR: _ends(bounds, nulls) for name, bounds in noise.prior.items()}
-    if noise.error_model.words:
-        content["scatter"] = {
-            key: list(value) if isinstance(value, tuple) else value
-            for key, value in noise.error_model.choices().items()
-        }
-    return content
-
-
-def _ends(values: Any, nulls: _Nulls) -> list[float | None]:
-    """Ends of an interval, or bounds: infinite ones are null, which is said once for all of them."""
-    ends = [float(value) for value in values]
-    nulls.open_ends |= not all(math.isfinite(end) for end in ends)
-    return [end if math.isfinite(end) else None for end in ends]
-
-
-def _source(source: Source, number: int, nulls: _Nulls) -> dict[str, Any]:
-    content: dict[str, Any] = {
-        "name": source.name,
-        "sha256": source.sha256,
-        "rows": int(source.rows),
-        "rows_used": int(source.rows_used),
-        "rows_skipped": {reason: int(count) for reason, count in source.rows_skipped.items()},
-        "provenance": source.provenance,
-        "selection": source.selection,
-    }
-    if source.descriptor is not None:
-        content["descriptor"] = _plain(asdict(source.descriptor), f"input[{number}].descriptor", nulls)
-    return content
-
-
-def _state(state: State, nulls: _Nulls) -> dict[str, Any]:
-    content: dict[str, Any] = {
-        "names": list(state.names),
-        "point": _plain(state.point, "state.point", nulls),
-        "center": _plain(state.center, "state.center", nulls),
-        "covariance": _plain(state.covariance, "state.covariance", nulls),
-        "lower": _ends(state.lower, nulls),
-        "upper": _ends(state.upper, nulls),
-    }
-    if state.sample is not None:
-        # a column a name: one line each, so that the file stays readable
-        content["sample"] = {
-            name: _plain(column, f"state.sample.{name}", nulls)
-            for name, column in zip(state.names, state.sample.T, strict=True)
-        }
-    return content
-
-
-def _points(points: Any, nulls: _Nulls) -> dict[str, list[Any]] | None:
+def _points(points: Any) -> tuple[dict[str, list[Any]] | None, list[str]]:
+    """The columns of a table; and what of it had to be written as null, in words."""
     if len(points) > MOST_ROWS:
-        nulls.rows = len(points)
-        return None
-    content = {}
+        return None, [f"points, as {len(points)} rows are more than the {MOST_ROWS} that a result keeps"]
+    content, gaps = {}, []
     for name in points.columns:
         missing = points[name].isna().to_numpy()
         cells = points[name].tolist()
         cells = [None if gone else _cell(cell) for cell, gone in zip(cells, missing, strict=True)]
-        if missing.any() or any(cell is None for cell in cells):
-            nulls.columns.append(str(name))
+        if any(cell is None for cell in cells):
+            gaps.append(str(name))
         content[str(name)] = cells
-    return content
+    words = f"cells without a finite number in the columns {', '.join(gaps)} of points"
+    return content, [words] if gaps else []
 
 
 def _cell(cell: Any) -> Any:
     if isinstance(cell, np.generic):
         cell = cell.item()
-    if isinstance(cell, float) and not math.isfinite(cell):
-        return None
-    return cell
+    return None if isinstance(cell, float) and not math.isfinite(cell) else cell

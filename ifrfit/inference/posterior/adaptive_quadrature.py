@@ -1,165 +1,50 @@
-"""The exact posterior of a problem: deterministic quadrature, refined until no result moves."""
+"""The posterior of a problem by adaptive quadrature: refined until no result moves by more than a tolerance.
+
+Eq. (7) of ``docs/theory/posterior.md`` is the error estimate that every refinement follows.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from collections.abc import Callable, Mapping
+from enum import Enum
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
-from ifrfit.inference.posterior import marginals as of
-from ifrfit.inference.posterior.convergence import largest_error, levels_of, panel_errors, quantiles_of
+from ifrfit.inference.posterior.convergence import largest_error, panel_errors, quantiles_at_levels
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
 from ifrfit.inference.posterior.joint_grid import JointDensity
-from ifrfit.inference.posterior.marginal_sources import marginals_of
+from ifrfit.inference.posterior.layout_marginals import kappa_marginals, marginals_of
 from ifrfit.inference.posterior.marginals import Marginal
-from ifrfit.inference.posterior.parameter_marginals import series_marginal
-
-Array = NDArray[np.float64]
+from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
 
 TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
 
 _ROUNDS = 30
-_CHEAP = 200_000  # values of the density up to which a grid is refined as a whole, without a rehearsal
-_DEAR = 1_500_000  # values of the density beyond which a round is dear
-_PATIENCE, _PATIENT = 2, 8  # rounds in which the error must halve, dear ones and others
-_NOTHING = 1e-7  # share of the mass, times the tolerance, that a first look may leave out: tails can be long
-_HELPED = 0.7  # share of the error before that a round may leave
-_LARGEST = 6_000_000  # values of the density after which no finer grid is begun
-_MOST = 25_000_000  # values that would fill the memory (some 4 GB): not begun at all
-_NO_END = 1e-12  # the transition's scale is not followed beyond 1 less this
-_THRESHOLDS = 256  # of a distribution function, taken at once
-_RESOLUTION = 0.02  # sd: from a bound to where the density is taken
-_WALL = 1e-12  # mass at the end of kappa's domain above which e_n does not separate
-_CLEARLY = 1e-6  # the same on a first grid, which is not refined any further then
+# Sizes of grids, in values of the density
+_SMALL = 200_000  # up to which a grid is refined as a whole
+_LARGE = 1_500_000  # beyond which a round is expensive
+_LAST = 6_000_000  # after which no finer grid is begun
+_MEMORY = 25_000_000  # that would fill the memory (some 4 GB)
+_PATIENCE_LARGE, _PATIENCE = 2, 8  # rounds in which the error must halve, on large grids and others
+_HELPFUL = 0.7  # largest share of its error that a round may leave, if the next one is to be like it
+_NEGLIGIBLE = 1e-7  # share of the mass, times the tolerance, that panels of the first grid may lack
+_SMALLEST_ALLOWED = 1e-15
+# Mass of kappa at the end of its domain beyond which e_n does not separate: of a result, and of any grid
+_NO_MASS, _SOME_MASS = 1e-12, 1e-6
+_NEAR_END = 0.999  # share of kappa's domain at which its end begins
+
+MarginalsOf = Callable[[IntegralLayout, JointDensity], Mapping[str, Marginal]]
 
 
-@dataclass(frozen=True)
-class QuadraturePosterior:
-    """What the data and the priors say of every constant, with the error that the quadrature reached.
+class Outcome(Enum):
+    """How a refinement ended."""
 
-    Attributes
-    ----------
-    problem : Problem
-    log_evidence : float
-        Log of the integral of the normalised likelihood times the normalised prior.
-    error : float
-        Largest last change of a mean, a standard deviation or a quantile at 2.5, 16, 50, 84 and 97.5 %, in
-        posterior standard deviations.
-    error_evidence : float
-        Last change of the log evidence.
-    tolerance : float
-    """
-
-    problem: Problem
-    log_evidence: float
-    error: float
-    error_evidence: float
-    tolerance: float
-    plan: IntegralLayout = field(repr=False)
-    grid: JointDensity = field(repr=False)
-    quantities: Mapping[str, Marginal] = field(repr=False)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Free entries of theta, kappa, and free noises."""
-        return tuple(self.quantities)
-
-    @property
-    def resolution(self) -> float:
-        """Width, in sd, over which a density is taken."""
-        return _RESOLUTION
-
-    @property
-    def n_draws(self) -> float:
-        """There is no end to its draws."""
-        return math.inf
-
-    @property
-    def converged(self) -> bool:
-        """Whether the wanted tolerance was reached."""
-        return self.error <= self.tolerance and self.error_evidence <= self.tolerance
-
-    @cached_property
-    def _moments(self) -> dict[str, tuple[float, float]]:
-        return {}  # what was asked for already
-
-    @cached_property
-    def _table(self) -> dict[str, Array]:
-        return {}
-
-    def mean(self, name: str) -> float:
-        """Posterior mean."""
-        return self._moment(name)[0]
-
-    def sd(self, name: str) -> float:
-        """Posterior standard deviation."""
-        return self._moment(name)[1]
-
-    def _moment(self, name: str) -> tuple[float, float]:
-        if name not in self._moments:
-            self._moments[name] = self.quantities[name].moments(0)
-        return self._moments[name]
-
-    def quantile(self, name: str, p: ArrayLike) -> NDArray[np.float64] | float:
-        """Posterior quantiles; p scalar or array, 0 to 1."""
-        wanted = np.atleast_1d(np.asarray(p, dtype=float))
-        if name.startswith("transition_tau["):
-            found = self._transition(name[len("transition_tau[") : -1], wanted)
-            return float(found[0]) if np.ndim(p) == 0 else found
-        if name not in self._table and bool(np.isin(wanted, LEVELS).all()):
-            self._table[name] = self._inverted(name, np.array(LEVELS))
-        if bool(np.isin(wanted, LEVELS).all()):
-            found = self._table[name][np.searchsorted(LEVELS, wanted)]
-        else:
-            found = self._inverted(name, wanted)
-        return float(found[0]) if np.ndim(p) == 0 else found
-
-    def _inverted(self, name: str, p: Array) -> Array:
-        return quantiles_of(self.quantities[name], p, self._moment(name), self.tolerance)
-
-    def cdf(self, name: str, value: ArrayLike) -> NDArray[np.float64] | float:
-        """Posterior probability below a value."""
-        at = np.atleast_1d(np.asarray(value, dtype=float))
-        own = self.quantities[name]
-        found = np.where(at <= own.low, 0.0, np.where(at >= own.high, 1.0, 0.0))
-        inside = (at > own.low) & (at < own.high)
-        if inside.any():
-            parts = np.array_split(at[inside], 1 + at.size // _THRESHOLDS)
-            found[inside] = np.clip(np.concatenate([own.cdf(part, 1)[0] for part in parts]), 0.0, 1.0)
-        return float(found[0]) if np.ndim(value) == 0 else found
-
-    def covariance(self, names: Sequence[str]) -> Array:
-        """Posterior covariance of free entries of theta, (n, n)."""
-        return of.covariance(self.grid, [self.quantities[name] for name in names])
-
-    def _transition(self, series: str, p: Array) -> Array:
-        """Quantiles of the tau at which sticking ends in a series."""
-        block = self.problem.series.index(series) if len(self.plan.blocks) > 1 else 0
-        part = self.plan.joint.series[self.plan.tangential[block]]
-        c = self.plan.unknowns["c", block]
-        if part.misfit.law is not None or (part.stretched and isinstance(c, FreeParameter)):
-            own = series_marginal(self.grid, self.plan.tangential[block], "tau", "tau")
-            share = quantiles_of(own, p, own.moments(0), self.tolerance)
-            return np.asarray(part.unit * share / np.maximum(1.0 - share, _NO_END))
-        b = float(part.misfit.b(c if not isinstance(c, FreeParameter) else 0.0))
-        names = [name for name in self.quantities if name.startswith("kappa")]
-        name = next((n for n in names if n.endswith(f"[{series}]")), names[0])
-        return np.asarray(self.quantile(name, p)) / b
-
-    def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
-        """Independent draws of all constants, kappa and free noises together, from the quadrature itself."""
-        from ifrfit.inference.posterior.sampling import draw
-
-        return draw(self, n, rng)
+    CONVERGED = "the evidence and all marginals are within the tolerance"
+    STALLED = "further panels do not make the error smaller"
+    LIMITED = "the next grid would be too large, or there is no time for it"
+    NOT_SEPARABLE = "kappa reaches the end of its domain, where the bound of mu ties it to e_n"
 
 
 def integrate(
@@ -178,11 +63,11 @@ def integrate(
     start : LeastSquares, optional
         The certified optimum, where it is known already.
     over : callable, optional
-        Asked before and after every round: whether to be content with what was reached.
+        Asked before and after every round: whether to end with what was reached.
 
     Returns
     -------
-    Posterior
+    QuadraturePosterior
 
     Raises
     ------
@@ -193,101 +78,191 @@ def integrate(
     TimeoutError
         If `over` says so before the first round.
     """
-    if start is None:
-        start = least_squares(problem)
-    plan = make_layout(problem, start, tolerance, apart=True)
-    found = _refined(plan, problem, tolerance, over)
-    if found is None or (plan.apart and touches_wall(plan, found.quantities)):
-        plan = make_layout(problem, start, tolerance, apart=False)
-        found = _refined(plan, problem, tolerance, over)
-    assert found is not None
-    return found
-
-
-def touches_wall(plan: IntegralLayout, quantities: Mapping[str, Marginal], mass: float = _WALL) -> bool:
-    """Whether kappa reaches the end of its domain with that mass, where the bound of mu ties it to e_n."""
-    for number in set(plan.tangential):
-        unknown = plan.joint.series[number].mu
-        if unknown is None:
-            unknown = next(s.unknown for s in plan.joint.shared if s.kind == "mu")
-        assert isinstance(unknown, FreeParameter)
-        for name in (n for n in quantities if n.startswith("kappa")):
-            if 1.0 - quantities[name].cdf(np.array([0.999 * unknown.upper]), 1)[0, 0] > mass:
-                return True
-    return False
-
-
-def _refined(
-    plan: IntegralLayout, problem: Problem, tolerance: float, over: Callable[[], bool] | None
-) -> QuadraturePosterior | None:
-    """Evaluate and refine until no result moves by more than the tolerance, or nothing helps any more.
-
-    None where the plan takes e_n apart, and kappa clearly reaches the end of its domain.
-    """
-    allowed = tolerance
-    plan.joint.scout(_NOTHING * tolerance)
-    open_ended = any(series.stretched for series in plan.joint.series)
-    if plan.joint.size() > _CHEAP and open_ended:
-        plan.joint.rehearse(tolerance)
-    if over is not None and over():
-        raise TimeoutError
-    if plan.joint.size() > _MOST:
-        raise UsageError(
-            f"The exact posterior needs a grid of {plan.joint.size():.0e} values here, which does not "
-            "fit into memory. Use --method mcmc, or fix a constant."
-        )
-    errors: list[float] = []
-    for round_ in range(_ROUNDS):
-        grid = plan.joint.evaluate()
-        error_evidence = grid.evidence_error()
-        last = round_ == _ROUNDS - 1 or _size(grid) > _LARGEST or (over is not None and over())
-        if error_evidence <= tolerance or last:
-            quantities = marginals_of(plan, grid)
-            if plan.apart and open_ended and touches_wall(plan, quantities, _CLEARLY):
-                return None
-            error = largest_error(quantities, tolerance)
-            errors.append(error)
-            patience = _PATIENCE if _size(grid) > _DEAR else _PATIENT
-            stuck = len(errors) > patience and error > 0.5 * errors[-1 - patience]
-            if last or stuck or error <= tolerance:
-                break
-        # where values are many, only what carries the error is refined beyond the tolerance, while that helps
-        helps = len(errors) < 2 or errors[-1] <= _HELPED * errors[-2]
-        allowed *= 1.0 if helps else 0.1
-        found = quantities if error_evidence <= tolerance else {}
-        layout = plan.joint.layout()
-        allowed = _finer(plan, grid, found, tolerance, allowed, everywhere=not helps or _size(grid) <= _CHEAP)
-        if plan.joint.size() > _MOST:  # content with the last grid, and its error
-            plan.joint.lay_out(layout)
-            quantities = marginals_of(plan, grid)
-            error = largest_error(quantities, tolerance)
-            break
-    log_evidence = float(grid.log_z[0])
+    found = _refined(problem, tolerance, start, marginals_of, over)
     return QuadraturePosterior(
-        problem, log_evidence, error, error_evidence, tolerance, plan, grid, quantities
+        problem,
+        float(found.density.log_z[0]),
+        found.error,
+        found.evidence_error,
+        tolerance,
+        found.layout,
+        found.density,
+        found.marginals,
     )
 
 
-def _finer(
-    plan: IntegralLayout,
-    grid: JointDensity,
-    quantities: Mapping[str, Marginal],
+def log_evidence(problem: Problem, tolerance: float = TOLERANCE, start: LeastSquares | None = None) -> float:
+    """Log of the integral of the normalised likelihood times the normalised prior, without the marginals.
+
+    Parameters
+    ----------
+    problem : Problem
+    tolerance : float
+        Of the log evidence: the last change between two rules.
+    start : LeastSquares, optional
+        The certified optimum, where it is known already.
+
+    Raises
+    ------
+    DataError, UsageError
+        As `integrate`.
+    """
+    found = _refined(problem, tolerance, start, lambda layout, density: {}, None)
+    return float(found.density.log_z[0])
+
+
+def _refined(
+    problem: Problem,
     tolerance: float,
-    allowed: float,
-    *,
-    everywhere: bool,
-) -> float:
-    """Refine for the evidence and these quantities, with as little allowed as changes anything; that much."""
-    more = panel_errors(quantities, tolerance)
-    changed = plan.joint.refine(grid, allowed if everywhere else tolerance, more, allowed)
-    for own in quantities.values():
-        if own.split is not None:
-            changed |= own.split(levels_of(own, tolerance)[0])
-    while not changed and allowed > 1e-15:
-        allowed *= 0.1
-        changed = plan.joint.refine(grid, allowed if everywhere else tolerance, more, allowed)
-    return allowed
+    start: LeastSquares | None,
+    marginals: MarginalsOf,
+    over: Callable[[], bool] | None,
+) -> Refinement:
+    """Refine the integral with e_n separated, eq. (8), or whole where rows or domain do not allow that."""
+    start = least_squares(problem) if start is None else start
+    for separate_e_n in (True, False):
+        layout = make_layout(problem, start, tolerance, separate_e_n=separate_e_n)
+        refinement = Refinement(layout, tolerance, marginals, over)
+        outcome = refinement.run()
+        if outcome is not Outcome.NOT_SEPARABLE and not refinement.kappa_reaches_end(_NO_MASS):
+            break
+    return refinement
 
 
-def _size(grid: JointDensity) -> int:
-    return sum(max(tensor.f.size, tensor.g[0].size) for tensor in grid.tensors)
+class Refinement:
+    """The refinement of one integral: rounds of evaluating, estimating errors, and splitting panels.
+
+    Parameters
+    ----------
+    layout : IntegralLayout
+    tolerance : float
+    marginals : callable
+        From the layout and a density to the marginals that must converge, beside the evidence.
+    over : callable, optional
+        Whether time is up.
+
+    Attributes
+    ----------
+    density : JointDensity
+        Of the last grid.
+    marginals : mapping
+    error : float
+        Largest error of a marginal, in standard deviations.
+    evidence_error : float
+    """
+
+    def __init__(
+        self,
+        layout: IntegralLayout,
+        tolerance: float,
+        marginals: MarginalsOf,
+        over: Callable[[], bool] | None = None,
+    ) -> None:
+        self.layout, self.tolerance = layout, tolerance
+        self._integral, self._marginals_of = layout.integral, marginals
+        self._is_over = over if over is not None else lambda: False
+        self._is_unbounded = any(series.is_unbounded for series in self._integral.series)
+        self._errors: list[float] = []  # of the marginals, round by round
+        self._allowed = tolerance  # error of the panels along the dominant axes
+
+    def run(self) -> Outcome:
+        """Refine to the end.
+
+        Raises
+        ------
+        UsageError
+            Where the first grid would fill the memory.
+        TimeoutError
+            If time is up before the first round.
+        """
+        self._lay_first_grid()
+        for round_ in range(_ROUNDS):
+            self._evaluate()
+            is_last = round_ == _ROUNDS - 1 or self.density.size() > _LAST or self._is_over()
+            if self.evidence_error <= self.tolerance or is_last:
+                self.marginals = self._marginals_of(self.layout, self.density)
+                if self._is_unbounded and self.kappa_reaches_end(_SOME_MASS):
+                    return Outcome.NOT_SEPARABLE
+                self._estimate_error()
+                if max(self.error, self.evidence_error) <= self.tolerance:
+                    return Outcome.CONVERGED
+                if is_last:
+                    return Outcome.LIMITED
+                if self._is_stalled():
+                    return Outcome.STALLED
+            panels = self._integral.panels()
+            self._refine()
+            if self._integral.size() > _MEMORY:
+                self._integral.restore(panels)
+                self.marginals = self._marginals_of(self.layout, self.density)
+                self._estimate_error()
+                return Outcome.LIMITED
+        return Outcome.LIMITED
+
+    def kappa_reaches_end(self, mass: float) -> bool:
+        """Whether a separated kappa has that mass where the bound of mu ties it to e_n, eq. (8)."""
+        if not self.layout.separable:
+            return False
+        kappas = kappa_marginals(self.layout, self.density).values()
+        for number in set(self.layout.oblique_series):
+            domain = self._integral.series[number].mu
+            shared = self._integral.number_of("mu")
+            if shared is not None:
+                domain = self._integral.shared[shared].parameter
+            if isinstance(domain, FreeParameter):
+                end = _NEAR_END * domain.upper
+                if any(kappa.mass_above(end) > mass for kappa in kappas):
+                    return True
+        return False
+
+    def _lay_first_grid(self) -> None:
+        self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
+        if self._integral.size() > _SMALL and self._is_unbounded:
+            self._integral.refine_transitions(self.tolerance)
+        if self._is_over():
+            raise TimeoutError
+        size = self._integral.size()
+        if size > _MEMORY:
+            raise UsageError(
+                f"The exact posterior needs a grid of {size:.0e} values here, which does not "
+                "fit into memory. Use --method mcmc, or fix a constant."
+            )
+
+    def _evaluate(self) -> None:
+        self.density = self._integral.evaluate()
+        self.evidence_error = self.density.evidence_error()
+
+    def _estimate_error(self) -> None:
+        self.error = largest_error(self.marginals, self.tolerance)
+        self._errors.append(self.error)
+
+    def _is_stalled(self) -> bool:
+        """Whether the error has not halved for some rounds."""
+        patience = _PATIENCE_LARGE if self.density.size() > _LARGE else _PATIENCE
+        return len(self._errors) > patience and self.error > 0.5 * self._errors[-1 - patience]
+
+    def _refine(self) -> None:
+        """Split the panels that carry the error, with as little allowed as changes anything.
+
+        Small grids are refined everywhere. On others only the dominant axes are refined beyond the tolerance,
+        as long as that helps.
+        """
+        helps = len(self._errors) < 2 or self._errors[-1] <= _HELPFUL * self._errors[-2]
+        if not helps:
+            self._allowed *= 0.1
+        everywhere = not helps or self.density.size() <= _SMALL
+        marginals = self.marginals if self.evidence_error <= self.tolerance else {}
+        errors = panel_errors(marginals, self.tolerance)
+
+        def split() -> bool:
+            allowed = self._allowed if everywhere else self.tolerance
+            return self._integral.refine(self.density, allowed, errors, self._allowed)
+
+        changed = split()
+        for marginal in marginals.values():
+            if marginal.kinks is not None:
+                axis, places = marginal.kinks(quantiles_at_levels(marginal, self.tolerance)[0])
+                changed |= axis.split(places)
+        while not changed and self._allowed > _SMALLEST_ALLOWED:
+            self._allowed *= 0.1
+            changed = split()

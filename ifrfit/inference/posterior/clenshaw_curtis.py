@@ -3,6 +3,8 @@
 The nodes include both ends (bounds and kinks are hit exactly), every second node makes the rule of half the
 order (its change is the error estimate, at no further cost), and the values at the nodes are a polynomial
 whose integral up to any point is known (which makes distribution functions).
+
+Section 5 of ``docs/theory/posterior.md``.
 """
 
 from __future__ import annotations

@@ -1,67 +1,82 @@
-"""Density of the unknowns of one series at all nodes, and what follows from it: masses, means, shares."""
+"""The density of the parameters of one series at all nodes, with its masses, means and errors."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.clenshaw_curtis import rule
 from ifrfit.inference.posterior.closure_constant import ConditionalCoordinate
-from ifrfit.inference.posterior.conditional_cdf import TwoSidedIntegrals
 from ifrfit.inference.posterior.panel_cdf import PanelCdf
 from ifrfit.inference.posterior.quadratic_sums import with_c_axis
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
-
-if TYPE_CHECKING:
-    from ifrfit.inference.posterior.series_integrand import SeriesIntegrand
+from ifrfit.inference.posterior.series_integral import SeriesIntegral
+from ifrfit.inference.posterior.two_sided_integrals import TwoSidedIntegrals
 
 Array = NDArray[np.float64]
 
-_ALONE = np.ones((2, 1))  # weights of a single node
+_SINGLE = np.ones((2, 1))  # weights of a single node
+_TINY = 1e-300
+_NEGLIGIBLE = 1e-14  # probability of a node that is left out of a discrete law
 
 
-@dataclass
-class DensityGrid:
-    """Density at nodes along (outer nodes, e_n, transition, closure constant).
-
-    Every weight and integral comes twice, by the rules and by the coarse rules inside them; so do the shares
-    of the outer nodes, (2, m). Functions of a number of levels give the rules alone (1) or both (2).
+@dataclass(frozen=True)
+class Nodes:
+    """Values of the parameters at the nodes.
 
     Attributes
     ----------
-    series : SeriesIntegrand
     e_n, x : ndarray, (m, n_e, n_x), broadcastable
+        x is the transition.
     c, mu : ndarray, (m, n_e, n_x, n_c), broadcastable
-    f : ndarray, (m, n_e, n_x, n_c), broadcastable
-        Density of the closure constant, relative.
-    apart : ndarray, (m, n_e, n_x)
-        Factor of f that the closure constant takes no part in; their product is relative to exp(shift).
-    shift : ndarray, (m,)
-    g : ndarray, (2, m, n_e, n_x)
-        Integrated over the closure constant.
-    e_weight : ndarray, (2, n_e)
-    x_weight : ndarray, (2, m, n_e, n_x)
-    c_weight : ndarray, (2, n_c)
-    mass : ndarray, (2, m)
-        Integral at each outer node, relative to exp(shift).
-    limits : (ndarray, ndarray) or None
-        Ends of the transition's coordinate where they cut panels, (m, n_e).
-    spread : ConditionalCoordinate or None
-        Coordinate of the closure constant, where it is an unknown of the part.
     """
 
-    series: SeriesIntegrand
     e_n: Array
     x: Array
     c: Array
     mu: Array
+
+
+@dataclass
+class DensityGrid:
+    """Density at nodes along (outer nodes, e_n, transition, closure constant), of sizes (m, n_e, n_x, n_c).
+
+    Every weight and integral comes at two levels, by the rules and by the coarse rules inside them; so do the
+    probabilities `share` of the outer nodes, (2, m). Functions of a number of levels give the rules alone (1)
+    or both (2).
+
+    Attributes
+    ----------
+    series : SeriesIntegral
+    nodes : Nodes
+    f : ndarray, (m, n_e, n_x, n_c), broadcastable
+        Relative density of the closure constant given the others; of size 1 on axes it does not depend on.
+    factor : ndarray, (m, n_e, n_x)
+        What f is multiplied by; factor f exp(shift) is the density.
+    shift : ndarray, (m,)
+        Log of the scale at each outer node.
+    g : ndarray, (2, m, n_e, n_x)
+        factor f integrated over the closure constant.
+    e_weight : ndarray, (2, n_e)
+    x_weight : ndarray, (2, m, n_e, n_x), broadcastable
+    c_weight : ndarray, (2, n_c)
+    mass : ndarray, (2, m)
+        Integral at each outer node, relative to exp(shift).
+    limits : (ndarray, ndarray) or None
+        Ends of the transition's coordinate where the domain cuts panels, (m, n_e).
+    coordinate : ConditionalCoordinate or None
+        Of the closure constant, where it is integrated over.
+    """
+
+    series: SeriesIntegral
+    nodes: Nodes
     f: Array
-    apart: Array
+    factor: Array
     shift: Array
     g: Array
     e_weight: Array
@@ -69,42 +84,47 @@ class DensityGrid:
     c_weight: Array
     mass: Array
     limits: tuple[Array, Array] | None
-    spread: ConditionalCoordinate | None
+    coordinate: ConditionalCoordinate | None
 
     @classmethod
     def of(
         cls,
-        series: SeriesIntegrand,
-        e_n: Array,
-        x: Array,
-        c: Array,
-        mu: Array,
+        series: SeriesIntegral,
+        nodes: Nodes,
         logs: tuple[Array, Array],
-        e_weight: Array,
         limits: tuple[Array, Array] | None,
-        spread: ConditionalCoordinate | None,
+        coordinate: ConditionalCoordinate | None,
     ) -> DensityGrid:
-        """Integrate the log densities (with the closure constant, apart from it) found at the nodes."""
+        """Integrate a density.
+
+        Parameters
+        ----------
+        series, nodes, limits, coordinate
+            As the attributes.
+        logs : (ndarray, ndarray)
+            Log density at the nodes: what varies with the closure constant, (m, n_e, n_x, n_c), and the rest,
+            (m, n_e, n_x), both broadcastable.
+        """
         top = logs[0].max(axis=-1)
         whole = top + logs[1]
         shift = whole.max(axis=(1, 2))
         shift = np.where(np.isfinite(shift), shift, 0.0)
         with np.errstate(invalid="ignore"):
             f = np.exp(logs[0] - np.where(np.isfinite(top), top, 0.0)[..., None])
-        apart = np.exp(whole - shift[:, None, None])
-        shape = np.broadcast(apart, e_n[:1], x[:1], f[..., 0]).shape
-        if apart.shape != shape:
-            apart = np.broadcast_to(apart, shape)
-        c_weight = _ALONE if spread is None else np.tile(rule(series.c_order).weights, 2)
-        g = np.stack([apart * (f @ w) for w in c_weight])
-        if not series.has_x_axis or series.x_axis is None:
-            x_weight = _ALONE[:, :, None, None]
+        factor = np.exp(whole - shift[:, None, None])
+        shape = np.broadcast(factor, nodes.e_n[:1], nodes.x[:1], f[..., 0]).shape
+        if factor.shape != shape:
+            factor = np.broadcast_to(factor, shape)
+        c_weight = _SINGLE if coordinate is None else np.tile(rule(series.c_order).weights, 2)
+        g = np.stack([factor * (f @ w) for w in c_weight])
+        e_weight = _SINGLE if series.e_axis is None else series.e_axis.weights()
+        if series.x_axis is None:
+            x_weight = _SINGLE[:, :, None, None]
         else:
             x_weight = series.x_axis.weights_between(limits)
         mass = ((g * x_weight).sum(axis=-1) * e_weight[:, None, :]).sum(axis=-1)
-        return cls(
-            series, e_n, x, c, mu, f, apart, shift, g, e_weight, x_weight, c_weight, mass, limits, spread
-        )
+        weights = e_weight, x_weight, c_weight
+        return cls(series, nodes, f, factor, shift, g, *weights, mass, limits, coordinate)
 
     @cached_property
     def weight(self) -> Array:
@@ -114,40 +134,43 @@ class DensityGrid:
     @property
     def log_mass(self) -> Array:
         """Log of the integral at each outer node, (2, m)."""
-        return np.asarray(np.log(np.maximum(self.mass, 1e-300)) + self.shift)
+        return np.asarray(np.log(np.maximum(self.mass, _TINY)) + self.shift)
 
     def outer(self, share: Array) -> Array:
         """Factor that turns densities into posterior ones, (2, m, 1, 1)."""
-        if self.mass.shape[1] == 1:  # one law, whatever the outer node
+        if self.mass.shape[1] == 1:  # the same density at every outer node
             share = share.sum(axis=1, keepdims=True)
-        return np.asarray((share / np.maximum(self.mass, 1e-300))[:, :, None, None])
+        return np.asarray((share / np.maximum(self.mass, _TINY))[:, :, None, None])
 
-    def expect_each(self, value: Array) -> Array:
+    def expectation(self, value: Array) -> Array:
         """Mean of a value at the nodes, (m, n_e, n_x, n_c), broadcastable, at each outer node, (2, m)."""
         if value.shape[-1] == 1:
             inner = self.g * value[..., 0]
         else:
             product = self.f * value
-            inner = np.stack([self.apart * (product @ w) for w in self.c_weight])
-        return np.asarray((inner * self.weight).sum(axis=(2, 3)) / np.maximum(self.mass, 1e-300))
+            inner = np.stack([self.factor * (product @ w) for w in self.c_weight])
+        return np.asarray((inner * self.weight).sum(axis=(2, 3)) / np.maximum(self.mass, _TINY))
 
-    def e_law(self) -> Array:
+    def e_probabilities(self) -> Array:
         """Probability of each node of e_n, (2, m, n_e)."""
         h = (self.g * self.weight).sum(axis=-1)
-        return np.asarray(h / np.maximum(self.mass, 1e-300)[..., None])
+        return np.asarray(h / np.maximum(self.mass, _TINY)[..., None])
 
-    def along_x(self, share: Array) -> Callable[[Array, int], Array]:
-        """Posterior probability of a transition below x, by levels, as a function of x, (..., m, n_e)."""
-        axis = self.series.x_axis
-        assert axis is not None
-        to_t = self.series.to_t
+    def e_density(self, share: Array) -> Array:
+        """Marginal density of e_n at its nodes, (2, n_e)."""
+        h = (self.g * self.x_weight).sum(axis=-1)
+        return np.asarray((h * self.outer(share)[..., 0]).sum(axis=1))
+
+    def x_cdf(self, share: Array) -> Callable[[Array, int], Array]:
+        """Posterior probability of a transition below x, as a function of x, (..., m, n_e), and of levels."""
+        axis, to_t = self._x_axis, self.series.to_t
         low, width = axis.low[None], axis.width[None]
         m, n_e, _ = self.g.shape[1:]
         weight = (self.outer(share)[..., 0] * self.e_weight[:, None]).reshape(2, 1, -1)
         if self.limits is None:
             total = weight @ self.g.reshape(2, m * n_e, -1)
             summed = PanelCdf.of_levels(low, width, total.reshape(2, *axis.shape))
-        each = cache(
+        rows_at = cache(
             lambda level: PanelCdf.of(low, width, self.g[level].reshape(m * n_e, *axis.shape), level)
         )
 
@@ -162,7 +185,7 @@ class DensityGrid:
             t = np.broadcast_to(t, (*t.shape[:-2], m, n_e)).reshape(*t.shape[:-2], m * n_e)
             found = []
             for level in range(levels):
-                rows = each(level)
+                rows = rows_at(level)
                 start = 0.0 if least is None else rows.below(least.reshape(-1))
                 found.append((rows.below(t) - start) @ weight[level, 0])
             return np.stack(found)
@@ -170,32 +193,27 @@ class DensityGrid:
         return below
 
     @cached_property
-    def sides(self) -> TwoSidedIntegrals:
-        """Integrals of the closure constant's densities, for `ConditionalCdf`."""
-        return TwoSidedIntegrals.of(self)
+    def two_sided(self) -> TwoSidedIntegrals:
+        """Integrals of the conditional densities of the closure constant."""
+        if self.coordinate is None:
+            raise ValueError("the closure constant of this series is not integrated over")
+        mass = np.abs(self.g * self.weight).max(axis=0) / np.maximum(self.mass[0], _TINY)[:, None, None]
+        negligible = math.exp(-self.series.tail)
+        return TwoSidedIntegrals.of(self.f, mass, self.coordinate, self.series.c_order, negligible)
 
-    def along_x_below(self, cut: Array, share: Array) -> Array:
-        """Density along the transition of what a cut leaves at each node, (rows, panels, nodes)."""
-        assert self.series.x_axis is not None
+    def x_density_of(self, part: Array, share: Array) -> Array:
+        """Density along the transition of a part of f's integral at each node, (rows, panels, nodes)."""
         across = self.outer(share)[0] * self.e_weight[0][:, None]
-        return np.asarray(cut * self.apart * across).reshape(-1, *self.series.x_axis.shape)
+        return np.asarray(part * self.factor * across).reshape(-1, *self._x_axis.shape)
 
-    def along_e_below(self, cut: Array, share: Array) -> Array:
-        """Density along e_n of what a cut leaves at each node, (rows, panels, nodes)."""
-        assert self.series.e_axis is not None
-        inner = (cut * self.apart * self.x_weight[0]).sum(axis=-1)
-        return np.asarray((inner * self.outer(share)[0, ..., 0]).reshape(-1, *self.series.e_axis.shape))
+    def e_density_of(self, part: Array, share: Array) -> Array:
+        """Density along e_n of a part of f's integral at each node, (rows, panels, nodes)."""
+        inner = (part * self.factor * self.x_weight[0]).sum(axis=-1)
+        return np.asarray((inner * self.outer(share)[0, ..., 0]).reshape(-1, *self._e_axis.shape))
 
-    def along_e_below_x(self, x: Array, share: Array) -> Array:
+    def e_density_below(self, x: Array, share: Array) -> Array:
         """Density along e_n of what lies below a transition x, (m, n_e), as (rows, panels, nodes)."""
-        assert self.series.e_axis is not None
-        below = self.each_below(x) * self.outer(share)[0, ..., 0]
-        return np.asarray(below.reshape(-1, *self.series.e_axis.shape))
-
-    def each_below(self, x: Array) -> Array:
-        """Integral up to a transition x, (m, n_e), at each outer node and e_n."""
-        axis = self.series.x_axis
-        assert axis is not None
+        axis = self._x_axis
         m, n_e, _ = self.g.shape[1:]
         panels = PanelCdf.of(axis.low[None], axis.width[None], self.g[0].reshape(m * n_e, *axis.shape))
         t = np.broadcast_to(self.series.to_t(x), (m, n_e))
@@ -203,27 +221,40 @@ class DensityGrid:
         if self.limits is not None:
             least, most = (np.broadcast_to(end, (m, n_e)) for end in self.limits)
             t, start = np.clip(t, least, most), panels.below(least.reshape(-1))
-        return np.asarray((panels.below(t.reshape(-1)) - start).reshape(m, n_e))
+        below = np.asarray((panels.below(t.reshape(-1)) - start).reshape(m, n_e))
+        return np.asarray((below * self.outer(share)[0, ..., 0]).reshape(-1, *self._e_axis.shape))
 
-    def values_of(self, value: Array, share: Array) -> tuple[Array, Array]:
-        """A value at all nodes, (n,), with its probabilities, (2, n); those without any left out."""
+    @property
+    def _x_axis(self) -> QuadratureAxis:
+        if self.series.x_axis is None:
+            raise ValueError("the transition of this series is not integrated over")
+        return self.series.x_axis
+
+    @property
+    def _e_axis(self) -> QuadratureAxis:
+        if self.series.e_axis is None:
+            raise ValueError("e_n of this series is not integrated over")
+        return self.series.e_axis
+
+    def discrete_law(self, value: Array, share: Array) -> tuple[Array, Array]:
+        """A value at all nodes, (n,), with its probabilities, (2, n); without nodes of no probability."""
         weight = self.weight * self.outer(share)
         if value.shape[-1] == 1:
             probability = (weight * self.g)[..., None]
         else:
-            weight = weight * self.apart
+            weight = weight * self.factor
             probability = self.f * weight[..., None] * self.c_weight[:, None, None, None, :]
         value = np.broadcast_to(value, probability.shape[1:])
         if value.shape[0] > 1 and np.ptp(value, axis=0).max() == 0.0:  # the same at all outer nodes
             value, probability = value[0], probability.sum(axis=1)
-        kept = np.abs(probability[0]) > 1e-14
+        kept = np.abs(probability[0]) > _NEGLIGIBLE
         return value[kept], probability[:, kept]
 
-    def squares(self, group: int, share: Array) -> tuple[Array, Array]:
+    def sums_of_squares(self, group: int, share: Array) -> tuple[Array, Array]:
         """Sum of squares of a noise group at all nodes, (n,), and the probabilities of the nodes, (2, n)."""
-        misfit = self.series.misfit
-        q = misfit.quadratics(self.e_n, self.x)[group]
-        more = misfit.curved(self.e_n[..., None], self.x[..., None], self.c, self.mu)[group]
+        squares, nodes = self.series.squares, self.nodes
+        q = squares.quadratics(nodes.e_n, nodes.x)[group]
+        more = squares.curved(nodes.e_n[..., None], nodes.x[..., None], nodes.c, nodes.mu)[group]
         weight = self.weight * self.outer(share)
         if np.ndim(q.slope) == np.ndim(more) == 0:  # the group sees no more than e_n
             square: Array = np.asarray(q.square)
@@ -232,9 +263,9 @@ class DensityGrid:
         else:
             square = with_c_axis(q.square) + more
             if np.ndim(q.slope):
-                d = self.c - misfit.reference.c
+                d = nodes.c - squares.reference.c
                 square = square + d * (with_c_axis(q.curvature) * d - 2.0 * with_c_axis(q.slope))
-            probability = self.apart * weight
+            probability = self.factor * weight
             if square.shape[1] == 1 and self.f.shape[1] == 1:
                 probability = probability.sum(axis=2, keepdims=True)
             probability = probability[..., None] * self.c_weight[:, None, None, None, :] * self.f
@@ -242,26 +273,17 @@ class DensityGrid:
         probability = probability.sum(axis=alone, keepdims=True)
         return np.broadcast_to(square, probability.shape[1:]).reshape(-1), probability.reshape(2, -1)
 
-    def e_density(self, share: Array) -> Array:
-        """Marginal density of e_n at its nodes, (2, n_e)."""
-        h = (self.g * self.x_weight).sum(axis=-1)
-        return np.asarray((h * self.outer(share)[..., 0]).sum(axis=1))
-
     def panel_masses(self, share: Array) -> list[tuple[QuadratureAxis, Array]]:
-        """Mass of the panels of e_n and of the transition."""
+        """Mass of the panels of the transition and of e_n."""
         probability = (self.g * self.weight)[0] * self.outer(share)[0]
-        series = self.series
         found = []
-        for axis, used, others in (
-            (series.x_axis, series.has_x_axis, (0, 1)),
-            (series.e_axis, series.has_e_axis, (0, 2)),
-        ):
-            if axis is not None and used:
+        for axis, others in ((self.series.x_axis, (0, 1)), (self.series.e_axis, (0, 2))):
+            if axis is not None:
                 found.append((axis, probability.sum(axis=others).reshape(axis.shape).sum(axis=-1)))
         return found
 
     def panel_errors(self, share: Array) -> list[tuple[QuadratureAxis | None, Array, Array]]:
-        """Mass and error of the panels of e_n and of the transition; of the closure constant as a whole."""
+        """Axis, masses and errors of its panels; None for the closure constant, which has one of each."""
         outer = self.outer(share)[0]
         g, x_weight = self.g[0], self.x_weight[0]
         across = outer * self.e_weight[0][:, None]
@@ -269,9 +291,9 @@ class DensityGrid:
         for axis, mass in self.panel_masses(share):
             along = g * across if axis is self.series.x_axis else (g * x_weight).sum(axis=-1) * outer[..., 0]
             found.append((axis, mass, axis.errors(along.reshape(-1, *axis.shape))))
-        if self.spread is not None:
+        if self.coordinate is not None:
             sides = self.f.reshape(*self.f.shape[:-1], 2, -1) @ rule(self.series.c_order).differences.T
-            part = self.apart * (across * x_weight)
+            part = self.factor * (across * x_weight)
             if sides.shape[0] == sides.shape[1] == 1:
                 part = part.sum(axis=(0, 1), keepdims=True)
             error = (np.abs(sides).sum(axis=-2) * part[..., None]).sum(axis=(0, 1, 2)).max()

@@ -1,4 +1,4 @@
-"""What all parts of the integral need to know: the optimum to begin from, and how fine to begin."""
+"""Settings of the first grid: the optimum with its local spread, and the fineness for a tolerance."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LADDER = np.array([1.5, 4.0, 8.0, 16.0, 40.0, 120.0, 400.0, 2e3, 1e4, 1e5])  # f
 
 @dataclass(frozen=True)
 class GridSettings:
-    """What all parts need: the problem, its optimum with the local spread, and the wanted tolerance."""
+    """The problem, its optimum with the local spread, and the tolerance."""
 
     problem: Problem
     start: LeastSquares
@@ -30,7 +30,7 @@ class GridSettings:
 
     @cached_property
     def covariance(self) -> Array:
-        """Of the local picture; loose directions as wide as the prior."""
+        """Of theta in the Gaussian approximation; loose directions as wide as the prior, (p, p)."""
         return self.start.gaussian.covariance(capped=True)
 
     @cached_property
@@ -58,7 +58,7 @@ class GridSettings:
         )
 
     @property
-    def crowded(self) -> float:
+    def kink_distance(self) -> float:
         """Distance, in sd, below which two kinks go into one panel; refinement sees to what that leaves."""
         return next(
             (d for d, least in ((0.6, 1e-2), (0.4, 1e-3), (0.2, 1e-5)) if self.tolerance >= least), 0.02
@@ -70,7 +70,7 @@ class GridSettings:
         return 6.0 - 2.0 * math.log(self.tolerance)
 
     @cached_property
-    def _constants(self) -> Mapping[str, Parameter]:
+    def _parameters(self) -> Mapping[str, Parameter]:
         parameters = self.problem.parameters
         own = self.problem.closure.constant
         found = parameters[own] if own else Parameter("", 0.0, 0.0, fixed=0.0)
@@ -82,19 +82,19 @@ class GridSettings:
 
     @cached_property
     def _spreads(self) -> dict[tuple[str, int], tuple[float, float]]:
-        return {}  # what was asked for already
+        return {}  # by kind and block, once worked out
 
-    def constant(self, kind: str) -> Parameter:
-        """The constant of a kind; closure F has a fixed one."""
-        return self._constants[kind]
+    def parameter(self, kind: str) -> Parameter:
+        """e_n, mu or the closure constant c, which closure F has fixed at 0."""
+        return self._parameters[kind]
 
     def place(self, kind: str, block: int) -> int | None:
-        """Entry of theta."""
+        """Index of e_n, c or mu of a block in theta; None for c of a closure that has none."""
         name = self.problem.closure.constant if kind == "c" else kind
         return None if name is None else int(self._positions[name][block])
 
     def spread(self, kind: str, block: int) -> tuple[float, float]:
-        """Optimum and local sd of e_n, c, mu or kappa in a block."""
+        """Optimum and local standard deviation of e_n, c, mu or kappa in a block."""
         if (kind, block) not in self._spreads:
             self._spreads[kind, block] = self._spread(kind, block)
         return self._spreads[kind, block]
@@ -104,9 +104,7 @@ class GridSettings:
         theta = self.start.optimum.theta
         to_theta = local.to_theta
         if kind == "kappa":
-            e, mu = self.place("e_n", block), self.place("mu", block)
-            assert e is not None
-            assert mu is not None
+            e, mu = (int(self._positions[name][block]) for name in ("e_n", "mu"))
             functional = (1.0 + theta[e]) * to_theta[mu] + theta[mu] * to_theta[e]
             value, prior_sd = float(theta[mu] * (1.0 + theta[e])), 1.0
         else:
@@ -114,7 +112,7 @@ class GridSettings:
             if at is None:
                 return 0.0, 0.0
             functional, value = to_theta[at], float(theta[at])
-            prior_sd = self.constant(kind).prior_sd
+            prior_sd = self.parameter(kind).prior_sd
         sd = math.sqrt(max(float(functional @ self.covariance @ functional), 0.0))
         return value, min(max(sd, 1e-9 * max(abs(value), 1.0)), prior_sd)
 

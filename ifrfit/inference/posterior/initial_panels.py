@@ -1,8 +1,7 @@
-"""One part of the integral: its rows, its noise, and the panels it begins with."""
+"""The integral over one series to begin with: its rows, its noise, and its first panels."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,149 +14,157 @@ from ifrfit.inference.posterior.grid_settings import LADDER, GridSettings, ladde
 from ifrfit.inference.posterior.kink_minima import local_minima
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
-from ifrfit.inference.posterior.series_integrand import SeriesIntegrand
+from ifrfit.inference.posterior.series_integral import SeriesIntegral
 from ifrfit.inference.posterior.sum_of_squares import Reference, SumOfSquares
+from ifrfit.inference.posterior.transition_roles import ClosureConstantFree
 
 Array = NDArray[np.float64]
+
+Known = dict[str, FreeParameter | float | None]  # e_n, c and mu as `SeriesIntegral` takes them
 
 _KINKS_NEAR, _KINKS_FAR = 48, 12  # kinks at which panels are split from the start
 
 
 def make_series(
-    setting: GridSettings,
+    settings: GridSettings,
     block: int,
     at: Index,
-    known: Mapping[str, FreeParameter | float | None],
-    n_normal: int = 0,
+    known: Known,
     *,
-    whole: bool = False,
-) -> tuple[SeriesIntegrand, tuple[str, ...]]:
-    """Lay one part of the integral out.
+    friction_count: int = 0,
+    holds_all_rows: bool = False,
+) -> tuple[SeriesIntegral, tuple[str, ...]]:
+    """Lay the integral over the parameters of one series out.
 
     Parameters
     ----------
-    setting : GridSettings
+    settings : GridSettings
     block : int
     at : ndarray of int
         Its rows.
     known : mapping
-        e_n, c and mu: an unknown of this part, a fixed value, or None for one that is shared.
-    n_normal : int
-        How many mu are restated as kappa with this e_n, in the part that holds e_n alone.
-    whole : bool
-        Whether there is no other part.
+        e_n, c and mu: a parameter of this integral, a fixed value, or None for one that is shared.
+    friction_count : int
+        How many mu are restated as kappa with this e_n, in the integral of a separated e_n.
+    holds_all_rows : bool
+        Whether there is no other series integral, so that a common factor of the noise is integrated here.
 
     Returns
     -------
-    Series
+    SeriesIntegral
     names : tuple of str
         Of the noises integrated inside, "" for a common factor.
     """
-    problem = setting.problem
-    rows = _taken(problem.rows, at)
-    optimum = {kind: setting.spread(kind, block) for kind in ("e_n", "c", "mu", "kappa")}
-    held = known["e_n"] == 0.0 and setting.constant("e_n").fixed is None  # mu stands for kappa
-    friction = optimum["kappa"] if held else optimum["mu"]
-    reference = Reference(0.0 if held else optimum["e_n"][0], optimum["c"][0], friction[0])
-    if n_normal:
+    problem = settings.problem
+    rows = _one_series(problem.rows, at)
+    optimum = {kind: settings.spread(kind, block) for kind in ("e_n", "c", "mu", "kappa")}
+    is_kappa = known["e_n"] == 0.0 and settings.parameter("e_n").fixed is None  # in the place of mu
+    friction = optimum["kappa"] if is_kappa else optimum["mu"]
+    reference = Reference(0.0 if is_kappa else optimum["e_n"][0], optimum["c"][0], friction[0])
+    if friction_count:
         reference = Reference(optimum["e_n"][0], 0.0, 0.0)
-    names, groups, noise, weight, sigma = _noise(setting, at, whole)
-    misfit = SumOfSquares(rows, weight, groups, problem.closure, problem.inertia_factor, reference)
+    names, groups, noise, weight, sigma = _noise(settings, at, holds_all_rows)
+    squares = SumOfSquares(rows, weight, groups, problem.closure, problem.inertia_factor, reference)
     plain = problem.error_model.is_plain or at.size == 0
-    law = None if plain else RowLaw.of(problem, at, setting.start.optimum.theta)
-    series = SeriesIntegrand(misfit, noise, known["e_n"], known["c"], known["mu"], sigma, n_normal, law=law)
-    series.c_order, series.tail = setting.c_order, setting.tail
-    if series.stretched and not misfit.is_quadratic:
-        series.c_order += 2 * (
-            setting.c_order // 4
-        )  # what curved rows say of it under a tilted bound is uneven
-    if series.has_e_axis:
-        assert isinstance(series.e_n, FreeParameter)
+    row_law = None if plain else RowLaw.of(problem, at, settings.start.optimum.theta)
+    e_n, c, mu = (known[kind] for kind in ("e_n", "c", "mu"))
+    series = SeriesIntegral(squares, noise, e_n, c, mu, sigma, friction_count, row_law=row_law)
+    series.c_order, series.tail = settings.c_order, settings.tail
+    if series.is_unbounded and not squares.is_quadratic:
+        # the density of c given curved rows is uneven where the bound of mu runs with c
+        series.c_order += 2 * (settings.c_order // 4)
+    if series.integrates_e_n and isinstance(e_n, FreeParameter):
         center, sd = optimum["e_n"]
-        edges = ladder(center, sd, series.e_n.lower, series.e_n.upper)
-        series.e_axis = QuadratureAxis.of(edges, setting.order)
-    if series.has_x_axis:
-        b = max(float(misfit.b(optimum["c"][0])), 1e-6)
+        series.e_axis = QuadratureAxis.of(ladder(center, sd, e_n.lower, e_n.upper), settings.order)
+    if series.role.has_axis:
+        b = max(float(squares.b(optimum["c"][0])), 1e-6)
         center, sd = optimum["kappa"][0] / b, max(optimum["kappa"][1] / b, 1e-12)
         series.unit = max(center, 1e-3)
-        series.x_axis = QuadratureAxis.of(_x_edges(series, center, sd, known, setting.crowded), setting.order)
+        edges = _x_edges(series, center, sd, known, settings.kink_distance)
+        series.x_axis = QuadratureAxis.of(edges, settings.order)
     return series, names
 
 
 def _noise(
-    setting: GridSettings, at: Index, whole: bool
+    settings: GridSettings, at: Index, holds_all_rows: bool
 ) -> tuple[tuple[str, ...], list[Index], tuple[NoiseScale, ...] | None, Array, Array]:
     """Names, rows and laws of the noises integrated inside, weights of the rows, and likely sigmas."""
-    problem, start = setting.problem, setting.start
+    problem, start = settings.problem, settings.start
     if problem.noise.is_unknown:
         place = np.full(problem.rows.value.size, -1)
         place[at] = np.arange(at.size)
-        of_rows = [(name, place[group]) for name, group in setting.groups.items()]
+        of_rows = [(name, place[group]) for name, group in settings.groups.items()]
         of_rows = [(name, group[group >= 0]) for name, group in of_rows if (group >= 0).any()]
         names = tuple(name for name, _ in of_rows)
-        noise = tuple(NoiseScale(group.size, *setting.bounds[name]) for name, group in of_rows)
+        noise = tuple(NoiseScale(group.size, *settings.bounds[name]) for name, group in of_rows)
         sigma = np.array([start.noise[name] for name in names])
         return names, [group for _, group in of_rows], noise, np.ones(at.size), sigma
     everything = [np.arange(at.size)]
     factor = np.array(
         [float(np.median(start.sigma / problem.noise.sigma)) if problem.noise.is_scaled else 1.0]
     )
-    if not problem.error_model.is_plain:  # no more than where to look
+    if not problem.error_model.is_plain:  # the sums only say where to look
         return (), everything, None, factor[0] / start.sigma[at], np.ones(1)
     weight = 1.0 / problem.noise.sigma[at]
     if problem.noise.is_known:
         return (), everything, None, weight, np.ones(1)
-    if whole:
-        return ("",), everything, (NoiseScale(at.size, *setting.bounds[""]),), weight, factor
+    if holds_all_rows:
+        return ("",), everything, (NoiseScale(at.size, *settings.bounds[""]),), weight, factor
     return (), everything, None, weight, np.ones(1)  # the factor is shared
 
 
-def _taken(rows: Rows, at: Index) -> Rows:
+def _one_series(rows: Rows, at: Index) -> Rows:
+    """Some of the rows, as those of a single series."""
     part = rows.take(at)
     return replace(part, series=np.zeros(at.size, dtype=np.intp))
 
 
-def _x_edges(
-    series: SeriesIntegrand,
-    center: float,
-    sd: float,
-    known: Mapping[str, FreeParameter | float | None],
-    crowded: float,
-) -> Array:
-    """First edges of the transition: a ladder about the optimum, and the kinks of the data."""
-    # a shared unknown may be anywhere that the default domain allows
+def _x_edges(series: SeriesIntegral, center: float, sd: float, known: Known, kink_distance: float) -> Array:
+    """First edges of the transition: a ladder about the optimum, and the kinks of the data.
+
+    Parameters
+    ----------
+    series : SeriesIntegral
+    center, sd : float
+        Optimum and local standard deviation of the transition.
+    known : mapping
+        As `make_series`.
+    kink_distance : float
+        In sd, below which two kinks go into one panel.
+    """
+    # a shared parameter may be anywhere that the default domain allows
     e_low, e_high = _ends(known["e_n"], 0.0, 1.0)
     c_low, c_high = _ends(known["c"], 0.0, 0.0)
     mu_low, mu_high = _ends(known["mu"], 0.0, 2.0)
-    if series.role == "c":  # x = mu (1 + e_n)/b(c)
+    if isinstance(series.role, ClosureConstantFree):  # x = mu (1 + e_n)/b(c)
         with np.errstate(divide="ignore"):
             span = [
-                np.divide(mu * (1.0 + e), series.misfit.b(c))
+                np.divide(mu * (1.0 + e), series.squares.b(c))
                 for e, c, mu in ((e_low, c_high, mu_low), (e_high, c_low, mu_high))
             ]
         low, high = (float(series.to_t(np.asarray(end))) for end in span)
-    elif series.stretched:
+    elif series.is_unbounded:
         low, high = 0.0, 1.0 - 1e-12
     else:
-        b = float(series.misfit.b(0.0))
+        b = float(series.squares.b(0.0))
         low = mu_low * (1.0 + e_low) / b if known["mu"] is not None and known["e_n"] is not None else 0.0
         high = mu_high * (1.0 + e_high) / b
         if known["mu"] is None or known["e_n"] is None:
             high = max(high, 8.0 * (center + sd))
-    kinks = series.misfit.kinks
+    kinks = series.squares.kinks
     near = np.abs(kinks - center) <= 10.0 * sd
     kept = np.concatenate((thinned(kinks[near], _KINKS_NEAR), thinned(kinks[~near], _KINKS_FAR)))
     c_ends, prior = (-np.inf, np.inf), None
     if isinstance(known["c"], FreeParameter):
         c_ends, prior = (known["c"].lower, known["c"].upper), known["c"].prior
-    places = [(center, sd), *local_minima(series.misfit, series.sigma, c_ends, prior, 4.0 * series.tail)]
+    places = [(center, sd), *local_minima(series.squares, series.sigma, c_ends, prior, 4.0 * series.tail)]
     # a minimum that is next to another one is on its ladder already
     places = [p for i, p in enumerate(places) if not any(_next_to(p, q) for q in places[:i])]
     reach = np.concatenate([x + np.concatenate((-s * LADDER, [0.0], s * LADDER)) for x, s in places])
     edges = series.to_t(np.concatenate((kept, reach[reach > 0.0])))
     edges = np.unique(edges[(edges > low) & (edges < high)])
     # panels much narrower than the spread are no use, and the first and last kink are where regimes end
-    width = crowded * min(s for _, s in places)
+    width = kink_distance * min(s for _, s in places)
     scale = float(np.diff(series.to_t(np.array([max(center - 0.5 * width, 0.0), center + 0.5 * width])))[0])
     if edges.size:
         close = np.concatenate(([False], np.diff(edges) < scale))

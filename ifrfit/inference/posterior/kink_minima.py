@@ -1,4 +1,8 @@
-"""Where else the sum of squares has a minimum: beside the optimum, in other intervals between kinks."""
+"""Minima of the sum of squares between kinks, about which the first panels are laid: section 5 of the theory.
+
+The certified minima of the least squares are those within 4 of the least; a posterior needs all that can hold
+more of the mass than its tolerance. See ``docs/theory/posterior.md``.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,7 @@ _MOST_MINIMA = 8
 
 
 def local_minima(
-    misfit: SumOfSquares,
+    squares: SumOfSquares,
     sigma: Array,
     c_ends: tuple[float, float],
     c_prior: tuple[float, float] | None,
@@ -24,27 +28,27 @@ def local_minima(
 
     Taken at the reference's e_n. Minima whose sum of squares exceeds the least by `reach` are left out.
     """
-    kinks = misfit.kinks
+    kinks = squares.kinks
     edges = np.concatenate(([0.0], kinks, [np.inf]))
-    if kinks.size == 0 or not any(misfit.sums):
+    if kinks.size == 0 or not any(squares.sums):
         return []
     middle = np.concatenate((0.5 * (edges[:-2] + edges[1:-1]), [2.0 * kinks[-1]]))
     total = np.zeros((len(PAIRS), middle.size))
-    for s, group in zip(sigma, misfit.sums, strict=True):
+    for s, group in zip(sigma, squares.sums, strict=True):
         for part in group:
-            factor = float(scale_factor(part.scale, np.asarray(misfit.reference.e_n)))
+            factor = float(scale_factor(part.scale, np.asarray(squares.reference.e_n)))
             powers = np.array([1.0, 0, factor, factor, 0, 0, 0, factor**2, factor**2, factor**2])
             at = np.searchsorted(part.tau, middle, side="right")
             total += powers[:, None] * part.products[:, at] / s**2
     rr, _, rp, rq, _, _, _, pp, pq, qq = total
     if c_prior is not None:
-        off = c_prior[0] - misfit.reference.c
+        off = c_prior[0] - squares.reference.c
         rr, rp, pp = (
             rr + (off / c_prior[1]) ** 2,
             rp + off / c_prior[1] ** 2,
             pp + 1.0 / c_prior[1] ** 2,
         )
-    k, ref = misfit.coefficients, misfit.reference
+    k, ref = squares.coefficients, squares.reference
     with np.errstate(divide="ignore", invalid="ignore"):
         free = (qq * rp - pq * rq) / (qq * pp - pq * pq)
         free = np.where(np.isfinite(free), free, np.where(pp > 0.0, rp / pp, 0.0))

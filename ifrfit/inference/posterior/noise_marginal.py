@@ -1,4 +1,7 @@
-"""Marginal of an unknown noise: its law given the sum of squares, averaged over what the rows say of that."""
+"""Marginal of an unknown noise: its law given the sum of squares, averaged over the posterior of that sum.
+
+Eq. (11) of ``docs/theory/posterior.md``.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +25,25 @@ _FALL = 40.0  # of the log density beyond which that law is not followed
 _FEWEST, _MOST = 16, 96  # nodes for functions of a sum of squares
 
 
-def noise(grid: JointDensity, number: int, group: int, name: str) -> Marginal:
-    """The unknown sigma of a noise group."""
-    tensor = grid.tensors[number]
-    assert tensor.series.noise is not None
-    own = tensor.series.noise[group]
-    square, weight = tensor.squares(group, grid.share)
-    square, weight = _compressed(square, weight, own.n, math.exp(-tensor.series.tail))
+def noise_marginal(joint: JointDensity, number: int, group: int, name: str) -> Marginal:
+    """The unknown sigma of a noise group.
+
+    Parameters
+    ----------
+    joint : JointDensity
+    number : int
+        Of the series.
+    group : int
+        Of the noise groups of the series.
+    name : str
+    """
+    grid = joint.grids[number]
+    scales = grid.series.noise
+    if scales is None:
+        raise ValueError(f"series {number} has no unknown noise")
+    own = scales[group]
+    square, weight = grid.sums_of_squares(group, joint.share)
+    square, weight = _compressed(square, weight, own.n, math.exp(-grid.series.tail))
     axis = QuadratureAxis.of(_edges(own, float(square.min()), float(square.max())), _ORDER)
     nodes = axis.nodes()
     density = weight @ own.density(nodes, square[:, None])
@@ -67,14 +82,14 @@ def _edges(own: NoiseScale, least: float, most: float) -> Array:
     return edges[(edges >= start) & (edges <= end)]
 
 
-def _compressed(square: Array, weight: Array, n: int, nothing: float) -> tuple[Array, Array]:
-    """Sums of squares with their probabilities, (2, m), told by their values at a few nodes.
+def _compressed(square: Array, weight: Array, n: int, negligible: float) -> tuple[Array, Array]:
+    """A discrete law of sums of squares, probabilities (2, m), with the same moments on a few nodes.
 
     What follows from a sum of squares is smooth in its logarithm: the probabilities of all nodes are shared
-    out over interpolation nodes, exactly for polynomials. Nodes that hold no more than `nothing` all together
-    are left out.
+    out over interpolation nodes, exactly for polynomials. Nodes that hold no more than `negligible` all
+    together are left out.
     """
-    kept = np.abs(weight[0]) > nothing / weight.shape[1]
+    kept = np.abs(weight[0]) > negligible / weight.shape[1]
     log_q, weight = np.log(np.maximum(square[kept], 1e-300)), weight[:, kept]
     low, high = float(log_q.min()), float(log_q.max())
     if high - low < 1e-9:

@@ -1,4 +1,7 @@
-"""The likelihood of rows that share one unknown sigma, with that sigma integrated out."""
+"""The likelihood of rows that share one unknown sigma, with that sigma integrated out.
+
+Eq. (5) of ``docs/theory/posterior.md``.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ _LOG_2PI = math.log(2.0 * math.pi)
 
 @dataclass(frozen=True)
 class NoiseScale:
-    """Rows that share one unknown sigma: n of them, with sigma log-uniform between bounds."""
+    """Rows that share one unknown sigma: n of them, with sigma log-uniform between bounds, eq. (5)."""
 
     n: int
     lower: float

@@ -1,4 +1,4 @@
-"""Marginals of the quantities of one part of the integral."""
+"""Marginals of the parameters of one series, of kappa, and of the transition."""
 
 from __future__ import annotations
 
@@ -11,215 +11,246 @@ from numpy.typing import NDArray
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.posterior.conditional_cdf import ConditionalCdf
 from ifrfit.inference.posterior.density_grid import DensityGrid
-from ifrfit.inference.posterior.joint_grid import ErrorsByAxis, JointDensity
+from ifrfit.inference.posterior.joint_grid import JointDensity, PanelErrors
 from ifrfit.inference.posterior.marginals import Cdf, Marginal, Moments, moments_of
 from ifrfit.inference.posterior.panel_cdf import PanelCdf
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
-from ifrfit.inference.posterior.series_integrand import SeriesIntegrand
+from ifrfit.inference.posterior.series_integral import SeriesIntegral
+from ifrfit.inference.posterior.transition_roles import ClosureConstantFree, RestitutionFree, sticking_bound
 
 Array = NDArray[np.float64]
 
-ErrorsAt = Callable[[Array, Array], ErrorsByAxis]
+ErrorsAt = Callable[[Array, Array], PanelErrors]
+
+_TINY = 1e-300
 
 
-def series_marginal(grid: JointDensity, number: int, kind: str, name: str) -> Marginal:
-    """e_n, c, mu, kappa or the transition (its tau on a scale with an end) of one series."""
-    tensor = grid.tensors[number]
-    made = {"e_n": _e_n, "c": _c, "mu": _mu, "kappa": _kappa, "tau": _tau}[kind](grid, tensor, name)
-    values = {"e_n": tensor.e_n[..., None], "c": tensor.c, "mu": tensor.mu}
-    return replace(made, factors=((number, values[kind]),)) if kind in values else made
+def series_marginal(
+    density: JointDensity, number: int, kind: str, name: str, parameter: FreeParameter
+) -> Marginal:
+    """Of e_n, c or mu of one series.
+
+    Parameters
+    ----------
+    density : JointDensity
+    number : int
+        Of the series.
+    kind : {"e_n", "c", "mu"}
+    name : str
+    parameter : FreeParameter
+        The one that the series integrates over.
+    """
+    grid = density.grids[number]
+    nodes = grid.nodes
+    make, values = {
+        "e_n": (_e_n, nodes.e_n[..., None]),
+        "c": (_c, nodes.c),
+        "mu": (_mu, nodes.mu),
+    }[kind]
+    made = make(density, grid, name, parameter)
+    return replace(made, factors=((number, values),))
 
 
-def _of_values(grid: JointDensity, tensor: DensityGrid, values: Array) -> Moments:
-    return moments_of(lambda of: (grid.share * tensor.expect_each(of(values))).sum(axis=1))
+def _moments(density: JointDensity, grid: DensityGrid, values: Array) -> Moments:
+    return moments_of(lambda of: (density.share * grid.expectation(of(values))).sum(axis=1))
 
 
-def _e_n(grid: JointDensity, tensor: DensityGrid, name: str) -> Marginal:
-    unknown = tensor.series.e_n
-    assert isinstance(unknown, FreeParameter)
-    moments = _of_values(grid, tensor, tensor.e_n[..., None])
-    if tensor.series.role == "e_n":  # e_n = x b/mu - 1
-        c = tensor.c[..., 0] if tensor.series.c is None else np.zeros((1, 1, 1))
-        mu = tensor.mu[..., 0]
-        b = np.asarray(tensor.series.misfit.b(c))
-        law = tensor.along_x(grid.share)
+def _e_n(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParameter) -> Marginal:
+    series = grid.series
+    moments = _moments(density, grid, grid.nodes.e_n[..., None])
+    if series.e_axis is None:  # e_n = x b/mu - 1
+        mu = grid.nodes.mu[..., 0]
+        b = _bound(grid)
+        below = grid.x_cdf(density.share)
 
-        def by_x(t: Array, levels: int) -> Array:
-            return law((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
+        def cdf(t: Array, levels: int) -> Array:
+            return below((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
 
-        return Marginal(name, unknown.lower, unknown.upper, moments, by_x)
-    axis = tensor.series.e_axis
-    assert axis is not None
-    values = tensor.e_density(grid.share).reshape(2, *axis.shape)
+        return Marginal(name, parameter.lower, parameter.upper, moments, cdf)
+    axis = series.e_axis
+    values = grid.e_density(density.share).reshape(2, *axis.shape)
     rows = PanelCdf.of_levels(axis.low[None], axis.width[None], values)
-    return Marginal(name, unknown.lower, unknown.upper, moments, rows.below_in_all)
+    return Marginal(name, parameter.lower, parameter.upper, moments, rows.below_in_all)
 
 
-def _c(grid: JointDensity, tensor: DensityGrid, name: str) -> Marginal:
-    unknown = tensor.series.c
-    assert isinstance(unknown, FreeParameter)
-    moments = _of_values(grid, tensor, tensor.c)
-    if tensor.series.role == "c":  # b(c) = mu (1 + e_n)/x falls as x rises
-        kappa = (tensor.mu[..., 0] * (1.0 + tensor.e_n))[..., 0]
-        law = tensor.along_x(grid.share)
+def _c(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParameter) -> Marginal:
+    moments = _moments(density, grid, grid.nodes.c)
+    if isinstance(grid.series.role, ClosureConstantFree):  # b(c) = mu (1 + e_n)/x falls as x rises
+        kappa = (grid.nodes.mu[..., 0] * (1.0 + grid.nodes.e_n))[..., 0]
+        below = grid.x_cdf(density.share)
+        k = grid.series.squares.coefficients
 
-        def by_x(t: Array, levels: int) -> Array:
-            b = np.asarray(tensor.series.misfit.b(t[:, None, None]))
+        def cdf(t: Array, levels: int) -> Array:
+            b = np.asarray(sticking_bound(k, t[:, None, None]))
             with np.errstate(divide="ignore", invalid="ignore"):
                 x = np.where(b > 0.0, kappa / b, np.inf)
-            return 1.0 - law(x, levels)
+            return 1.0 - below(x, levels)
 
-        return Marginal(name, unknown.lower, unknown.upper, moments, by_x)
-    cut = ConditionalCdf(tensor, grid.share, np.zeros((1, 1, 1)), lambda t, own: t + own)
-    errors = _errors_by_c(grid, tensor, cut)
-    return Marginal(name, unknown.lower, unknown.upper, moments, cut.probability, errors=errors)
-
-
-def _mu(grid: JointDensity, tensor: DensityGrid, name: str) -> Marginal:
-    unknown = tensor.series.mu
-    assert isinstance(unknown, FreeParameter)
-    moments = _of_values(grid, tensor, tensor.mu)
-    cdf, errors = _friction(grid, tensor, 1.0 + tensor.e_n)
-    return Marginal(name, unknown.lower, unknown.upper, moments, cdf, errors=errors)
+        return Marginal(name, parameter.lower, parameter.upper, moments, cdf)
+    by_c = ConditionalCdf(grid, density.share, np.zeros((1, 1, 1)), lambda t, zero: t + zero)
+    errors = _errors_by_c(density, grid, by_c)
+    return Marginal(name, parameter.lower, parameter.upper, moments, by_c.probability, errors=errors)
 
 
-def _friction(grid: JointDensity, tensor: DensityGrid, factor: Array) -> tuple[Cdf, ErrorsAt]:
-    """Distribution function of x b(c)/factor, and the errors of panels over which it is averaged."""
-    if tensor.series.misfit.coefficients.b1 and tensor.series.has_c:
-        cut = _cut_by_friction(tensor, factor, grid.share)
-        return cut.probability, _errors_by_c(grid, tensor, cut)
-    return friction_cdf(tensor, factor, grid.share), _errors_by_x(grid, tensor, factor)
+def _mu(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParameter) -> Marginal:
+    cdf, errors = _friction(density, grid, 1.0 + grid.nodes.e_n)
+    moments = _moments(density, grid, grid.nodes.mu)
+    return Marginal(name, parameter.lower, parameter.upper, moments, cdf, errors=errors)
 
 
-def _cut_by_friction(tensor: DensityGrid, factor: Array, share: Array) -> ConditionalCdf:
-    """Where x b(c)/factor is below a value."""
-    k = tensor.series.misfit.coefficients
-    return ConditionalCdf(
-        tensor, share, factor / np.maximum(tensor.x, 1e-300), lambda t, per_x: (t * per_x - k.b0) / k.b1
-    )
+def _friction(density: JointDensity, grid: DensityGrid, divisor: Array) -> tuple[Cdf, ErrorsAt]:
+    """Distribution function of x b(c)/divisor, and the errors of panels over which it is averaged."""
+    if grid.series.is_unbounded and grid.series.integrates_c:
+        by_c = _friction_by_c(grid, divisor, density.share)
+        return by_c.probability, _errors_by_c(density, grid, by_c)
+    return friction_cdf(grid, divisor, density.share), _errors_by_x(density, grid, divisor)
 
 
-def friction_cdf(tensor: DensityGrid, factor: Array, share: Array) -> Cdf:
-    """Distribution function of x b(c)/factor."""
-    if tensor.series.misfit.coefficients.b1 and tensor.series.has_c:
-        return _cut_by_friction(tensor, factor, share).probability
-    ratio = _per_x(tensor, factor)
-    below = tensor.along_x(share)
+def _friction_by_c(grid: DensityGrid, divisor: Array, share: Array) -> ConditionalCdf:
+    """Where x b(c)/divisor is below a value, by the closure constant."""
+    k = grid.series.squares.coefficients
+    per_x = divisor / np.maximum(grid.nodes.x, _TINY)
+    return ConditionalCdf(grid, share, per_x, lambda t, own: (t * own - k.b0) / k.b1)
+
+
+def friction_cdf(grid: DensityGrid, divisor: Array, share: Array) -> Cdf:
+    """Distribution function of x b(c)/divisor.
+
+    Parameters
+    ----------
+    grid : DensityGrid
+    divisor : ndarray, (m, n_e, n_x), broadcastable
+    share : ndarray, (2, m)
+        Probabilities of the outer nodes.
+    """
+    if grid.series.is_unbounded and grid.series.integrates_c:
+        return _friction_by_c(grid, divisor, share).probability
+    ratio = _x_per_friction(grid, divisor)
+    below = grid.x_cdf(share)
     return lambda t, levels: below(t[:, None, None] * ratio, levels)
 
 
-def _errors_by_c(grid: JointDensity, tensor: DensityGrid, cut: ConditionalCdf) -> ErrorsAt:
+def _errors_by_c(density: JointDensity, grid: DensityGrid, by_c: ConditionalCdf) -> ErrorsAt:
     """Errors of panels over which conditional distribution functions of the closure constant are averaged."""
 
-    def errors(at: Array, per: Array) -> ErrorsByAxis:
-        share, series = grid.share, tensor.series
-        left = [cut.density(float(t)) for t in at]
-        found: list[tuple[QuadratureAxis | SeriesIntegrand, Array]] = [
-            (series, np.array([float((cut.of_the_constant(at) * per).max())]))
+    def errors(at: Array, per: Array) -> PanelErrors:
+        share, series = density.share, grid.series
+        parts = [by_c.density_below(float(t)) for t in at]
+        found: list[tuple[QuadratureAxis | SeriesIntegral, Array]] = [
+            (series, np.array([float((by_c.error_along_c(at) * per).max())]))
         ]
-        for axis, used, along in (
-            (series.x_axis, series.has_x_axis, tensor.along_x_below),
-            (series.e_axis, series.has_e_axis, tensor.along_e_below),
-        ):
-            if axis is not None and used:
-                each = [axis.errors(along(part, share)) * one for part, one in zip(left, per, strict=True)]
+        for axis, density_of in ((series.x_axis, grid.x_density_of), (series.e_axis, grid.e_density_of)):
+            if axis is not None:
+                each = [
+                    axis.errors(density_of(part, share)) * one for part, one in zip(parts, per, strict=True)
+                ]
                 found.append((axis, np.asarray(np.max(each, axis=0))))
         return found
 
     return errors
 
 
-def _errors_by_x(grid: JointDensity, tensor: DensityGrid, factor: Array) -> ErrorsAt:
-    """Errors of panels over which the distribution function of x b/factor is averaged."""
-    series = tensor.series
+def _errors_by_x(density: JointDensity, grid: DensityGrid, divisor: Array) -> ErrorsAt:
+    """Errors of panels over which the distribution function of x b/divisor is averaged."""
 
-    def errors(at: Array, per: Array) -> ErrorsByAxis:
-        if not (series.has_e_axis and series.has_x_axis):
+    def errors(at: Array, per: Array) -> PanelErrors:
+        axis = grid.series.e_axis
+        if axis is None or grid.series.x_axis is None:
             return []
-        axis = series.e_axis
-        assert axis is not None
-        ratio = _per_x(tensor, factor)
-        below = [tensor.along_e_below_x(t * ratio, grid.share) for t in at]
+        ratio = _x_per_friction(grid, divisor)
+        below = [grid.e_density_below(t * ratio, density.share) for t in at]
         each = [axis.errors(part) * one for part, one in zip(below, per, strict=True)]
         return [(axis, np.max(each, axis=0))]
 
     return errors
 
 
-def _per_x(tensor: DensityGrid, factor: Array) -> Array:
-    """The transition over x b(c)/factor, (m, n_e), where the closure constant is no unknown of the part."""
-    misfit = tensor.series.misfit
-    b = np.asarray(misfit.b(tensor.c[..., 0] if misfit.coefficients.b1 else 0.0))
-    return np.asarray((factor / (b.reshape((1, 1, 1)) if b.ndim == 0 else b))[..., 0])
+def _bound(grid: DensityGrid) -> Array:
+    """b(c), (m, n_e, n_x), where the series does not integrate over c, or b does not depend on it."""
+    k = grid.series.squares.coefficients
+    b = np.asarray(sticking_bound(k, grid.nodes.c[..., 0] if k.b1 else 0.0))
+    return b.reshape((1, 1, 1)) if b.ndim == 0 else b
 
 
-def _kappa(grid: JointDensity, tensor: DensityGrid, name: str) -> Marginal:
-    series = tensor.series
-    moments = _of_values(grid, tensor, tensor.mu * (1.0 + tensor.e_n[..., None]))
-    ends: list[float] = []
-    for end in ("lower", "upper"):
-        e, mu = (
-            getattr(u, end)
-            if isinstance(u, FreeParameter)
-            else (float(np.min(at)) if end == "lower" else float(np.max(at)))
-            for u, at in ((series.e_n, tensor.e_n), (series.mu, tensor.mu))
-        )
-        ends.append(mu * (1.0 + e))
-    if series.role == "c":  # mu is given, so e_n alone moves it
-        mu_value = float(tensor.mu.reshape(-1)[0])
-        e_n = _e_n(grid, tensor, name)
-        return Marginal(
-            name, ends[0], ends[1], moments, lambda t, levels: e_n.cdf(t / mu_value - 1.0, levels)
-        )
-
-    one = np.ones((1, 1, 1))
-    cdf, errors = _friction(grid, tensor, one)
-    return Marginal(name, ends[0], ends[1], moments, cdf, split=_walls(grid, tensor), errors=errors)
+def _x_per_friction(grid: DensityGrid, divisor: Array) -> Array:
+    """The transition over x b(c)/divisor, (m, n_e)."""
+    return np.asarray((divisor / _bound(grid))[..., 0])
 
 
-def _walls(grid: JointDensity, tensor: DensityGrid) -> Callable[[Array], bool] | None:
-    """Splits panels where the bounds of mu (of e_n) cut kappa off, at another place for each e_n (mu)."""
-    series = tensor.series
-    axes = {one.kind: one.axis for one in grid.joint.shared if not one.log}
-    by_mu = series.role == "e_n"
-    axis = axes.get("mu") if by_mu else series.e_axis if series.has_e_axis else axes.get("e_n")
-    unknown = series.e_n if by_mu else series.mu
-    if tensor.limits is None or axis is None or not isinstance(unknown, FreeParameter):
+def kappa_marginal(density: JointDensity, number: int, name: str) -> Marginal:
+    """Of kappa = mu (1 + e_n) of one series."""
+    grid = density.grids[number]
+    series, nodes = grid.series, grid.nodes
+    moments = _moments(density, grid, nodes.mu * (1.0 + nodes.e_n[..., None]))
+    mu_ends, e_ends = _ends(series.mu, nodes.mu), _ends(series.e_n, nodes.e_n)
+    low, high = (mu * (1.0 + e_n) for mu, e_n in zip(mu_ends, e_ends, strict=True))
+    if isinstance(series.role, ClosureConstantFree) and isinstance(series.e_n, FreeParameter):
+        mu = float(nodes.mu.reshape(-1)[0])  # it is given, so e_n alone moves kappa
+        e_n = _e_n(density, grid, name, series.e_n)
+        return Marginal(name, low, high, moments, lambda t, levels: e_n.cdf(t / mu - 1.0, levels))
+    cdf, errors = _friction(density, grid, np.ones((1, 1, 1)))
+    return Marginal(name, low, high, moments, cdf, kinks=_kappa_kinks(density, grid), errors=errors)
+
+
+def _ends(known: FreeParameter | float | None, at: Array) -> tuple[float, float]:
+    """Ends of a parameter's domain; of its nodes where it is fixed or shared."""
+    if isinstance(known, FreeParameter):
+        return known.lower, known.upper
+    return float(np.min(at)), float(np.max(at))
+
+
+def _kappa_kinks(
+    density: JointDensity, grid: DensityGrid
+) -> Callable[[Array], tuple[QuadratureAxis, Array]] | None:
+    """Where values of kappa meet a bound of mu along e_n, or one of e_n along mu; None where none is met.
+
+    The distribution function of kappa at t is an integral over e_n of the probability that mu is below
+    t/(1 + e_n), which has a kink where that is a bound of mu.
+    """
+    series, integral = grid.series, density.integral
+    along_mu = isinstance(series.role, RestitutionFree)
+    number = integral.number_of("mu" if along_mu else "e_n")
+    axis = None if number is None else integral.shared[number].axis
+    if not along_mu and series.e_axis is not None:
+        axis = series.e_axis
+    parameter = series.e_n if along_mu else series.mu
+    if grid.limits is None or axis is None or not isinstance(parameter, FreeParameter):
         return None
-    ends = [end for end in (unknown.lower, unknown.upper) if by_mu or end > 0.0]
+    ends = [end for end in (parameter.lower, parameter.upper) if along_mu or end > 0.0]
+    return lambda at: (
+        axis,
+        np.concatenate([at / (1.0 + end) if along_mu else at / end - 1.0 for end in ends]),
+    )
 
-    def split(at: Array) -> bool:
-        return axis.split(np.concatenate([at / (1.0 + end) if by_mu else at / end - 1.0 for end in ends]))
 
-    return split
-
-
-def _tau(grid: JointDensity, tensor: DensityGrid, name: str) -> Marginal:
-    """tau/(tau + unit): it has an end and moments also where the transition has none."""
-    series = tensor.series
-    own, unit = series.misfit.law, series.unit
+def transition_marginal(density: JointDensity, number: int, name: str) -> Marginal:
+    """Of tau/(tau + unit) of one series: it has an end and moments also where the transition has none."""
+    grid = density.grids[number]
+    series, x = grid.series, grid.nodes.x
+    law, unit = series.squares.law, series.unit
 
     def tau(s: Array) -> Array:
-        return np.asarray(unit * s / np.maximum(1.0 - s, 1e-300))
+        return np.asarray(unit * s / np.maximum(1.0 - s, _TINY))
 
-    if own is None:
-        below = tensor.along_x(grid.share)
-        moments = _of_values(grid, tensor, (tensor.x / (tensor.x + unit))[..., None])
+    if law is None:
+        below = grid.x_cdf(density.share)
+        moments = _moments(density, grid, (x / (x + unit))[..., None])
         return Marginal(name, 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None], levels))
-    x = tensor.x[..., None]
-    moments = _of_values(grid, tensor, x / np.maximum(x + unit * own.bound(tensor.c), 1e-300))
-    if not series.has_c:
-        below, bound = tensor.along_x(grid.share), own.bound(tensor.c[..., 0])[..., 0]
+    x = x[..., None]
+    moments = _moments(density, grid, x / np.maximum(x + unit * law.bound(grid.nodes.c), _TINY))
+    if not (series.integrates_c and isinstance(series.c, FreeParameter)):
+        below, bound = grid.x_cdf(density.share), law.bound(grid.nodes.c[..., 0])[..., 0]
         return Marginal(
             name, 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None] * bound, levels)
         )
-    cut = ConditionalCdf(
-        tensor, grid.share, tensor.x, lambda s, at_x: own.constant_at(at_x / np.maximum(tau(s), 1e-300))
+    by_c = ConditionalCdf(
+        grid,
+        density.share,
+        grid.nodes.x,
+        lambda s, at_x: law.constant_at(at_x / np.maximum(tau(s), _TINY)),
     )
-    up_to = cut.probability
-    unknown = series.c
-    assert isinstance(unknown, FreeParameter)
-    ends = own.bound(np.array([unknown.lower, unknown.upper]))
+    up_to = by_c.probability
+    ends = law.bound(np.array([series.c.lower, series.c.upper]))
     if ends[0] > ends[1]:  # kappa/bound(c) rises with c
         return Marginal(name, 0.0, 1.0, moments, up_to)
     return Marginal(name, 0.0, 1.0, moments, lambda s, levels: 1.0 - up_to(s, levels))

@@ -1,7 +1,7 @@
 """Products of tangential rows summed up by the number that stick, and the quadratic that they give.
 
 The four columns of a row are its residual at a reference, its value there, and the derivatives of the value
-by the closure constant and by kappa.
+by the closure constant and by kappa: eq. (4) of ``docs/theory/posterior.md``.
 """
 
 from __future__ import annotations

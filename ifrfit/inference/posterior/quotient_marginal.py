@@ -1,9 +1,14 @@
-"""Marginal of mu where e_n is apart."""
+"""Marginal of mu = kappa/(1 + e_n) where e_n is separated, eq. (10) of ``docs/theory/posterior.md``.
+
+kappa and e_n are then independent given the shared parameters: the distribution function of mu is the mean of
+that of one of them over the other.
+"""
 
 from __future__ import annotations
 
 import math
-from functools import cache
+from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,83 +23,135 @@ from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 Array = NDArray[np.float64]
 
 _AT_ONCE = 100_000  # values of a distribution function asked for at once
+_NEGLIGIBLE = 1e-13  # probability of a node of e_n that is left out
+_TINY = 1e-300
 
 
-def quotient_marginal(
-    grid: JointDensity,
-    of_kappa: Marginal,
-    of_e: Marginal,
-    parts: tuple[int, int],
-    unknown: FreeParameter,
-    name: str,
-) -> Marginal:
-    """mu = kappa/(1 + e_n) where nothing in the data ties the two, from their marginals and their parts."""
-    friction, normal = (grid.tensors[part] for part in parts)
-    at = normal.e_n[..., None]
-    together = normal.mass.shape[1] == 1  # e_n has one law, whatever the shared unknowns
-    kappa_mean, kappa_sd = of_kappa.moments(0)
-    e_mean, e_sd = of_e.moments(0)
-    e_is_wider = e_sd / (1.0 + e_mean) > kappa_sd / max(kappa_mean, 1e-300)
+class _Quotient:
+    """mu from the marginals of kappa and e_n, and the series that hold them.
 
-    @cache
-    def values_of_kappa() -> tuple[Array, Array]:
-        return friction.values_of(friction.mu, grid.share)
+    Parameters
+    ----------
+    density : JointDensity
+    kappa, e_n : Marginal
+    numbers : (int, int)
+        Of the series that hold kappa and e_n.
+    """
 
-    @cache
-    def law_of_e() -> tuple[Array, Array]:
-        law = normal.e_law()  # (2, m or 1, n_e)
-        kept = np.flatnonzero(law[0].max(axis=0) > 1e-13)
-        return 1.0 + at.reshape(-1)[kept], law[:, :, kept]
+    def __init__(
+        self, density: JointDensity, kappa: Marginal, e_n: Marginal, numbers: tuple[int, int]
+    ) -> None:
+        self._density, self._kappa, self._e_n = density, kappa, e_n
+        self._friction, self._restitution = (density.grids[number] for number in numbers)
+        self.e_is_common = self._restitution.mass.shape[1] == 1  # the same law, whatever the shared values
+        (kappa_mean, kappa_sd), (e_mean, e_sd) = kappa.moments(0), e_n.moments(0)
+        self.e_is_wider = e_sd / (1.0 + e_mean) > kappa_sd / max(kappa_mean, _TINY)
 
-    @cache
-    def both_moments() -> list[tuple[float, float]]:
-        inverse, of_mu = 1.0 / (1.0 + at), friction.mu
-        w, k = normal.expect_each(inverse), friction.expect_each(of_mu)
+    @property
+    def factors(self) -> tuple[Array, Array]:
+        """kappa at the nodes of its series, and 1/(1 + e_n) at those of e_n."""
+        return self._friction.nodes.mu, 1.0 / (1.0 + self._restitution.nodes.e_n[..., None])
+
+    @cached_property
+    def moments(self) -> list[tuple[float, float]]:
+        """Mean and standard deviation by the rules, and by the coarse ones."""
+        of_kappa, inverse = self.factors
+        w, k = self._restitution.expectation(inverse), self._friction.expectation(of_kappa)
         # about the means by the rules, for both levels
-        off = (inverse - w[0][:, None, None, None]) ** 2, (of_mu - k[0][:, None, None, None]) ** 2
-        spread_w = normal.expect_each(off[0]) - (w - w[0]) ** 2
-        spread_k = friction.expect_each(off[1]) - (k - k[0]) ** 2
-        mean = (grid.share * (k * w)).sum(axis=1)
-        within = spread_k * (w * w + spread_w) + k * k * spread_w
-        square = (grid.share * (within + (k * w - mean[:, None]) ** 2)).sum(axis=1)
+        w_square = (inverse - w[0][:, None, None, None]) ** 2
+        k_square = (of_kappa - k[0][:, None, None, None]) ** 2
+        w_variance = self._restitution.expectation(w_square) - (w - w[0]) ** 2
+        k_variance = self._friction.expectation(k_square) - (k - k[0]) ** 2
+        share = self._density.share
+        mean = (share * (k * w)).sum(axis=1)
+        within = k_variance * (w * w + w_variance) + k * k * w_variance
+        square = (share * (within + (k * w - mean[:, None]) ** 2)).sum(axis=1)
         return [(float(m), math.sqrt(max(float(v), 0.0))) for m, v in zip(mean, square, strict=True)]
 
-    def cdf(t: Array, levels: int) -> Array:
-        if together and e_is_wider:  # average over kappa, which is the narrower one
-            value, probability = values_of_kappa()
-            total = np.zeros((levels, t.size))
-            step = max(1, _AT_ONCE // t.size)
-            for part in (slice(start, start + step) for start in range(0, value.size, step)):
-                at_e = value[part] / np.maximum(t, 1e-300)[:, None] - 1.0
-                found = 1.0 - of_e.cdf(at_e.reshape(-1), levels).reshape(levels, t.size, -1)
-                total += (found @ probability[:levels, part, None])[..., 0]
-            return total
-        points, law = law_of_e()
-        if together:
-            found = of_kappa.cdf((t[:, None] * points).reshape(-1), levels).reshape(levels, t.size, -1)
-            return np.asarray((found @ law[:levels, 0, :, None])[..., 0])
+    def cdf(self, t: Array, levels: int) -> Array:
+        """Distribution function of mu, (levels, n): the mean over the narrower one, which is smoother."""
+        if not self.e_is_common:
+            return self._mean_over_e_given_shared(t, levels)
+        return self._mean_over_kappa(t, levels) if self.e_is_wider else self._mean_over_e(t, levels)
+
+    @cached_property
+    def _kappa_law(self) -> tuple[Array, Array]:
+        return self._friction.discrete_law(self._friction.nodes.mu, self._density.share)
+
+    @cached_property
+    def _e_law(self) -> tuple[Array, Array]:
+        """1 + e_n at the nodes that count, (n,), and their probabilities, (2, m or 1, n)."""
+        law = self._restitution.e_probabilities()
+        kept = np.flatnonzero(law[0].max(axis=0) > _NEGLIGIBLE)
+        return 1.0 + self._restitution.nodes.e_n.reshape(-1)[kept], law[:, :, kept]
+
+    def _mean_over_kappa(self, t: Array, levels: int) -> Array:
+        value, probability = self._kappa_law
+        total = np.zeros((levels, t.size))
+        step = max(1, _AT_ONCE // t.size)
+        for part in (slice(start, start + step) for start in range(0, value.size, step)):
+            e_n = value[part] / np.maximum(t, _TINY)[:, None] - 1.0
+            above = 1.0 - self._e_n.cdf(e_n.reshape(-1), levels).reshape(levels, t.size, -1)
+            total += (above @ probability[:levels, part, None])[..., 0]
+        return total
+
+    def _mean_over_e(self, t: Array, levels: int) -> Array:
+        points, law = self._e_law
+        below = self._kappa.cdf((t[:, None] * points).reshape(-1), levels).reshape(levels, t.size, -1)
+        return np.asarray((below @ law[:levels, 0, :, None])[..., 0])
+
+    def _mean_over_e_given_shared(self, t: Array, levels: int) -> Array:
+        points, law = self._e_law
         one = np.ones((1, 1, 1))
         each = [
-            friction_cdf(friction, one, grid.share * law[:, :, j])(t * point, levels)
+            friction_cdf(self._friction, one, self._density.share * law[:, :, j])(t * point, levels)
             for j, point in enumerate(points)
         ]
         return np.asarray(sum(each))
 
-    split = None
-    if together and e_is_wider and not friction.series.stretched:
-        axis, per_kappa = _axis_of_kappa(grid, friction)
-
-        def split(at: Array) -> bool:
-            """Where kappa meets the ends of e_n."""
-            return axis.split(np.concatenate([at * (1.0 + end) * per_kappa for end in (of_e.low, of_e.high)]))
-
-    factors = ((parts[0], friction.mu), (parts[1], 1.0 / (1.0 + at)))
-    ends = unknown.lower, unknown.upper
-    return Marginal(name, *ends, lambda level: both_moments()[level], cdf, split, factors)
+    def kinks(self) -> Callable[[Array], tuple[QuadratureAxis, Array]] | None:
+        """Along kappa, where values of mu meet the ends of e_n; None where kappa is not averaged over."""
+        if not (self.e_is_common and self.e_is_wider) or self._friction.series.is_unbounded:
+            return None
+        axis, per_kappa = _axis_of_kappa(self._density, self._friction)
+        ends = self._e_n.low, self._e_n.high
+        return lambda at: (axis, np.concatenate([at * (1.0 + end) * per_kappa for end in ends]))
 
 
-def _axis_of_kappa(grid: JointDensity, friction: DensityGrid) -> tuple[QuadratureAxis, float]:
-    """Axis along which kappa runs, and its coordinate over kappa (where the bound is not tilted)."""
-    if friction.series.has_x_axis and friction.series.x_axis is not None:
-        return friction.series.x_axis, 1.0 / float(friction.series.misfit.b(0.0))
-    return next(one.axis for one in grid.joint.shared if one.kind == "mu"), 1.0
+def quotient_marginal(
+    density: JointDensity,
+    kappa: Marginal,
+    e_n: Marginal,
+    numbers: tuple[int, int],
+    parameter: FreeParameter,
+    name: str,
+) -> Marginal:
+    """mu = kappa/(1 + e_n) where nothing in the data ties the two.
+
+    Parameters
+    ----------
+    density : JointDensity
+    kappa, e_n : Marginal
+    numbers : (int, int)
+        Of the series that hold kappa and e_n.
+    parameter : FreeParameter
+        mu.
+    name : str
+    """
+    quotient = _Quotient(density, kappa, e_n, numbers)
+    return Marginal(
+        name,
+        parameter.lower,
+        parameter.upper,
+        lambda level: quotient.moments[level],
+        quotient.cdf,
+        tuple(zip(numbers, quotient.factors, strict=True)),
+        quotient.kinks(),
+    )
+
+
+def _axis_of_kappa(density: JointDensity, friction: DensityGrid) -> tuple[QuadratureAxis, float]:
+    """Axis along which kappa runs, and its coordinate over kappa (where b does not depend on c)."""
+    if friction.series.x_axis is not None:
+        return friction.series.x_axis, 1.0 / friction.series.squares.coefficients.b0
+    return next(one.axis for one in density.integral.shared if one.kind == "mu"), 1.0

@@ -1,66 +1,80 @@
-"""Independent draws from the quadrature: one conditional distribution function after the other, inverted."""
+"""Independent draws from the quadrature: one conditional distribution function after the other, inverted.
+
+Eq. (12) of ``docs/theory/posterior.md``.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.noise import noise_name
+from ifrfit.inference.posterior.closure_constant import ConditionalCoordinate
 from ifrfit.inference.posterior.density_grid import DensityGrid
+from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.inverse_cdf import InverseCdfTable, table_points
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.panel_cdf import PanelCdf
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
-if TYPE_CHECKING:
-    from ifrfit.inference.posterior.adaptive_quadrature import QuadraturePosterior
-
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-def draw(posterior: QuadraturePosterior, n: int, rng: np.random.Generator) -> dict[str, Array]:
-    """Draw all quantities together; see `QuadraturePosterior.draws`."""
-    plan, grid = posterior.plan, posterior.grid
-    outer, shared = _shared(grid, n, rng)
-    parts = [_series(tensor, outer, shared, n, rng) for tensor in grid.tensors]
+def draw(
+    layout: IntegralLayout, density: JointDensity, names: Sequence[str], n: int, rng: np.random.Generator
+) -> dict[str, Array]:
+    """Draw all quantities together, each (n,).
+
+    Parameters
+    ----------
+    layout : IntegralLayout
+    density : JointDensity
+    names : sequence of str
+        Of the quantities, in the order of the result.
+    n : int
+    rng : numpy.random.Generator
+    """
+    outer, shared = _shared(density, n, rng)
+    parts = [_series(grid, outer, shared, n, rng) for grid in density.grids]
     found: dict[str, Array] = {}
     kappas: dict[str, Array] = {}
-    names = [name for name in posterior.quantities if name.startswith("kappa")]
-    for block in range(len(plan.blocks)):
-        own = parts[plan.tangential[block]]
-        e_n = parts[plan.normal[block]]["e_n"] if plan.apart else own["e_n"]
-        mu = own["mu"] / (1.0 + e_n) if plan.apart else own["mu"]
+    kappa_names = [name for name in names if name.startswith("kappa")]
+    for block in range(len(layout.blocks)):
+        own = parts[layout.oblique_series[block]]
+        e_n, mu = own["e_n"], own["mu"]
+        if layout.separable:  # kappa stands in the place of mu
+            e_n = parts[layout.restitution_series[block]]["e_n"]
+            mu = own["mu"] / (1.0 + e_n)
         for kind, values in (("e_n", e_n), ("c", own["c"]), ("mu", mu)):
-            unknown = plan.unknowns[kind, block]
-            if isinstance(unknown, FreeParameter):
-                found[unknown.name] = np.clip(values, unknown.lower, unknown.upper)
-        if names:
-            kappas[names[min(block, len(names) - 1)]] = mu * (1.0 + e_n)
+            parameter = layout.parameters[kind, block]
+            if isinstance(parameter, FreeParameter):
+                found[parameter.name] = np.clip(values, parameter.lower, parameter.upper)
+        if kappa_names:
+            kappas[kappa_names[min(block, len(kappa_names) - 1)]] = mu * (1.0 + e_n)
     found |= kappas
     if "noise" in shared:
         found["noise"] = shared["noise"]
-    for tensor, names_, own in zip(grid.tensors, plan.groups, parts, strict=True):
-        for group, name in enumerate(names_):
-            found[noise_name(name)] = _noise(tensor, group, own, rng)
-    return {name: found[name] for name in posterior.names}
+    for grid, groups, own in zip(density.grids, layout.noise_groups, parts, strict=True):
+        for group, name in enumerate(groups):
+            found[noise_name(name)] = _noise(grid, group, own, rng)
+    return {name: found[name] for name in names}
 
 
-def _shared(grid: JointDensity, n: int, rng: np.random.Generator) -> tuple[Index, dict[str, Array]]:
-    """Outer node nearest to each draw, and the shared unknowns themselves."""
+def _shared(joint: JointDensity, n: int, rng: np.random.Generator) -> tuple[Index, dict[str, Array]]:
+    """Outer node nearest to each draw, and the shared parameters themselves."""
     index = np.zeros(n, dtype=np.intp)
     values: dict[str, Array] = {}
-    shape = grid.shape()
-    density = grid.density[0].reshape(shape) if shape else None
-    for number, one in enumerate(grid.joint.shared):
-        assert density is not None
+    shape = joint.shape()
+    density = joint.density[0].reshape(shape or [1])
+    for number, one in enumerate(joint.integral.shared):
         rest = density
         for later in range(number + 1, len(shape)):
-            w = grid.joint.shared[later].axis.weights()[0]
+            w = joint.integral.shared[later].axis.weights()[0]
             rest = (rest * w.reshape([-1 if i == later else 1 for i in range(rest.ndim)])).sum(
                 later, keepdims=True
             )
@@ -69,7 +83,7 @@ def _shared(grid: JointDensity, n: int, rng: np.random.Generator) -> tuple[Index
         t, before = _inverted(one.axis, panels, index, rng.random(n))
         values[one.kind] = np.exp(t) if one.log else t
         # one of the two nodes about each value, the nearer one more often
-        share = _towards_next(one.axis.nodes(), before, t)
+        share = _fraction_to_next(one.axis.nodes(), before, t)
         index = index * shape[number] + before + (rng.random(n) < share)
     return index, values
 
@@ -85,11 +99,11 @@ def _places(axis: QuadratureAxis) -> Array:
 
 
 def _series(
-    tensor: DensityGrid, outer: Index, shared: dict[str, Array], n: int, rng: np.random.Generator
+    grid: DensityGrid, outer: Index, shared: dict[str, Array], n: int, rng: np.random.Generator
 ) -> dict[str, Array]:
     """e_n, transition, closure constant and mu of one series."""
-    series = tensor.series
-    m = tensor.g.shape[1]
+    series = grid.series
+    m = grid.g.shape[1]
     row = outer if m > 1 else np.zeros(n, dtype=np.intp)
     found: dict[str, Array] = {}
     e_at = np.zeros(n, dtype=np.intp)
@@ -97,28 +111,26 @@ def _series(
         if not isinstance(known, FreeParameter):
             found[kind] = shared[kind] if known is None else np.full(n, float(known))
     e_share = np.zeros(n)
-    if series.has_e_axis:
-        assert series.e_axis is not None
-        h = (tensor.g[0] * tensor.x_weight[0]).sum(axis=-1)
+    if series.e_axis is not None:
+        h = (grid.g[0] * grid.x_weight[0]).sum(axis=-1)
         rows = h.reshape(m, -1, series.e_axis.order + 1)
         panels = PanelCdf.of(series.e_axis.low[None], series.e_axis.width[None], rows)
         found["e_n"], before = _inverted(series.e_axis, panels, row, rng.random(n))
-        if tensor.g.shape[2] > 1 and (series.has_x_axis or series.has_c):
-            e_at, e_share = before, _towards_next(series.e_axis.nodes(), before, found["e_n"])
+        if grid.g.shape[2] > 1 and (series.x_axis is not None or series.integrates_c):
+            e_at, e_share = before, _fraction_to_next(series.e_axis.nodes(), before, found["e_n"])
     x_at, x_share = np.zeros(n, dtype=np.intp), np.zeros(n)
-    if series.has_x_axis:
-        assert series.x_axis is not None
-        t, x_at = _transition(tensor, row, e_at, e_share, rng.random(n))
+    if series.x_axis is not None:
+        t, x_at = _transition(grid, series.x_axis, row, e_at, e_share, rng.random(n))
         found["x"] = series.to_x(t)
-        if series.has_c:
-            x_share = _towards_next(series.x_axis.nodes(), x_at, t)
-    if series.has_c:
+        if series.integrates_c:
+            x_share = _fraction_to_next(series.x_axis.nodes(), x_at, t)
+    if grid.coordinate is not None:
         e_at = e_at + (rng.random(n) < e_share)
-        found["c"] = _closure_constant(tensor, row, e_at, x_at, x_share, rng.random(n))
-    return _completed(tensor, found)
+        found["c"] = _closure_constant(grid, grid.coordinate, row, e_at, x_at, x_share, rng.random(n))
+    return series.role.complete(found)
 
 
-def _towards_next(nodes: Array, before: Index, t: Array) -> Array:
+def _fraction_to_next(nodes: Array, before: Index, t: Array) -> Array:
     """How far each value is from the node before it towards the next one."""
     left = nodes[before]
     gap = nodes[before + 1] - left
@@ -127,26 +139,24 @@ def _towards_next(nodes: Array, before: Index, t: Array) -> Array:
 
 
 def _transition(
-    tensor: DensityGrid, row: Index, e_at: Index, e_share: Array, p: Array
+    grid: DensityGrid, axis: QuadratureAxis, row: Index, e_at: Index, e_share: Array, p: Array
 ) -> tuple[Array, Index]:
     """The transition's coordinate, and the node before: quantiles at the two nodes of e_n, interpolated."""
-    axis = tensor.series.x_axis
-    assert axis is not None
-    m, n_e, _ = tensor.g.shape[1:]
-    values = tensor.g[0].reshape(m * n_e, -1, axis.order + 1)
+    m, n_e, _ = grid.g.shape[1:]
+    values = grid.g[0].reshape(m * n_e, -1, axis.order + 1)
     panels = PanelCdf.of(axis.low[None], axis.width[None], values)
     start, span = np.zeros(m * n_e), np.ones(m * n_e)
-    if tensor.limits is not None:
+    if grid.limits is not None:
         total = np.maximum(panels.total, 1e-300)
         least, most = (
-            panels.below(np.broadcast_to(end, (m, n_e)).reshape(-1)) / total for end in tensor.limits
+            panels.below(np.broadcast_to(end, (m, n_e)).reshape(-1)) / total for end in grid.limits
         )
         start, span = least, most - least
 
     table, places = InverseCdfTable.of(panels), _places(axis)
 
     def at(which: Index) -> tuple[Array, Index]:
-        share = p if tensor.limits is None else np.clip(start[which] + p * span[which], 0.0, 1.0)
+        share = p if grid.limits is None else np.clip(start[which] + p * span[which], 0.0, 1.0)
         return table.inverse(which, share, places)
 
     t, before = at(row * n_e + e_at)
@@ -158,12 +168,17 @@ def _transition(
 
 
 def _closure_constant(
-    tensor: DensityGrid, row: Index, e_at: Index, x_at: Index, x_share: Array, p: Array
+    grid: DensityGrid,
+    coordinate: ConditionalCoordinate,
+    row: Index,
+    e_at: Index,
+    x_at: Index,
+    x_share: Array,
+    p: Array,
 ) -> Array:
     """The closure constant: quantiles at the two nodes of the transition about the draw, interpolated."""
-    assert tensor.spread is not None
-    order = tensor.series.c_order
-    shape = np.broadcast_shapes(tensor.f.shape[:3], tensor.spread.mode.shape)
+    order = grid.series.c_order
+    shape = np.broadcast_shapes(grid.f.shape[:3], coordinate.mode.shape)
     row, e_at, x_at = (
         at if n > 1 else np.zeros_like(at) for at, n in zip((row, e_at, x_at), shape, strict=True)
     )
@@ -174,39 +189,26 @@ def _closure_constant(
     number = np.zeros(math.prod(shape), dtype=np.intp)
     number[used] = np.arange(used.size)
     mode, size = (
-        np.broadcast_to(y, shape).reshape(-1)[used, None] for y in (tensor.spread.mode, tensor.spread.size)
+        np.broadcast_to(y, shape).reshape(-1)[used, None] for y in (coordinate.mode, coordinate.size)
     )
-    reach = np.broadcast_to(tensor.spread.reach, (*shape, 2)).reshape(-1, 2)[used]
-    both = np.broadcast_to(tensor.f, (*shape, tensor.f.shape[-1])).reshape(-1, 2, order + 1)[used]
-    both[:, 0] = both[:, 0, ::-1]  # the left side runs away from the mode: turn it round
+    reach = np.broadcast_to(coordinate.reach, (*shape, 2)).reshape(-1, 2)[used]
+    sides = np.broadcast_to(grid.f, (*shape, grid.f.shape[-1])).reshape(-1, 2, order + 1)[used]
+    sides[:, 0] = sides[:, 0, ::-1]  # the left side runs away from the mode: turn it round
     # the coordinate: from -1 (left end) to 0 (mode) to 1 (right end)
-    table = InverseCdfTable.of(PanelCdf.of(np.array([[-1.0, 0.0]]), np.ones((1, 2)), both))
-    grid = table_points(order)
-    u = np.concatenate((reach[:, :1] * (grid - 1.0), reach[:, 1:] * grid), axis=1)
+    table = InverseCdfTable.of(PanelCdf.of(np.array([[-1.0, 0.0]]), np.ones((1, 2)), sides))
+    points = table_points(order)
+    u = np.concatenate((reach[:, :1] * (points - 1.0), reach[:, 1:] * points), axis=1)
     places = mode + size * np.sinh(u)
     found = [table.inverse(number[at], p, places)[0] for at in ends]
     return np.asarray(found[0] + x_share * (found[-1] - found[0]))
 
 
-def _completed(tensor: DensityGrid, found: dict[str, Array]) -> dict[str, Array]:
-    """What follows from the rest: by the transition, mu, e_n or the closure constant."""
-    series = tensor.series
-    if series.role == "none":
-        found["x"] = found["mu"] * (1.0 + found["e_n"]) / np.maximum(series.misfit.b(found["c"]), 1e-300)
-    elif series.role == "mu":
-        found["mu"] = found["x"] * series.misfit.b(found["c"]) / (1.0 + found["e_n"])
-    elif series.role == "e_n":
-        found["e_n"] = found["x"] * series.misfit.b(found["c"]) / found["mu"] - 1.0
-    else:
-        k = series.misfit.coefficients
-        found["c"] = (found["mu"] * (1.0 + found["e_n"]) / found["x"] - k.b0) / k.b1
-    return found
-
-
-def _noise(tensor: DensityGrid, group: int, own: dict[str, Array], rng: np.random.Generator) -> Array:
-    misfit, noise = tensor.series.misfit, tensor.series.noise
-    assert noise is not None
-    q = misfit.quadratics(own["e_n"], own["x"])[group]
-    square = q.at(own["c"] - misfit.reference.c)
-    square = square + misfit.curved(own["e_n"], own["x"], own["c"], own["mu"])[group]
+def _noise(grid: DensityGrid, group: int, own: dict[str, Array], rng: np.random.Generator) -> Array:
+    """One sigma of a noise group for each draw of the other parameters."""
+    squares, noise = grid.series.squares, grid.series.noise
+    if noise is None:
+        raise ValueError("this series has no unknown noise")
+    q = squares.quadratics(own["e_n"], own["x"])[group]
+    square = q.at(own["c"] - squares.reference.c)
+    square = square + squares.curved(own["e_n"], own["x"], own["c"], own["mu"])[group]
     return noise[group].draw(np.broadcast_to(square, own["e_n"].shape), rng)

@@ -5,7 +5,7 @@ products of four columns (residual at a reference, value there, and the derivati
 and by kappa) give the sum of squares at any constants from sixteen numbers, however many rows there are: a
 quadratic in the closure constant, given e_n and the transition. Rows that are not linear in the impulse
 are evaluated as they stand; under a law that is not bilinear that is every oblique row. There, and where no
-row is oblique, kappa itself is the transition's coordinate.
+row is oblique, kappa itself is the transition's coordinate. Eq. (4) of ``docs/theory/posterior.md``.
 """
 
 from __future__ import annotations
@@ -288,6 +288,7 @@ def by_impulse(observable: Observable, i: Incidence, k: Array, e_n: Array, j: fl
     """Value of an oblique observable at many impulse factors."""
     if observable.by_impulse is not None:
         return observable.by_impulse(i, k, e_n, j)
-    assert observable.linear is not None
+    if observable.linear is None:
+        raise ValueError(f"{observable.name} is no oblique observable")
     offset, slope = observable.linear(i, j)
     return np.asarray(scale_factor(observable.scale, e_n) * (offset + slope * k))

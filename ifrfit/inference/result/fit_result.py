@@ -1,37 +1,22 @@
-"""What a fit found, as frozen values: constants with statuses, facts, and the points it rests on."""
+"""The result of a fit: its findings, and what can be made of them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ifrfit.data import Source
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.types import Effort
-from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
-from ifrfit.inference.distributions.protocol import Distribution
-from ifrfit.inference.model.parameters import Parameter
-from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.io.arviz import to_arviz
+from ifrfit.inference.io.json_text import write_json
+from ifrfit.inference.io.lmfit import minimizer_result
+from ifrfit.inference.io.write_result import to_dict
 from ifrfit.inference.result.display import Display, Renderer, appraisal_of
-from ifrfit.inference.result.estimation import Saves
-from ifrfit.inference.result.state import distribution_of
-from ifrfit.inference.result.types import (
-    Angles,
-    Constants,
-    Derived,
-    Estimate,
-    Fact,
-    FitStatistics,
-    Noise,
-    State,
-)
+from ifrfit.inference.result.findings import Findings
+from ifrfit.inference.result.prediction import draw, predict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,120 +36,13 @@ class FitRenderer(Renderer, Protocol):
 
 
 @dataclass(frozen=True)
-class FitResult(Display):
-    """Everything that a fit found. Frozen; `to_dict` gives exactly result.json.
+class FitResult(Findings, Display):
+    """What a fit found, and what can be made of it: predictions, files, reports, objects of other libraries.
 
-    Attributes
-    ----------
-    closure, method : str
-    inertia_factor : float
-    inputs : tuple of Source
-        Files or datasets with hash, rows used and skipped, provenance and selection.
-    noise : Noise
-    constants : mapping
-        Name to `Estimate`, or to a mapping of series to `Estimate` where the constant is separate.
-    derived : mapping
-        kappa, transition_angle_deg (by series; None where there is no transition), beta_sticking;
-        poisson_ratio in the place of the latter under closure maw.
-    correlation : tuple
-        Names of the free constants and their correlation matrix.
-    fit : FitStatistics
-    facts : mapping of str to Fact
-    warnings : tuple of str
-    state : State
-    points : DataFrame
-        Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
-    command, seed, created, versions
-        How to repeat it.
-    asked : tuple of Parameter
-        The constants as they were asked for: domain, fixed value, prior, separate or shared. Empty where the
-        file that the result was read from does not say.
-    effort : Effort or None
-        What --accuracy or --budget asked and reached; None where neither was given.
-    scene : SceneOfData or None
-        What is known of what hit what; None where nothing is.
-    effects : tuple of EffectLine
-        Each effect's criterion on that scene; empty without one. What the residuals call for is the fact
-        ``effects``.
-    distribution : Distribution
-        Of the parameters, kappa, the transition and free noises:
-        ``fit.distribution.quantile("kappa", [0.025, 0.975])``. Of a result that was read from a file it is
-        what the file keeps: draws, or the Gaussian about the optimum.
-    problem, least_squares
-        The question and its optimum, for further questions; None where the result was read from a file.
-    profiles : mapping of str to Profile
-        By name of the quantity, of --method profile; not kept in result.json.
-    files : mapping of str to Saves
-        File name to what the method writes beside result.json.
+    Its values are those of `Findings`; `to_dict` gives exactly result.json.
     """
 
-    closure: str
-    inertia_factor: float
-    method: str
-    inputs: tuple[Source, ...]
-    noise: Noise
-    constants: Constants
-    derived: Derived
-    correlation: tuple[tuple[str, ...], NDArray[np.float64]]
-    fit: FitStatistics
-    facts: Mapping[str, Fact]
-    warnings: tuple[str, ...]
-    state: State
-    points: pd.DataFrame
-    seed: int = 0
-    command: str = ""
-    created: str = ""
-    versions: Mapping[str, str] = field(default_factory=dict)
-    asked: tuple[Parameter, ...] = ()
-    effort: Effort | None = None
-    scene: SceneOfData | None = None
-    effects: tuple[EffectLine, ...] = ()
-    problem: Problem | None = field(default=None, repr=False, compare=False)
-    least_squares: LeastSquares | None = field(default=None, repr=False, compare=False)
-    # None stands for what `state` keeps of it, see __post_init__
-    distribution: Distribution = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
-    profiles: Mapping[str, Profile] = field(default_factory=dict, repr=False, compare=False)
-    files: Mapping[str, Saves] = field(default_factory=dict, repr=False, compare=False)
     drawn_by: ClassVar[str] = "ifrfit.report"
-
-    def __post_init__(self) -> None:
-        if cast("Distribution | None", self.distribution) is None:
-            object.__setattr__(self, "distribution", distribution_of(self.state))
-
-    def problem_and_optimum(self) -> tuple[Problem, LeastSquares]:
-        """The question of the fit and its optimum.
-
-        Raises
-        ------
-        UsageError
-            For a result that was read from a file, which holds neither.
-        """
-        if self.problem is None or self.least_squares is None:
-            raise UsageError(
-                "A result that was read from a file holds no problem any more: fit the data again."
-            )
-        return self.problem, self.least_squares
-
-    @property
-    def provenance(self) -> tuple[str, ...]:
-        """Distinct provenances of the data used."""
-        return tuple(dict.fromkeys(source.provenance for source in self.inputs))
-
-    @property
-    def transitions(self) -> Mapping[str, Angles]:
-        """Transition angles in degrees by series: one, two, or None."""
-        found = self.derived.get("transition_angle_deg", {})
-        return {} if isinstance(found, Estimate) else found
-
-    def flat_constants(self) -> dict[str, Estimate]:
-        """Constants by name, with the series in brackets where separate."""
-        flat: dict[str, Estimate] = {}
-        for name, found in self.constants.items():
-            if isinstance(found, Estimate):
-                flat[name] = found
-            else:
-                flat |= {f"{name}[{series}]": each for series, each in found.items()}
-        return flat
 
     def draws(self, n: int, rng: np.random.Generator) -> pd.DataFrame:
         """Draw constants from the estimator's distribution.
@@ -184,8 +62,6 @@ class FitResult(Display):
         DataFrame
             n rows; a column a constant, with the series in brackets where separate, and kappa.
         """
-        from ifrfit.inference.result.prediction import draw
-
         return draw(self, n, rng)
 
     def predict(
@@ -231,8 +107,6 @@ class FitResult(Display):
         UsageError
             For an unknown observable or series.
         """
-        from ifrfit.inference.result.prediction import predict
-
         return predict(
             self,
             gamma,
@@ -296,21 +170,15 @@ class FitResult(Display):
         UsageError
             Without ArviZ, for a method without a posterior, or for a result that was read from a file.
         """
-        from ifrfit.inference.io.arviz import to_arviz
-
         return to_arviz(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Exactly the content of result.json."""
-        from ifrfit.inference.io.write_result import to_dict
-
         return to_dict(self)
 
     def save(self, path: str | Path) -> None:
         """Write result.json; it appears whole or not at all."""
-        from ifrfit.inference.io.write_result import save
-
-        save(self, Path(path))
+        write_json(self.to_dict(), Path(path))
 
     def summary(self, style: str = "text") -> str:
         """Table of the findings as "text", "markdown" or "latex"."""
@@ -341,6 +209,4 @@ class FitResult(Display):
     @property
     def lmfit_result(self) -> Any:
         """The same optimum as an ``lmfit.minimizer.MinimizerResult`` (imports lmfit)."""
-        from ifrfit.inference.io.lmfit import minimizer_result
-
         return minimizer_result(self)

@@ -20,7 +20,7 @@ from ifrfit.physics.rebound import rebound_of
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ifrfit.inference.result.fit_result import FitResult
+    from ifrfit.inference.result.findings import Findings
     from ifrfit.inference.result.types import State
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ _AT_ONCE = 500  # incidences
 _QUANTILES = (0.16, 0.84, 0.025, 0.975)
 
 
-def draw(result: FitResult, n: int, rng: np.random.Generator) -> pd.DataFrame:
+def draw(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:
     """Draw constants; see `FitResult.draws`."""
     if result.problem is None or result.state.sample is None:
         return draw_kept(result, n, rng)
@@ -38,7 +38,7 @@ def draw(result: FitResult, n: int, rng: np.random.Generator) -> pd.DataFrame:
     return _table(names, to_coordinates(result.problem, names, result.distribution.draws(n, rng)))
 
 
-def draw_kept(result: FitResult, n: int, rng: np.random.Generator) -> pd.DataFrame:
+def draw_kept(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:
     """Draw from what a result keeps in its file: its 2,000 draws, or the Gaussian about the optimum."""
     state = result.state
     if state.sample is None:
@@ -58,7 +58,7 @@ def _gaussian_draws(state: State, n: int, rng: np.random.Generator) -> Array:
 
 
 def predict(
-    result: FitResult,
+    result: Findings,
     gamma: ArrayLike,
     spin_x: ArrayLike,
     spin_y: ArrayLike,
@@ -106,7 +106,7 @@ def predict(
 
 
 def _curves(
-    result: FitResult, observable: Observable, incidence: Incidence, phi: Array, bracket: str
+    result: Findings, observable: Observable, incidence: Incidence, phi: Array, bracket: str
 ) -> Array:
     """The observable at each incidence, by each row of constants, (rows, incidences)."""
     closure = get_closure(result.closure)
@@ -124,7 +124,7 @@ def _curves(
     return curves
 
 
-def _bracket(result: FitResult, series: str | None) -> str:
+def _bracket(result: Findings, series: str | None) -> str:
     """Label of a series' own constants; refuses a missing choice and an unknown series."""
     brackets = dict.fromkeys(split_name(name)[1] for name in result.state.names)
     labels = [b[1:-1] for b in brackets if b]
@@ -148,7 +148,7 @@ def _constants(state: State, phi: Array, own: str | None, bracket: str) -> tuple
     raise UsageError("The result holds no friction.")
 
 
-def _sigma(result: FitResult, observable: str, series: str | None) -> float:
+def _sigma(result: Findings, observable: str, series: str | None) -> float:
     """Noise of one more measurement: of this series if it has any, else the mean over series; nan without."""
     sigma = result.noise.sigma
     if series is not None and f"{series}/{observable}" in sigma:

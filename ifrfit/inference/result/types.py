@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.io.plain import INTERNAL, OPTIONAL, Null, Shape
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 
 Status = Literal["determined", "one_sided", "prior", "not_determined", "fixed"]
-Interval = tuple[float, float]
+Interval = Annotated[tuple[float, float], Null((-math.inf, math.inf))]
+FloatOrNan = Annotated[float, Null((math.nan,))]
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,8 @@ class Estimate:
     ----------
     value : float or None
         Best value; None if the data do not determine it.
+    mean : float or None
+        Posterior mean, where the method has one.
     stderr : float or None
         Standard deviation; None where there is none (fixed, not determined).
     interval68, interval95 : tuple of float
@@ -32,17 +38,15 @@ class Estimate:
         determined, one_sided, prior, not_determined or fixed.
     reason : str
         Why the status is not simply "determined", in a few words.
-    mean : float or None
-        Posterior mean, where the method has one.
     """
 
     value: float | None
+    mean: float | None = field(default=None, kw_only=True, metadata=OPTIONAL)
     stderr: float | None
     interval68: Interval
     interval95: Interval
     status: Status
     reason: str = ""
-    mean: float | None = None
 
     def interval(self, level: float = 0.95) -> Interval:
         """Interval of the given level, 0.68 or 0.95.
@@ -100,7 +104,7 @@ class Noise:
     """
 
     policy: str
-    sigma: Mapping[str, float]
+    sigma: Mapping[str, FloatOrNan]
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     prior: Mapping[str, Interval] = field(default_factory=dict)
     error_model: ErrorModel = PLAIN
@@ -114,15 +118,15 @@ class FitStatistics:
     n_sliding: int
     n_sticking: int
     rank: int
-    prior_chi2: float
-    chi2: float
+    prior_chi2: FloatOrNan
+    chi2: FloatOrNan
     dof: int
     reduced_chi2: float | None
     p_value: float | None
-    rmse: float
-    log_likelihood: float
-    aic: float
-    bic: float
+    rmse: FloatOrNan
+    log_likelihood: FloatOrNan
+    aic: FloatOrNan
+    bic: FloatOrNan
     log_evidence: float | None = None
 
 
@@ -146,14 +150,14 @@ class State:
     """
 
     names: tuple[str, ...]
-    point: NDArray[np.float64]
-    center: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    sample: NDArray[np.float64] | None = None
+    point: Annotated[Array, Shape(("names",))]
+    center: Annotated[Array, Shape(("names",))]
+    covariance: Annotated[Array, Shape(("names", "names"))]
+    lower: Annotated[Array, Shape(("names",)), Null((-math.inf,))]
+    upper: Annotated[Array, Shape(("names",)), Null((math.inf,))]
+    sample: Array | None = field(default=None, metadata=INTERNAL)
 
 
-Constants = Mapping[str, "Estimate | Mapping[str, Estimate]"]
+Constants = Mapping[str, Estimate | Mapping[str, Estimate]]
 Angles = Estimate | Sequence[Estimate] | None  # one transition, two, or none
 Derived = Mapping[str, Estimate | Mapping[str, Estimate] | Mapping[str, Angles]]

@@ -63,7 +63,7 @@ def _meant(meaning: Meaning, c: Estimate, j: float) -> Estimate:
         outer,
         c.status,
         c.reason,
-        value(c.mean) if meaning.linear and c.mean is not None else None,
+        mean=value(c.mean) if meaning.linear and c.mean is not None else None,
     )
 
 

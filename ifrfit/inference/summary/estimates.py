@@ -207,8 +207,7 @@ def noise_of(
             (low68, high68),
             (low95, high95),
             "determined",
-            "",
-            distribution.mean(name),
+            mean=distribution.mean(name),
         )
     sigma = dict(local.sigma)
     if problem.noise.is_unknown:

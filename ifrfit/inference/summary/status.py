@@ -159,14 +159,14 @@ def estimate_of(domain: Domain, marginal: Marginal, known: Known) -> Estimate:
             reason = f"{'lies on' if on_bound(best, bound) else 'not told from'} its bound {bound:g}"
             return _estimate(marginal, sd, (interval68, interval95), "one_sided", reason)
         reason = f"only {'an upper' if below else 'a lower'} limit"
-        return Estimate(None, None, interval68, interval95, "one_sided", reason, marginal.mean)
+        return Estimate(None, None, interval68, interval95, "one_sided", reason, mean=marginal.mean)
     reason = "two optima are equally good" if known.seen and not known.unique else known.loose
     intervals = marginal.central68, marginal.central95
-    return Estimate(None, None, *intervals, "not_determined", reason, marginal.mean)
+    return Estimate(None, None, *intervals, "not_determined", reason, mean=marginal.mean)
 
 
 def _estimate(marginal: Marginal, sd: float, intervals: Intervals, status: str, reason: str) -> Estimate:
-    return Estimate(marginal.value, sd, *intervals, status, reason, marginal.mean)  # type: ignore[arg-type]
+    return Estimate(marginal.value, sd, *intervals, status, reason, mean=marginal.mean)  # type: ignore[arg-type]
 
 
 def on_bound(value: float, bound: float) -> bool:

@@ -14,8 +14,8 @@ import ifrfit
 from ifrfit import Bootstrap, UsageError
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.estimators import make_estimator
+from ifrfit.inference.io.json_text import dumps
 from ifrfit.inference.io.read_result import from_dict
-from ifrfit.inference.io.write_result import dumps
 
 GAMMA = np.linspace(5.0, 85.0, 30)
 
@@ -47,7 +47,7 @@ def test_values_are_medians_and_stderr_the_sd_of_the_draws(both) -> None:
 
 
 def test_the_file_fits_the_schema_and_comes_back_the_same(both, tmp_path) -> None:
-    content = json.loads(dumps(both))
+    content = json.loads(dumps(both.to_dict()))
     jsonschema.validate(
         content, json.loads(resources.files("ifrfit").joinpath("result.schema.json").read_text())
     )

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from importlib.resources import files
 
-import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
-import referencing
 from comparison_data import FOUR, observations
+from json_schemas import validator
 
 import ifrfit
 from ifrfit import Noise
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.closure_questions import chosen_closures
-from ifrfit.inference.comparison.write_json import dumps
+from ifrfit.inference.io.json_text import dumps
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.registry import registered
 
@@ -35,14 +33,7 @@ def found(data):
 
 @pytest.fixture(scope="module")
 def schema():
-    def content(name):
-        return json.loads(files("ifrfit").joinpath(name).read_text(encoding="utf-8"))
-
-    result = referencing.Resource.from_contents(content("result.schema.json"))
-    registry = referencing.Registry().with_resources([("urn:ifrfit:result:1", result)])
-    own = content("compare.schema.json")
-    jsonschema.Draft202012Validator.check_schema(own)
-    return jsonschema.Draft202012Validator(own, registry=registry)
+    return validator("compare")
 
 
 def test_every_closure_of_the_registry_takes_part(data):
@@ -133,7 +124,7 @@ def test_table_has_a_row_a_closure_the_best_first(found):
 
 
 def test_json_meets_its_schema(found, schema):
-    content = json.loads(dumps(found))
+    content = json.loads(dumps(found.to_dict()))
     schema.validate(content)
     assert content == found.to_dict()
     assert content["command"] == "ifrfit compare made.csv"
@@ -153,7 +144,7 @@ def test_json_of_other_cases_meets_the_schema_too(schema, choices):
     made = {key: choices[key] for key in ("provenance", "observables", "gamma") if key in choices}
     data = observations("f", sigma=0.05, **made)
     found = compare(data, ("f", "ifr"), loo=choices["loo"], noise=choices["noise"], fix={"e_n": 0.9})
-    schema.validate(json.loads(dumps(found)))
+    schema.validate(json.loads(dumps(found.to_dict())))
 
 
 def test_schema_refuses_what_it_should(found, schema):

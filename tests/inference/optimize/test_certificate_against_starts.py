@@ -1,8 +1,8 @@
 """No local search may end below what is certified to be the least.
 
 The suite's share of ``scripts/calibrate.py``: 60 random problems (300 with -m long), 40 local starts each.
-The local searches are MINPACK's on a model written out by hand, so that they share nothing with the certified
-solver.
+The local searches are MINPACK's on a model written out by hand, so that they share nothing with the
+certified solver.
 """
 
 from __future__ import annotations

@@ -53,6 +53,10 @@ MIXTURES = {
     "mu_app and e_n, a common factor": Question(
         measured("mu_app", FAN, seed=22, sigma=0.01) + DROPS, noise="scaled", noise_bounds={"": (0.1, 10.0)}
     ),
+    # e_n alone is free: its marginal follows from the transition, under a bound that depends on beta0
+    "FR, mu and beta0 fixed": Question(
+        measured("beta", FAN, seed=24, closure="fr", c=0.4), "fr", fix={"mu": 0.15, "beta0": 0.4}
+    ),
     "FR, priors on mu and e_n": Question(
         measured("beta", FAN, seed=23, closure="fr", c=0.4),
         "fr",

@@ -121,4 +121,4 @@ def test_against_a_box(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["wang-2020", "reagle-2013"])
 def test_few_places_are_needed(name: str) -> None:
-    assert posterior(name).grid.joint.size() < 3_000_000
+    assert posterior(name).density.integral.size() < 3_000_000

@@ -21,11 +21,11 @@ def test_the_size_of_a_grid_is_foreseen(monkeypatch: pytest.MonkeyPatch) -> None
         "beta", [10.0, 30.0, 50.0, 70.0], seed=1, sigma=0.05, closure="ifr", c=-0.9, mu=0.15, e_n=0.9
     )
     problem = Question(rows, "ifr", fix={"e_n": 0.9}).problem()
-    grid = integrate(problem).grid
-    assert grid.joint.size() == sum(tensor.f.size for tensor in grid.tensors)
+    density = integrate(problem).density
+    assert density.integral.size() == sum(grid.f.size for grid in density.grids)
     # the module, which is hidden by its function of the same name
     module = importlib.import_module("ifrfit.inference.posterior.adaptive_quadrature")
-    monkeypatch.setattr(module, "_MOST", grid.joint.size() // 4)
+    monkeypatch.setattr(module, "_MEMORY", density.integral.size() // 4)
     with pytest.raises(UsageError, match="does not fit into memory"):
         integrate(problem)
 
@@ -34,9 +34,9 @@ def test_the_last_grid_that_fits_is_what_there_is(monkeypatch: pytest.MonkeyPatc
     problem = ifrfit.fit("wang-2020", closure="fr", method="lsq").problem
     whole = integrate(problem, tolerance=1e-3)
     module = importlib.import_module("ifrfit.inference.posterior.adaptive_quadrature")
-    monkeypatch.setattr(module, "_MOST", whole.grid.joint.size() - 1)
+    monkeypatch.setattr(module, "_MEMORY", whole.density.integral.size() - 1)
     post = integrate(problem, tolerance=1e-3)
-    assert post.grid.joint.size() < whole.grid.joint.size()
+    assert post.density.integral.size() < whole.density.integral.size()
     assert not post.converged
     assert post.quantile("mu", 0.5) == pytest.approx(whole.quantile("mu", 0.5), abs=1e-3)
     assert all(np.isfinite(x).all() for x in post.draws(50, np.random.default_rng(1)).values())
@@ -63,7 +63,7 @@ def test_a_common_factor_under_a_tilted_bound_makes_no_fourth_axis(name: str) ->
     # e_n, the transition and the closure constant meet in mu
     post = posterior(name)
     assert post.converged
-    assert post.grid.joint.size() < 4_000_000
+    assert post.density.integral.size() < 4_000_000
 
 
 @pytest.mark.parametrize("name", ASKED)

@@ -88,7 +88,7 @@ def test_no_ridge_is_followed(asked: Question) -> None:
     assert post.converged
     # as many places as a law in which nothing is tilted takes
     untilted = integrate(Question(asked.rows, "ifr", **_same(asked)).problem())
-    assert post.grid.joint.size() <= 2 * untilted.grid.joint.size()
+    assert post.density.integral.size() <= 2 * untilted.density.integral.size()
     for name in ("mu", "kappa"):
         assert post.quantile(name, 0.975) == pytest.approx(untilted.quantile(name, 0.975), abs=1e-4)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ifrfit.data.observations import SCHEMA
 from ifrfit.inference.accuracy.messages import says
-from ifrfit.inference.io.write_result import dumps
+from ifrfit.inference.io.json_text import dumps
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Table
 from ifrfit.report.page.phrases import stand_in_words
@@ -43,7 +43,7 @@ def build(given: ReportInput) -> Sequence[Block]:
     if fits_inside:
         words = f"{stand_in_words(result)}The data used, in the common schema."
         blocks.append(Download(POINTS, "text/csv", text, words))
-    whole = dumps(result)
+    whole = dumps(result.to_dict())
     if len(whole) <= MOST_INSIDE:
         words = "The whole result, which ifrfit report and ifrfit predict read."
         blocks.append(Download("result.json", "application/json", whole, words))

@@ -1,0 +1,138 @@
+"""The exact posterior as a distribution: marginals, covariance and draws from the quadrature's densities."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.posterior.convergence import quantiles_of
+from ifrfit.inference.posterior.integral_layout import IntegralLayout
+from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.marginals import Marginal, covariance
+from ifrfit.inference.posterior.parameter_marginals import transition_marginal
+from ifrfit.inference.posterior.sampling import draw
+
+Array = NDArray[np.float64]
+
+_LAST_SHARE = 1e-12  # the transition's scale is not followed beyond 1 less this
+_AT_ONCE = 256  # thresholds of a distribution function
+_RESOLUTION = 0.02  # sd: from a bound to where the density is taken
+
+
+@dataclass(frozen=True)
+class QuadraturePosterior:
+    """What the data and the priors say of every constant, with the error that the quadrature reached.
+
+    Attributes
+    ----------
+    problem : Problem
+    log_evidence : float
+        Log of the integral of the normalised likelihood times the normalised prior.
+    error : float
+        Largest last change of a mean, a standard deviation or a quantile at 2.5, 16, 50, 84 and 97.5 %, in
+        posterior standard deviations.
+    error_evidence : float
+        Last change of the log evidence.
+    tolerance : float
+    layout : IntegralLayout
+    density : JointDensity
+    marginals : mapping
+        Name to `Marginal`: free entries of theta, kappa, and free noises.
+    """
+
+    problem: Problem
+    log_evidence: float
+    error: float
+    error_evidence: float
+    tolerance: float
+    layout: IntegralLayout = field(repr=False)
+    density: JointDensity = field(repr=False)
+    marginals: Mapping[str, Marginal] = field(repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Free entries of theta, kappa, and free noises."""
+        return tuple(self.marginals)
+
+    @property
+    def resolution(self) -> float:
+        """Width, in sd, over which a density is taken."""
+        return _RESOLUTION
+
+    @property
+    def n_draws(self) -> float:
+        """There is no end to its draws."""
+        return math.inf
+
+    @property
+    def converged(self) -> bool:
+        """Whether the wanted tolerance was reached."""
+        return self.error <= self.tolerance and self.error_evidence <= self.tolerance
+
+    @cached_property
+    def _quantiles_at_levels(self) -> dict[str, Array]:
+        return {}
+
+    def mean(self, name: str) -> float:
+        """Posterior mean."""
+        return self.marginals[name].moments(0)[0]
+
+    def sd(self, name: str) -> float:
+        """Posterior standard deviation."""
+        return self.marginals[name].moments(0)[1]
+
+    def quantile(self, name: str, p: ArrayLike) -> NDArray[np.float64] | float:
+        """Posterior quantiles; p scalar or array, 0 to 1."""
+        wanted = np.atleast_1d(np.asarray(p, dtype=float))
+        known = self._quantiles_at_levels
+        if name.startswith("transition_tau["):
+            found = self._transition(name[len("transition_tau[") : -1], wanted)
+        elif bool(np.isin(wanted, LEVELS).all()):
+            if name not in known:
+                known[name] = quantiles_of(self.marginals[name], np.array(LEVELS), self.tolerance)
+            found = known[name][np.searchsorted(LEVELS, wanted)]
+        else:
+            found = quantiles_of(self.marginals[name], wanted, self.tolerance)
+        return float(found[0]) if np.ndim(p) == 0 else found
+
+    def cdf(self, name: str, value: ArrayLike) -> NDArray[np.float64] | float:
+        """Posterior probability below a value."""
+        at = np.atleast_1d(np.asarray(value, dtype=float))
+        own = self.marginals[name]
+        found = np.where(at <= own.low, 0.0, np.where(at >= own.high, 1.0, 0.0))
+        inside = (at > own.low) & (at < own.high)
+        if inside.any():
+            parts = np.array_split(at[inside], 1 + at.size // _AT_ONCE)
+            found[inside] = np.clip(np.concatenate([own.cdf(part, 1)[0] for part in parts]), 0.0, 1.0)
+        return float(found[0]) if np.ndim(value) == 0 else found
+
+    def covariance(self, names: Sequence[str]) -> Array:
+        """Posterior covariance of free entries of theta, (n, n)."""
+        return covariance(self.density, [self.marginals[name] for name in names])
+
+    def _transition(self, series: str, p: Array) -> Array:
+        """Quantiles of the tau at which sticking ends in a series."""
+        block = self.problem.series.index(series) if len(self.layout.blocks) > 1 else 0
+        number = self.layout.oblique_series[block]
+        own = self.layout.integral.series[number]
+        c = self.layout.parameters["c", block]
+        if own.squares.law is not None or (own.is_unbounded and isinstance(c, FreeParameter)):
+            scaled = transition_marginal(self.density, number, "tau")
+            share = quantiles_of(scaled, p, self.tolerance)
+            return np.asarray(own.unit * share / np.maximum(1.0 - share, _LAST_SHARE))
+        b = float(own.squares.b(0.0 if isinstance(c, FreeParameter) else c))
+        names = [name for name in self.marginals if name.startswith("kappa")]
+        name = next((n for n in names if n.endswith(f"[{series}]")), names[0])
+        return np.asarray(self.quantile(name, p)) / b
+
+    def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
+        """Independent draws of all constants, kappa and free noises together, from the quadrature itself."""
+        return draw(self.layout, self.density, self.names, n, rng)

@@ -1,0 +1,151 @@
+"""What a fit found, as frozen values: constants with statuses, facts, and the points it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data import Source
+from ifrfit.errors import UsageError
+from ifrfit.inference.accuracy.types import Effort
+from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
+from ifrfit.inference.distributions.protocol import Distribution
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.result.estimation import Saves
+from ifrfit.inference.result.state import distribution_of
+from ifrfit.inference.result.types import (
+    Angles,
+    Constants,
+    Derived,
+    Estimate,
+    Fact,
+    FitStatistics,
+    Noise,
+    State,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Everything that a fit found. Frozen.
+
+    Attributes
+    ----------
+    closure, method : str
+    inertia_factor : float
+    inputs : tuple of Source
+        Files or datasets with hash, rows used and skipped, provenance and selection.
+    noise : Noise
+    constants : mapping
+        Name to `Estimate`, or to a mapping of series to `Estimate` where the constant is separate.
+    derived : mapping
+        kappa, transition_angle_deg (by series; None where there is no transition), beta_sticking;
+        poisson_ratio in the place of the latter under closure maw.
+    correlation : tuple
+        Names of the free constants and their correlation matrix.
+    fit : FitStatistics
+    facts : mapping of str to Fact
+    warnings : tuple of str
+    state : State
+    points : DataFrame
+        Rows used: the common schema plus sigma_used, fitted, residual, standardised, tau and sticking.
+    command, seed, created, versions
+        How to repeat it.
+    asked : tuple of Parameter
+        The constants as they were asked for: domain, fixed value, prior, separate or shared. Empty where the
+        file that the result was read from does not say.
+    effort : Effort or None
+        What --accuracy or --budget asked and reached; None where neither was given.
+    scene : SceneOfData or None
+        What is known of what hit what; None where nothing is.
+    effects : tuple of EffectLine
+        Each effect's criterion on that scene; empty without one. What the residuals call for is the fact
+        ``effects``.
+    distribution : Distribution
+        Of the parameters, kappa, the transition and free noises:
+        ``fit.distribution.quantile("kappa", [0.025, 0.975])``. Of a result that was read from a file it is
+        what the file keeps: draws, or the Gaussian about the optimum.
+    problem, least_squares
+        The question and its optimum, for further questions; None where the result was read from a file.
+    profiles : mapping of str to Profile
+        By name of the quantity, of --method profile; not kept in result.json.
+    files : mapping of str to Saves
+        File name to what the method writes beside result.json.
+    """
+
+    closure: str
+    inertia_factor: float
+    method: str
+    inputs: tuple[Source, ...]
+    noise: Noise
+    constants: Constants
+    derived: Derived
+    correlation: tuple[tuple[str, ...], NDArray[np.float64]]
+    fit: FitStatistics
+    facts: Mapping[str, Fact]
+    warnings: tuple[str, ...]
+    state: State
+    points: pd.DataFrame
+    seed: int = 0
+    command: str = ""
+    created: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    asked: tuple[Parameter, ...] = ()
+    effort: Effort | None = None
+    scene: SceneOfData | None = None
+    effects: tuple[EffectLine, ...] = ()
+    problem: Problem | None = field(default=None, repr=False, compare=False)
+    least_squares: LeastSquares | None = field(default=None, repr=False, compare=False)
+    # None stands for what `state` keeps of it, see __post_init__
+    distribution: Distribution = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
+    profiles: Mapping[str, Profile] = field(default_factory=dict, repr=False, compare=False)
+    files: Mapping[str, Saves] = field(default_factory=dict, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if cast("Distribution | None", self.distribution) is None:
+            object.__setattr__(self, "distribution", distribution_of(self.state))
+
+    def problem_and_optimum(self) -> tuple[Problem, LeastSquares]:
+        """The question of the fit and its optimum.
+
+        Raises
+        ------
+        UsageError
+            For a result that was read from a file, which holds neither.
+        """
+        if self.problem is None or self.least_squares is None:
+            raise UsageError(
+                "A result that was read from a file holds no problem any more: fit the data again."
+            )
+        return self.problem, self.least_squares
+
+    @property
+    def provenance(self) -> tuple[str, ...]:
+        """Distinct provenances of the data used."""
+        return tuple(dict.fromkeys(source.provenance for source in self.inputs))
+
+    @property
+    def transitions(self) -> Mapping[str, Angles]:
+        """Transition angles in degrees by series: one, two, or None."""
+        found = self.derived.get("transition_angle_deg", {})
+        return {} if isinstance(found, Estimate) else found
+
+    def flat_constants(self) -> dict[str, Estimate]:
+        """Constants by name, with the series in brackets where separate."""
+        flat: dict[str, Estimate] = {}
+        for name, found in self.constants.items():
+            if isinstance(found, Estimate):
+                flat[name] = found
+            else:
+                flat |= {f"{name}[{series}]": each for series, each in found.items()}
+        return flat

@@ -1,0 +1,22 @@
+"""Validators of the JSON files that the package writes, by the schemas that it ships."""
+
+from __future__ import annotations
+
+import json
+from importlib.resources import files
+
+import jsonschema
+import referencing
+
+
+def validator(name: str) -> jsonschema.Draft202012Validator:
+    """Validator of result, compare, cost or simulation; the others may refer to the parts of result."""
+
+    def content(of: str) -> dict[str, object]:
+        return json.loads(files("ifrfit").joinpath(f"{of}.schema.json").read_text(encoding="utf-8"))
+
+    result = referencing.Resource.from_contents(content("result"))
+    registry = referencing.Registry().with_resources([("urn:ifrfit:result:1", result)])
+    own = content(name)
+    jsonschema.Draft202012Validator.check_schema(own)
+    return jsonschema.Draft202012Validator(own, registry=registry)
