@@ -13,7 +13,7 @@ import numpy as np
 
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.appraisal import Appraisal
-from ifrfit.inference.comparison.result_comparison import compare_again
+from ifrfit.inference.comparison.result_comparison import compare_result
 from ifrfit.inference.diagnostics.interval_comparison import intervals
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
 from ifrfit.inference.profile.profile_all import profile_all
@@ -102,7 +102,7 @@ def _comparison(result: FitResult) -> tuple[Comparison | None, str]:
     if reason:
         return None, f"{reason}: ifrfit compare puts the closures side by side"
     try:
-        return compare_again(result), ""
+        return compare_result(result), ""
     except IfrfitError as error:
         return None, f"They cannot be compared here. {error}"
 

@@ -17,7 +17,7 @@ from ifrfit.inference.mcmc.checkpoint import load_chains, question_of, save_chai
 from ifrfit.inference.mcmc.coordinates import Coordinates
 from ifrfit.inference.mcmc.run import MAX_STEPS, Halt, Progress, begin, run
 from ifrfit.inference.mcmc.starts import starts
-from ifrfit.inference.mcmc.stopping import Verdict, is_met, judge
+from ifrfit.inference.mcmc.stopping import Verdict, is_met, verdict_of
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquares
@@ -44,7 +44,7 @@ class Sample:
     @cached_property
     def verdict(self) -> Verdict:
         """What the rules say."""
-        return judge(self.evidence)
+        return verdict_of(self.evidence)
 
     @cached_property
     def distribution(self) -> Draws:

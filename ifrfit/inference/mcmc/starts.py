@@ -16,7 +16,9 @@ Array = NDArray[np.float64]
 
 ENSEMBLES = 4
 _WALKERS, _PER_DIMENSION = 64, 6
-_APART = 2.0  # sd from an optimum to where an ensemble starts: R-hat needs starts wider than the posterior
+_START_DISTANCE = (
+    2.0  # sd from an optimum to where an ensemble starts: R-hat needs starts wider than the posterior
+)
 _MAIN = 0.75  # share of an ensemble's walkers that start at its own optimum
 _TRIES = 40  # each draws nearer to the optimum than the one before
 _INSIDE = 1e-6  # of the domain's width, from its walls
@@ -93,7 +95,7 @@ def _noise(coordinates: Coordinates, found: LeastSquares) -> tuple[Array, Array]
 def _about(coordinates: Coordinates, centre: Array, root: Array, n: int, rng: np.random.Generator) -> Array:
     """n places about a centre that lies 2 sd off; those that have no density are drawn again, nearer."""
     direction = rng.standard_normal(centre.size)
-    away = _APART * direction / np.linalg.norm(direction)
+    away = _START_DISTANCE * direction / np.linalg.norm(direction)
     at = np.tile(centre, (n, 1))
     missing = np.arange(n)
     for attempt in range(_TRIES):

@@ -56,7 +56,7 @@ def estimates_of_optimum(
     by_name: dict[str, Estimate] = {}
     for number, series in enumerate(problem.series):
         name = kappa_name(problem, number)
-        if not _both_free(problem, number):
+        if not _e_n_and_mu_free(problem, number):
             continue
         if name not in by_name:
             at = [kappa_at_theta(problem, theta, number) for theta in outlying(fit.optimum)]
@@ -92,7 +92,7 @@ def kappa_at_theta(problem: Problem, theta: Array, series: int) -> float:
     return float(theta[places["mu"][series]] * (1.0 + theta[places["e_n"][series]]))
 
 
-def _both_free(problem: Problem, series: int) -> bool:
+def _e_n_and_mu_free(problem: Problem, series: int) -> bool:
     places, entries = problem.parameters.positions, problem.parameters.entries
     return all(entries[int(places[name][series])].fixed is None for name in ("e_n", "mu"))
 

@@ -18,7 +18,7 @@ from ifrfit.inference.optimize.optimum import Array
 _ROUNDS = 40  # of weights and constants in turn
 _AT_REST = 1e-7  # fall of the objective at which they have come to rest
 
-Held = Callable[[Array, Array], Array]  # row sigma and a theta nearby to the best theta
+ConstrainedOptimum = Callable[[Array, Array], Array]  # row sigma and a theta nearby to the best theta
 
 
 class Minimum(NamedTuple):
@@ -73,19 +73,19 @@ class Misfit:
             return self._chi2(theta) - self._chi2(self.fit.optimum.theta) + change
         return float(self.dof @ np.log(self._squares(theta) / self.squares)) + change
 
-    def minimum(self, held: Held, near: Array) -> Minimum:
-        """Least rise, and where, over what `held` leaves free.
+    def minimum(self, constrained: ConstrainedOptimum, near: Array) -> Minimum:
+        """Least rise, and where, over what `constrained` leaves free.
 
         With several noises, or a prior beside one, weights and constants are improved in turn: each round
         minimises a bound on the logarithms that touches them, so the rise never grows.
         """
-        theta = held(self.fit.sigma if not self.groups else self._sigma(near), near)
+        theta = constrained(self.fit.sigma if not self.groups else self._sigma(near), near)
         rise = self.rise(theta)
         if not self.groups or (len(self.groups) == 1 and not self._has_prior):
             return Minimum(rise, theta, 0.0)
         fall = math.inf
         for _ in range(_ROUNDS):
-            moved = held(self._sigma(theta), theta)
+            moved = constrained(self._sigma(theta), theta)
             fall = rise - self.rise(moved)
             if fall > 0.0:
                 rise, theta = rise - fall, moved

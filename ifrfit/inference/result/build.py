@@ -178,7 +178,7 @@ def build_result(
         versions=_versions() | dict(estimation.versions),
         asked=problem.parameters.parameters,
         effort=estimation.effort,
-        scene=None if conditions is None else conditions.told,
+        scene=None if conditions is None else conditions.scene,
         effects=about.effects,
         problem=problem,
         least_squares=optimum,

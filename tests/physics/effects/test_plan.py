@@ -139,29 +139,29 @@ def test_without_e_n_the_law_that_can_is_computed(impacts, glass):
         make_plan(glass, impacts(), OBSERVABLES, accuracy=1e-3, given=known)
     with pytest.raises(DataError, match=r"constants\.e_n is missing, and nothing computes it"):
         make_plan(Contact(), impacts(), OBSERVABLES, accuracy=1e-3, given=known)
-    chosen = make_plan(glass, impacts(), OBSERVABLES, accuracy=1e-3, given=known, wanted=("viscoelastic",))
+    chosen = make_plan(glass, impacts(), OBSERVABLES, accuracy=1e-3, given=known, requested=("viscoelastic",))
     assert chosen.on == ("viscoelastic",)
     assert line(chosen, "plasticity").reason == "not listed"
 
 
 def test_a_list_is_computed_as_it_is(impacts, glass):
     some = impacts([10.0, 40.0], speed=0.5, radius=1e-5)
-    plan = make_plan(glass, some, OBSERVABLES, accuracy=1e-3, given=GIVEN, wanted=("rolling",))
+    plan = make_plan(glass, some, OBSERVABLES, accuracy=1e-3, given=GIVEN, requested=("rolling",))
     assert plan.on == ("rolling",)
     adhesion = line(plan, "adhesion")
     assert adhesion.state == "off"
     assert adhesion.alarm
-    nothing = make_plan(glass, some, OBSERVABLES, accuracy=1e-3, given=GIVEN, wanted=())
+    nothing = make_plan(glass, some, OBSERVABLES, accuracy=1e-3, given=GIVEN, requested=())
     assert nothing.on == ()
 
 
 def test_lateral_spin_is_no_choice(impacts, glass):
-    plan = make_plan(glass, impacts([10.0], 1e-9), OBSERVABLES, accuracy=1e-3, given=GIVEN, wanted=())
+    plan = make_plan(glass, impacts([10.0], 1e-9), OBSERVABLES, accuracy=1e-3, given=GIVEN, requested=())
     assert plan.on == ("lateral-spin",)
 
 
 @pytest.mark.parametrize(
-    ("wanted", "change", "says"),
+    ("requested", "change", "says"),
     [
         ("plasticity", {}, "which computes what constants.e_n gives. Remove one."),
         ("adhesion", {"interface_energy": None}, "but not given: contact.interface_energy_J_m2"),
@@ -169,10 +169,15 @@ def test_lateral_spin_is_no_choice(impacts, glass):
         ("adhesion", {"inertia_factor": 0.6667}, "but not a homogeneous sphere"),
     ],
 )
-def test_a_list_that_cannot_be_is_refused(impacts, glass, wanted, change, says):
+def test_a_list_that_cannot_be_is_refused(impacts, glass, requested, change, says):
     with pytest.raises(DataError) as caught:
         make_plan(
-            replace(glass, **change), impacts(), OBSERVABLES, accuracy=1e-3, given=GIVEN, wanted=(wanted,)
+            replace(glass, **change),
+            impacts(),
+            OBSERVABLES,
+            accuracy=1e-3,
+            given=GIVEN,
+            requested=(requested,),
         )
     assert says in str(caught.value)
     assert caught.value.exit_status == 3

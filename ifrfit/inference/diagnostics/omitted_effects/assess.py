@@ -40,17 +40,17 @@ def effects_of(
     facts : dict
         ``effects``; empty where no effect could show in these rows.
     """
-    knows_e_n = _has_value(constants["e_n"])
+    e_n_known = _has_value(constants["e_n"])
     if setting is None:
-        fact = effects_fact(problem, fit, knows_e_n=knows_e_n)
+        fact = effects_fact(problem, fit, e_n_known=e_n_known)
     else:
         speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
         chi = _chi(setting, problem.inertia_factor)
-        fact = effects_fact(problem, fit, chi=chi, speed=speed, knows_e_n=knows_e_n)
+        fact = effects_fact(problem, fit, chi=chi, speed=speed, e_n_known=e_n_known)
     facts = {} if fact is None else {"effects": fact}
     if setting is None:
         return (), facts
-    return effect_lines(problem, fit, setting, knows_kappa=_has_value(derived["kappa"])), facts
+    return effect_lines(problem, fit, setting, kappa_known=_has_value(derived["kappa"])), facts
 
 
 def _chi(setting: Setting, j: float) -> float | None:

@@ -29,7 +29,7 @@ _BY_SPEED = ("normal", "adhesion", "fluid")
 
 
 def effect_lines(
-    problem: Problem, fit: LeastSquares, setting: Setting, *, knows_kappa: bool
+    problem: Problem, fit: LeastSquares, setting: Setting, *, kappa_known: bool
 ) -> tuple[EffectLine, ...]:
     """Every effect but lateral spin, which each fit computes.
 
@@ -38,7 +38,7 @@ def effect_lines(
     problem : Problem
     fit : LeastSquares
     setting : Setting
-    knows_kappa : bool
+    kappa_known : bool
         Whether the data determine kappa, or it is fixed.
     """
     scene = _Scene(problem, fit, setting)
@@ -48,7 +48,7 @@ def effect_lines(
             continue
         if name == problem.closure.effect:
             lines.append(EffectLine(name, says="in the closure"))
-        elif effect.stage in ("tangential", "rolling") and not knows_kappa:
+        elif effect.stage in ("tangential", "rolling") and not kappa_known:
             lines.append(EffectLine(name, says="not known: kappa is not determined"))
         else:
             lines.append(scene.line(name, effect))

@@ -23,7 +23,7 @@ def effects_fact(
     *,
     chi: float | None = None,
     speed: float = 0.0,
-    knows_e_n: bool = True,
+    e_n_known: bool = True,
 ) -> Fact | None:
     """Test the residuals for effects that the closure does not hold.
 
@@ -35,7 +35,7 @@ def effects_fact(
         Compliance number of the materials, where they are known.
     speed : float
         Of rows that state none, m/s; 0 where it is not known.
-    knows_e_n : bool
+    e_n_known : bool
         Whether e_n is determined or fixed.
 
     Returns
@@ -45,7 +45,7 @@ def effects_fact(
     """
     theta = fit.optimum.theta
     jacobian = problem.jacobian(theta)
-    every = directions(problem, theta, jacobian, fit.sigma, chi=chi, speed=speed, knows_e_n=knows_e_n)
+    every = directions(problem, theta, jacobian, fit.sigma, chi=chi, speed=speed, e_n_known=e_n_known)
     residual = (problem.rows.value - problem.predict(theta)) / fit.sigma
     tested = scores(
         [replace(d, change=d.change / fit.sigma) for d in every],
