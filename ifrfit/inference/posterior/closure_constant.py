@@ -93,7 +93,7 @@ def c_domain(
         rises = k.b1 > 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
             of_most = (mu_ends[1] * (1.0 + e_n) / x - k.b0) / k.b1
-            of_least = c.lower if rises else c.upper
+            of_least: Array | float = c.lower if rises else c.upper
             if mu_ends[0]:
                 of_least = (mu_ends[0] * (1.0 + e_n) / x - k.b0) / k.b1
         floor, ceiling = (of_least, of_most) if rises else (of_most, of_least)

@@ -117,8 +117,8 @@ def _refuse_negative_bound(settings: GridSettings) -> None:
     if min(k.b0 + k.b1 * end for end in ends) < -1e-12:
         side = ">=" if k.b1 > 0.0 else "<="
         raise UsageError(
-            f"The exact posterior needs {constant.name} {side} {-k.b0 / k.b1:g}, where sticking has a meaning: "
-            f"narrow --bounds {constant.name}, or use --method lsq."
+            f"The exact posterior needs {constant.name} {side} {-k.b0 / k.b1:g}, where sticking has a "
+            f"meaning: narrow --bounds {constant.name}, or use --method lsq."
         )
 
 

@@ -75,9 +75,8 @@ def _e_n(density: JointDensity, grid: DensityGrid, name: str, parameter: FreePar
 
 def _c(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParameter) -> Marginal:
     moments = _moments(density, grid, grid.nodes.c)
-    if isinstance(
-        grid.series.role, ClosureConstantFree
-    ):  # b(c) = mu (1 + e_n)/x falls as x rises, and c with it where b1 > 0
+    # b(c) = mu (1 + e_n)/x falls as x rises, and c with it where b1 > 0
+    if isinstance(grid.series.role, ClosureConstantFree):
         kappa = (grid.nodes.mu[..., 0] * (1.0 + grid.nodes.e_n))[..., 0]
         below = grid.x_cdf(density.share)
         k = grid.series.squares.coefficients
