@@ -13,7 +13,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.linear_families import LOWEST
 from ifrfit.inference.posterior.grid_settings import GridSettings, ladder
 from ifrfit.inference.posterior.initial_panels import Known, make_series, thinned
@@ -61,14 +61,14 @@ class IntegralLayout:
 
 
 def make_layout(
-    problem: Problem, start: LeastSquares, tolerance: float, *, separate_e_n: bool
+    problem: Problem, start: LeastSquaresFit, tolerance: float, *, separate_e_n: bool
 ) -> IntegralLayout:
     """Lay the integral out.
 
     Parameters
     ----------
     problem : Problem
-    start : LeastSquares
+    start : LeastSquaresFit
     tolerance : float
     separate_e_n : bool
         Whether to give e_n an integral of its own where the rows allow it (`e_n_is_separable`). That is exact
