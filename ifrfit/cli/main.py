@@ -60,9 +60,9 @@ def predict(
     if any(not 0.0 <= angle <= 90.0 for angle in angles):
         raise UsageError(f"--gamma {gamma}: incidence angles lie between 0 and 90 degrees from the normal.")
     found = load_result(result)
-    wanted = observable or list(dict.fromkeys(found.points["observable"])) or ["beta"]
+    requested = observable or list(dict.fromkeys(found.points["observable"])) or ["beta"]
     tables = []
-    for name in wanted:
+    for name in requested:
         table = found.predict(angles, spin_x, spin_y, observable=name, series=series)
         table.insert(0, "observable", name)
         tables.append(table)
@@ -105,8 +105,8 @@ app.command()(simulate)
 app.command()(command(cost))
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(requested: bool) -> None:
+    if requested:
         typer.echo(f"ifrfit {__version__}")
         raise typer.Exit
 

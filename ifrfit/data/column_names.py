@@ -64,7 +64,7 @@ _ANGLES = (
     "incident_angle",
     "angle_of_incidence",
 )
-_STATED = re.compile(r"(?P<name>\w+)_from_(the_)?(?P<from>normal|wall|surface)")
+_ANGLE_FROM = re.compile(r"(?P<name>\w+)_from_(the_)?(?P<from>normal|wall|surface)")
 WALL_ANGLE = "angle_from_wall"
 _MAGNITUDES = ("abs_beta", "beta_abs", "abs(beta)", "|beta|", "beta_magnitude", "mod_beta")
 # Observables under names that leave a choice open; conventions.py closes it.
@@ -121,7 +121,7 @@ def _meanings(header: Header) -> Iterator[Role]:
         yield Role("open", "e_t" if name == "et" else name, OPEN[name], unit)
     if name in _ANGLES:
         yield Role("angle", name, "angle", unit)
-    stated = _STATED.fullmatch(name)
+    stated = _ANGLE_FROM.fullmatch(name)
     if stated and stated["name"] in (*_ANGLES, "gamma"):
         yield Role("angle", "gamma" if stated["from"] == "normal" else WALL_ANGLE, "angle", unit)
     if name in _MAGNITUDES:
@@ -164,7 +164,7 @@ def role_of(text: str) -> Role:
     return Role("unknown", header.name, unit=header.unit)
 
 
-def named_role(name: str, header: str, stated: str | None) -> Role:
+def named_role(name: str, header: str, given_unit: str | None) -> Role:
     """Return what a column holds that the user named, or whose unit the user stated.
 
     Parameters
@@ -174,7 +174,7 @@ def named_role(name: str, header: str, stated: str | None) -> Role:
         ``v_x_m_s``).
     header : str
         As it stands in the file; the unit in its brackets or at its end holds unless one is stated.
-    stated : str or None
+    given_unit : str or None
         Unit that the user stated.
     """
     target, own = parse_header(name), parse_header(header)
@@ -183,7 +183,7 @@ def named_role(name: str, header: str, stated: str | None) -> Role:
     short, suffix = target.without_suffix(), own.without_suffix()
     names = [h.name for h in (target, short) if h is not None]
     # A unit at the end of a name may be no unit at all (sigma_m): it counts where it fits.
-    sure = stated or own.unit or target.unit
+    sure = given_unit or own.unit or target.unit
     perhaps = [sure] if sure else [h.unit for h in (suffix, short) if h is not None]
     for unit in perhaps:
         for role in (r for n in names for r in _meanings(Header(header, n, unit))):

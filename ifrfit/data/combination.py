@@ -44,7 +44,7 @@ def combine(parts: Sequence[Observations]) -> Observations:
     for part in parts:
         table, checks = part.table, part.momentum
         for source in part.sources:
-            _refuse_twice(source, sources)
+            _refuse_duplicate(source, sources)
             name = _free_name(source.name, {s.name for s in sources})
             if name != source.name:
                 table["source"] = table["source"].replace(source.name, name)
@@ -57,7 +57,7 @@ def combine(parts: Sequence[Observations]) -> Observations:
     return Observations(table, tuple(sources), tuple(notes), tuple(momentum))
 
 
-def _refuse_twice(source: Source, before: Sequence[Source]) -> None:
+def _refuse_duplicate(source: Source, before: Sequence[Source]) -> None:
     for other in before:
         if source.sha256 and source.sha256 == other.sha256:
             same = source.name if source.name == other.name else f"{other.name} and {source.name}"

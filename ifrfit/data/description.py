@@ -160,7 +160,7 @@ def _conditions(conditions: Mapping[str, object]) -> list[tuple[str, list[str]]]
     ]
     places = list(dict.fromkeys(map(str, stated)))
     one = len(places) == 1 and len(stated) > 1
-    entries = [(_label(key), [_stated(fact, with_place=not one)]) for key, fact in conditions.items()]
+    entries = [(_label(key), [_fact_text(fact, with_place=not one)]) for key, fact in conditions.items()]
     return [*entries, ("stated in", places)] if one else entries
 
 
@@ -175,7 +175,7 @@ def _constants(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} = {value:g}" for name, value in values.items())
 
 
-def _stated(fact: object, *, with_place: bool) -> str:
+def _fact_text(fact: object, *, with_place: bool) -> str:
     """Return a condition, with the place that states it where asked."""
     if not isinstance(fact, Mapping):
         return str(fact)

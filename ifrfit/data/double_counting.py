@@ -25,7 +25,7 @@ Faces = Mapping[str, Sequence[Sequence[str]]]
 _BIT = {"Tx": 1, "Ty": 2, "Sx": 4, "Sy": 8, "N": 16}
 
 
-def counted_twice(
+def double_counted(
     table: pd.DataFrame, faces: Faces, observable: Sequence[str], series: Sequence[str]
 ) -> tuple[Mask, list[str]]:
     """Find the rows that would count an impact a second time.
@@ -41,7 +41,7 @@ def counted_twice(
 
     Returns
     -------
-    twice : (n,) bool array
+    double : (n,) bool array
     notes : list of str
 
     Raises
@@ -52,7 +52,7 @@ def counted_twice(
     names = table["observable"].to_numpy(dtype=object)
     labels = table["series"].to_numpy(dtype=object)
     named = (("--observable", observable, names), ("--series", series, labels))
-    twice = np.zeros(len(table), dtype=bool)
+    double = np.zeros(len(table), dtype=bool)
     for source, groups in faces.items():
         here = (table["source"] == source).to_numpy()
         for number, group in enumerate(groups):
@@ -60,12 +60,12 @@ def counted_twice(
             later = _later_faces(names, labels, members)
             if later.any():
                 _refuse_named(table, np.where(members, f"{source} {number}", "").astype(object), named)
-            twice |= later
-    within = _within_impacts(table, names, ~twice)
+            double |= later
+    within = _within_impacts(table, names, ~double)
     if within.any():
         _refuse_named(table, _links(table), named)
-    twice |= within
-    return twice, _notes(table, names, labels, twice)
+    double |= within
+    return double, _notes(table, names, labels, double)
 
 
 def _bits_of(name: str) -> int:
@@ -144,12 +144,12 @@ def _same_measurement(
 
 
 def _notes(
-    table: pd.DataFrame, names: NDArray[np.object_], labels: NDArray[np.object_], twice: Mask
+    table: pd.DataFrame, names: NDArray[np.object_], labels: NDArray[np.object_], double: Mask
 ) -> list[str]:
     notes = []
-    for source in dict.fromkeys(table["source"].to_numpy()[twice]):
+    for source in dict.fromkeys(table["source"].to_numpy()[double]):
         here = (table["source"] == source).to_numpy()
-        used, lost = here & ~twice, here & twice
+        used, lost = here & ~double, here & double
         what = _words(names, labels, lost, used)
         notes.append(
             f"{source}: {what[0]} used, {what[1]} left out ({count(int(lost.sum()))}): they are of the same "

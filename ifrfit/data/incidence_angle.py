@@ -7,7 +7,7 @@ from ifrfit.data.column_names import WALL_ANGLE
 from ifrfit.data.conventions import suggest
 from ifrfit.errors import DataError
 
-_STATED = ("gamma", "tan_gamma", WALL_ANGLE)
+_REFERENCE = ("gamma", "tan_gamma", WALL_ANGLE)
 
 
 def choose_angle(layout: Layout, found: list[Column]) -> None:
@@ -43,7 +43,7 @@ def choose_angle(layout: Layout, found: list[Column]) -> None:
             f"{suggest(f'angle={found[0].header}:from-wall')}"
         )
     column = found[0]
-    if conventions.angle_from is None and column.key not in _STATED:
+    if conventions.angle_from is None and column.key not in _REFERENCE:
         named = f"{column.header}:" if conventions.angle_column else ""
         raise DataError(
             f"{cells.at(header=column.header)}: could be measured from the wall or from its normal. Say "

@@ -41,17 +41,21 @@ class Incoming:
         """Return the uncertainties of turned components: those of the components and of the turn itself."""
         straight = self.s == 0.0
         c2, s2, turn2 = self.c**2, self.s**2, self.sigma_turn**2
-        var_along = np.where(straight, c2 * x**2, c2 * x**2 + s2 * y**2) + stated(across**2 * turn2)
-        var_across = np.where(straight, c2 * y**2, c2 * y**2 + s2 * x**2) + stated(along**2 * turn2)
+        var_along = np.where(straight, c2 * x**2, c2 * x**2 + s2 * y**2) + zero_where_missing(
+            across**2 * turn2
+        )
+        var_across = np.where(straight, c2 * y**2, c2 * y**2 + s2 * x**2) + zero_where_missing(
+            along**2 * turn2
+        )
         return np.sqrt(var_along), np.sqrt(var_across)
 
     def per_speed(self, value: Array, sigma: Array) -> tuple[Array, Array]:
         """Return a velocity over u, and its uncertainty with that of u."""
         ratio = value / self.u
-        return ratio, np.sqrt(sigma**2 + stated((ratio * self.sigma_u) ** 2)) / self.u
+        return ratio, np.sqrt(sigma**2 + zero_where_missing((ratio * self.sigma_u) ** 2)) / self.u
 
 
-def stated(x: Array) -> Array:
+def zero_where_missing(x: Array) -> Array:
     """Return uncertainties with 0 for those that were not stated."""
     return np.where(np.isnan(x), 0.0, x)
 
@@ -82,7 +86,7 @@ def read_incoming(layout: Layout) -> Incoming:
     c, s = np.where(moving, x / length, 1.0), np.where(moving, y / length, 0.0)
     given = [layout.numbers(f"sigma:raw:u_{axis}") for axis in "xyz"]
     known = ~np.isnan(given).all(axis=0)
-    sx, sy, sz = (stated(sigma) for sigma in given)
+    sx, sy, sz = (zero_where_missing(sigma) for sigma in given)
     along = np.hypot(c * sx, s * sy)
     sigma_u = np.sqrt((tangential * along) ** 2 + (z * sz) ** 2) / u
     sigma_gamma = np.degrees(np.hypot(z * along, tangential * sz) / u**2)

@@ -139,8 +139,8 @@ def _text(package: Mapping[str, Any], path: Path, rows: Sequence[Mapping[str, st
     return PackageText(name, title, description, [_UNSTATED], sources, mine)
 
 
-def _kept(wanted: Iterable[str], there: set[str]) -> list[str]:
-    return [name for name in wanted if name in there]
+def _kept(requested: Iterable[str], there: set[str]) -> list[str]:
+    return [name for name in requested if name in there]
 
 
 def _write_whole(target: Path, text: PackageText, data: bytes) -> None:

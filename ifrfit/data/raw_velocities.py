@@ -17,7 +17,7 @@ from ifrfit.data.angular_momentum import check_momentum
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import RAW
 from ifrfit.data.conventions import suggest
-from ifrfit.data.incoming_motion import Incoming, read_incoming, require, stated, z_remedy, z_rule
+from ifrfit.data.incoming_motion import Incoming, read_incoming, require, z_remedy, z_rule, zero_where_missing
 from ifrfit.data.partial_table import Piece
 from ifrfit.data.schema import TINY
 from ifrfit.data.wide_table import impact_ids
@@ -214,7 +214,7 @@ def _spins(
         if axis not in given and not np.any(incoming.s != 0.0):
             continue
         size, sigma_size = radius
-        spread = np.sqrt((size * sigma) ** 2 + stated((rate * sigma_size) ** 2))
+        spread = np.sqrt((size * sigma) ** 2 + zero_where_missing((rate * sigma_size) ** 2))
         value, uncertainty = incoming.per_speed(sign * size * rate, spread)
         result[axis] = (value, uncertainty, layout.header(keys[axis], layout.header(keys[given[0]])))
     return result

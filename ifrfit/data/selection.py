@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.double_counting import count, counted_twice, shares_e_n
+from ifrfit.data.double_counting import count, double_counted, shares_e_n
 from ifrfit.data.exclusion import excluded
 from ifrfit.data.observations import Observations, Source
 from ifrfit.errors import DataError, UsageError
@@ -89,8 +89,8 @@ def select(obs: Observations, selection: Selection) -> Observations:
         why[(why == "") & ~_default_selection(obs, table, selection, why == "", notes)] = "not selected"
         left = np.flatnonzero(why == "")
         faces = {s.name: s.descriptor.faces for s in obs.sources if s.descriptor}
-        twice, said = counted_twice(table.iloc[left], faces, selection.observable, selection.series)
-        why[left[twice]] = "same impacts counted already"
+        double, said = double_counted(table.iloc[left], faces, selection.observable, selection.series)
+        why[left[double]] = "same impacts counted already"
         notes.extend(said)
     keep = why == ""
     kept = table.loc[keep].reset_index(drop=True)

@@ -18,7 +18,7 @@ from ifrfit.registry import Registry
 
 if TYPE_CHECKING:
     from ifrfit.inference.model.problem import Problem
-    from ifrfit.inference.optimize.least_squares import LeastSquares as LeastSquaresFit
+    from ifrfit.inference.optimize.least_squares import LeastSquaresFit
     from ifrfit.inference.result.estimation import Estimation
 
 Progress = Callable[[int, int], None]

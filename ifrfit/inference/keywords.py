@@ -135,7 +135,7 @@ def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
     params = keywords.get("params")
     if model is not None:
         said = given(Model, keywords) | ({} if params is None else {"params": params})
-        _refuse_both("model", Model, said)
+        _refuse_object_and_keywords("model", Model, said)
         return model
     if params is None:
         return build(Model, keywords)
@@ -154,7 +154,7 @@ def noise_of(noise: str | Noise | None, keywords: Mapping[str, Any]) -> Noise:
         If an object and a keyword both say something, and as `Noise`.
     """
     if isinstance(noise, Noise):
-        _refuse_both("noise", Noise, given(Noise, keywords))
+        _refuse_object_and_keywords("noise", Noise, given(Noise, keywords))
         return noise
     return build(Noise, {**keywords, "noise": noise})
 
@@ -175,7 +175,7 @@ def estimator_of(method: str | Estimator | None, keywords: Mapping[str, Any]) ->
         )
     options = method_options()
     said = {key: value for key, value in keywords.items() if key in options and options[key].is_given(value)}
-    _refuse_both("method", type(method), said)
+    _refuse_object_and_keywords("method", type(method), said)
     return method
 
 
@@ -196,7 +196,7 @@ def selection_of(keywords: Mapping[str, Any]) -> Selection:
     return Selection(**said)
 
 
-def _refuse_both(argument: str, owner: type, said: Mapping[str, object]) -> None:
+def _refuse_object_and_keywords(argument: str, owner: type, said: Mapping[str, object]) -> None:
     if not said:
         return
     names = ", ".join(said)

@@ -68,7 +68,7 @@ def simulate(scene: str | Path | Scene, *, samples: int | None = None, seed: int
             impacts,
             given.observables,
             accuracy=given.accuracy,
-            wanted=given.effects,
+            requested=given.effects,
             given=constants.given,
         )
     except DataError as error:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import dataclass, fields, replace
-from typing import ClassVar
 
 import emcee
 import numpy as np
 import pytest
+from extensions.method import Mode
 from scipy import special
 from typer.testing import CliRunner
 
@@ -27,11 +27,10 @@ from ifrfit import (
 )
 from ifrfit.cli.main import app
 from ifrfit.inference import keywords as typed
-from ifrfit.inference.estimations import least_squares_estimation
 from ifrfit.inference.estimators import ESTIMATORS, Estimator, label_of, make_estimator, title_of
 from ifrfit.inference.keywords import check_keywords, deprecated, estimator_of, model_of, noise_of
 from ifrfit.inference.model.error_model import make_error_model
-from ifrfit.inference.option_fields import Options, build, option, options_of
+from ifrfit.inference.option_fields import build, option, options_of
 from ifrfit.registry import registered
 
 GAMMA = np.linspace(4.0, 86.0, 34)
@@ -224,24 +223,6 @@ def test_a_problem_for_another_closure_keeps_what_was_said_of_its_constants():
     assert other.with_closure(problem.closure).parameters["e_t"].prior is None
     again = problem.with_closure(problem.closure)
     assert again.digest == problem.digest
-
-
-@dataclass(frozen=True, repr=False)
-class Mode(Options):
-    """A method of a package: the optimum as it is."""
-
-    name: ClassVar[str] = "mode"
-    title: ClassVar[str] = "posterior mode"
-    label: ClassVar[str] = "mode"
-    summary: ClassVar[str] = "the optimum alone"
-    patience: int = option(3, "mode: how long it waits.", form="integer", metavar="N")
-
-    def refuses(self, problem):
-        return "" if problem.error_model.is_plain else "mode: plain errors only."
-
-    def run(self, problem, optimum, *, seed=0, progress=None, started=None):
-        found = least_squares_estimation(optimum)
-        return replace(found, method=self.name, warnings=(f"It waited {self.patience}.",))
 
 
 @pytest.fixture

@@ -9,7 +9,13 @@ from typer.testing import CliRunner
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from toys import BEND, COUNT, GRIP, HALF_DROP, OUTLINE, SPIN_GAINED, TILT, Brake, Guess
+from extensions.closure import GRIP
+from extensions.effect import Brake
+from extensions.format import FORMAT
+from extensions.method import Mode
+from extensions.observable import SPIN_GAINED
+from extensions.section import SECTION
+from toys import BEND, HALF_DROP, TILT
 
 from ifrfit.cli.main import app
 from ifrfit.registry import registered
@@ -18,7 +24,7 @@ from ifrfit.registry import registered
 @pytest.fixture(scope="session")
 def toys() -> Iterator[None]:
     """Everything that is made up, registered for as long as these tests run."""
-    with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake(), Guess(), COUNT, OUTLINE):
+    with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake(), Mode(), SECTION, FORMAT):
         yield
 
 

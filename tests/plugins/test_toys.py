@@ -10,7 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from toys import BEND, GRIP, HALF_DROP, SPIN_GAINED, TILT, Guess
+from extensions.closure import GRIP
+from extensions.method import Mode
+from extensions.observable import SPIN_GAINED
+from toys import BEND, HALF_DROP, TILT
 
 import ifrfit
 from ifrfit.errors import DataError, UsageError
@@ -259,25 +262,25 @@ def test_an_effect_joins_the_plan(folder: Path) -> None:
 def test_a_method_goes_through_every_command(cli: Callable[..., str], tmp_path: Path) -> None:
     data, result = table(tmp_path, GRIP), tmp_path / "result.json"
     chosen = ("--closure", "grip", "--fix", "e_n=0.9")
-    result.write_text(cli("fit", data, *chosen, "--method", "guess", "--json"), encoding="utf-8")
+    result.write_text(cli("fit", data, *chosen, "--method", "mode", "--json"), encoding="utf-8")
     content = json.loads(result.read_text())
-    assert content["method"] == "guess"
-    assert "courage 1" in content["warnings"]
-    assert "educated guess" in ifrfit.load_result(result).summary()
+    assert content["method"] == "mode"
+    assert "It waited 3." in content["warnings"]
+    assert "posterior mode" in ifrfit.load_result(result).summary()
     assert "beta" in cli("predict", result, "--gamma", "10,40,70")
-    cli("report", result, "--out", tmp_path / "page.outline")
-    assert "How many rows" in (tmp_path / "page.outline").read_text(encoding="utf-8").splitlines()
+    cli("report", result, "--out", tmp_path / "page.txt")
+    assert "How many" in (tmp_path / "page.txt").read_text(encoding="utf-8").splitlines()
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
     cli("simulate", scene, "--out", tmp_path / "simulated")
     costs = cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json")
-    assert "guess" in {cost["method"] for cost in json.loads(costs)["costs"]}
+    assert "mode" in {cost["method"] for cost in json.loads(costs)["costs"]}
 
 
 def test_options_of_a_method_are_its_own(folder: Path) -> None:
-    found = ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method=Guess(courage=2.0))
-    assert "courage 2" in found.warnings
-    assert ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method="guess").method == "guess"
+    found = ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method=Mode(patience=2))
+    assert "It waited 2." in found.warnings
+    assert ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method="mode").method == "mode"
 
 
 # ---- what is refused, and what stays

@@ -1,39 +1,15 @@
-"""A toy of each kind that can be registered: what a user, or a package, would write."""
+"""Further toys, of kinds that the examples of the contributing guide (docs/examples) do not show."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ifrfit.inference.estimators import LeastSquares
-from ifrfit.inference.option_fields import Options, option
-from ifrfit.inference.result.estimation import Estimation
-from ifrfit.physics.closures import Closure, ClosureConstant, Coefficients, rotational_share
-from ifrfit.physics.effects.contact import Contact, Impacts
-from ifrfit.physics.effects.impact_state import Bounce, Outcome
-from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+from ifrfit.physics.closures import Closure, ClosureConstant, rotational_share
 from ifrfit.physics.impulse_laws import impulse_factor
 from ifrfit.physics.observables import Observable
-from ifrfit.report.page.blocks import Paragraph, Report
-from ifrfit.report.page.plugins import GENERATOR, ReportFormat, ReportSection
-from ifrfit.report.page.report_input import ReportInput
-
-
-def _grip(j: float) -> Coefficients:
-    return Coefficients(0.0, 0.0, 0.0, 2.0 * rotational_share(j))
-
-
-GRIP = Closure(
-    "grip",
-    "GRIP",
-    _grip,
-    "made up: k = min(2 g J/(1 + J), kappa/tau)",
-    ClosureConstant(
-        "g_rip", r"\Gamma", "grip, from 0 (frictionless) to 1 (full reversal)", lambda j: (0.0, 1.0)
-    ),
-)
 
 
 @dataclass(frozen=True)
@@ -72,20 +48,6 @@ BEND = Closure(
     ClosureConstant("eta", r"\eta", "root of the restitution in sticking", lambda j: (0.0, 1.0)),
 )
 
-SPIN_GAINED = Observable(
-    name="spin_gained",
-    symbol=r"$\Delta R\Omega_y/u$",
-    meaning="spin gained",
-    kind="tangential",
-    value=lambda r, mu: r.spin_y - r.incidence.spin_y,
-    linear=lambda i, j: (np.zeros_like(i.sine), -i.slip_x / j),
-    low=-1e6,
-    high=1e6,
-    takes=frozenset({"Sy"}),
-    numerator="spin",
-    panel="r.spinY - r.i.spinY",
-)
-
 # curved, an angle, and without an expression for the panel
 TILT = Observable(
     name="tilt_deg",
@@ -116,60 +78,3 @@ HALF_DROP = Observable(
     numerator="velocity",
     panel="0.5 * r.vN",
 )
-
-
-@dataclass(frozen=True)
-class Brake:
-    """Takes a thousandth of the normal velocity after the contact."""
-
-    name: str = "brake"
-    title: str = "brake"
-    stage: Stage = "rolling"
-    replaces: Literal[""] = ""
-    cost_ns: float = 5.0
-    source: str = "made up"
-
-    def lacks(self, contact: Contact, impacts: Impacts) -> str:
-        return ""
-
-    def validity(self, contact: Contact, impacts: Impacts) -> Validity:
-        return Validity()
-
-    def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
-        return Criterion("B", 1.0, 0.5)
-
-    def apply(self, contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
-        out = bounce.done
-        return replace(bounce, outcome=replace(out, v_n=0.5 * out.v_n, e_n=0.5 * out.e_n))
-
-
-@dataclass(frozen=True, repr=False)
-class Guess(Options):
-    """Least squares under another name, with an option of its own."""
-
-    name: ClassVar[str] = "guess"
-    title: ClassVar[str] = "educated guess"
-    label: ClassVar[str] = "guess"
-    summary: ClassVar[str] = "an educated guess"
-    courage: float = option(1.0, "guess: how bold it is.", form="number", metavar="X")
-
-    def refuses(self, problem: Any) -> str:
-        return "" if problem.error_model.is_plain else "it guesses at plain errors only."
-
-    def run(
-        self, problem: Any, optimum: Any, *, seed: int = 0, progress: Any = None, started: float | None = None
-    ) -> Estimation:
-        found = LeastSquares().run(problem, optimum)
-        return replace(found, method=self.name, warnings=(f"courage {self.courage:g}",))
-
-
-def _count(given: ReportInput) -> tuple[Paragraph, ...]:
-    return (Paragraph(f"{len(given.result.points)} rows by {given.result.closure}."),)
-
-
-def _outline(report: Report, stem: str) -> dict[str, bytes]:
-    return {f"{stem}.outline": "\n".join([GENERATOR, *(each.title for each in report.sections)]).encode()}
-
-
-COUNT = ReportSection("count", "How many rows", _count)
-OUTLINE = ReportFormat("outline", _outline)

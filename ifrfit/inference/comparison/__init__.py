@@ -2,4 +2,4 @@
 
 from ifrfit.inference.comparison.compare import compare as compare
 from ifrfit.inference.comparison.result import Comparison as Comparison
-from ifrfit.inference.comparison.result_comparison import compare_again as compare_again
+from ifrfit.inference.comparison.result_comparison import compare_result as compare_result

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 _UNKNOWNS = 3
 _FEWEST = 5  # rows: three unknowns, and two to tell the noise
 _ITERATIONS = 100
-_SETTLED = 1e-8
+_CONVERGED = 1e-8
 _LEVEL = 0.95
 _STEPS = 2.0 ** np.arange(-1.0, 12.0)  # distances, in standard errors, at which a profile is looked at
 _SIXTEENTH = 1.0 / 16.0  # a distance to begin with where there is no standard error
@@ -125,7 +125,7 @@ def _fit(rows: PsiRows, *, known: bool) -> _Fitted | None:
             return None
         change = float(np.abs(new / factor - 1.0).max())
         factor = new
-        if change <= _SETTLED:
+        if change <= _CONVERGED:
             break
     problem = rows.weighted(rows.base * factor)
     return _Fitted(problem, minimise(problem), rows.tau.size - _UNKNOWNS)

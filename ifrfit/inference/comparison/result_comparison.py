@@ -18,7 +18,7 @@ from ifrfit.physics.closures import Closure
 _TOLERANCE = 1e-2  # of the log evidence and, in sd, of the constants: no more digits are shown
 
 
-def compare_again(result: FitResult, *, loo: bool = False) -> Comparison:
+def compare_result(result: FitResult, *, loo: bool = False) -> Comparison:
     """Weigh all closures by the impacts, constants and noise of a fit, each to a tolerance of 1e-2.
 
     The fits are brief: outliers, remedies and effects are not looked for.

@@ -68,7 +68,7 @@ def strength_of(log_bayes_factor: float) -> str:
     return next((word for least, word in SCALE if log_bayes_factor > least), "")
 
 
-def apart(one: FitResult, other: FitResult) -> float:
+def curve_distance(one: FitResult, other: FitResult) -> float:
     """Chi2 between two closures' best curves: below 1 the noise hides which of them made the data."""
     first, second = (fit.points["fitted"].to_numpy(dtype=float) for fit in (one, other))
     return float((((first - second) / one.points["sigma_used"].to_numpy(dtype=float)) ** 2).sum())
@@ -93,7 +93,7 @@ def _stand_in_words(fit: FitResult) -> str:
 
 def _ties(entries: Mapping[str, Entry], best: str, name: str) -> bool:
     gap = entries[best].log_evidence - entries[name].log_evidence
-    return gap <= INDIFFERENT or apart(entries[best].fit, entries[name].fit) < 1.0
+    return gap <= INDIFFERENT or curve_distance(entries[best].fit, entries[name].fit) < 1.0
 
 
 def _refuted(entries: Mapping[str, Entry], ranked: Sequence[str]) -> Verdict | None:

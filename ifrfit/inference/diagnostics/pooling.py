@@ -85,7 +85,7 @@ def sharing(
     models = [model for model in models if math.isfinite(model.log_evidence)]
     if len(models) < 2:
         return None
-    return _fact(models, tested, apart=bool(names))
+    return _fact(models, tested, separate=bool(names))
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def _with_separate(problem: Problem, separate: frozenset[str]) -> Problem:
     return problem.with_parameters(replace(p, separate=p.name in separate) for p in problem.parameters)
 
 
-def _fact(models: list[_Model], tested: list[str], *, apart: bool) -> Fact:
+def _fact(models: list[_Model], tested: list[str], *, separate: bool) -> Fact:
     now, others = models[0], models[1:]
     rival = max(others, key=lambda model: model.log_evidence)
     better, worse = (rival, now) if rival.log_evidence > now.log_evidence else (now, rival)
@@ -115,7 +115,7 @@ def _fact(models: list[_Model], tested: list[str], *, apart: bool) -> Fact:
     decided = gain >= math.log(INDIFFERENT)
     figures = {
         "tested": tested,
-        "direction": "separate" if apart else "shared",
+        "direction": "separate" if separate else "shared",
         "models": [
             {
                 "separate": sorted(model.separate),
@@ -126,7 +126,7 @@ def _fact(models: list[_Model], tested: list[str], *, apart: bool) -> Fact:
         ],
         "preferred": sorted(better.separate) if decided else None,
     }
-    refuted = apart and better is rival and gain > math.log(DECIDED)
+    refuted = separate and better is rival and gain > math.log(DECIDED)
     first, second = better.words(tested), worse.words(tested)
     if not decided:
         says = f"the data have no preference between {now.words(tested)} and {rival.words(tested)}"

@@ -106,11 +106,11 @@ def minimizer_result(result: Findings) -> Any:
     labels = [_label(name) for name in problem.parameters.names]
     theta = optimum.optimum.theta
     lower, upper = problem.parameters.bounds()
-    settled = _settled(result)
+    determined = _determined(result)
     for label, name, value, low, high, free in zip(
         labels, problem.parameters.names, theta, lower, upper, problem.parameters.free, strict=True
     ):
-        varies = bool(free) and name in settled
+        varies = bool(free) and name in determined
         params.add(
             label, value=value, vary=varies, min=low if varies else -np.inf, max=high if varies else np.inf
         )
@@ -127,7 +127,7 @@ def _label(name: str) -> str:
     return "".join(ch if ch.isalnum() or ch == "_" else "_" for ch in name).strip("_")
 
 
-def _settled(result: Findings) -> set[str]:
+def _determined(result: Findings) -> set[str]:
     from ifrfit.inference.result.types import Estimate
 
     names = set()

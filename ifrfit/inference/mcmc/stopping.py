@@ -118,7 +118,7 @@ def tail(evidence: Evidence) -> Finding:
 RULES: tuple[Callable[[Evidence], Finding], ...] = (length, stable, bulk, tail, agreement)
 
 
-def judge(evidence: Evidence) -> Verdict:
+def verdict_of(evidence: Evidence) -> Verdict:
     """Ask every rule."""
     return Verdict(tuple(rule(evidence) for rule in RULES))
 

@@ -19,7 +19,7 @@ from ifrfit.physics.angles import Incidence
 
 Array = NDArray[np.float64]
 
-REACH = 5.5  # sd of the true value to either side: what lies beyond is 4e-8
+HALF_WIDTH = 5.5  # sd of the true value to either side: what lies beyond is 4e-8
 _HERMITE = 9
 _STEEPEST = 1e8  # transition beyond which every impact sticks
 
@@ -73,7 +73,7 @@ class Latent:
     def limits(self) -> tuple[Array, Array]:
         """Ends (U,) of the split coordinate."""
         center, sd = self._split()
-        low, high = center - REACH * sd, center + REACH * sd
+        low, high = center - HALF_WIDTH * sd, center + HALF_WIDTH * sd
         angle = self.by_angle
         return (
             np.where(angle, np.maximum(low, self.ends[0]), low),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.model.error_model import ErrorModel
-from ifrfit.inference.model.latent_incidence import REACH, Latent
+from ifrfit.inference.model.latent_incidence import HALF_WIDTH, Latent
 from ifrfit.inference.model.latent_quadrature import At, pieces, slopes
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
@@ -97,7 +97,7 @@ class RowLaw:
         steep = np.zeros(self.latent.gamma.size)  # squared
         for sd, slope in slopes(self, at_theta(problem, theta[None])):
             np.add.at(steep, self.unit, (slope[0, 0, :, 0] * sd / self.sigma) ** 2)
-        widths = 2.0 * REACH * np.sqrt(1.0 + np.minimum(steep, _STEEPEST**2))
+        widths = 2.0 * HALF_WIDTH * np.sqrt(1.0 + np.minimum(steep, _STEEPEST**2))
         # few different numbers, so that impacts are done together
         order = 16.0 * 1.5 ** np.ceil(np.log((6.0 + 0.9 * widths) / 16.0) / math.log(1.5))
         return replace(self, latent=replace(self.latent, order=np.ceil(order).astype(np.intp)))

@@ -6,6 +6,7 @@ minimum is Lagrange's dual on ever smaller intervals: eqs. (7) to (9) of docs/th
 
 from __future__ import annotations
 
+import heapq
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from ifrfit.inference.optimize.piecewise import Array, PiecewiseOptimum, Piecewi
 from ifrfit.inference.optimize.piecewise_profile import PiecewiseProfile
 from ifrfit.inference.optimize.scalar_search import are_distinct, bounded_minimum, scalar_minima
 
-_INTERVALS = 400  # at the most
+_CUTS = 300  # at the most
 _NARROW = 1e-13
 _CUT = 0.125  # of an interval, to either side of the minimum in it
 
@@ -180,25 +181,29 @@ class Decomposition:
         return LinkedOptimum((best, *others), bound)
 
     def _prove(self, best: tuple[float, float]) -> tuple[tuple[float, float], float]:
-        """Bound F by branching on x; gives the optimum, a better one if the branching met it, and a bound."""
-        queue = [(self.low, self.high)]
-        proven = np.inf
-        for _ in range(_INTERVALS):
-            if not queue:
+        """Bound F by branching on x; gives the optimum, a better one if the branching met it, and a bound.
+
+        The interval with the lowest bound is cut first, so that the bound of the whole rises with each cut.
+        """
+
+        def bounded(low: float, high: float) -> tuple[float, float, float]:
+            x = best[1] if low <= best[1] <= high else 0.5 * (low + high)
+            return self.lower_bound(low, high, x), low, high
+
+        queue = [bounded(self.low, self.high)]
+        for _ in range(_CUTS):
+            bound, low, high = queue[0]
+            if bound >= best[0] - 0.5 * GAP * max(1.0, best[0]) or high - low <= _NARROW * (1.0 + abs(high)):
                 break
-            low, high = queue.pop()
-            holds_best = low <= best[1] <= high
-            x = best[1] if holds_best else 0.5 * (low + high)
-            bound = self.lower_bound(low, high, x)
-            closed = bound >= best[0] - 0.5 * GAP * max(1.0, best[0])
-            if closed or high - low <= _NARROW * (1.0 + abs(high)):
-                proven = min(proven, bound)
-                continue
-            if not holds_best and self.value(x) < best[0]:
-                best = min(best, bounded_minimum(self.value, low, high, 1e-12))
-            step = _CUT * (high - low)
-            cuts = {low, high} | ({max(low, x - step), min(high, x + step)} if holds_best else {x})
-            queue += itertools.pairwise(sorted(cuts))
-        for low, high in queue:  # what the budget left over
-            proven = min(proven, self.lower_bound(low, high, 0.5 * (low + high)))
-        return best, float(proven)
+            heapq.heappop(queue)
+            middle = 0.5 * (low + high)
+            if low <= best[1] <= high:
+                step = _CUT * (high - low)
+                ends = {low, max(low, best[1] - step), min(high, best[1] + step), high}
+            else:
+                ends = {low, middle, high}
+                if self.value(middle) < best[0]:
+                    best = min(best, bounded_minimum(self.value, low, high, 1e-12))
+            for part in itertools.pairwise(sorted(ends)):
+                heapq.heappush(queue, bounded(*part))
+        return best, queue[0][0]

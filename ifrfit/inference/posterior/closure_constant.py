@@ -57,29 +57,29 @@ class ConditioningValues:
 
 @dataclass(frozen=True)
 class ConditionalCoordinate:
-    """Coordinate of the closure constant at each node: c = mode -+ size sinh(u), u from 0 to reach.
+    """Coordinate of the closure constant at each node: c = mode -+ size sinh(u), u from 0 to u_max.
 
     Attributes
     ----------
     mode, size : ndarray, (m, n_e, n_x)
-    reach : ndarray, (m, n_e, n_x, 2)
+    u_max : ndarray, (m, n_e, n_x, 2)
         Below and above the mode.
     """
 
     mode: Array
     size: Array
-    reach: Array
+    u_max: Array
 
     def nodes(self, order: int) -> tuple[Array, Array]:
-        """Nodes on both sides, and the log of dc/dv with v = u/reach, (m, n_e, n_x, 2 (order + 1))."""
-        u = self.reach[..., None] * rule(order).nodes
+        """Nodes on both sides, and the log of dc/dv with v = u/u_max, (m, n_e, n_x, 2 (order + 1))."""
+        u = self.u_max[..., None] * rule(order).nodes
         sign = np.array([-1.0, 1.0])[:, None]
         size = self.size[..., None, None]
         rising = np.exp(u)
         falling = 1.0 / rising
         nodes = self.mode[..., None, None] + (0.5 * sign * size) * (rising - falling)  # sinh
         with np.errstate(divide="ignore"):
-            jacobian = np.log((0.5 * size * self.reach[..., None]) * (rising + falling))  # cosh
+            jacobian = np.log((0.5 * size * self.u_max[..., None]) * (rising + falling))  # cosh
         shape = (*self.mode.shape, -1)
         return nodes.reshape(shape), jacobian.reshape(shape)
 
@@ -154,8 +154,8 @@ def conditional_coordinate(
         far = np.full(far.shape, np.inf)  # rows that disagree keep places likely that are far from the mode
     size = size / (1.0 + slope)
     room = np.stack((mode - lower, upper - mode), axis=-1)
-    reach = np.arcsinh(np.minimum(room, far[..., None]) / size[..., None])
-    return ConditionalCoordinate(mode, size, reach)
+    u_max = np.arcsinh(np.minimum(room, far[..., None]) / size[..., None])
+    return ConditionalCoordinate(mode, size, u_max)
 
 
 def _conditional_mode(

@@ -22,11 +22,11 @@ def local_minima(
     sigma: Array,
     c_ends: tuple[float, float],
     c_prior: tuple[float, float] | None,
-    reach: float,
+    threshold: float,
 ) -> list[tuple[float, float]]:
     """Transitions about which the sum of squares has a minimum between two kinks, with their spread.
 
-    Taken at the reference's e_n. Minima whose sum of squares exceeds the least by `reach` are left out.
+    Taken at the reference's e_n. Minima whose sum of squares exceeds the least by `threshold` are left out.
     """
     kinks = squares.kinks
     edges = np.concatenate(([0.0], kinks, [np.inf]))
@@ -61,6 +61,6 @@ def local_minima(
     good = np.isfinite(x) & np.isfinite(spread) & (x >= edges[:-1]) & (x <= edges[1:])
     if not good.any():
         return []
-    good &= square <= square[good].min() + reach
+    good &= square <= square[good].min() + threshold
     order = np.flatnonzero(good)[np.argsort(square[good])][:_MOST_MINIMA]
     return [(float(x[i]), float(spread[i])) for i in order]

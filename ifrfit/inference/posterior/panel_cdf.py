@@ -19,7 +19,7 @@ _BRACKET = 0.25  # in sd, either side of them
 _LEAST = 1e-15  # probability told from none
 _STEPS = 60  # of the safe search at most
 # where distribution functions are tabled, in sd about the mean
-_REACH = np.concatenate((np.linspace(-3.6, 3.6, 25), [-30.0, -12.0, -7.0, -5.0, 5.0, 7.0, 12.0, 30.0]))
+_SUPPORT = np.concatenate((np.linspace(-3.6, 3.6, 25), [-30.0, -12.0, -7.0, -5.0, 5.0, 7.0, 12.0, 30.0]))
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def quantiles(
     """
     if not sd > 0.0:
         return np.full(p.shape, mean)
-    reach = _REACH
+    reach = _SUPPORT
     if p.size <= _FEW:  # about where a normal law has them, and far out
         z = _normal(p)
         reach = np.concatenate((z - _BRACKET, z + _BRACKET, [-30.0, z.min() - 2.0, z.max() + 2.0, 30.0]))

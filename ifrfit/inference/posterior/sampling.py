@@ -191,13 +191,13 @@ def _closure_constant(
     mode, size = (
         np.broadcast_to(y, shape).reshape(-1)[used, None] for y in (coordinate.mode, coordinate.size)
     )
-    reach = np.broadcast_to(coordinate.reach, (*shape, 2)).reshape(-1, 2)[used]
+    u_max = np.broadcast_to(coordinate.u_max, (*shape, 2)).reshape(-1, 2)[used]
     sides = np.broadcast_to(grid.f, (*shape, grid.f.shape[-1])).reshape(-1, 2, order + 1)[used]
     sides[:, 0] = sides[:, 0, ::-1]  # the left side runs away from the mode: turn it round
     # the coordinate: from -1 (left end) to 0 (mode) to 1 (right end)
     table = InverseCdfTable.of(PanelCdf.of(np.array([[-1.0, 0.0]]), np.ones((1, 2)), sides))
     points = table_points(order)
-    u = np.concatenate((reach[:, :1] * (points - 1.0), reach[:, 1:] * points), axis=1)
+    u = np.concatenate((u_max[:, :1] * (points - 1.0), u_max[:, 1:] * points), axis=1)
     places = mode + size * np.sinh(u)
     found = [table.inverse(number[at], p, places)[0] for at in ends]
     return np.asarray(found[0] + x_share * (found[-1] - found[0]))

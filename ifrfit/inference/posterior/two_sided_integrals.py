@@ -26,7 +26,7 @@ class TwoSidedIntegrals:
     coefficients : list of ndarray, (coefficients, 2 n)
         By level (rule, coarse rule), of the integral below the mode, then above it.
     total : ndarray, (2 levels, 2 sides, n)
-    mode, size, reach : ndarray, (n,), (n,), (2, n)
+    mode, size, u_max : ndarray, (n,), (n,), (2, n)
         Of the coordinate, as in `ConditionalCoordinate`.
     """
 
@@ -35,7 +35,7 @@ class TwoSidedIntegrals:
     total: Array
     mode: Array
     size: Array
-    reach: Array
+    u_max: Array
 
     @classmethod
     def of(
@@ -66,8 +66,8 @@ class TwoSidedIntegrals:
         coefficients = [np.concatenate([to @ sides[:, i].T for i in (0, 1)], axis=1) for to in kept]
         total = np.stack([found.sum(axis=0).reshape(2, -1) for found in coefficients])
         mode, size = (np.broadcast_to(y, shape).reshape(-1)[used] for y in (coordinate.mode, coordinate.size))
-        reach = np.broadcast_to(coordinate.reach, (*shape, 2)).reshape(-1, 2)[used].T
-        return cls(place, coefficients, total, mode, size, reach)
+        u_max = np.broadcast_to(coordinate.u_max, (*shape, 2)).reshape(-1, 2)[used].T
+        return cls(place, coefficients, total, mode, size, u_max)
 
     def below(self, c: Array, node: Index, levels: int) -> Array:
         """Integrals up to values of c, (levels, n, k).
@@ -82,15 +82,15 @@ class TwoSidedIntegrals:
         """
         distance = c - self.mode[node]
         side = (distance >= 0.0).astype(np.intp)
-        reach = self.reach[side, node]
+        u_max = self.u_max[side, node]
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            v = np.arcsinh(np.abs(distance) / self.size[node]) / reach
-        inside = np.flatnonzero(((v < 1.0) & (reach > 0.0)).reshape(-1))
+            v = np.arcsinh(np.abs(distance) / self.size[node]) / u_max
+        inside = np.flatnonzero(((v < 1.0) & (u_max > 0.0)).reshape(-1))
         column = (side * self.mode.size + node).reshape(-1)[inside]
         at = v.reshape(-1)[inside]
         found = np.empty((levels, *side.shape))
         for level in range(levels):
-            amount = self.total[level][side, node].reshape(-1)  # beyond the reach all of a side
+            amount = self.total[level][side, node].reshape(-1)  # beyond u_max all of a side
             amount[inside] = integral_up_to(self.coefficients[level][:, column].T, at)
             amount = amount.reshape(side.shape)
             found[level] = self.total[level, 0, node] + np.where(side == 1, amount, -amount)

@@ -12,13 +12,13 @@ import numpy as np
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Array
 
 _ROUNDS = 40  # of weights and constants in turn
 _AT_REST = 1e-7  # fall of the objective at which they have come to rest
 
-Held = Callable[[Array, Array], Array]  # row sigma and a theta nearby to the best theta
+ConstrainedOptimum = Callable[[Array, Array], Array]  # row sigma and a theta nearby to the best theta
 
 
 class Minimum(NamedTuple):
@@ -42,7 +42,7 @@ class Misfit:
     Attributes
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     groups : tuple of ndarray of int
         Rows that share one unknown noise; empty where sigma is known.
     base : ndarray
@@ -52,14 +52,14 @@ class Misfit:
     """
 
     problem: Problem
-    fit: LeastSquares
+    fit: LeastSquaresFit
     groups: tuple[Index, ...]
     base: Array
     dof: Array
     squares: Array
 
     @classmethod
-    def of(cls, problem: Problem, fit: LeastSquares) -> Misfit:
+    def of(cls, problem: Problem, fit: LeastSquaresFit) -> Misfit:
         """The misfit under the problem's noise policy."""
         groups, base = tuple(problem.noise_groups().values()), problem.noise.base
         dof = np.array([rows.size - float(fit.gaussian.leverage[rows].sum()) for rows in groups])
@@ -73,19 +73,19 @@ class Misfit:
             return self._chi2(theta) - self._chi2(self.fit.optimum.theta) + change
         return float(self.dof @ np.log(self._squares(theta) / self.squares)) + change
 
-    def minimum(self, held: Held, near: Array) -> Minimum:
-        """Least rise, and where, over what `held` leaves free.
+    def minimum(self, constrained: ConstrainedOptimum, near: Array) -> Minimum:
+        """Least rise, and where, over what `constrained` leaves free.
 
         With several noises, or a prior beside one, weights and constants are improved in turn: each round
         minimises a bound on the logarithms that touches them, so the rise never grows.
         """
-        theta = held(self.fit.sigma if not self.groups else self._sigma(near), near)
+        theta = constrained(self.fit.sigma if not self.groups else self._sigma(near), near)
         rise = self.rise(theta)
         if not self.groups or (len(self.groups) == 1 and not self._has_prior):
             return Minimum(rise, theta, 0.0)
         fall = math.inf
         for _ in range(_ROUNDS):
-            moved = held(self._sigma(theta), theta)
+            moved = constrained(self._sigma(theta), theta)
             fall = rise - self.rise(moved)
             if fall > 0.0:
                 rise, theta = rise - fall, moved

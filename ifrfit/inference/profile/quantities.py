@@ -10,7 +10,7 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.profile.constrained_fit import (
     best_over_e_n,
@@ -30,7 +30,7 @@ _COVERED = 0.997
 _PRIOR_TAU = 2.0  # upper end of the default prior of a transition
 _UNCONVERGED = 1e-4  # last fall of the rise, relative where it is over 1, above which the noise still moves
 
-Held = Callable[[float, Array, Array], Array]  # value, row sigma, theta nearby -> theta
+ConstrainedOptimum = Callable[[float, Array, Array], Array]  # value, row sigma, theta nearby -> theta
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Quantity:
     name : str
     of : callable
         theta to its value.
-    held : callable
+    constrained : callable
         Best theta with the quantity held at a value.
     domain : Domain
     functional : ndarray
@@ -53,13 +53,13 @@ class Quantity:
 
     name: str
     of: Callable[[Array], float]
-    held: Held
+    constrained: ConstrainedOptimum
     domain: Domain
     functional: Array
     far: float | None = None
 
 
-def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
+def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
     """A free entry of theta."""
     constant = problem.parameters.entries[place]
     lower = constant.lower
@@ -78,7 +78,7 @@ def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
     )
 
 
-def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quantity | None:
+def kappa(problem: Problem, fit: LeastSquaresFit, series: int, name: str) -> Quantity | None:
     """kappa = mu (1 + e_n) of a series; None where both are fixed."""
     places = problem.parameters.positions
     i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
@@ -87,7 +87,7 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
     if e_n.fixed is not None and mu.fixed is not None:
         return None
 
-    def held(x: float, sigma: Array, near: Array) -> Array:
+    def constrained(x: float, sigma: Array, near: Array) -> Array:
         if mu.fixed is not None:
             e = min(max(x / mu.fixed - 1.0, e_n.lower), e_n.upper) if mu.fixed > 0.0 else e_n.lower
             return best_with(problem, sigma, {i_e: e}, near)
@@ -109,14 +109,14 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
     return Quantity(
         name,
         lambda theta: float(theta[i_mu] * (1.0 + theta[i_e])),
-        held,
+        constrained,
         Domain.of_kappa(replace(e_n, lower=lowest), mu),
         kappa_at(problem, fit, series)[1],
         None if far is None else far * (1.0 + high_e),
     )
 
 
-def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity | None:
+def transition_tau(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity | None:
     """Slip ratio at the transition of a series, kappa/b, where b depends on the closure constant.
 
     None at an optimum without a transition. Bounds that a user sets to mu do not limit it.
@@ -134,7 +134,7 @@ def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity
         b = float(law.bound(theta[i_c]))
         return float(theta[i_mu] * (1.0 + theta[i_e]) / b) if b > 0.0 else math.inf
 
-    def held(x: float, sigma: Array, near: Array) -> Array:
+    def constrained(x: float, sigma: Array, near: Array) -> Array:
         starts = [near, *(theta for _, theta in fit.optimum.minima)]
         tie = lambda e, c: x * float(law.bound(c)) / (1.0 + e)  # noqa: E731
         return best_tied(problem, sigma, series, tie, (-math.inf, math.inf), _distinct(starts))
@@ -145,7 +145,7 @@ def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity
     at = problem.rows.series == series
     tau = problem.rows.tau[at & np.isfinite(problem.rows.tau)]
     far = 1.05 * float(tau.max(initial=0.1)) if _level(problem, i_mu) is not None else None
-    return Quantity("transition_tau", of, held, Domain(0.0, math.inf, _PRIOR_TAU), functional, far)
+    return Quantity("transition_tau", of, constrained, Domain(0.0, math.inf, _PRIOR_TAU), functional, far)
 
 
 def _level(problem: Problem, place: int) -> float | None:
@@ -191,7 +191,7 @@ def profile_curve(
 
     def rise(x: float) -> float:
         near = thetas[min(thetas, key=lambda place: abs(place - x))]
-        found = misfit.minimum(lambda sigma, near: quantity.held(x, sigma, near), near)
+        found = misfit.minimum(lambda sigma, near: quantity.constrained(x, sigma, near), near)
         thetas[x] = found.theta
         if not found.fall <= _UNCONVERGED * max(1.0, found.rise):
             curve.unconverged.append(x)
@@ -206,7 +206,7 @@ def profile_curve(
     return curve
 
 
-def quantities_of(problem: Problem, fit: LeastSquares) -> Mapping[str, Quantity]:
+def quantities_of(problem: Problem, fit: LeastSquaresFit) -> Mapping[str, Quantity]:
     """Every free entry of theta; and kappa (by series where e_n or mu is separate) unless e_n is given.
 
     With e_n given kappa is mu times a number, and needs no profile of its own.

@@ -107,10 +107,10 @@ class Contact:
         """
         if hertzian and not math.isclose(self.inertia_factor, SOLID, rel_tol=1e-9):
             return "not a homogeneous sphere, so not taken as a Hertz contact"
-        absent = [name for name in names if not self._knows(name)]
+        absent = [name for name in names if not self._has(name)]
         return "not given: " + ", ".join(_CALLED[name] for name in absent) if absent else ""
 
-    def _knows(self, name: str) -> bool:
+    def _has(self, name: str) -> bool:
         if name == "mass":
             return self.mass is not None or self.density is not None
         return getattr(self, name) is not None

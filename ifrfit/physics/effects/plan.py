@@ -15,7 +15,7 @@ from ifrfit.physics.effects.outcome_difference import differences
 from ifrfit.physics.effects.pilot_impacts import pilot_rows
 from ifrfit.physics.effects.protocol import Criterion
 from ifrfit.physics.effects.registry import EFFECTS
-from ifrfit.physics.effects.scene_checks import Wanted, check_closure, check_restitution, check_wanted
+from ifrfit.physics.effects.scene_checks import Requested, check_closure, check_requested, check_restitution
 
 State = Literal["on", "off", "constant", "refused", "unknown"]
 
@@ -85,7 +85,7 @@ def make_plan(
     observables: Sequence[str],
     *,
     accuracy: float,
-    wanted: Wanted = "auto",
+    requested: Requested = "auto",
     given: Mapping[str, str] | None = None,
 ) -> Plan:
     """Decide which effects to compute.
@@ -99,7 +99,7 @@ def make_plan(
         Whose changes count.
     accuracy : float
         Change of an observable that is allowed to all dropped effects together (angles in radians).
-    wanted : "auto" or tuple of str
+    requested : "auto" or tuple of str
         Names of the effects to compute, whatever they change.
     given : mapping
         Constants that the user gave: ``e_n``, ``tangential``, to their names as in the scene.
@@ -120,7 +120,7 @@ def make_plan(
     out of everything that can be computed, so that effects which are strong together are not taken for weak.
     """
     pilot = impacts.take(pilot_rows(impacts))
-    planner = _Planner(contact, pilot, tuple(observables), accuracy, wanted, dict(given or {}))
+    planner = _Planner(contact, pilot, tuple(observables), accuracy, requested, dict(given or {}))
     return planner.plan()
 
 
@@ -130,7 +130,7 @@ class _Planner:
     impacts: Impacts
     observables: tuple[str, ...]
     accuracy: float
-    wanted: Wanted
+    requested: Requested
     given: Mapping[str, str]
 
     def plan(self) -> Plan:
@@ -139,18 +139,18 @@ class _Planner:
         valid = {name: EFFECTS[name].validity(self.contact, self.impacts) for name in usable}
         replacing = {name for name in usable if EFFECTS[name].replaces in self.given}
         invalid = {name: v.words for name, v in valid.items() if not v.holds}
-        check_wanted(self.wanted, self.given, lacking | invalid)
+        check_requested(self.requested, self.given, lacking | invalid)
         check_closure(self.impacts, lacking | invalid)
         refused = {name for name in usable if not valid[name].holds and not self._needed(name)}
         laws = [n for n in usable if EFFECTS[n].replaces == "e_n" and n not in replacing]
-        check_restitution(laws, self.wanted, self.given)
+        check_restitution(laws, self.requested, self.given)
         # in a list, a law of e_n that is not named has another in its place
-        replacing |= {n for n in laws if self.wanted != "auto" and n not in self.wanted}
+        replacing |= {n for n in laws if self.requested != "auto" and n not in self.requested}
         # the law of a refused effect is still a bound: it may be dropped as too small, but never be on
         computed = [name for name in usable if name not in replacing | refused]
         everything = compose(self.contact, self.impacts, computed)
         # in a list, what is not on is judged by adding it, else by leaving it out of everything
-        base = [n for n in computed if self.wanted == "auto" or n in self.wanted or self._needed(n)]
+        base = [n for n in computed if self.requested == "auto" or n in self.requested or self._needed(n)]
         changes: dict[str, tuple[float, str]] = {}
         for name in usable:
             less = [n for n in base if n != name]
@@ -198,8 +198,8 @@ class _Planner:
         """The effects to drop, least first, and what they change together."""
         bounds = [name for name in refused if changes[name][0] <= self.accuracy]
         full = [*computed, *bounds]
-        if self.wanted != "auto":
-            drop = [name for name in full if name not in self.wanted and not self._needed(name)]
+        if self.requested != "auto":
+            drop = [name for name in full if name not in self.requested and not self._needed(name)]
             return drop, self._change(full, [n for n in full if n not in drop])[0]
         together = self._change(full, computed)[0]
         dropped = list(bounds)
@@ -232,11 +232,11 @@ class _Planner:
         if name == "lateral-spin":
             return ("on", "in 3-D") if self._needed(name) else ("off", "planar")
         if name not in dropped:
-            if self.wanted != "auto":
+            if self.requested != "auto":
                 return "on", "listed"
             if self._needed(name):
                 return "on", "takes the place of the closure's constant"
             return "on", "" if not small else "small, but with the dropped ones too much"
-        if self.wanted != "auto":
+        if self.requested != "auto":
             return "off", "not listed"
         return "off", ""

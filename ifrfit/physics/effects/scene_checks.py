@@ -9,15 +9,15 @@ from ifrfit.errors import DataError
 from ifrfit.physics.effects.contact import Impacts
 from ifrfit.physics.effects.registry import EFFECTS
 
-Wanted = Literal["auto"] | tuple[str, ...]
+Requested = Literal["auto"] | tuple[str, ...]
 
 
-def check_wanted(wanted: Wanted, given: Mapping[str, str], obstacles: Mapping[str, str]) -> None:
+def check_requested(requested: Requested, given: Mapping[str, str], obstacles: Mapping[str, str]) -> None:
     """Refuse a list that asks for what cannot be computed.
 
     Parameters
     ----------
-    wanted : "auto" or tuple of str
+    requested : "auto" or tuple of str
     given : mapping
         ``e_n``, ``tangential``, to the names of the constants that stand for them.
     obstacles : mapping
@@ -28,7 +28,7 @@ def check_wanted(wanted: Wanted, given: Mapping[str, str], obstacles: Mapping[st
     DataError
         If a listed effect cannot be computed, or computes what a constant gives.
     """
-    for name in wanted if wanted != "auto" else ():
+    for name in requested if requested != "auto" else ():
         constant = given.get(EFFECTS[name].replaces)
         if constant is not None:
             raise DataError(f"effects lists {name}, which computes what {constant} gives. Remove one.")
@@ -50,7 +50,7 @@ def check_closure(impacts: Impacts, obstacles: Mapping[str, str]) -> None:
         )
 
 
-def check_restitution(laws: Collection[str], wanted: Wanted, given: Mapping[str, str]) -> None:
+def check_restitution(laws: Collection[str], requested: Requested, given: Mapping[str, str]) -> None:
     """Refuse anything but one law of e_n, or a constant.
 
     Parameters
@@ -62,7 +62,7 @@ def check_restitution(laws: Collection[str], wanted: Wanted, given: Mapping[str,
     ------
     DataError
     """
-    chosen = [name for name in laws if wanted == "auto" or name in wanted]
+    chosen = [name for name in laws if requested == "auto" or name in requested]
     if "e_n" in given or len(chosen) == 1:
         return
     if chosen:

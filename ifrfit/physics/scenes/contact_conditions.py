@@ -27,7 +27,7 @@ class Surroundings:
         Materials in words; may be empty.
     sources : tuple of str
         Where the numbers of named materials come from.
-    states_inertia : bool
+    gives_inertia : bool
         Whether the file states an inertia factor.
     sha256 : str
         Of the file, hexadecimal.
@@ -39,7 +39,7 @@ class Surroundings:
     body: str
     wall: str
     sources: tuple[str, ...]
-    states_inertia: bool
+    gives_inertia: bool
     sha256: str
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from ifrfit.errors import DataError
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.effects import EFFECTS
-from ifrfit.physics.effects.scene_checks import Wanted
+from ifrfit.physics.effects.scene_checks import Requested
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.scenes.bodies import read_contact
 from ifrfit.physics.scenes.quantities import Quantity
@@ -111,7 +111,7 @@ def _scene(content: dict[str, Any], path: Path, sha256: str) -> Scene:
     return scene
 
 
-def _effects(top: Table) -> Wanted:
+def _effects(top: Table) -> Requested:
     if top.raw("effects") in (None, "auto"):
         return "auto"
     names = top.texts("effects") or ()

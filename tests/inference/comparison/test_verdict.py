@@ -9,7 +9,7 @@ import pytest
 from comparison_data import FOUR, observations
 
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.comparison.verdict import STAND_IN, apart, strength_of, verdict_of
+from ifrfit.inference.comparison.verdict import STAND_IN, curve_distance, strength_of, verdict_of
 from ifrfit.inference.result.types import Fact
 
 FIX = {"e_n": 0.9}
@@ -48,7 +48,7 @@ def test_where_closures_coincide_the_data_cannot_tell():
     assert found.verdict.kind == "undecided"
     assert set(found.verdict.tied) == {"fr", "ifr"}
     assert found.verdict.says.startswith("These data cannot tell ")
-    assert apart(found.entries["fr"].fit, found.entries["ifr"].fit) < 1.0
+    assert curve_distance(found.entries["fr"].fit, found.entries["ifr"].fit) < 1.0
 
 
 def test_a_nested_closure_is_told_by_the_room_of_its_prior_only():
@@ -65,7 +65,7 @@ def test_a_nested_closure_is_told_by_the_room_of_its_prior_only():
 
 def test_curves_that_differ_are_no_tie():
     found = compared("ifr", closures=("fr", "ifr"), sigma=0.02, e_t=-0.7)
-    assert apart(found.entries["ifr"].fit, found.entries["fr"].fit) > 10.0
+    assert curve_distance(found.entries["ifr"].fit, found.entries["fr"].fit) > 10.0
 
 
 def test_all_are_refuted_where_none_describes_the_data():

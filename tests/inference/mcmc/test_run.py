@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcmc_targets import Modes, Normal
 
-from ifrfit.inference.mcmc import begin, judge, run
+from ifrfit.inference.mcmc import begin, run, verdict_of
 from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 from ifrfit.inference.mcmc.chains import Chains
 from ifrfit.inference.mcmc.ensemble import walk
@@ -34,7 +34,7 @@ def same(one: Chains, other: Chains) -> bool:
 def test_it_stops_when_the_evidence_suffices_and_the_answer_is_right() -> None:
     chains, evidence = run(Normal(), begun())
     assert chains.steps < MAX_STEPS
-    assert judge(evidence).ok
+    assert verdict_of(evidence).ok
     for name, mean, sd in (("x", 1.0, 1.0), ("y", -2.0, 0.1)):
         kept = evidence.kept[name]
         assert abs(kept.mean() - mean) < 5.0 * sd / np.sqrt(evidence.bulk[name])
@@ -46,7 +46,7 @@ def test_it_stops_when_the_evidence_suffices_and_the_answer_is_right() -> None:
 def test_it_stops_at_the_budget_all_the_same() -> None:
     chains, evidence = run(Normal(), begun(), max_steps=50)
     assert chains.steps == 50
-    assert not judge(evidence).ok
+    assert not verdict_of(evidence).ok
 
 
 def test_the_budget_of_chains_that_are_longer_already_adds_nothing() -> None:
@@ -140,7 +140,7 @@ def test_a_mode_that_all_ensembles_miss_is_missed() -> None:
 
 def test_ensembles_in_different_modes_are_caught() -> None:
     evidence = only_local(FAR, FAR.starts(signs([1.0, 0.0, 1.0, 0.0])), 800)
-    verdict = judge(evidence)
+    verdict = verdict_of(evidence)
     assert evidence.rhat["x"] > 1.5
     assert "rhat" in verdict.failed
     assert verdict.steps_more is None
@@ -150,12 +150,12 @@ def test_shares_that_do_not_settle_are_caught() -> None:
     # every ensemble has walkers in both modes, and none of them ever changes over
     evidence = only_local(FAR, FAR.starts(signs([0.5, 0.75, 0.25, 0.5])), 800)
     assert evidence.rhat["x"] > 1.01
-    assert not judge(evidence).ok
+    assert not verdict_of(evidence).ok
 
 
 def test_our_moves_find_the_weights_of_two_far_modes() -> None:
     start = begin(FAR, FAR.starts(signs([0.5, 0.75, 0.25, 0.5])), SEED)
     _, evidence = run(FAR, start)
-    assert judge(evidence).ok
+    assert verdict_of(evidence).ok
     share = float((evidence.kept["x"] > 0.0).mean())
     assert abs(share - 0.7) < 5.0 * np.sqrt(0.7 * 0.3 / evidence.bulk["x"])

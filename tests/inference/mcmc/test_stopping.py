@@ -10,7 +10,7 @@ import pytest
 from mcmc_targets import autoregressive
 
 from ifrfit.inference.mcmc.chain_diagnostics import Evidence
-from ifrfit.inference.mcmc.stopping import RULES, Finding, Verdict, is_met, judge
+from ifrfit.inference.mcmc.stopping import RULES, Finding, Verdict, is_met, verdict_of
 
 
 def evidence(**changes: Any) -> Any:
@@ -69,9 +69,9 @@ CASES = [
 
 @pytest.mark.parametrize(("rule", "missed", "met", "words", "more"), CASES, ids=[case[0] for case in CASES])
 def test_each_rule_alone(rule: str, missed: Any, met: Any, words: str, more: float) -> None:
-    assert judge(evidence(**met)).ok
+    assert verdict_of(evidence(**met)).ok
     assert is_met(evidence(**met))
-    verdict = judge(evidence(**missed))
+    verdict = verdict_of(evidence(**missed))
     assert verdict.failed == (rule,)
     assert not is_met(evidence(**missed))
     assert words in verdict.says
@@ -82,12 +82,12 @@ def test_each_rule_alone(rule: str, missed: Any, met: Any, words: str, more: flo
 
 
 def test_every_rule_has_a_case() -> None:
-    assert sorted(case[0] for case in CASES) == sorted(f.rule for f in judge(evidence()).findings)
+    assert sorted(case[0] for case in CASES) == sorted(f.rule for f in verdict_of(evidence()).findings)
     assert len(RULES) == len(CASES)
 
 
 def test_ensembles_that_have_not_met_foretell_nothing() -> None:
-    verdict = judge(evidence(rhat={"e_t": 1.0, "mu": 1.5}))
+    verdict = verdict_of(evidence(rhat={"e_t": 1.0, "mu": 1.5}))
     assert verdict.steps_more is None
     assert "not in the same place" in verdict.says
 
@@ -102,7 +102,7 @@ def test_ensembles_that_have_not_met_foretell_nothing() -> None:
     ],
 )
 def test_what_does_not_move_foretells_nothing(nothing: Any, rule: str) -> None:
-    verdict = judge(evidence(**nothing))
+    verdict = verdict_of(evidence(**nothing))
     assert rule in verdict.failed
     assert verdict.steps_more is None
 
@@ -120,7 +120,7 @@ def test_so_many_steps_more_are_about_enough(phi: float) -> None:
     tau = (1.0 + phi) / (1.0 - phi)
     begun = int(30.0 * tau)
     whole = autoregressive((4, 20_000, 8), phi, seed=3)
-    more = judge(Evidence({"x": whole[:, :begun]})).steps_more
+    more = verdict_of(Evidence({"x": whole[:, :begun]})).steps_more
     assert more is not None
-    assert not judge(Evidence({"x": whole[:, : begun + more // 3]})).ok
-    assert judge(Evidence({"x": whole[:, : begun + 3 * more // 2]})).ok
+    assert not verdict_of(Evidence({"x": whole[:, : begun + more // 3]})).ok
+    assert verdict_of(Evidence({"x": whole[:, : begun + 3 * more // 2]})).ok

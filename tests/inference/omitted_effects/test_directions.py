@@ -95,7 +95,7 @@ def test_compliance(problem):
 
 
 def test_an_open_e_n_leaves_the_size_of_its_laws_open(problem):
-    found = by_name(*problem, knows_e_n=False)
+    found = by_name(*problem, e_n_known=False)
     assert found["viscoelastic"].by_kappa
     assert not found["viscoelastic"].whole
 

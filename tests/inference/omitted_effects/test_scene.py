@@ -54,8 +54,8 @@ def test_of_a_bundled_dataset():
     assert found.speed == (3.9,)
     assert found.contact.density == MATERIALS["alumina"].density
     assert found.contact.limiting_pressure == MATERIALS["soda-lime-glass"].limiting_pressure
-    assert found.told.unknown == ()
-    assert any("taken as alumina: sintered alpha-alumina, Munro (1997)" in says for says in found.told.known)
+    assert found.scene.unknown == ()
+    assert any("taken as alumina: sintered alpha-alumina, Munro (1997)" in says for says in found.scene.known)
     assert found.contact.interface_energy is None
 
 
@@ -63,14 +63,14 @@ def test_what_is_not_stated_stays_unknown():
     found = setting_of(ifrfit.load_dataset("cross-2019"), 0.4)
     assert found.speed == ()
     assert found.contact.modulus is None
-    assert "material of the sphere: 'steel' is none of the library" in found.told.unknown
+    assert "material of the sphere: 'steel' is none of the library" in found.scene.unknown
     assert any(
         says.startswith("speed of rows that state none: 'no spin: not printed;")
-        for says in found.told.unknown
+        for says in found.scene.unknown
     )
     nothing = setting_of(described({"diameter_mm": "-3", "speed_m_s": {"value": 2}}), 0.4)
     assert (nothing.diameter, nothing.speed) == ((), (2.0,))
-    assert "material of the wall" in nothing.told.unknown
+    assert "material of the wall" in nothing.scene.unknown
     assert setting_of(described({}), 0.4) is None
     assert setting_of(described({"diameter_mm": 5}, rows_used=0), 0.4) is None
 
@@ -105,17 +105,17 @@ def test_of_a_scene_file(scene, impacts):
     found = setting_of(data, 0.4, path)
     assert found.diameter == pytest.approx((4e-3, 6e-3))
     assert found.speed == (1.0, 3.0)
-    assert (found.told.origin, found.told.body, found.told.wall) == (
+    assert (found.scene.origin, found.scene.body, found.scene.wall) == (
         "scene.toml",
         "soda-lime-glass",
         "granite",
     )
-    assert "diameter 4 to 6 mm (scene.toml)" in found.told.known
+    assert "diameter 4 to 6 mm (scene.toml)" in found.scene.known
     whole = setting_of(data, 0.4, ROOT / "docs" / "scenes" / "kharaz.toml")
     assert whole.contact.interface_energy == 0.1
     alone = setting_of(data, 0.4, scene("[sphere]\ndiameter_mm = { mean = 5, sd = 1 }"))
     assert alone.diameter == pytest.approx((5e-3,))
-    assert alone.told.unknown == ("material of the sphere", "material of the wall")
+    assert alone.scene.unknown == ("material of the sphere", "material of the wall")
 
 
 @pytest.mark.parametrize(

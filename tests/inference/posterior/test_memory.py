@@ -48,6 +48,7 @@ FACTOR = {"noise": "scaled", "noise_bounds": {"": (0.05, 20.0)}}
 
 
 ASKED = {
+    "no more": Question(ROWS, "fr", **FACTOR),  # type: ignore[arg-type]
     "a prior on mu": Question(ROWS, "fr", prior={"mu": (0.15, 0.05)}, **FACTOR),  # type: ignore[arg-type]
     "a row of mu": Question((*ROWS, Row("mu", 5.0, 0.15, 0.03)), "fr", **FACTOR),  # type: ignore[arg-type]
 }

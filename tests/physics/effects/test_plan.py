@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from factories import BILINEAR, own_constant
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -55,14 +56,14 @@ def scenes(draw):
         rolling_friction=draw(st.one_of(st.none(), st.floats(0.0, 0.1))),
         fluid=draw(st.one_of(st.none(), st.just(Fluid("oil", 0.1)), st.just(Fluid("air", 1.81e-5, 66e-9)))),
     )
-    law = draw(st.sampled_from([("ifr", -0.95), ("fr", 0.4), ("f", 0.0), ("ifr-contact", -0.3)]))
+    law = draw(st.sampled_from(BILINEAR))
     numbers = {
         "speed": draw(speeds),
         "radius": draw(sizes),
         "e_n": draw(st.floats(0.0, 1.0)),
         "mu": draw(st.floats(0.0, 2.0)),
-        "closure": law[0],
-        "constant": law[1],
+        "closure": law,
+        "constant": next(iter(own_constant(law).values()), 0.0),
     }
     gammas = [0.0, *sorted(draw(st.lists(st.floats(0.0, 90.0), min_size=1, max_size=6)))]
     spins = draw(st.tuples(st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, -0.5])))
@@ -138,29 +139,29 @@ def test_without_e_n_the_law_that_can_is_computed(impacts, glass):
         make_plan(glass, impacts(), OBSERVABLES, accuracy=1e-3, given=known)
     with pytest.raises(DataError, match=r"constants\.e_n is missing, and nothing computes it"):
         make_plan(Contact(), impacts(), OBSERVABLES, accuracy=1e-3, given=known)
-    chosen = make_plan(glass, impacts(), OBSERVABLES, accuracy=1e-3, given=known, wanted=("viscoelastic",))
+    chosen = make_plan(glass, impacts(), OBSERVABLES, accuracy=1e-3, given=known, requested=("viscoelastic",))
     assert chosen.on == ("viscoelastic",)
     assert line(chosen, "plasticity").reason == "not listed"
 
 
 def test_a_list_is_computed_as_it_is(impacts, glass):
     some = impacts([10.0, 40.0], speed=0.5, radius=1e-5)
-    plan = make_plan(glass, some, OBSERVABLES, accuracy=1e-3, given=GIVEN, wanted=("rolling",))
+    plan = make_plan(glass, some, OBSERVABLES, accuracy=1e-3, given=GIVEN, requested=("rolling",))
     assert plan.on == ("rolling",)
     adhesion = line(plan, "adhesion")
     assert adhesion.state == "off"
     assert adhesion.alarm
-    nothing = make_plan(glass, some, OBSERVABLES, accuracy=1e-3, given=GIVEN, wanted=())
+    nothing = make_plan(glass, some, OBSERVABLES, accuracy=1e-3, given=GIVEN, requested=())
     assert nothing.on == ()
 
 
 def test_lateral_spin_is_no_choice(impacts, glass):
-    plan = make_plan(glass, impacts([10.0], 1e-9), OBSERVABLES, accuracy=1e-3, given=GIVEN, wanted=())
+    plan = make_plan(glass, impacts([10.0], 1e-9), OBSERVABLES, accuracy=1e-3, given=GIVEN, requested=())
     assert plan.on == ("lateral-spin",)
 
 
 @pytest.mark.parametrize(
-    ("wanted", "change", "says"),
+    ("requested", "change", "says"),
     [
         ("plasticity", {}, "which computes what constants.e_n gives. Remove one."),
         ("adhesion", {"interface_energy": None}, "but not given: contact.interface_energy_J_m2"),
@@ -168,10 +169,15 @@ def test_lateral_spin_is_no_choice(impacts, glass):
         ("adhesion", {"inertia_factor": 0.6667}, "but not a homogeneous sphere"),
     ],
 )
-def test_a_list_that_cannot_be_is_refused(impacts, glass, wanted, change, says):
+def test_a_list_that_cannot_be_is_refused(impacts, glass, requested, change, says):
     with pytest.raises(DataError) as caught:
         make_plan(
-            replace(glass, **change), impacts(), OBSERVABLES, accuracy=1e-3, given=GIVEN, wanted=(wanted,)
+            replace(glass, **change),
+            impacts(),
+            OBSERVABLES,
+            accuracy=1e-3,
+            given=GIVEN,
+            requested=(requested,),
         )
     assert says in str(caught.value)
     assert caught.value.exit_status == 3

@@ -8,7 +8,7 @@ import pytest
 
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.bootstrap import bootstrap
-from ifrfit.inference.comparison.result_comparison import compare_again
+from ifrfit.inference.comparison.result_comparison import compare_result
 from ifrfit.inference.diagnostics.interval_comparison import intervals
 from ifrfit.inference.fit import fit
 from ifrfit.inference.optimize.least_squares import least_squares
@@ -18,7 +18,7 @@ from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.report.page import assemble
 from ifrfit.report.page.registries import FORMATS
 
-SOLVERS = (bootstrap, compare_again, fit, integrate, intervals, least_squares, profile_all, solve)
+SOLVERS = (bootstrap, compare_result, fit, integrate, intervals, least_squares, profile_all, solve)
 
 
 @pytest.fixture

@@ -10,14 +10,14 @@ from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import
 from ifrfit.inference.diagnostics.omitted_effects.selection import effects_fact
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Estimate, Fact
 from ifrfit.physics.compliance.law import chi_range
 
 
 def effects_of(
     problem: Problem,
-    fit: LeastSquares,
+    fit: LeastSquaresFit,
     setting: Setting | None,
     constants: Constants,
     derived: Mapping[str, Any],
@@ -27,7 +27,7 @@ def effects_of(
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     setting : Setting or None
         The scene of the data.
     constants, derived : mapping
@@ -40,17 +40,17 @@ def effects_of(
     facts : dict
         ``effects``; empty where no effect could show in these rows.
     """
-    knows_e_n = _has_value(constants["e_n"])
+    e_n_known = _has_value(constants["e_n"])
     if setting is None:
-        fact = effects_fact(problem, fit, knows_e_n=knows_e_n)
+        fact = effects_fact(problem, fit, e_n_known=e_n_known)
     else:
         speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
         chi = _chi(setting, problem.inertia_factor)
-        fact = effects_fact(problem, fit, chi=chi, speed=speed, knows_e_n=knows_e_n)
+        fact = effects_fact(problem, fit, chi=chi, speed=speed, e_n_known=e_n_known)
     facts = {} if fact is None else {"effects": fact}
     if setting is None:
         return (), facts
-    return effect_lines(problem, fit, setting, knows_kappa=_has_value(derived["kappa"])), facts
+    return effect_lines(problem, fit, setting, kappa_known=_has_value(derived["kappa"])), facts
 
 
 def _chi(setting: Setting, j: float) -> float | None:

@@ -20,7 +20,7 @@ from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.physics.effects import EFFECTS, Effect, Impacts, compose
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -29,16 +29,16 @@ _BY_SPEED = ("normal", "adhesion", "fluid")
 
 
 def effect_lines(
-    problem: Problem, fit: LeastSquares, setting: Setting, *, knows_kappa: bool
+    problem: Problem, fit: LeastSquaresFit, setting: Setting, *, kappa_known: bool
 ) -> tuple[EffectLine, ...]:
     """Every effect but lateral spin, which each fit computes.
 
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     setting : Setting
-    knows_kappa : bool
+    kappa_known : bool
         Whether the data determine kappa, or it is fixed.
     """
     scene = _Scene(problem, fit, setting)
@@ -48,7 +48,7 @@ def effect_lines(
             continue
         if name == problem.closure.effect:
             lines.append(EffectLine(name, says="in the closure"))
-        elif effect.stage in ("tangential", "rolling") and not knows_kappa:
+        elif effect.stage in ("tangential", "rolling") and not kappa_known:
             lines.append(EffectLine(name, says="not known: kappa is not determined"))
         else:
             lines.append(scene.line(name, effect))
@@ -58,7 +58,7 @@ def effect_lines(
 class _Scene:
     """Rows, constants and conditions together."""
 
-    def __init__(self, problem: Problem, fit: LeastSquares, setting: Setting) -> None:
+    def __init__(self, problem: Problem, fit: LeastSquaresFit, setting: Setting) -> None:
         self.problem, self.fit, self.setting = problem, fit, setting
         self.stated = speeds(problem)
         self.own = orthonormal(problem.jacobian(fit.optimum.theta) / fit.sigma[:, None])

@@ -74,7 +74,7 @@ def directions(
     *,
     chi: float | None = None,
     speed: float = 0.0,
-    knows_e_n: bool = True,
+    e_n_known: bool = True,
 ) -> list[Direction]:
     """Every direction that these rows can show.
 
@@ -91,12 +91,12 @@ def directions(
         Compliance number of the materials; by default those of Poisson ratios of 0.1, 0.3 and 0.45 are tried.
     speed : float
         Of rows that state none, m/s; 0 where it is not known.
-    knows_e_n : bool
+    e_n_known : bool
         Whether e_n is determined or fixed: else a law e_n(v) has a shape, but no size of its own.
     """
     return [
         *_tangential(problem, theta, jacobian, sigma, chi),
-        *_of_speed(problem, theta, jacobian, sigma, speeds(problem, speed), knows_e_n),
+        *_of_speed(problem, theta, jacobian, sigma, speeds(problem, speed), e_n_known),
         *_rolling(problem, theta),
         *_inertia(problem, theta),
     ]
@@ -149,7 +149,7 @@ def _kappa_factor(problem: Problem, theta: Array, columns: Array, sigma: Array) 
 
 
 def _of_speed(
-    problem: Problem, theta: Array, jacobian: Array, sigma: Array, speed: Array, knows_e_n: bool
+    problem: Problem, theta: Array, jacobian: Array, sigma: Array, speed: Array, e_n_known: bool
 ) -> Iterator[Direction]:
     """Laws e_n(v), adhesion, and friction that depends on the speed of sliding."""
     i = problem.rows.incidence
@@ -162,7 +162,7 @@ def _of_speed(
         by_e_n = jacobian[row, places["e_n"][problem.rows.series]]
         for name in LAWS:
             weight = (by_e_n / sigma) ** 2
-            direction = _restitution_law(problem, (e_n, c, mu), normal, weight, name, knows_e_n)
+            direction = _restitution_law(problem, (e_n, c, mu), normal, weight, name, e_n_known)
             if direction is not None:
                 yield direction
         # e_n^2 falls by (V_s/V)^2: per V_s^2
@@ -180,11 +180,11 @@ def _restitution_law(
     normal: Array,
     weight: Array,
     name: str,
-    knows_e_n: bool,
+    e_n_known: bool,
 ) -> Direction | None:
     """Change from a constant e_n to a law e_n(v) with that mean."""
     e_n, c, mu = constants
-    shape = e_n if knows_e_n else np.clip(e_n, *_SHAPE)
+    shape = e_n if e_n_known else np.clip(e_n, *_SHAPE)
     if ((shape <= _LOWEST) | (shape >= 1.0)).any():
         return None
     coming = normal > 0.0
@@ -203,8 +203,8 @@ def _restitution_law(
     return Direction(
         name,
         change,
-        whole=knows_e_n and problem.inertia_factor == SOLID,  # both are laws of a Hertz contact
-        by_kappa=not knows_e_n,
+        whole=e_n_known and problem.inertia_factor == SOLID,  # both are laws of a Hertz contact
+        by_kappa=not e_n_known,
         figures={"fall": fall},
     )
 

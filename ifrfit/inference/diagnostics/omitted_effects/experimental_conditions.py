@@ -35,13 +35,13 @@ class Setting:
         m: one value, or the ends of a range; empty where not known.
     speed : tuple of float
         m/s, for rows that state none; as `diameter`.
-    told : SceneOfData
+    scene : SceneOfData
     """
 
     contact: Contact
     diameter: tuple[float, ...]
     speed: tuple[float, ...]
-    told: SceneOfData
+    scene: SceneOfData
 
 
 def setting_of(
@@ -82,7 +82,7 @@ def _from_conditions(name: str, conditions: Mapping[str, object], j: float) -> S
     unknown: list[str] = []
     bodies = {}
     for key, role in (("material", "sphere"), ("wall", "wall")):
-        text, where = _stated(conditions, key)
+        text, where = _condition(conditions, key)
         material = recognised(text)
         if material is None:
             unknown.append(f"material of the {role}: '{text}' is none of the library" if text else
@@ -95,19 +95,19 @@ def _from_conditions(name: str, conditions: Mapping[str, object], j: float) -> S
         ("diameter_mm", "diameter", "mm", 1e-3),
         ("speed_m_s", "speed of rows that state none", "m/s", 1.0),
     ):
-        text, where = _stated(conditions, key)
+        text, where = _condition(conditions, key)
         ends = _ends(text)
         if ends:
             known.append(f"{role} {text} {unit}{_by(where)}")
         else:
             unknown.append(f"{role}: '{text}'" if text else role)
         numbers[key] = tuple(factor * end for end in ends)
-    told = SceneOfData(name, bodies["sphere"][0], bodies["wall"][0], tuple(known), tuple(unknown))
+    scene = SceneOfData(name, bodies["sphere"][0], bodies["wall"][0], tuple(known), tuple(unknown))
     contact = contact_of(bodies["sphere"][1], bodies["wall"][1], j)
-    return Setting(contact, numbers["diameter_mm"], numbers["speed_m_s"], told)
+    return Setting(contact, numbers["diameter_mm"], numbers["speed_m_s"], scene)
 
 
-def _stated(conditions: Mapping[str, object], key: str) -> tuple[str, str]:
+def _condition(conditions: Mapping[str, object], key: str) -> tuple[str, str]:
     """Value and where it was read; empty where it is not among the conditions."""
     entry = conditions.get(key)
     if isinstance(entry, Mapping):
@@ -131,7 +131,7 @@ def _ends(text: str) -> tuple[float, ...]:
 def _from_file(path: Path, sources: list[Source], j: float) -> Setting:
     found = read_surroundings(path)
     contact = found.contact
-    if found.states_inertia and not math.isclose(contact.inertia_factor, j, rel_tol=1e-3):
+    if found.gives_inertia and not math.isclose(contact.inertia_factor, j, rel_tol=1e-3):
         raise DataError(
             f"{path}: sphere.inertia_factor = {contact.inertia_factor:g}, but the fit takes {j:g}. Correct "
             f"it, or give --inertia-factor {contact.inertia_factor:g}."
@@ -149,8 +149,8 @@ def _from_file(path: Path, sources: list[Source], j: float) -> Setting:
     unknown = [
         f"material of the {role}" for role, name in (("sphere", found.body), ("wall", found.wall)) if not name
     ]
-    told = SceneOfData(path.name, found.body, found.wall, tuple(known), tuple(unknown))
-    return Setting(contact, diameter, speed, told)
+    scene = SceneOfData(path.name, found.body, found.wall, tuple(known), tuple(unknown))
+    return Setting(contact, diameter, speed, scene)
 
 
 def _range(quantity: Quantity) -> tuple[float, ...]:
@@ -172,7 +172,7 @@ def _agree(
     conditions: Mapping[str, object],
 ) -> None:
     """Refuse a scene of other bodies than those of a dataset."""
-    stated = tuple(1e-3 * end for end in _ends(_stated(conditions, "diameter_mm")[0]))
+    stated = tuple(1e-3 * end for end in _ends(_condition(conditions, "diameter_mm")[0]))
     slack = 1.0 + 1e-6
     if stated and (min(diameter) > max(stated) * slack or max(diameter) * slack < min(stated)):
         raise DataError(
@@ -180,7 +180,7 @@ def _agree(
             f"{_text(stated, 1e3)} mm. Leave --scene out, or correct it."
         )
     for key, role, own in (("material", "sphere", found.body), ("wall", "wall", found.wall)):
-        text, _ = _stated(conditions, key)
+        text, _ = _condition(conditions, key)
         theirs, ours = recognised(text), recognised(own)
         if theirs is not None and ours is not None and theirs.name != ours.name:
             raise DataError(

@@ -44,8 +44,8 @@ def called_title(name: str) -> str:
 def called_words(problem: Problem, named: Sequence[Score]) -> str:
     """The effect that the residuals call for, where, how large, what else it may be, what to do."""
     first = named[0]
-    wanted, *others = dict.fromkeys(_wanted(one) for one in named)
-    says = f"the residuals call for {wanted}"
+    effect, *others = dict.fromkeys(_effect_words(one) for one in named)
+    says = f"the residuals call for {effect}"
     if others:
         rest = [other.partition(",")[0] for other in others]
         says += f", not told apart from {' or '.join(rest)}"
@@ -53,7 +53,7 @@ def called_words(problem: Problem, named: Sequence[Score]) -> str:
     return f"{says}: {'; '.join(parts)}. {_remedy(problem, named)}"
 
 
-def _wanted(one: Score) -> str:
+def _effect_words(one: Score) -> str:
     """What is called for; without a name of its own where the size of a law e_n(v) is open."""
     if one.direction.name in LAWS and not one.direction.whole:
         return "a restitution that falls with the speed"

@@ -11,7 +11,7 @@ from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 
 ALIKE = 4.0  # of -2 log likelihood, as for optima that are counted as near
@@ -19,23 +19,23 @@ ALIKE = 4.0  # of -2 log likelihood, as for optima that are counted as near
 
 def effects_fact(
     problem: Problem,
-    fit: LeastSquares,
+    fit: LeastSquaresFit,
     *,
     chi: float | None = None,
     speed: float = 0.0,
-    knows_e_n: bool = True,
+    e_n_known: bool = True,
 ) -> Fact | None:
     """Test the residuals for effects that the closure does not hold.
 
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     chi : float, optional
         Compliance number of the materials, where they are known.
     speed : float
         Of rows that state none, m/s; 0 where it is not known.
-    knows_e_n : bool
+    e_n_known : bool
         Whether e_n is determined or fixed.
 
     Returns
@@ -45,7 +45,7 @@ def effects_fact(
     """
     theta = fit.optimum.theta
     jacobian = problem.jacobian(theta)
-    every = directions(problem, theta, jacobian, fit.sigma, chi=chi, speed=speed, knows_e_n=knows_e_n)
+    every = directions(problem, theta, jacobian, fit.sigma, chi=chi, speed=speed, e_n_known=e_n_known)
     residual = (problem.rows.value - problem.predict(theta)) / fit.sigma
     tested = scores(
         [replace(d, change=d.change / fit.sigma) for d in every],
