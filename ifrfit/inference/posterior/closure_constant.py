@@ -90,9 +90,13 @@ def c_domain(
     """Ends of c, (m, n_e, n_x): its domain, less what the bounds of mu forbid where b depends on c."""
     lower, upper = np.full((1, 1, 1), c.lower), np.full((1, 1, 1), c.upper)
     if k.b1 and mu_ends is not None:
+        rises = k.b1 > 0.0
         with np.errstate(divide="ignore", invalid="ignore"):
-            ceiling = (mu_ends[1] * (1.0 + e_n) / x - k.b0) / k.b1
-            floor = (mu_ends[0] * (1.0 + e_n) / x - k.b0) / k.b1 if mu_ends[0] else c.lower
+            of_most = (mu_ends[1] * (1.0 + e_n) / x - k.b0) / k.b1
+            of_least: Array | float = c.lower if rises else c.upper
+            if mu_ends[0]:
+                of_least = (mu_ends[0] * (1.0 + e_n) / x - k.b0) / k.b1
+        floor, ceiling = (of_least, of_most) if rises else (of_most, of_least)
         lower = np.maximum(lower, np.minimum(floor, c.upper))
         upper = np.maximum(np.minimum(upper, ceiling), lower)
     return lower, upper

@@ -1,7 +1,8 @@
 """Distribution functions by way of the closure constant, eq. (9) of ``docs/theory/posterior.md``.
 
 A quantity that rises with c at every node is below t where c is below a threshold, which differs from node to
-node: its distribution function is the mean of the conditional ones of c.
+node: its distribution function is the mean of the conditional ones of c. Of one that falls, it is the mean of
+their complements.
 """
 
 from __future__ import annotations
@@ -33,10 +34,18 @@ class ConditionalCdf:
         What the threshold depends on at each node.
     threshold : callable
         From t (n, 1) and `own` at some nodes (k,) to closure constants, (n, k), broadcastable.
+    falls : bool
+        Whether the quantity falls as c rises: then it is below t where c is above the threshold.
     """
 
     def __init__(
-        self, grid: DensityGrid, share: Array, own: Array, threshold: Callable[[Array, Array], Array]
+        self,
+        grid: DensityGrid,
+        share: Array,
+        own: Array,
+        threshold: Callable[[Array, Array], Array],
+        *,
+        falls: bool = False,
     ) -> None:
         integrals = grid.two_sided
         shape = np.broadcast_shapes(grid.f.shape[:3], own.shape)
@@ -48,6 +57,7 @@ class ConditionalCdf:
         mass = np.where(node >= 0, np.abs(weight).max(axis=0) * integrals.total[0].sum(axis=0)[node], 0.0)
         at = np.flatnonzero(mass > math.exp(-grid.series.tail) / mass.size)
         self._integrals, self._threshold, self._shape = integrals, threshold, shape
+        self._falls = falls
         self._at, self._node, self._weight = at, node[at], weight[:, at]
         self._own = np.broadcast_to(own, shape).reshape(-1)[at]
         whole = integrals.total.sum(axis=1)[:, self._node]
@@ -90,4 +100,7 @@ class ConditionalCdf:
         """Integrals up to the thresholds at some nodes, (levels, n, k)."""
         node = self._node[part]
         c = np.broadcast_to(self._threshold(t[:, None], self._own[part]), (t.size, node.size))
-        return self._integrals.below(c, node, levels)
+        below = self._integrals.below(c, node, levels)
+        if not self._falls:
+            return below
+        return np.asarray(self._integrals.total.sum(axis=1)[:levels, None, node] - below)

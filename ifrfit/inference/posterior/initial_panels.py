@@ -137,10 +137,11 @@ def _x_edges(series: SeriesIntegral, center: float, sd: float, known: Known, kin
     c_low, c_high = _ends(known["c"], 0.0, 0.0)
     mu_low, mu_high = _ends(known["mu"], 0.0, 2.0)
     if isinstance(series.role, ClosureConstantFree):  # x = mu (1 + e_n)/b(c)
+        b_low, b_high = sorted((float(series.squares.b(c_low)), float(series.squares.b(c_high))))
         with np.errstate(divide="ignore"):
             span = [
-                np.divide(mu * (1.0 + e), series.squares.b(c))
-                for e, c, mu in ((e_low, c_high, mu_low), (e_high, c_low, mu_high))
+                np.divide(mu * (1.0 + e), b)
+                for e, b, mu in ((e_low, b_high, mu_low), (e_high, b_low, mu_high))
             ]
         low, high = (float(series.to_t(np.asarray(end))) for end in span)
     elif series.is_unbounded:

@@ -115,9 +115,10 @@ def _refuse_negative_bound(settings: GridSettings) -> None:
     constant = settings.parameter("c")
     ends = (constant.lower, constant.upper) if constant.fixed is None else (constant.fixed, constant.fixed)
     if min(k.b0 + k.b1 * end for end in ends) < -1e-12:
+        side = ">=" if k.b1 > 0.0 else "<="
         raise UsageError(
-            f"The exact posterior needs {constant.name} >= {-k.b0 / k.b1:g}, where sticking has a meaning: "
-            f"narrow --bounds {constant.name}, or use --method lsq."
+            f"The exact posterior needs {constant.name} {side} {-k.b0 / k.b1:g}, where sticking has a "
+            f"meaning: narrow --bounds {constant.name}, or use --method lsq."
         )
 
 

@@ -75,7 +75,8 @@ def _e_n(density: JointDensity, grid: DensityGrid, name: str, parameter: FreePar
 
 def _c(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParameter) -> Marginal:
     moments = _moments(density, grid, grid.nodes.c)
-    if isinstance(grid.series.role, ClosureConstantFree):  # b(c) = mu (1 + e_n)/x falls as x rises
+    # b(c) = mu (1 + e_n)/x falls as x rises, and c with it where b1 > 0
+    if isinstance(grid.series.role, ClosureConstantFree):
         kappa = (grid.nodes.mu[..., 0] * (1.0 + grid.nodes.e_n))[..., 0]
         below = grid.x_cdf(density.share)
         k = grid.series.squares.coefficients
@@ -84,7 +85,7 @@ def _c(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParam
             b = np.asarray(sticking_bound(k, t[:, None, None]))
             with np.errstate(divide="ignore", invalid="ignore"):
                 x = np.where(b > 0.0, kappa / b, np.inf)
-            return 1.0 - below(x, levels)
+            return 1.0 - below(x, levels) if k.b1 > 0.0 else below(x, levels)
 
         return Marginal(name, parameter.lower, parameter.upper, moments, cdf)
     by_c = ConditionalCdf(grid, density.share, np.zeros((1, 1, 1)), lambda t, zero: t + zero)
@@ -110,7 +111,7 @@ def _friction_by_c(grid: DensityGrid, divisor: Array, share: Array) -> Condition
     """Where x b(c)/divisor is below a value, by the closure constant."""
     k = grid.series.squares.coefficients
     per_x = divisor / np.maximum(grid.nodes.x, _TINY)
-    return ConditionalCdf(grid, share, per_x, lambda t, own: (t * own - k.b0) / k.b1)
+    return ConditionalCdf(grid, share, per_x, lambda t, own: (t * own - k.b0) / k.b1, falls=k.b1 < 0.0)
 
 
 def friction_cdf(grid: DensityGrid, divisor: Array, share: Array) -> Cdf:

@@ -96,6 +96,8 @@ def _limits(series: SeriesIntegral, known: Values) -> tuple[Array, Array] | None
         return None
     ends = (series.c.lower, series.c.upper) if isinstance(series.c, FreeParameter) else (known.c, known.c)
     k = series.squares.coefficients
+    if k.b1 < 0.0:  # b falls as c rises
+        ends = ends[::-1]
     with np.errstate(divide="ignore"):
         most, least = (1.0 / np.maximum(sticking_bound(k, end), _TINY) for end in ends)
     lowest, highest = series.role.kappa_ends(known)

@@ -168,7 +168,8 @@ class ClosureConstantFree(_FrictionKnown):
         with np.errstate(divide="ignore", invalid="ignore"):
             kappa = np.maximum(known.mu * (1.0 + known.e_n), _LEAST_KAPPA)
             # panels that the domain cuts are followed a little beyond it, where numbers are still tame
-            x = np.maximum(x, kappa / sticking_bound(k, self.c.upper + room))
+            beyond = self.c.upper + room if k.b1 > 0.0 else self.c.lower - room
+            x = np.maximum(x, kappa / sticking_bound(k, beyond))
             c = (kappa / x - k.b0) / k.b1
             return Values(known.e_n, c, known.mu), x, np.asarray(np.log(kappa / abs(k.b1) / x**2))
 
