@@ -35,7 +35,7 @@ from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.schemes import Cases, draw_replicates
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.physics.closures import get_closure
 
 J = 0.4
@@ -59,7 +59,7 @@ class Case:
     beta: np.ndarray
     replicates: int
 
-    def fits(self) -> tuple[LeastSquares, LeastSquares]:
+    def fits(self) -> tuple[LeastSquaresFit, LeastSquaresFit]:
         return least_squares(self.problem), least_squares(self.unknown)
 
     def counts(self) -> np.ndarray:

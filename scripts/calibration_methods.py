@@ -11,7 +11,7 @@ from calibration_scenes import Experiment, understated_sigma, walton, without_ki
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior import TOLERANCE, integrate
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import profile_all
@@ -73,7 +73,7 @@ def score_marginals(post: Marginals, truth: Mapping[str, float], shrink: float =
 
 
 def score_exact(
-    experiment: Experiment, fit: LeastSquares | None
+    experiment: Experiment, fit: LeastSquaresFit | None
 ) -> tuple[dict[str, dict[str, Score]], float]:
     """Scores of the exact posterior and of its intervals narrowed, and the error that it states."""
     plain = experiment.problem.error_model.is_plain
@@ -98,7 +98,7 @@ def score_wrong(experiment: Experiment, control: str) -> dict[str, Score]:
     return score_marginals(integrate(seen.problem, tolerance=COARSE), seen.truth)
 
 
-def score_covariance(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]:
+def score_covariance(experiment: Experiment, fit: LeastSquaresFit) -> dict[str, Score]:
     """Scores of the symmetric local Gaussian; Student's t where sigma comes from the misfit.
 
     Bounds are not heeded. Where the data do not see a quantity at all it has no covariance interval.
@@ -115,7 +115,7 @@ def score_covariance(experiment: Experiment, fit: LeastSquares) -> dict[str, Sco
     return found
 
 
-def score_bounded(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]:
+def score_bounded(experiment: Experiment, fit: LeastSquaresFit) -> dict[str, Score]:
     """Scores of the 68 and 95 % intervals that least squares reports, its bounds heeded."""
     label = experiment.scene.label
     estimates: dict[str, Estimate] = {}
@@ -132,7 +132,7 @@ def score_bounded(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]
     }
 
 
-def score_profile(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]:
+def score_profile(experiment: Experiment, fit: LeastSquaresFit) -> dict[str, Score]:
     """Scores of the 68 and 95 % intervals of the profile likelihood."""
     return {
         name: _two(experiment.truth[name], each.interval68, each.interval95)
@@ -141,7 +141,7 @@ def score_profile(experiment: Experiment, fit: LeastSquares) -> dict[str, Score]
     }
 
 
-def _functionals(experiment: Experiment, fit: LeastSquares) -> dict[str, tuple[float, Array, float]]:
+def _functionals(experiment: Experiment, fit: LeastSquaresFit) -> dict[str, tuple[float, Array, float]]:
     """Value of each constant and kappa, its derivative by the local coordinates, and its prior sd."""
     problem, theta, to_theta = experiment.problem, fit.optimum.theta, fit.gaussian.to_theta
     entries = problem.parameters.entries

@@ -24,7 +24,7 @@ from calibration_verdict import Array, Line, lines_of
 from in_order import in_order
 
 from ifrfit.errors import DataError
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 
 ALL = SCENES | SCATTERED
 CONTROLLED = "both regimes"  # the scene in which wrong likelihoods are tried
@@ -88,7 +88,7 @@ def run(task: Task) -> Outcome:
     experiment = task.simulate()
     scores: dict[str, Mapping[str, Score]] = {}
     troubles: dict[str, str] = {}
-    fit: LeastSquares | None = None
+    fit: LeastSquaresFit | None = None
     try:
         fit = least_squares(experiment.problem)
     except DataError as error:

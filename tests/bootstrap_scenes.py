@@ -10,7 +10,7 @@ import numpy as np
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.physics import get_closure, get_observable, rebound
 
 TRUTH = {"e_n": 0.9, "e_t": -0.8, "mu": 0.15}
@@ -58,7 +58,7 @@ def scene(
     return make_problem(observations, chosen, 0.4, make_parameters(chosen, 0.4, **choices), noise)  # type: ignore[arg-type]
 
 
-def fitted(problem: Problem) -> tuple[Problem, LeastSquares]:
+def fitted(problem: Problem) -> tuple[Problem, LeastSquaresFit]:
     """A problem with its fit."""
     return problem, least_squares(problem)
 

@@ -11,7 +11,7 @@ import pandas as pd
 from ifrfit.data import Descriptor, Source
 from ifrfit.data.observations import make_table
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate, Fact, FitStatistics, Noise, State
+from ifrfit.inference.result.types import Estimate, Fact, FitStatistics, NoiseSummary, State
 from ifrfit.physics import get_closure, get_observable, rebound, transition_angles, transition_tau
 
 IFR = get_closure("ifr")
@@ -151,7 +151,7 @@ def build(
         "inertia_factor": 0.4,
         "method": "lsq",
         "inputs": (source,),
-        "noise": Noise(
+        "noise": NoiseSummary(
             "unknown", {f"{run.name}/{o}": NOISE.get(o, 0.05) for run in runs for o in observables}
         ),
         "constants": {
@@ -239,7 +239,7 @@ def stand_in() -> StubResult:
         Run("spin 0.833", 17, 0.833, provenance="stand-in"),
     )
     sigma = {f"{run.name}/beta": 0.05 for run in runs}
-    return build(runs, name="cross-2019", descriptor=CROSS, noise=Noise("known", sigma))
+    return build(runs, name="cross-2019", descriptor=CROSS, noise=NoiseSummary("known", sigma))
 
 
 def two_observables() -> StubResult:
@@ -252,7 +252,7 @@ def two_observables() -> StubResult:
     points = result.points
     points["sigma"] = points["sigma_used"] / 1.8
     keys = {f"{s}/{o}": 0.05 for s, o in points[["series", "observable"]].drop_duplicates().to_numpy()}
-    return replace(result, points=points, noise=Noise("scaled", keys))
+    return replace(result, points=points, noise=NoiseSummary("scaled", keys))
 
 
 def all_sticking() -> StubResult:
@@ -353,7 +353,7 @@ def posterior(policy: str = "unknown") -> StubResult:
         base,
         method="exact",
         constants={**base.constants, "mu": replace(estimate(0.12, 0.0041), mean=0.1203)},
-        noise=Noise(policy, base.noise.sigma, noises, dict.fromkeys(names, (0.00029, 1.0))),
+        noise=NoiseSummary(policy, base.noise.sigma, noises, dict.fromkeys(names, (0.00029, 1.0))),
         fit=replace(base.fit, log_evidence=41.2367),
         facts={**base.facts, "predictive": Fact(True, says, {"failed": []}, "p >= 0.001")},
         state=replace(state, sample=sample),

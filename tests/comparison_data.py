@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from factories import BILINEAR
 
 from ifrfit.data.observations import Observations, Source, make_table
 from ifrfit.inference.model.parameters import make_parameters
@@ -13,7 +14,7 @@ from ifrfit.physics import get_observable, rebound
 from ifrfit.physics.closures import get_closure
 
 ANGLES = np.linspace(4.0, 84.0, 25)
-FOUR = ("f", "fr", "ifr", "ifr-contact")  # the bilinear ones, which are quick
+FOUR = BILINEAR
 
 
 def observations(

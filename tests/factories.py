@@ -7,9 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.physics import get_closure, get_observable, rebound
+from ifrfit.physics import CLOSURES, get_closure, get_observable, rebound
 
+# the closures that the exact posterior takes in closed form, which are quick
+BILINEAR = tuple(name for name, closure in CLOSURES.items() if closure.bilinear)
 HEADER = "series,observable,gamma_deg,spin_x,spin_y,value,sigma"
+
+
+def own_constant(closure: str, share: float = 0.3, inertia_factor: float = 0.4) -> dict[str, float]:
+    """The closure's own constant by name, at a share of its passive range; empty for one without."""
+    entry = get_closure(closure)
+    if entry.constant is None:
+        return {}
+    low, high = entry.domain(inertia_factor)
+    return {entry.constant: min(max(low + share * (high - low), low), high)}
 
 
 def impacts_text(

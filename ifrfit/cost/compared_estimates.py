@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.profile.types import ProfileLikelihood
 
 Array = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def of_distribution(problem: Problem, distribution: Distribution) -> Numbers:
     )
 
 
-def of_least_squares(problem: Problem, found: LeastSquares) -> Numbers:
+def of_least_squares(problem: Problem, found: LeastSquaresFit) -> Numbers:
     """Optimum, standard deviation by the covariance, and the symmetric interval cut at the domain's ends.
 
     Directions that the data leave loose have the standard deviation of the default prior.
@@ -93,7 +93,7 @@ def of_least_squares(problem: Problem, found: LeastSquares) -> Numbers:
     )
 
 
-def of_profiles(problem: Problem, profiles: Mapping[str, Profile]) -> Numbers:
+def of_profiles(problem: Problem, profiles: Mapping[str, ProfileLikelihood]) -> Numbers:
     """Optimum, and the interval whose half width gives the standard deviation, cut at the domain's ends."""
     own = [profiles[name] for name in free_names(problem)]
     low, high = _domain(problem)

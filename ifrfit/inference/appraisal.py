@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from ifrfit.inference.comparison.result import Comparison
-    from ifrfit.inference.profile.types import Profile
+    from ifrfit.inference.profile.types import ProfileLikelihood
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Appraisal:
     ----------
     draws : DataFrame
         Draws of the constants and of kappa from what the result keeps in its file.
-    profiles : mapping of str to Profile
+    profiles : mapping of str to ProfileLikelihood
         Profile likelihoods of the free constants and of what follows from them, by name.
     without_profiles : str
         Why profiles or intervals are missing.
@@ -36,7 +36,7 @@ class Appraisal:
     """
 
     draws: pd.DataFrame
-    profiles: Mapping[str, Profile]
+    profiles: Mapping[str, ProfileLikelihood]
     without_profiles: str = ""
     intervals: pd.DataFrame | None = None
     comparison: Comparison | None = None

@@ -25,8 +25,8 @@ from ifrfit.physics.observables import OBSERVABLES
 if TYPE_CHECKING:
     from ifrfit.inference.comparison.result import Comparison
     from ifrfit.inference.model.problem import Problem
-    from ifrfit.inference.optimize.least_squares import LeastSquares
-    from ifrfit.inference.profile.types import Profile
+    from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+    from ifrfit.inference.profile.types import ProfileLikelihood
 
 DRAWS = 2000
 # beyond these, profiles and comparisons take long
@@ -50,7 +50,7 @@ def appraise(result: FitResult, *, closures: bool = True) -> Appraisal:
     Appraisal
     """
     comparison, without_comparison = _comparison(result) if closures else (None, "")
-    profiles: Mapping[str, Profile] = {}
+    profiles: Mapping[str, ProfileLikelihood] = {}
     table = None
     try:
         problem, optimum = question(result)
@@ -89,7 +89,7 @@ def _without_profiles(problem: Problem) -> str:
     return ""
 
 
-def _posterior(result: FitResult, problem: Problem, optimum: LeastSquares) -> QuadraturePosterior | None:
+def _posterior(result: FitResult, problem: Problem, optimum: LeastSquaresFit) -> QuadraturePosterior | None:
     """The exact posterior of an exact fit, as it was left or integrated again; None of other methods."""
     if isinstance(result.distribution, QuadraturePosterior):
         return result.distribution

@@ -10,7 +10,7 @@ from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.pooling import sharing
 from ifrfit.inference.diagnostics.quadrature_convergence import quadrature_convergence
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior import TOLERANCE, QuadraturePosterior, integrate
 from ifrfit.inference.result.estimation import Estimation
 
@@ -23,12 +23,14 @@ CHAINS = "chains.npz"
 Progress = Callable[[int, int], None]
 
 
-def least_squares_estimation(optimum: LeastSquares) -> Estimation:
+def least_squares_estimation(optimum: LeastSquaresFit) -> Estimation:
     """Least squares as a method of its own: the Gaussian approximation is its distribution."""
     return Estimation("lsq", None, {"converged": noise_converged(optimum)})
 
 
-def exact_estimation(problem: Problem, optimum: LeastSquares, tolerance: float | None = None) -> Estimation:
+def exact_estimation(
+    problem: Problem, optimum: LeastSquaresFit, tolerance: float | None = None
+) -> Estimation:
     """The posterior by quadrature, and whether the data want separate constants to be shared."""
     if tolerance is None:
         tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
@@ -38,7 +40,7 @@ def exact_estimation(problem: Problem, optimum: LeastSquares, tolerance: float |
 
 def posterior_estimation(
     problem: Problem,
-    optimum: LeastSquares,
+    optimum: LeastSquaresFit,
     posterior: QuadraturePosterior,
     integrate: Callable[[Problem], QuadraturePosterior] | None,
 ) -> Estimation:
@@ -52,7 +54,7 @@ def posterior_estimation(
 
 def chains_estimation(
     problem: Problem,
-    optimum: LeastSquares,
+    optimum: LeastSquaresFit,
     *,
     seed: int,
     max_steps: int | None = None,
@@ -89,7 +91,7 @@ def chains_estimation(
 
 def bootstrap_estimation(
     problem: Problem,
-    optimum: LeastSquares,
+    optimum: LeastSquaresFit,
     *,
     seed: int,
     scheme: str | None = None,
@@ -113,7 +115,7 @@ def bootstrap_estimation(
     return estimation_of(found, optimum)
 
 
-def profile_estimation(problem: Problem, optimum: LeastSquares) -> Estimation:
+def profile_estimation(problem: Problem, optimum: LeastSquaresFit) -> Estimation:
     """Profile likelihoods of every quantity."""
     from ifrfit.inference.profile.convergence_fact import profile_converged
     from ifrfit.inference.profile.profile_all import profile_all

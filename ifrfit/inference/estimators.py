@@ -18,7 +18,7 @@ from ifrfit.registry import Registry
 
 if TYPE_CHECKING:
     from ifrfit.inference.model.problem import Problem
-    from ifrfit.inference.optimize.least_squares import LeastSquares as LeastSquaresFit
+    from ifrfit.inference.optimize.least_squares import LeastSquaresFit
     from ifrfit.inference.result.estimation import Estimation
 
 Progress = Callable[[int, int], None]
@@ -442,7 +442,13 @@ def _picked(keyword: str) -> str:
 ESTIMATORS: Registry[Estimator] = Registry(
     "method",
     Estimator,
-    (Exact(), LeastSquares(), Profile(), MCMC(), Bootstrap()),
+    (
+        Exact(),
+        LeastSquares(),
+        Profile(),
+        MCMC(),
+        Bootstrap(),
+    ),
 )
 
 

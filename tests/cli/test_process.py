@@ -107,9 +107,9 @@ def test_reproduce_writes_figures_and_prints_the_table(python):
         (("--out", "taken"), "taken is a file. Name a folder with --out."),
     ],
 )
-def test_reproduce_refuses_in_a_sentence(python, arguments, said):
+def test_reproduce_refuses_in_a_sentence(cli, arguments, said):
     Path("taken").write_text("")
-    found = python("-m", "ifrfit", "reproduce", *arguments)
+    found = cli("reproduce", *arguments)
     assert (found.returncode, found.stdout) == (2, "")
     assert found.stderr.startswith(f"ifrfit: {said}")
     assert [path.name for path in Path().iterdir()] == ["taken"]

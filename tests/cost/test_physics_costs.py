@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import BILINEAR, own_constant
 
 from ifrfit.cost import physics_costs as physics
 from ifrfit.cost.closest_closure import closest
@@ -74,10 +75,9 @@ def test_given_constants_are_the_ones_that_are_judged(costs):
     assert error(costs, "closure IFR") == pytest.approx(np.abs(ours - exact).max(), abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["f", "fr", "ifr", "ifr-contact"])
+@pytest.mark.parametrize("name", BILINEAR)
 def test_the_closest_constants_are_those_behind_a_beta(name):
-    closure = get_closure(name)
-    own = {closure.constant: 0.3 if name == "fr" else -0.7} if closure.constant else {}
+    closure, own = get_closure(name), own_constant(name, 0.65)
     incidence = Incidence.of(GAMMA, 0.0, 0.1, degrees=True)
     beta = rebound(GAMMA, 0.0, 0.1, e_n=0.9, mu=0.2, closure=name, degrees=True, **own).beta
     found = closest(closure, incidence, beta, 0.9)

@@ -7,13 +7,8 @@ import pytest
 from ifrfit.paper.figures import FIGURES
 from ifrfit.report.style import save_figure
 
-SLOW = ("5", "7")
-DRAWN = [pytest.param(f.name, marks=pytest.mark.long) if f.name in SLOW else f.name for f in FIGURES]
-WITH_AXES = [
-    pytest.param(f.name, marks=pytest.mark.long) if f.name in SLOW else f.name
-    for f in FIGURES
-    if f.kind != "scheme"
-]
+DRAWN = [f.name for f in FIGURES]
+WITH_AXES = [f.name for f in FIGURES if f.kind != "scheme"]
 OF = {figure.name: figure for figure in FIGURES}
 
 

@@ -27,7 +27,7 @@ STEMS = {
 
 
 @pytest.fixture(autouse=True)
-def nothing_installed(tmp_path_factory, monkeypatch):
+def no_own_data(tmp_path_factory, monkeypatch):
     monkeypatch.setenv("IFRFIT_DATA_DIR", str(tmp_path_factory.mktemp("data")))
 
 

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from factories import own_constant
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ifrfit.errors import UsageError
 from ifrfit.physics import CLOSURES, get_closure, rebound
 
-LAWS = ("f", "fr", "ifr", "ifr-contact")
+LAWS = ("f", "fr", "ifr", "ifr-contact")  # that the independent impulse balance knows
 STATE = ("v_x", "v_y", "v_n", "spin_x", "spin_y", "contact_x", "contact_y")
 INERTIA = {"disc": 0.5, "sphere": 0.4, "shell": 2.0 / 3.0, "dense core": 0.05, "hoop": 1.0}
 
@@ -24,15 +25,6 @@ inertias = st.floats(0.05, 1.0)
 shares = st.floats(0.0, 1.0)
 restitutions = st.floats(0.0, 1.0)
 frictions = st.one_of(st.floats(0.0, 2.0), st.floats(0.0, 1e6))
-
-
-def constant_of(law: str, share: float, inertia_factor: float) -> dict[str, float]:
-    """The closure's own constant at a share of its passive range."""
-    closure = get_closure(law)
-    if closure.constant is None:
-        return {}
-    low, high = closure.domain(inertia_factor)
-    return {closure.constant: low + share * (high - low)}
 
 
 def assert_same_state(got: Any, expected: Any, scale: float) -> None:
@@ -55,7 +47,7 @@ def test_agrees_with_the_impulse_balance(
     mu: float,
     inertia_factor: float,
 ) -> None:
-    constant = constant_of(law, share, inertia_factor)
+    constant = own_constant(law, share, inertia_factor)
     got = rebound(
         gamma,
         spin_x,
@@ -83,7 +75,7 @@ def test_agrees_with_the_impulse_balance(
 @pytest.mark.parametrize("law", LAWS)
 def test_the_oracle_tells_closures_apart(oracle: ModuleType, law: str) -> None:
     """Negative control: no other law gives the same impact."""
-    constant = constant_of(law, 0.3, 0.4)
+    constant = own_constant(law, 0.3, 0.4)
     got = rebound(20.0, 0.1, 0.2, e_n=0.9, mu=0.5, closure=law, degrees=True, **constant)
     number = next(iter(constant.values()), -0.6)
     others = [other for other in LAWS if other != law]

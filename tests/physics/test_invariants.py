@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from factories import BILINEAR, own_constant
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from ifrfit.physics import CLOSURES, Rebound, rebound, transition_tau
-from ifrfit.physics.closures import rotational_share
-
-LAWS = ("f", "fr", "ifr", "ifr-contact")
+from ifrfit.physics.closures import check_closure, rotational_share
 
 gammas = st.one_of(st.floats(0.0, 90.0), st.sampled_from([0.0, 30.0, 60.0, 90.0 - 1e-9, 90.0]))
 spins = st.one_of(st.floats(-2.0, 2.0), st.floats(-1e6, 1e6), st.sampled_from([0.0, -0.5, -1.0]))
@@ -24,7 +23,7 @@ SPEEDS = ("v_x", "v_y", "v_n", "spin_x", "spin_y", "contact_x", "contact_y")
 @st.composite
 def laws(draw: st.DrawFn) -> dict[str, Any]:
     """Closure, its constants within the passive domain, and the inertia, as keywords of `rebound`."""
-    closure = CLOSURES[draw(st.sampled_from(LAWS))]
+    closure = CLOSURES[draw(st.sampled_from(BILINEAR))]
     j = draw(st.floats(0.05, 1.0))
     call: dict[str, Any] = {
         "closure": closure.name,
@@ -187,6 +186,20 @@ def test_tangential_energy_follows_from_beta(
     assert abs(float(r.energy_change) - expected) <= 1e-13 * (1.0 + slip**2)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("law", CLOSURES)
+def test_no_closure_creates_energy_at_the_ends_of_its_domain(law: str, share: float) -> None:
+    check_closure(CLOSURES[law])
+    gamma, spin = np.linspace(0.0, 90.0, 91)[:, None], np.array([-3.0, -0.5, 0.0, 0.4, 3.0, 100.0])
+    for j in (0.4, 0.5, 2.0 / 3.0):
+        for mu in (0.0, 0.05, 0.3, 2.0):
+            r = rebound(
+                gamma, 0.1, spin, e_n=1.0, mu=mu, closure=law, inertia_factor=j, degrees=True,
+                **own_constant(law, share, j),
+            )  # fmt: skip
+            assert r.energy_change.max() <= 1e-12 * (1.0 + 100.0**2)
+
+
 @pytest.mark.parametrize("inertia_factor", [0.05, 0.4, 2.0 / 3.0])
 @pytest.mark.parametrize("law", ["ifr", "ifr-contact", "fr"])
 @pytest.mark.parametrize("beyond", ["below", "above"])
@@ -280,7 +293,7 @@ def test_lipschitz_through_no_slip(
     assert impulses <= sum(friction_bound(call)) * slips + 1e-15
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", BILINEAR)
 @pytest.mark.parametrize("slip", [5e-324, 1e-310, 1e-200, 1e-17])
 def test_vanishing_slip_is_a_vanishing_impulse(law: str, slip: float) -> None:
     closure = CLOSURES[law]

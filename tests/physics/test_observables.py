@@ -9,6 +9,7 @@ from typing import Any
 import mpmath  # type: ignore[import-untyped]
 import numpy as np
 import pytest
+from factories import own_constant
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -16,14 +17,10 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.physics import CLOSURES, OBSERVABLES, get_observable, rebound
 from ifrfit.physics.angles import sincos
+from ifrfit.physics.observables import check_observable
 
 TANGENTIAL = [name for name, observable in OBSERVABLES.items() if observable.kind == "tangential"]
-CONSTANTS: dict[str, dict[str, Any]] = {
-    "f": {},
-    "fr": {"beta0": 0.35},
-    "ifr": {"e_t": -0.9},
-    "ifr-contact": {"e_t": -0.6},
-}
+CONSTANTS = {name: own_constant(name) for name in CLOSURES}
 SCHEMA = [
     *(
         "e_n",
@@ -91,6 +88,11 @@ def test_linear_form_equals_the_rebound(name: str, law: str, inertia_factor: flo
     expected = observable.value(r, mu)
     size = 1.0 + np.abs(scale * offset) + np.abs(scale * slope * r.impulse_factor)
     assert (np.abs(scale * (offset + slope * r.impulse_factor) - expected) <= 1e-14 * size).all()
+
+
+@pytest.mark.parametrize("name", OBSERVABLES)
+def test_an_entry_does_not_contradict_itself(name: str) -> None:
+    check_observable(OBSERVABLES[name])
 
 
 def test_values_against_their_definitions() -> None:
@@ -297,7 +299,7 @@ def test_angles_stay_defined_where_their_tangents_are_not() -> None:
     assert math.degrees(rebound(90.0, e_n=0.9, e_t=-0.9, mu=0.1, degrees=True).psi_after) == 90.0
 
 
-@pytest.mark.parametrize("law", sorted(CLOSURES.keys() & CONSTANTS.keys()))
+@pytest.mark.parametrize("law", CONSTANTS)
 def test_no_warnings_at_the_edges(law: str) -> None:
     """Warnings are errors in this suite; every combination of extreme values passes without one."""
     gamma = np.array([0.0, 1e-300, 30.0, 90.0 - 1e-13, 90.0])[:, None, None, None]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import functools
 import math
 import os
 import subprocess
@@ -7,6 +8,7 @@ import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
+import built_results
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -35,10 +37,16 @@ def panels_of(figure):
 CASES = ("fine", "stand_in", "two_observables", "all_sticking", "separate", "contradicted", "restitution")
 
 
+@functools.cache
+def drawn(name):
+    """A case of built_results.py and its figure, for tests that only look at it."""
+    result = getattr(built_results, name)()
+    return result, plot(result)
+
+
 @pytest.mark.parametrize("name", CASES)
-def test_every_case_draws_at_column_width_with_units_on_every_axis(made, name):
-    result = getattr(made, name)()
-    figure = plot(result)
+def test_every_case_draws_at_column_width_with_units_on_every_axis(name):
+    result, figure = drawn(name)
     observables = result.points["observable"].unique()
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(85.0 * min(len(observables), 3))
     pairs = panels_of(figure)
@@ -52,8 +60,8 @@ def test_every_case_draws_at_column_width_with_units_on_every_axis(made, name):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_nothing_is_cut_or_covers_another(made, name):
-    figure = plot(getattr(made, name)())
+def test_nothing_is_cut_or_covers_another(name):
+    _, figure = drawn(name)
     figure.draw_without_rendering()
     renderer, frame = figure.canvas.get_renderer(), figure.bbox
     boxes = [figure.legends[0].get_window_extent(renderer)]
@@ -71,9 +79,9 @@ def test_nothing_is_cut_or_covers_another(made, name):
         assert inner.height > (60 if axes.axison else 5)
 
 
-def test_curve_holds_the_kink_and_both_regimes(made):
-    result = made.fine()
-    (data, _), *_ = panels_of(plot(result))
+def test_curve_holds_the_kink_and_both_regimes():
+    result, figure = drawn("fine")
+    (data, _), *_ = panels_of(figure)
     curve = max(data.lines, key=lambda line: len(line.get_xdata()))
     x = curve.get_xdata()
     angle = result.derived["transition_angle_deg"]["run 1"].value
@@ -82,11 +90,11 @@ def test_curve_holds_the_kink_and_both_regimes(made):
     assert x.max() > 89.0
 
 
-def test_all_data_are_inside_the_limits(made):
+def test_all_data_are_inside_the_limits():
     for name in CASES:
-        result = getattr(made, name)()
+        result, figure = drawn(name)
         for (data, residuals), observable in zip(
-            panels_of(plot(result)), result.points["observable"].unique(), strict=True
+            panels_of(figure), result.points["observable"].unique(), strict=True
         ):
             rows = result.points[result.points["observable"] == observable]
             low, high = data.get_ylim()
@@ -95,22 +103,23 @@ def test_all_data_are_inside_the_limits(made):
             assert residuals.get_ylim()[1] > rows["standardised"].abs().max()
 
 
-def test_sticking_is_open_and_sliding_filled(made):
-    result = made.fine()
-    (data, _), *_ = panels_of(plot(result))
+def test_sticking_is_open_and_sliding_filled():
+    _, figure = drawn("fine")
+    (data, _), *_ = panels_of(figure)
     marks = {
         line.get_markerfacecolor(): len(line.get_xdata()) for line in data.lines if line.get_marker() == "o"
     }
     assert marks == {"white": 12, "#0072B2": 22}
 
 
-def test_an_outlier_is_ringed_and_nothing_else(made):
-    (data, residuals), *_ = panels_of(plot(made.contradicted()))
+def test_an_outlier_is_ringed_and_nothing_else():
+    _, figure = drawn("contradicted")
+    (data, residuals), *_ = panels_of(figure)
     for axes in (data, residuals):
         rings = [line for line in axes.lines if line.get_markerfacecolor() == "none"]
         assert [len(ring.get_xdata()) for ring in rings] == [1]
-    assert "ringed: outlier" in texts(plot(made.contradicted()))
-    assert "ringed: outlier" not in texts(plot(made.fine()))
+    assert "ringed: outlier" in texts(figure)
+    assert "ringed: outlier" not in texts(drawn("fine")[1])
 
 
 def test_the_rows_that_the_fit_names_are_ringed_whatever_their_residuals(made):
@@ -134,18 +143,18 @@ def test_rows_are_ringed_by_bonferroni_at_one_percent_where_the_fit_does_not_jud
 
 
 def test_provenance_is_in_the_legend(made):
-    assert "run 1 (measured)" in texts(plot(made.fine()))
+    assert "run 1 (measured)" in texts(drawn("fine")[1])
     unsaid = made.build((made.Run("run 1", provenance=""),))
     assert "run 1 (provenance not stated)" in texts(plot(unsaid))
 
 
-def test_a_stand_in_is_written_across_the_picture(made):
-    figure = plot(made.stand_in())
+def test_a_stand_in_is_written_across_the_picture():
+    _, figure = drawn("stand_in")
     (data, _), *_ = panels_of(figure)
     mark = next(text for text in data.texts if text.get_text() == "STAND-IN")
     assert mark.get_fontsize() >= 24
     assert figure._suptitle.get_text().startswith("STAND-IN DATA")
-    assert not any("STAND-IN" in text for text in texts(plot(made.fine())))
+    assert not any("STAND-IN" in text for text in texts(drawn("fine")[1]))
 
 
 def test_series_differ_by_marker_and_line_not_only_by_colour():
@@ -157,8 +166,8 @@ def test_series_differ_by_marker_and_line_not_only_by_colour():
     )
 
 
-def test_transitions_that_differ_are_shown_series_by_series(made):
-    figure = plot(made.stand_in())
+def test_transitions_that_differ_are_shown_series_by_series():
+    _, figure = drawn("stand_in")
     strips = [axes for axes in figure.axes if not axes.axison]
     assert len(strips) == 1
     assert [text.get_text() for text in strips[0].texts] == [
@@ -170,8 +179,8 @@ def test_transitions_that_differ_are_shown_series_by_series(made):
     ]
 
 
-def test_an_open_transition_is_said_in_words(made):
-    assert "transition not determined: > 30 degrees (95 %)" in texts(plot(made.all_sticking()))
+def test_an_open_transition_is_said_in_words():
+    assert "transition not determined: > 30 degrees (95 %)" in texts(drawn("all_sticking")[1])
 
 
 def test_regimes_take_turns_below_the_last_transition():
@@ -327,8 +336,8 @@ def test_legend_columns_are_filled_as_matplotlib_fills_them():
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_legend_fits_the_width(made, name):
-    figure = plot(getattr(made, name)())
+def test_the_legend_fits_the_width(name):
+    _, figure = drawn(name)
     entries = figure.legends[0].get_texts()
     renderer = figure.canvas.get_renderer()
     right = max(text.get_window_extent(renderer).x1 for text in entries)

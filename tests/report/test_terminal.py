@@ -7,7 +7,7 @@ import pytest
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
-from ifrfit.inference.result.types import Estimate, Fact, Noise
+from ifrfit.inference.result.types import Estimate, Fact, NoiseSummary
 from ifrfit.report import summary
 from ifrfit.report.provenance import provenance_sentences, reference, stand_in_sentence
 from ifrfit.report.sentences import findings, headline
@@ -214,7 +214,7 @@ def test_separate_constants_take_a_row_a_series(made):
 
 
 def test_noises_that_differ_name_their_series(made):
-    noise = Noise("unknown", {"dry/beta": 0.04, "wet & <oiled>/beta": 0.061})
+    noise = NoiseSummary("unknown", {"dry/beta": 0.04, "wet & <oiled>/beta": 0.061})
     text = summary(replace(made.separate(), noise=noise))
     assert "two unknown noises" in text
     assert "of beta in dry\n" in text
@@ -239,7 +239,7 @@ def test_noise_of_the_only_series_does_not_name_it(made):
 def test_many_noises_of_one_observable_take_one_row(made, estimated):
     sigma = {f"run {i}/beta": 0.04 + 0.003 * i for i in range(7)} | {"drops/e_n": 0.012}
     estimates = {name: made.estimate(value, 0.1 * value) for name, value in sigma.items()}
-    noise = Noise("unknown", sigma, estimates if estimated else {})
+    noise = NoiseSummary("unknown", sigma, estimates if estimated else {})
     text = summary(replace(made.posterior(), noise=noise))
     assert "eight unknown noises" in text
     rows = [line for line in text.splitlines() if line.startswith("  noise")]

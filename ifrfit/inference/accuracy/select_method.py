@@ -17,7 +17,7 @@ from ifrfit.inference.estimations import (
     posterior_estimation,
 )
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact
@@ -29,7 +29,7 @@ _OTHERS = 1e-2  # tolerance of the evidence of other questions where time counts
 Progress = Callable[[int, int], None]
 
 
-def exact_as_requested(problem: Problem, optimum: LeastSquares, request: Request) -> Estimation:
+def exact_as_requested(problem: Problem, optimum: LeastSquaresFit, request: Request) -> Estimation:
     """The posterior by quadrature; the coarsest tolerance is worked out however long it takes.
 
     Raises
@@ -44,7 +44,7 @@ def exact_as_requested(problem: Problem, optimum: LeastSquares, request: Request
 
 def chains_as_requested(
     problem: Problem,
-    optimum: LeastSquares,
+    optimum: LeastSquaresFit,
     request: Request,
     unsuitable: str = "",
     *,
@@ -58,7 +58,7 @@ def chains_as_requested(
     Parameters
     ----------
     problem : Problem
-    optimum : LeastSquares
+    optimum : LeastSquaresFit
     request : Request
     unsuitable : str
         Why not by quadrature, where that was tried.
@@ -99,7 +99,7 @@ def chains_as_requested(
 
 def picked_as_requested(
     problem: Problem,
-    optimum: LeastSquares,
+    optimum: LeastSquaresFit,
     request: Request,
     unsuitable: str = "",
     *,
@@ -112,7 +112,7 @@ def picked_as_requested(
     Parameters
     ----------
     problem : Problem
-    optimum : LeastSquares
+    optimum : LeastSquaresFit
     request : Request
     unsuitable : str
         Why not by quadrature, where that is known already.
@@ -149,7 +149,7 @@ def picked_as_requested(
 
 
 def _exact(
-    problem: Problem, optimum: LeastSquares, posterior: QuadraturePosterior, request: Request
+    problem: Problem, optimum: LeastSquaresFit, posterior: QuadraturePosterior, request: Request
 ) -> Estimation:
     if request.budget is None:
         found = posterior_estimation(problem, optimum, posterior, integrate)

@@ -8,7 +8,7 @@ from typing import Any
 
 from ifrfit.inference.accuracy.request import Request
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
 LADDER = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
@@ -21,7 +21,7 @@ Integrate = Callable[..., Any]
 
 def refine(
     problem: Problem,
-    start: LeastSquares,
+    start: LeastSquaresFit,
     request: Request,
     integrate: Integrate = integrate,
     *,
@@ -37,7 +37,7 @@ def refine(
     Parameters
     ----------
     problem : Problem
-    start : LeastSquares
+    start : LeastSquaresFit
     request : Request
     integrate : callable
         As `ifrfit.inference.posterior.adaptive_quadrature`.

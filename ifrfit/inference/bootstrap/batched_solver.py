@@ -35,7 +35,7 @@ from ifrfit.inference.bootstrap.schemes import ReplicateData
 from ifrfit.inference.diagnostics.thresholds import AT_REST
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.noise_identifiability import inputs_of_rows, n_parameters_seen
 from ifrfit.inference.optimize.solve import series_groups, whole_group
 
@@ -67,7 +67,7 @@ class BatchedSolver:
     groups: Mapping[str, Index]
 
     @classmethod
-    def of(cls, problem: Problem, found: LeastSquares) -> BatchedSolver | None:
+    def of(cls, problem: Problem, found: LeastSquaresFit) -> BatchedSolver | None:
         """Restate a problem; None if its replicates have to be fitted one by one."""
         if not problem.closure.bilinear:
             return None

@@ -21,7 +21,7 @@ from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.distributions.draws import kappa_draws
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -33,7 +33,7 @@ _LOT = 10  # replicates of a lot that are solved one by one
 
 
 @dataclass(frozen=True)
-class Bootstrap:
+class BootstrapDraws:
     """Fits of all replicates.
 
     Attributes
@@ -84,7 +84,7 @@ class Bootstrap:
 
 def bootstrap(
     problem: Problem,
-    found: LeastSquares,
+    found: LeastSquaresFit,
     *,
     scheme: str | Scheme = "cases",
     replicates: int = REPLICATES,
@@ -92,13 +92,13 @@ def bootstrap(
     workers: int = 1,
     progress: Progress | None = None,
     at_once: int = _AT_ONCE,
-) -> Bootstrap:
+) -> BootstrapDraws:
     """Draw experiments anew and fit each of them.
 
     Parameters
     ----------
     problem : Problem
-    found : LeastSquares
+    found : LeastSquaresFit
         Its fit.
     scheme : str or Scheme
         cases, residual, wild (Rademacher weights) or wild-mammen; see `ifrfit.inference.bootstrap.schemes`.
@@ -115,7 +115,7 @@ def bootstrap(
 
     Returns
     -------
-    Bootstrap
+    BootstrapDraws
 
     Raises
     ------
@@ -176,7 +176,7 @@ def each(task: Task, lots: list[list[np.random.SeedSequence]], workers: int) -> 
         yield from pool.map(task, lots)
 
 
-def _collect(problem: Problem, chosen: Scheme, solved: ReplicateFits, seed: int) -> Bootstrap:
+def _collect(problem: Problem, chosen: Scheme, solved: ReplicateFits, seed: int) -> BootstrapDraws:
     """Keep the draws of the replicates that have an answer, and count the others."""
     answered = np.array([not reason for reason in solved.reason])
     theta = solved.theta[answered]
@@ -191,7 +191,7 @@ def _collect(problem: Problem, chosen: Scheme, solved: ReplicateFits, seed: int)
     for number in np.flatnonzero(~answered):
         for place in np.flatnonzero(solved.open[number]):
             is_undetermined.setdefault(problem.parameters.names[place], Counter())[solved.reason[number]] += 1
-    return Bootstrap(
+    return BootstrapDraws(
         problem,
         chosen.name,
         chosen.shortage,

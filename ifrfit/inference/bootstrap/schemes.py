@@ -14,7 +14,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.bootstrap.resampling_units import Kind, kinds_of, number_impacts
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 Array = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def _stacked(rows: list[Array | None]) -> Array | None:
     return np.array(given) if given else None
 
 
-def make_scheme(name: str, problem: Problem, found: LeastSquares) -> Scheme:
+def make_scheme(name: str, problem: Problem, found: LeastSquaresFit) -> Scheme:
     """Scheme of a name.
 
     Raises
@@ -203,7 +203,7 @@ class Residuals:
     informs_noise: bool = True
 
     @classmethod
-    def of(cls, problem: Problem, found: LeastSquares) -> Residuals:
+    def of(cls, problem: Problem, found: LeastSquaresFit) -> Residuals:
         """Residuals of a fit."""
         residual = corrected(problem, found) / found.sigma
         groups = problem.groups() if problem.noise.is_unknown else {"all": np.arange(residual.size)}
@@ -250,7 +250,7 @@ class Wild:
     informs_noise: bool = False
 
     @classmethod
-    def of(cls, problem: Problem, found: LeastSquares, name: str = "wild") -> Wild:
+    def of(cls, problem: Problem, found: LeastSquaresFit, name: str = "wild") -> Wild:
         """Residuals of a fit, with the weights of a scheme."""
         root = math.sqrt(5.0)
         mammen = (0.5 * (1.0 - root), 0.5 * (1.0 + root)), (5.0 + root) / 10.0
@@ -277,7 +277,7 @@ class Wild:
         return None, self.base + np.where(first, *self.weights)[self.impact] * self.residual
 
 
-def corrected(problem: Problem, found: LeastSquares) -> Array:
+def corrected(problem: Problem, found: LeastSquaresFit) -> Array:
     """Residuals over sqrt(1 - leverage), with the variance of their noise; 0 where a row fits itself."""
     raw = problem.rows.value - problem.predict(found.optimum.theta)
     left = 1.0 - found.gaussian.leverage
@@ -289,7 +289,7 @@ def prior_means(problem: Problem) -> Array:
     return np.array([math.nan if c.prior is None else c.prior[0] for c in problem.parameters])
 
 
-def fitted_means(problem: Problem, found: LeastSquares) -> Array:
+def fitted_means(problem: Problem, found: LeastSquaresFit) -> Array:
     """Constants of the fit where they have a prior: what is drawn anew lies about the fit, as values do."""
     places = problem.parameters.positions
     return np.array(

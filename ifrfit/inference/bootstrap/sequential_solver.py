@@ -21,7 +21,7 @@ from ifrfit.inference.bootstrap.schemes import ReplicateData
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.laplace import GaussianApproximation
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -44,7 +44,7 @@ class SequentialSolver:
     seen: Bool
 
     @classmethod
-    def of(cls, problem: Problem, found: LeastSquares) -> SequentialSolver:
+    def of(cls, problem: Problem, found: LeastSquaresFit) -> SequentialSolver:
         """From the fit to the data as they are."""
         return cls(problem, problem.parameters.free & ~_loose(problem, found.gaussian))
 
@@ -110,7 +110,7 @@ def _loose(problem: Problem, local: GaussianApproximation) -> Bool:
     return np.asarray((share > _LOADED * prior_sd[:, None]).any(axis=1))
 
 
-def _why(drawn: Problem, found: LeastSquares) -> str:
+def _why(drawn: Problem, found: LeastSquaresFit) -> str:
     """Why a replicate leaves a constant open."""
     kinds = drawn.rows.kinds
     oblique = np.isin(kinds, ("tangential", "curved"))

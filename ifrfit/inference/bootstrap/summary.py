@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ifrfit.inference.bootstrap.estimator import Array, Bootstrap
+from ifrfit.inference.bootstrap.estimator import Array, BootstrapDraws
 from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING
 from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
@@ -14,7 +14,7 @@ from ifrfit.inference.diagnostics.thresholds import FACTS, FAILED
 from ifrfit.inference.distributions.draws import Draws, kappa_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import GaussianApproximation
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.estimation import Estimation, Unresolved
 from ifrfit.inference.result.types import Fact
 
@@ -32,7 +32,7 @@ SEPARATED = (
 )
 
 
-def estimation_of(found: Bootstrap, optimum: LeastSquares) -> Estimation:
+def estimation_of(found: BootstrapDraws, optimum: LeastSquaresFit) -> Estimation:
     """Distribution of the replicates; percentile intervals follow from it.
 
     What more than 1 % of the replicates leave open gets no value: they would all lie beyond one end of its
@@ -59,7 +59,7 @@ def estimation_of(found: Bootstrap, optimum: LeastSquares) -> Estimation:
     )
 
 
-def _converged(found: Bootstrap, noise: Fact) -> Fact:
+def _converged(found: BootstrapDraws, noise: Fact) -> Fact:
     """Whether nearly every replicate has an answer, and the fit that they start from has settled."""
     figures = {
         "scheme": found.scheme,
@@ -85,7 +85,7 @@ def _converged(found: Bootstrap, noise: Fact) -> Fact:
     return Fact(noise.ok and not many, says, figures, FACTS["converged"])
 
 
-def _unresolved(found: Bootstrap) -> dict[str, Unresolved]:
+def _unresolved(found: BootstrapDraws) -> dict[str, Unresolved]:
     """What too many replicates leave open, by name; kappa is open where mu is, unless only e_n was lost."""
     problem = found.problem
     reasons = {name: dict(counts) for name, counts in found.open.items()}
@@ -101,7 +101,7 @@ def _unresolved(found: Bootstrap) -> dict[str, Unresolved]:
     }
 
 
-def _open(found: Bootstrap, reasons: Mapping[str, int], draws: Array) -> Unresolved:
+def _open(found: BootstrapDraws, reasons: Mapping[str, int], draws: Array) -> Unresolved:
     reason = f"{sum(reasons.values()):,} of {found.replicates:,} replicates leave it open"
     if set(reasons) == {NO_SLIDING} and draws.size:
         lower68, lower95 = (float(np.quantile(draws, p)) for p in (0.32, 0.05))

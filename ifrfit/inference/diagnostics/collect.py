@@ -11,13 +11,13 @@ from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Estimate, Fact
 
 
 def misfit_facts(
     problem: Problem,
-    found: LeastSquares,
+    found: LeastSquaresFit,
     residuals: Residuals,
     effects: Mapping[str, Fact],
     *,
@@ -43,7 +43,7 @@ def misfit_facts(
     return facts
 
 
-def noise_converged(found: LeastSquares) -> Fact:
+def noise_converged(found: LeastSquaresFit) -> Fact:
     """Whether the iteration over the noise of least squares came to rest."""
     if math.isinf(found.noise_dof):
         says = "least squares converged"
@@ -72,7 +72,7 @@ def _angular_momentum(problem: Problem) -> Fact:
     return Fact(not bad, says, figures, FACTS["angular_momentum"])
 
 
-def global_optimum(found: LeastSquares, *, bilinear: bool) -> Fact:
+def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
     """Whether the optimum is proven to be the best, and the only one."""
     optimum = found.optimum
     figures = {

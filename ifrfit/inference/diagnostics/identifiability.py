@@ -10,7 +10,7 @@ import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -18,7 +18,7 @@ _SHARE = 0.1  # of the largest loading below which a constant is not named in a 
 
 
 def identifiable(
-    problem: Problem, fit: LeastSquares, constants: Mapping[str, Any], n_sticking: int, n_sliding: int
+    problem: Problem, fit: LeastSquaresFit, constants: Mapping[str, Any], n_sticking: int, n_sliding: int
 ) -> Fact:
     """Whether the data determine every free constant; names the loose combinations and the remedy."""
     local = fit.gaussian
@@ -75,7 +75,7 @@ def _combination(names: tuple[str, ...], vector: np.ndarray) -> str:
     return " ".join(parts)
 
 
-def _advice(problem: Problem, fit: LeastSquares, loose: list[str], n_sticking: int, n_sliding: int) -> str:
+def _advice(problem: Problem, fit: LeastSquaresFit, loose: list[str], n_sticking: int, n_sliding: int) -> str:
     """What is open, why, and what to measure."""
     observed = ", ".join(problem.rows.names)
     says = []

@@ -11,9 +11,9 @@ import numpy as np
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.profile_all import profile_all
-from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.summary.gaussian import kappa_at
 
 if TYPE_CHECKING:
@@ -24,16 +24,16 @@ _LEVEL = 0.95
 
 def intervals(
     problem: Problem,
-    fit: LeastSquares,
+    fit: LeastSquaresFit,
     posterior: Distribution | None,
-    profiles: Mapping[str, Profile] | None = None,
+    profiles: Mapping[str, ProfileLikelihood] | None = None,
 ) -> pd.DataFrame:
     """Central 95 % intervals of every free constant and of kappa, by three methods.
 
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     posterior : Distribution or None
         Its columns are nan without one, or where it has no such marginal.
     profiles : mapping, optional
@@ -46,10 +46,10 @@ def intervals(
 
         - covariance_low, covariance_high: value -+ z sd (Student's t where the noise comes from the misfit),
           symmetric and not cut at the bounds of the domain; infinite where the data do not see the constant;
-        - profile_low, profile_high: all values that `Profile.central95` spans;
+        - profile_low, profile_high: all values that `ProfileLikelihood.central95` spans;
         - exact_low, exact_high: the 2.5 and 97.5 % quantiles of the posterior;
         - lower, upper: the domain; shape: of the profile; noise_dof: degrees of freedom of the noise
-          behind the quantity (`Profile.dof`).
+          behind the quantity (`ProfileLikelihood.dof`).
     """
     import pandas as pd
 
@@ -81,7 +81,7 @@ def intervals(
     return pd.DataFrame.from_dict(rows, orient="index")
 
 
-def _quantities(problem: Problem, fit: LeastSquares) -> list[tuple[str, float, Any]]:
+def _quantities(problem: Problem, fit: LeastSquaresFit) -> list[tuple[str, float, Any]]:
     """Name, value and derivative by the local coordinates of each free constant and of kappa."""
     theta, to_theta = fit.optimum.theta, fit.gaussian.to_theta
     found = [

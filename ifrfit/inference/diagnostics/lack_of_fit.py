@@ -13,7 +13,7 @@ from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.result.types import Fact
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.text import p_text
@@ -36,7 +36,7 @@ class Residuals:
     studentised: Array
 
 
-def residuals_of(problem: Problem, fit: LeastSquares) -> Residuals:
+def residuals_of(problem: Problem, fit: LeastSquaresFit) -> Residuals:
     """Residuals at the optimum.
 
     Where sigma comes from the misfit, a row is left out of its own yardstick (external studentisation), so
@@ -51,7 +51,7 @@ def residuals_of(problem: Problem, fit: LeastSquares) -> Residuals:
     return Residuals(raw, standardised, internal * np.sqrt((fit.noise_dof - 1.0) / rest))
 
 
-def lack_of_fit(problem: Problem, fit: LeastSquares, residuals: Residuals, *, remedy: bool = True) -> Fact:
+def lack_of_fit(problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *, remedy: bool = True) -> Fact:
     """Test whether constants can describe the data.
 
     With known sigma by chi2; without by pure error where inputs repeat; else by a smooth departure in tau,
@@ -140,7 +140,7 @@ def oblique_groups(problem: Problem) -> list[Index]:
     return groups
 
 
-def _smooth(problem: Problem, fit: LeastSquares, r: Array) -> float | None:
+def _smooth(problem: Problem, fit: LeastSquaresFit, r: Array) -> float | None:
     """p of a natural cubic spline in tau, one an observable, beyond the model's own directions."""
     columns = []
     for rows in oblique_groups(problem):

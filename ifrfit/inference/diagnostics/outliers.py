@@ -11,13 +11,13 @@ from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, residuals_of
 from ifrfit.inference.diagnostics.thresholds import FACTS, OUTLIER
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.result.types import Fact
 
 _MOST = 8  # outliers that are looked for
 
 
-def outliers(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
+def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fact:
     """Rows beyond the Bonferroni limit at 1 %, found one by one.
 
     The worst row is left out and the rest fitted again before the next one is judged: an outlier drags good
@@ -45,7 +45,7 @@ def outliers(problem: Problem, fit: LeastSquares, residuals: Residuals) -> Fact:
     return _fact(problem, found, limit)
 
 
-def _limit(fit: LeastSquares, n: int) -> float | None:
+def _limit(fit: LeastSquaresFit, n: int) -> float | None:
     """The Bonferroni limit; None where the noise rests on too few rows."""
     p = 1.0 - 0.5 * OUTLIER / n
     if math.isinf(fit.noise_dof):

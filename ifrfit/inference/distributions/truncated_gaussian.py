@@ -85,8 +85,7 @@ class TruncatedGaussian:
 
     def covariance(self, names: Sequence[str]) -> Array:
         """Covariance before the cut, loose directions with the variance of the default prior, (n, n)."""
-        loadings = np.array([self.loadings[name] for name in names])
-        loadings = loadings.reshape(len(names), len(self.coordinates))
+        loadings = np.array([self.loadings[name] for name in names]).reshape(len(names), self.center.size)
         return np.asarray(loadings @ self.covariance_of_coordinates @ loadings.T)
 
     def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:

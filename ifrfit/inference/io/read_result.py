@@ -17,7 +17,7 @@ from ifrfit.inference.io.write_result import FACTOR, NULL_MARK, SCHEMA, NoiseInF
 from ifrfit.inference.model.error_model import PLAIN, make_error_model
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Noise
+from ifrfit.inference.result.types import NoiseSummary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,11 +123,11 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
     )
 
 
-def _noise(noise: NoiseInFile) -> Noise:
+def _noise(noise: NoiseInFile) -> NoiseSummary:
     estimates = {"" if name == FACTOR else name: estimate for name, estimate in noise.estimates.items()}
     prior = {"" if name == FACTOR else name: bounds for name, bounds in noise.prior.items()}
     model = PLAIN if noise.scatter is None else make_error_model(**asdict(noise.scatter))
-    return Noise(noise.policy, noise.sigma, estimates, prior, model)
+    return NoiseSummary(noise.policy, noise.sigma, estimates, prior, model)
 
 
 def _sample(node: Node, names: tuple[str, ...]) -> Any:

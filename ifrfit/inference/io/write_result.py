@@ -23,7 +23,7 @@ from ifrfit.inference.result.types import (
     FitStatistics,
     FloatOrNan,
     Interval,
-    Noise,
+    NoiseSummary,
     State,
 )
 
@@ -162,7 +162,7 @@ def to_dict(result: Findings) -> dict[str, Any]:
     return content
 
 
-def _noise(noise: Noise) -> NoiseInFile:
+def _noise(noise: NoiseSummary) -> NoiseInFile:
     chosen = ErrorModelChoices(**noise.error_model.choices()) if noise.error_model.words else None
     estimates = {name or FACTOR: estimate for name, estimate in noise.estimates.items()}
     prior = {name or FACTOR: bounds for name, bounds in noise.prior.items()}

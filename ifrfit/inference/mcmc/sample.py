@@ -20,7 +20,7 @@ from ifrfit.inference.mcmc.starts import starts
 from ifrfit.inference.mcmc.stopping import Verdict, is_met, verdict_of
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 
 
@@ -59,7 +59,7 @@ class Sample:
 
 def sample(
     problem: Problem,
-    found: LeastSquares,
+    found: LeastSquaresFit,
     seed: int,
     *,
     max_steps: int = MAX_STEPS,
@@ -73,7 +73,7 @@ def sample(
     Parameters
     ----------
     problem : Problem
-    found : LeastSquares
+    found : LeastSquaresFit
         The optima that ensembles start from.
     seed : int
     max_steps : int
@@ -112,7 +112,7 @@ def sample(
     return Sample(coordinates, chains, evidence, seed)
 
 
-def fresh(coordinates: Coordinates, found: LeastSquares, seed: int) -> Chains:
+def fresh(coordinates: Coordinates, found: LeastSquaresFit, seed: int) -> Chains:
     """Chains before their first step, about every optimum within reach."""
     spread, walks = np.random.SeedSequence(seed).spawn(2)
     return begin(coordinates, starts(coordinates, found, np.random.default_rng(spread)), walks)

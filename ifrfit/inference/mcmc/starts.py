@@ -9,23 +9,21 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.mcmc.coordinates import Coordinates
 from ifrfit.inference.optimize.laplace import gaussian_approximation
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Optimum
 
 Array = NDArray[np.float64]
 
 ENSEMBLES = 4
 _WALKERS, _PER_DIMENSION = 64, 6
-_START_DISTANCE = (
-    2.0  # sd from an optimum to an ensemble: R-hat needs starts wider than the posterior
-)
+_START_DISTANCE = 2.0  # sd from an optimum to an ensemble: R-hat needs starts wider than the posterior
 _MAIN = 0.75  # share of an ensemble's walkers that start at its own optimum
 _TRIES = 40  # each draws nearer to the optimum than the one before
 _INSIDE = 1e-6  # of the domain's width, from its walls
 
 
 def starts(
-    coordinates: Coordinates, found: LeastSquares, rng: np.random.Generator, ensembles: int = ENSEMBLES
+    coordinates: Coordinates, found: LeastSquaresFit, rng: np.random.Generator, ensembles: int = ENSEMBLES
 ) -> Array:
     """Places of all walkers, (ensembles, walkers, d), inside the domain.
 
@@ -38,7 +36,7 @@ def starts(
     Parameters
     ----------
     coordinates : Coordinates
-    found : LeastSquares
+    found : LeastSquaresFit
     rng : numpy.random.Generator
     ensembles : int
     """
@@ -60,7 +58,7 @@ def optima(optimum: Optimum) -> list[Array]:
     return [theta for _, theta in optimum.minima] or [optimum.theta]
 
 
-def _gaussian(coordinates: Coordinates, found: LeastSquares, theta: Array) -> tuple[Array, Array]:
+def _gaussian(coordinates: Coordinates, found: LeastSquaresFit, theta: Array) -> tuple[Array, Array]:
     """Centre, (d,), and root of the covariance, (d, d), about an optimum."""
     problem, density = coordinates.problem, coordinates.density
     low, high = problem.parameters.bounds()
@@ -81,7 +79,7 @@ def _gaussian(coordinates: Coordinates, found: LeastSquares, theta: Array) -> tu
     return coordinates.at(point), root
 
 
-def _noise(coordinates: Coordinates, found: LeastSquares) -> tuple[Array, Array]:
+def _noise(coordinates: Coordinates, found: LeastSquaresFit) -> tuple[Array, Array]:
     """Logarithm of each noise at the optimum, and its sd."""
     problem = coordinates.problem
     base = problem.noise.base

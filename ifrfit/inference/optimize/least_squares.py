@@ -32,7 +32,7 @@ _SMALLEST_FACTOR = 1e-6  # on sigma: a smaller one says that the misfit is nothi
 
 
 @dataclass(frozen=True)
-class LeastSquares:
+class LeastSquaresFit:
     """An optimum with the noise that goes with it.
 
     Attributes
@@ -62,7 +62,7 @@ class LeastSquares:
         return self.change <= AT_REST
 
 
-def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
+def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresFit:
     """Fit by least squares under the problem's noise policy.
 
     known: sigma is taken at its word. scaled: sigma times one common factor, from the misfit.
@@ -86,12 +86,12 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquares:
     return _with_plain_errors(problem, start)
 
 
-def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSquares:
+def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSquaresFit:
     """Fit under normal errors of the values alone; see `least_squares`."""
     if problem.noise.is_known:
         optimum = solve(problem, problem.noise.sigma, start)
         gaussian = gaussian_approximation(problem, problem.noise.sigma, optimum.theta)
-        return LeastSquares(
+        return LeastSquaresFit(
             optimum, problem.noise.sigma, group_sigma(problem, problem.noise.sigma), math.inf, 0.0, gaussian
         )
     groups = problem.noise_groups()
@@ -118,10 +118,10 @@ def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSqu
         optimum = solve(problem, sigma, start)
     dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
     gaussian = gaussian_approximation(problem, sigma, optimum.theta)
-    return LeastSquares(optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian)
+    return LeastSquaresFit(optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian)
 
 
-def _iteratively_reweighted(problem: Problem) -> LeastSquares:
+def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:
     """Fit with weights that follow from the fit.
 
     Student-t: the weight of a row is (nu + 1)/(nu + z^2), which makes the fixed point the maximum of the
@@ -131,7 +131,7 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquares:
 
     Returns
     -------
-    LeastSquares
+    LeastSquaresFit
         With `sigma` as weighted, and the Gaussian approximation widened to Student's information.
     """
     plain = replace(problem, error_model=PLAIN)
@@ -162,7 +162,7 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquares:
     if problem.noise.is_scaled:
         dof = max(sigma.size - float(gaussian.leverage.sum()), 0.5)
     optimum = replace(found.optimum, gap=None, method=f"{found.optimum.method}, {ITERATED}")
-    return LeastSquares(optimum, sigma, group_sigma(problem, base * factor), dof, change, gaussian)
+    return LeastSquaresFit(optimum, sigma, group_sigma(problem, base * factor), dof, change, gaussian)
 
 
 def _effective_sigma(problem: Problem, theta: Array, factor: float = 1.0) -> Array:

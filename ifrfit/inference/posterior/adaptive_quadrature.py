@@ -11,7 +11,7 @@ from enum import Enum
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior.convergence import largest_error, panel_errors, quantiles_at_levels
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
 from ifrfit.inference.posterior.joint_grid import JointDensity
@@ -50,7 +50,7 @@ class Outcome(Enum):
 def integrate(
     problem: Problem,
     tolerance: float = TOLERANCE,
-    start: LeastSquares | None = None,
+    start: LeastSquaresFit | None = None,
     over: Callable[[], bool] | None = None,
 ) -> QuadraturePosterior:
     """Integrate the posterior of a problem.
@@ -60,7 +60,7 @@ def integrate(
     problem : Problem
     tolerance : float
         Of means, standard deviations and quantiles in posterior standard deviations, and of the log evidence.
-    start : LeastSquares, optional
+    start : LeastSquaresFit, optional
         The certified optimum, where it is known already.
     over : callable, optional
         Asked before and after every round: whether to end with what was reached.
@@ -91,7 +91,9 @@ def integrate(
     )
 
 
-def log_evidence(problem: Problem, tolerance: float = TOLERANCE, start: LeastSquares | None = None) -> float:
+def log_evidence(
+    problem: Problem, tolerance: float = TOLERANCE, start: LeastSquaresFit | None = None
+) -> float:
     """Log of the integral of the normalised likelihood times the normalised prior, without the marginals.
 
     Parameters
@@ -99,7 +101,7 @@ def log_evidence(problem: Problem, tolerance: float = TOLERANCE, start: LeastSqu
     problem : Problem
     tolerance : float
         Of the log evidence: the last change between two rules.
-    start : LeastSquares, optional
+    start : LeastSquaresFit, optional
         The certified optimum, where it is known already.
 
     Raises
@@ -114,7 +116,7 @@ def log_evidence(problem: Problem, tolerance: float = TOLERANCE, start: LeastSqu
 def _refined(
     problem: Problem,
     tolerance: float,
-    start: LeastSquares | None,
+    start: LeastSquaresFit | None,
     marginals: MarginalsOf,
     over: Callable[[], bool] | None,
 ) -> Refinement:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class GridSettings:
     """The problem, its optimum with the local spread, and the tolerance."""
 
     problem: Problem
-    start: LeastSquares
+    start: LeastSquaresFit
     tolerance: float
 
     @cached_property

@@ -13,7 +13,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.linear_families import LOWEST
 from ifrfit.inference.posterior.grid_settings import GridSettings, ladder
 from ifrfit.inference.posterior.initial_panels import Known, make_series, thinned
@@ -61,14 +61,14 @@ class IntegralLayout:
 
 
 def make_layout(
-    problem: Problem, start: LeastSquares, tolerance: float, *, separate_e_n: bool
+    problem: Problem, start: LeastSquaresFit, tolerance: float, *, separate_e_n: bool
 ) -> IntegralLayout:
     """Lay the integral out.
 
     Parameters
     ----------
     problem : Problem
-    start : LeastSquares
+    start : LeastSquaresFit
     tolerance : float
     separate_e_n : bool
         Whether to give e_n an integral of its own where the rows allow it (`e_n_is_separable`). That is exact
@@ -143,12 +143,13 @@ def e_n_is_separable(settings: GridSettings) -> bool:
 def _noise_is_closed_with_e_n(settings: GridSettings) -> bool:
     """Whether one integral over all parameters has a common factor of the noise in closed form, eq. (5).
 
-    Where b depends on c, a separated e_n would leave that factor as an outer axis, on which the grids of
-    kappa and c differ: 200 times as long on 50 rows of beta and e_n, and not converged.
+    Where b depends on c and e_n has rows of its own, separating it would leave that factor as an outer axis,
+    on which the grids of kappa and c differ: 200 times as long on 50 rows of beta and e_n, and not converged.
     """
     problem = settings.problem
     one_block = len(problem.series) == 1 or not any(c.separate for c in problem.parameters)
-    return problem.noise.is_scaled and one_block and problem.error_model.is_plain and _bound_varies(settings)
+    one_factor = problem.noise.is_scaled and problem.error_model.is_plain and one_block
+    return one_factor and _bound_varies(settings) and bool(_normal_rows(settings).any())
 
 
 def _bound_varies(settings: GridSettings) -> bool:

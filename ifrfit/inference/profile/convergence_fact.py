@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.types import Fact
 
 
-def profile_converged(profiles: Mapping[str, Profile], noise: Fact) -> Fact:
+def profile_converged(profiles: Mapping[str, ProfileLikelihood], noise: Fact) -> Fact:
     """Whether the noise settled, and every profile closes or reaches the end of its domain.
 
     Parameters
     ----------
     profiles : mapping
-        Name to `Profile`, as `profile_all` returns them.
+        Name to `ProfileLikelihood`, as `profile_all` returns them.
     noise : Fact
         "converged" of the least squares behind them.
 

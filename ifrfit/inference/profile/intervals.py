@@ -6,7 +6,7 @@ from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.profile.curve import ProfileCurve
 from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.profile.quantities import Quantity
-from ifrfit.inference.profile.types import Profile, closed, hull, shape_of
+from ifrfit.inference.profile.types import ProfileLikelihood, closed, hull, shape_of
 from ifrfit.inference.summary.status import Domain, Known, Marginal, OneSided, estimate_of
 
 _COVERED = 0.997
@@ -15,7 +15,7 @@ _NEAR = 1.5  # one-sided 95 % widths from the bound within which the optimum sta
 
 def profile_of(
     quantity: Quantity, curve: ProfileCurve, value: float, dof: float, known: Known, *, fill: bool = True
-) -> Profile:
+) -> ProfileLikelihood:
     """The profile of a quantity from its curve.
 
     Parameters
@@ -36,7 +36,7 @@ def profile_of(
     domain = Domain(curve.lower, curve.upper, quantity.domain.prior_upper)
     estimate = estimate_of(domain, marginal, known)
     x, rise = curve.window(limit(_COVERED, dof), fill=fill)
-    return Profile(
+    return ProfileLikelihood(
         name=quantity.name,
         value=value,
         stderr=estimate.stderr,

@@ -13,7 +13,7 @@ from ifrfit.inference.distributions.draws import kappa_name
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.profile.curve import COARSE
 from ifrfit.inference.profile.intervals import profile_of
@@ -30,14 +30,14 @@ _BEYOND = 1.25
 
 
 def estimates_of_optimum(
-    problem: Problem, fit: LeastSquares, gaussian: TruncatedGaussian
+    problem: Problem, fit: LeastSquaresFit, gaussian: TruncatedGaussian
 ) -> tuple[Constants, Mapping[str, Estimate]]:
     """Every constant (an `Estimate`, or one a series where it is separate), and kappa of each series.
 
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     gaussian : TruncatedGaussian
         As `ifrfit.inference.summary.gaussian.gaussian_approximation`.
     """
@@ -97,7 +97,7 @@ def _e_n_and_mu_free(problem: Problem, series: int) -> bool:
     return all(entries[int(places[name][series])].fixed is None for name in ("e_n", "mu"))
 
 
-def _profiled(problem: Problem, fit: LeastSquares, quantity: Quantity, known: Known) -> Estimate:
+def _profiled(problem: Problem, fit: LeastSquaresFit, quantity: Quantity, known: Known) -> Estimate:
     """By the profile, over all optima.
 
     A quantity that depends on a direction the data do not see is never called determined, however short its

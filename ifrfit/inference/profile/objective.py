@@ -12,7 +12,7 @@ import numpy as np
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Array
 
 _ROUNDS = 40  # of weights and constants in turn
@@ -42,7 +42,7 @@ class Misfit:
     Attributes
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     groups : tuple of ndarray of int
         Rows that share one unknown noise; empty where sigma is known.
     base : ndarray
@@ -52,14 +52,14 @@ class Misfit:
     """
 
     problem: Problem
-    fit: LeastSquares
+    fit: LeastSquaresFit
     groups: tuple[Index, ...]
     base: Array
     dof: Array
     squares: Array
 
     @classmethod
-    def of(cls, problem: Problem, fit: LeastSquares) -> Misfit:
+    def of(cls, problem: Problem, fit: LeastSquaresFit) -> Misfit:
         """The misfit under the problem's noise policy."""
         groups, base = tuple(problem.noise_groups().values()), problem.noise.base
         dof = np.array([rows.size - float(fit.gaussian.leverage[rows].sum()) for rows in groups])

@@ -9,11 +9,11 @@ from functools import partial
 
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.intervals import profile_of
 from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, profile_curve, quantities_of, transition_tau
-from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.types import Angles, Constants, Estimate
 from ifrfit.inference.summary.derived import angle_near, constant_bound, median_spin, transitions_of
 from ifrfit.inference.summary.estimates import kappa_of_constants
@@ -24,13 +24,15 @@ from ifrfit.physics.closures import Meaning
 from ifrfit.physics.transition import transition_angles
 
 
-def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> dict[str, Profile]:
+def profile_all(
+    problem: Problem, fit: LeastSquaresFit, *, curves: bool = True
+) -> dict[str, ProfileLikelihood]:
     """Profile of free constants, of kappa, of what the closure constant stands for, and of transitions.
 
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
         Its optimum.
     curves : bool
         Add places until the curves can be drawn; without, only what intervals and shapes need is looked at.
@@ -38,8 +40,8 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
     Returns
     -------
     dict
-        Name to `Profile`: the free entries of `Problem.names`; kappa, or kappa[SERIES] where e_n or mu is
-        separate; beta_sticking, or beta_sticking[SERIES] where the closure constant is (or another
+        Name to `ProfileLikelihood`: the free entries of `Problem.names`; kappa, or kappa[SERIES] where e_n or
+        mu is separate; beta_sticking, or beta_sticking[SERIES] where the closure constant is (or another
         `Closure.meaning` in its place); and
         transition_angle_deg[SERIES] in degrees at the median spin of the series, followed by
         " (first)" and " (second)" where sticking begins and ends.
@@ -68,7 +70,7 @@ def profile_all(problem: Problem, fit: LeastSquares, *, curves: bool = True) -> 
     return found
 
 
-def _profile(misfit: Misfit, quantity: Quantity, known: Known, curves: bool) -> Profile:
+def _profile(misfit: Misfit, quantity: Quantity, known: Known, curves: bool) -> ProfileLikelihood:
     dof = misfit.dof_of(quantity.functional)
     curve = profile_curve(misfit, quantity, dof)
     value = curve.best_place(quantity.of(misfit.fit.optimum.theta))
@@ -80,8 +82,8 @@ def _meant(meaning: Meaning, inertia_factor: float, c: float) -> float:
 
 
 def _transitions(
-    misfit: Misfit, number: int, series: str, found: Mapping[str, Profile], curves: bool
-) -> dict[str, Profile]:
+    misfit: Misfit, number: int, series: str, found: Mapping[str, ProfileLikelihood], curves: bool
+) -> dict[str, ProfileLikelihood]:
     """Transition angle(s) of a series: what its slip ratio at the transition becomes at its median spin."""
     problem, fit = misfit.problem, misfit.fit
     b = constant_bound(problem)
@@ -110,7 +112,7 @@ def _transitions(
 
 def estimates_of_profiles(
     problem: Problem,
-    profiles: Mapping[str, Profile],
+    profiles: Mapping[str, ProfileLikelihood],
     gaussian: TruncatedGaussian,
     local_kappas: Mapping[str, Estimate],
 ) -> tuple[Constants, Mapping[str, Estimate], dict[str, Angles]]:
@@ -147,7 +149,9 @@ def estimates_of_profiles(
     return constants, kappas, transitions
 
 
-def _transition_of(series: str, kappa: Estimate, profiles: Mapping[str, Profile], local: Angles) -> Angles:
+def _transition_of(
+    series: str, kappa: Estimate, profiles: Mapping[str, ProfileLikelihood], local: Angles
+) -> Angles:
     """As least squares reports it, one angle, two or none, with the intervals of the profile."""
     if kappa.value is None:
         return None

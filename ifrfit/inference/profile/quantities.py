@@ -10,7 +10,7 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.profile.constrained_fit import (
     best_over_e_n,
@@ -59,7 +59,7 @@ class Quantity:
     far: float | None = None
 
 
-def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
+def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
     """A free entry of theta."""
     constant = problem.parameters.entries[place]
     lower = constant.lower
@@ -78,7 +78,7 @@ def entry(problem: Problem, fit: LeastSquares, place: int) -> Quantity:
     )
 
 
-def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quantity | None:
+def kappa(problem: Problem, fit: LeastSquaresFit, series: int, name: str) -> Quantity | None:
     """kappa = mu (1 + e_n) of a series; None where both are fixed."""
     places = problem.parameters.positions
     i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
@@ -116,7 +116,7 @@ def kappa(problem: Problem, fit: LeastSquares, series: int, name: str) -> Quanti
     )
 
 
-def transition_tau(problem: Problem, fit: LeastSquares, series: int) -> Quantity | None:
+def transition_tau(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity | None:
     """Slip ratio at the transition of a series, kappa/b, where b depends on the closure constant.
 
     None at an optimum without a transition. Bounds that a user sets to mu do not limit it.
@@ -206,7 +206,7 @@ def profile_curve(
     return curve
 
 
-def quantities_of(problem: Problem, fit: LeastSquares) -> Mapping[str, Quantity]:
+def quantities_of(problem: Problem, fit: LeastSquaresFit) -> Mapping[str, Quantity]:
     """Every free entry of theta; and kappa (by series where e_n or mu is separate) unless e_n is given.
 
     With e_n given kappa is mu times a number, and needs no profile of its own.

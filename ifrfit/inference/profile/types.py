@@ -18,7 +18,7 @@ Shape = Literal["bounded", "one_sided", "flat", "multimodal"]
 
 
 @dataclass(frozen=True)
-class Profile:
+class ProfileLikelihood:
     """Least rise of the objective with one quantity held, over the values it may have.
 
     The shape is a rule on the region R(p), all values whose rise stays below the cut of a central interval of
@@ -99,7 +99,7 @@ class Profile:
         value, stderr = (self.value, self.stderr) if self.has_value else (None, None)
         return Estimate(value, stderr, self.interval68, self.interval95, self.status, self.reason)
 
-    def mapped(self, name: str, function: Callable[[float], float]) -> Profile:
+    def mapped(self, name: str, function: Callable[[float], float]) -> ProfileLikelihood:
         """Profile of a monotone function of the quantity; the rise is the same at the same place."""
 
         def ends(interval: Interval) -> Interval:
@@ -156,7 +156,7 @@ def closed(interval: Interval, lower: float, upper: float) -> tuple[bool, bool]:
 def shape_of(
     pieces68: tuple[Interval, ...], pieces: tuple[Interval, ...], lower: float, upper: float
 ) -> Shape:
-    """The shape by the rule in `Profile`."""
+    """The shape by the rule in `ProfileLikelihood`."""
     if len(pieces68) > 1 or len(pieces) > 1:
         return "multimodal"
     ends = closed(pieces[0], lower, upper)

@@ -22,14 +22,14 @@ from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.apply_error_model import reported_policy
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.fit_statistics import statistics_of
 from ifrfit.inference.result.state import state_of
-from ifrfit.inference.result.types import Angles, Constants, Estimate, Fact, FitStatistics, Noise
+from ifrfit.inference.result.types import Angles, Constants, Estimate, Fact, FitStatistics, NoiseSummary
 from ifrfit.inference.summary.derived import derived_of, transitions_of
 from ifrfit.inference.summary.estimates import correlation_of, estimates_of, noise_of
 from ifrfit.inference.summary.gaussian import truncated_gaussian
@@ -69,14 +69,14 @@ class OptimumSummary:
 
 
 def summarize_optimum(
-    problem: Problem, optimum: LeastSquares, conditions: Setting | None = None, *, brief: bool = False
+    problem: Problem, optimum: LeastSquaresFit, conditions: Setting | None = None, *, brief: bool = False
 ) -> OptimumSummary:
     """Estimates of least squares, misfit and effects.
 
     Parameters
     ----------
     problem : Problem
-    optimum : LeastSquares
+    optimum : LeastSquaresFit
     conditions : Setting, optional
         The scene of the data, for the effects' criteria.
     brief : bool
@@ -113,7 +113,7 @@ def summarize_optimum(
 
 def build_result(
     problem: Problem,
-    optimum: LeastSquares,
+    optimum: LeastSquaresFit,
     estimation: Estimation,
     *,
     seed: int = 0,
@@ -127,7 +127,7 @@ def build_result(
     Parameters
     ----------
     problem : Problem
-    optimum : LeastSquares
+    optimum : LeastSquaresFit
         Of the problem.
     estimation : Estimation
         What the method found beyond the optimum.
@@ -152,7 +152,7 @@ def build_result(
     free = zip(problem.parameters.names, problem.parameters.free, strict=True)
     names = tuple(name for name, is_free in free if is_free)
     distribution: Distribution = about.gaussian if own is None else own
-    noise = Noise(reported_policy(problem), optimum.noise, error_model=problem.error_model)
+    noise = NoiseSummary(reported_policy(problem), optimum.noise, error_model=problem.error_model)
     drawn = None
     if own is not None:
         bounds = problem.noise_bounds() if estimation.is_posterior else {}
@@ -204,7 +204,7 @@ def _estimates(
 
 def _facts(
     problem: Problem,
-    optimum: LeastSquares,
+    optimum: LeastSquaresFit,
     about: OptimumSummary,
     estimation: Estimation,
     constants: Constants,

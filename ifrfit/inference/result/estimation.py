@@ -12,7 +12,7 @@ from ifrfit.inference.result.types import Fact
 if TYPE_CHECKING:
     from ifrfit.inference.accuracy.types import Effort
     from ifrfit.inference.distributions.protocol import Distribution
-    from ifrfit.inference.profile.types import Profile
+    from ifrfit.inference.profile.types import ProfileLikelihood
 
 
 class Saves(Protocol):
@@ -62,7 +62,7 @@ class Estimation:
         is reported.
     log_evidence : float or None
         Log of the marginal likelihood.
-    profiles : mapping of str to Profile
+    profiles : mapping of str to ProfileLikelihood
         By name of the quantity; estimates of these quantities are read from their profiles.
     unresolved : mapping of str to Unresolved
         By name of the quantity, what gets no value for reasons that the distribution does not show.
@@ -82,7 +82,7 @@ class Estimation:
     predicts: bool = True
     is_posterior: bool = False
     log_evidence: float | None = None
-    profiles: Mapping[str, Profile] = field(default_factory=dict)
+    profiles: Mapping[str, ProfileLikelihood] = field(default_factory=dict)
     unresolved: Mapping[str, Unresolved] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     effort: Effort | None = None

@@ -16,8 +16,8 @@ from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, Scene
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
-from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.estimation import Saves
 from ifrfit.inference.result.state import distribution_of
 from ifrfit.inference.result.types import (
@@ -27,7 +27,7 @@ from ifrfit.inference.result.types import (
     Estimate,
     Fact,
     FitStatistics,
-    Noise,
+    NoiseSummary,
     State,
 )
 
@@ -45,7 +45,7 @@ class Findings:
     inertia_factor : float
     inputs : tuple of Source
         Files or datasets with hash, rows used and skipped, provenance and selection.
-    noise : Noise
+    noise : NoiseSummary
     constants : mapping
         Name to `Estimate`, or to a mapping of series to `Estimate` where the constant is separate.
     derived : mapping
@@ -77,7 +77,7 @@ class Findings:
         what the file keeps: draws, or the Gaussian about the optimum.
     problem, least_squares
         The question and its optimum, for further questions; None where the result was read from a file.
-    profiles : mapping of str to Profile
+    profiles : mapping of str to ProfileLikelihood
         By name of the quantity, of --method profile; not kept in result.json.
     files : mapping of str to Saves
         File name to what the method writes beside result.json.
@@ -87,7 +87,7 @@ class Findings:
     inertia_factor: float
     method: str
     inputs: tuple[Source, ...]
-    noise: Noise
+    noise: NoiseSummary
     constants: Constants
     derived: Derived
     correlation: tuple[tuple[str, ...], NDArray[np.float64]]
@@ -105,17 +105,17 @@ class Findings:
     scene: SceneOfData | None = None
     effects: tuple[EffectLine, ...] = ()
     problem: Problem | None = field(default=None, repr=False, compare=False)
-    least_squares: LeastSquares | None = field(default=None, repr=False, compare=False)
+    least_squares: LeastSquaresFit | None = field(default=None, repr=False, compare=False)
     # None stands for what `state` keeps of it, see __post_init__
     distribution: Distribution = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
-    profiles: Mapping[str, Profile] = field(default_factory=dict, repr=False, compare=False)
+    profiles: Mapping[str, ProfileLikelihood] = field(default_factory=dict, repr=False, compare=False)
     files: Mapping[str, Saves] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if cast("Distribution | None", self.distribution) is None:
             object.__setattr__(self, "distribution", distribution_of(self.state))
 
-    def problem_and_optimum(self) -> tuple[Problem, LeastSquares]:
+    def problem_and_optimum(self) -> tuple[Problem, LeastSquaresFit]:
         """The question of the fit and its optimum.
 
         Raises

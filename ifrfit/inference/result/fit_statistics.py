@@ -10,12 +10,12 @@ from scipy.special import chdtrc
 
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import FitStatistics
 
 
 def statistics_of(
-    problem: Problem, found: LeastSquares, residuals: Residuals, sticks: NDArray[np.bool_]
+    problem: Problem, found: LeastSquaresFit, residuals: Residuals, sticks: NDArray[np.bool_]
 ) -> FitStatistics:
     """Count rows and sum up the misfit; the most likely noise goes into the likelihood."""
     r = residuals.raw

@@ -7,13 +7,13 @@ from ifrfit.data.observations import TABLE_COLUMNS
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.problem import Problem, make_problem
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior import QuadraturePosterior
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import get_closure
 
 
-def question(result: FitResult) -> tuple[Problem, LeastSquares]:
+def question(result: FitResult) -> tuple[Problem, LeastSquaresFit]:
     """The problem of a result and its optimum: as they were left by the fit, or from the points it keeps.
 
     Parameters
@@ -24,7 +24,7 @@ def question(result: FitResult) -> tuple[Problem, LeastSquares]:
     Returns
     -------
     problem : Problem
-    optimum : LeastSquares
+    optimum : LeastSquaresFit
 
     Raises
     ------

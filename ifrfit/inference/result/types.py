@@ -86,7 +86,7 @@ class Fact:
 
 
 @dataclass(frozen=True)
-class Noise:
+class NoiseSummary:
     """What sigma meant.
 
     Attributes

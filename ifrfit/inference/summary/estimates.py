@@ -14,7 +14,7 @@ from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.result.estimation import Unresolved
-from ifrfit.inference.result.types import Constants, Estimate, Interval, Noise
+from ifrfit.inference.result.types import Constants, Estimate, Interval, NoiseSummary
 from ifrfit.inference.summary.gaussian import kappa_domain
 from ifrfit.inference.summary.status import (
     AT_BOUND,
@@ -193,8 +193,8 @@ def kappa_of_constants(problem: Problem, series: int, constants: Constants) -> E
 
 
 def noise_of(
-    problem: Problem, distribution: Distribution, local: Noise, bounds: Mapping[str, Interval]
-) -> Noise:
+    problem: Problem, distribution: Distribution, local: NoiseSummary, bounds: Mapping[str, Interval]
+) -> NoiseSummary:
     """Noise as the distribution has it; sigma is its median, and stays where there is no noise in it."""
     estimates = {}
     for name in distribution.names:
@@ -218,7 +218,7 @@ def noise_of(
     if problem.noise.is_scaled and local.policy == "unknown":  # the factor is on a sigma of 1
         (group,) = problem.groups()
         estimates, bounds = {group: estimates[""]}, {group: bounds[""]}
-    return Noise(local.policy, sigma, estimates, dict(bounds), local.error_model)
+    return NoiseSummary(local.policy, sigma, estimates, dict(bounds), local.error_model)
 
 
 def correlation_of(distribution: Distribution, names: tuple[str, ...]) -> Array:

@@ -14,14 +14,14 @@ from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import gaussian_approximation
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.summary.status import Domain, on_bound
 from ifrfit.physics.closures import Coefficients
 
 Array = NDArray[np.float64]
 
 
-def truncated_gaussian(problem: Problem, fit: LeastSquares) -> TruncatedGaussian:
+def truncated_gaussian(problem: Problem, fit: LeastSquaresFit) -> TruncatedGaussian:
     """The Gaussian about the optimum, with a marginal for each free entry of theta, kappa and transition."""
     local = fit.gaussian
     lower, upper, gradient = _bounds(problem, fit)
@@ -51,7 +51,7 @@ def truncated_gaussian(problem: Problem, fit: LeastSquares) -> TruncatedGaussian
 
 
 def _marginal(
-    fit: LeastSquares, value: float, functional: Array, domain: Domain, dof: float, gradient: Array
+    fit: LeastSquaresFit, value: float, functional: Array, domain: Domain, dof: float, gradient: Array
 ) -> TruncatedNormal:
     """Marginal of functional @ phi; its centre lies beyond the bound that the optimum lies on."""
     variance = fit.gaussian.variance(functional, domain.prior_sd)
@@ -63,7 +63,7 @@ def _marginal(
     return TruncatedNormal(value, center, math.sqrt(variance), domain.lower, domain.upper, dof)
 
 
-def kappa_at(problem: Problem, fit: LeastSquares, series: int) -> tuple[float, Array]:
+def kappa_at(problem: Problem, fit: LeastSquaresFit, series: int) -> tuple[float, Array]:
     """kappa of a series at the optimum, and its derivative by the local coordinates."""
     places = problem.parameters.positions
     i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
@@ -78,7 +78,9 @@ def kappa_domain(problem: Problem, series: int) -> Domain:
     return Domain.of_kappa(entries[int(places["e_n"][series])], entries[int(places["mu"][series])])
 
 
-def _transition(problem: Problem, fit: LeastSquares, series: int, gradient: Array) -> TruncatedNormal | None:
+def _transition(
+    problem: Problem, fit: LeastSquaresFit, series: int, gradient: Array
+) -> TruncatedNormal | None:
     """Slip ratio kappa/b at which sticking ends in a series; None where it does not."""
     own = problem.closure.constant
     place = int(problem.parameters.positions[own][series]) if own else -1
@@ -98,7 +100,7 @@ def _transition(problem: Problem, fit: LeastSquares, series: int, gradient: Arra
     return _marginal(fit, tau, functional, bounds, fit.noise_dof, gradient)
 
 
-def _bounds(problem: Problem, fit: LeastSquares) -> tuple[Array, Array, Array]:
+def _bounds(problem: Problem, fit: LeastSquaresFit) -> tuple[Array, Array, Array]:
     """Bounds of the coordinates, and the gradient of the objective by those that lie on one; (p,) each."""
     local = fit.gaussian
     gradient = np.zeros(local.phi.size)
@@ -115,7 +117,7 @@ def _bounds(problem: Problem, fit: LeastSquares) -> tuple[Array, Array, Array]:
     return low, high, gradient
 
 
-def prior_reasons(problem: Problem, fit: LeastSquares) -> dict[str, str]:
+def prior_reasons(problem: Problem, fit: LeastSquaresFit) -> dict[str, str]:
     """Free entries of theta and kappas whose sd the priors of the user halve, with the reason in words."""
     named = [c.name for c in problem.parameters if c.prior is not None]
     if not named:

@@ -10,17 +10,19 @@ import numpy as np
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.summary.status import KAPPA, Known
 
 
-def known_of(problem: Problem, fit: LeastSquares, name: str, sd: float, reasons: Mapping[str, str]) -> Known:
+def known_of(
+    problem: Problem, fit: LeastSquaresFit, name: str, sd: float, reasons: Mapping[str, str]
+) -> Known:
     """What the rule of statuses asks of a free entry of theta, or of kappa.
 
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     name : str
     sd : float
         By the covariance; infinite where the data do not see the quantity.

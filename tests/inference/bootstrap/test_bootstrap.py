@@ -10,7 +10,7 @@ from bootstrap_scenes import TRUTH, fitted, scene, with_values
 from scipy import stats
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.bootstrap import Bootstrap, bootstrap
+from ifrfit.inference.bootstrap import BootstrapDraws, bootstrap
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.bootstrap.estimator import Task, each
 from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING, concatenate_fits
@@ -18,7 +18,7 @@ from ifrfit.inference.bootstrap.schemes import SCHEMES, Cases
 from ifrfit.inference.bootstrap.sequential_solver import SequentialSolver
 
 
-def made(problem, **options: object) -> Bootstrap:
+def made(problem, **options: object) -> BootstrapDraws:
     return bootstrap(*fitted(problem), **options)
 
 
@@ -67,7 +67,7 @@ def test_the_sd_of_all_constants_agrees_with_the_covariance_where_the_model_hold
         assert own == pytest.approx(sd, rel=0.25)
 
 
-def same(one: Bootstrap, other: Bootstrap, rel: float = 0.0) -> None:
+def same(one: BootstrapDraws, other: BootstrapDraws, rel: float = 0.0) -> None:
     assert one.reasons == other.reasons
     assert set(one.draws) == set(other.draws)
     for name, draws in one.draws.items():

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from factories import BILINEAR
 from scipy import stats
 
 from ifrfit.data.observations import Observations, make_table
@@ -14,7 +15,7 @@ from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
-from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure
+from ifrfit.physics import OBSERVABLES, get_closure
 
 TRUTH = {"e_n": np.array([0.9]), "e_t": np.array([-0.8]), "mu": np.array([0.15])}
 SIGMA = 0.03
@@ -61,7 +62,7 @@ def noisy(problem, z, sigma=SIGMA):
 CURVED_TOO = ("beta", "e_n", "mu_app", "delta_deg", "mu", "lambda_deg", "beta_tot", "tan_psi_out", "v_n")
 
 
-@pytest.mark.parametrize("closure", [n for n in CLOSURES if n in ("f", "fr", "ifr", "ifr-contact")])
+@pytest.mark.parametrize("closure", BILINEAR)
 @pytest.mark.parametrize("separate", [(), ("mu",), ("e_n", "mu")])
 def test_many_draws_at_once_are_the_same_as_one_by_one(closure, separate):
     rng = np.random.default_rng(1)

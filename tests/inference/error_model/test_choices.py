@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import BILINEAR
 
 import ifrfit
 from ifrfit import AngleErrors, Noise
@@ -93,7 +94,7 @@ SUPPORT = [
 ]
 
 
-@pytest.mark.parametrize("closure", ["ifr", "fr", "f", "ifr-contact"])
+@pytest.mark.parametrize("closure", BILINEAR)
 @pytest.mark.parametrize(("method", "choice", "refusal"), SUPPORT)
 def test_support_of_method_by_noise_by_closure(tmp_path, closure, method, choice, refusal):
     path = table_of(tmp_path)

@@ -11,11 +11,11 @@ from hard_cases.synthetic import FAN, HEADER, noise, rows, values
 
 import ifrfit
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.optimize.optimum import objective_at
 from ifrfit.inference.profile.constrained_fit import best_with
 from ifrfit.inference.profile.profile_all import profile_all
-from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.profile.types import ProfileLikelihood
 
 DROPS = (5.0, 10.0)
 
@@ -31,7 +31,7 @@ def two_series(sigma_e_n: float | None) -> str:
     return text
 
 
-def question(folder: Path, sigma_e_n: float | None, **options: object) -> tuple[Problem, LeastSquares]:
+def question(folder: Path, sigma_e_n: float | None, **options: object) -> tuple[Problem, LeastSquaresFit]:
     path = folder / "impacts.csv"
     path.write_text(two_series(sigma_e_n))
     problem = ifrfit.fit(path, method="lsq", **options).problem
@@ -89,7 +89,7 @@ def test_a_weak_restitution_widens_mu_of_each_series(
     found = profile_all(problem, fit, curves=False)
     mu, kappa, e_n = found["mu[second]"], found["kappa[second]"], found["e_n"]
 
-    def relative(profile: Profile, of: float) -> float:
+    def relative(profile: ProfileLikelihood, of: float) -> float:
         low, high = profile.central68
         return (high - low) / (2.0 * of)
 

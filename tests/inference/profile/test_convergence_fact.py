@@ -10,17 +10,17 @@ from hard_cases.synthetic import FAN, HEADER, STEEP, noise, rows, table, values
 import ifrfit
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.profile import objective
 from ifrfit.inference.profile.convergence_fact import profile_converged
 from ifrfit.inference.profile.profile_all import profile_all
-from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.types import Fact
 
 SETTLED = Fact(True, "the noise has settled", {"change": 1e-9}, FACTS["converged"])
 
 
-def question(folder: Path, text: str, **options: object) -> tuple[Problem, LeastSquares]:
+def question(folder: Path, text: str, **options: object) -> tuple[Problem, LeastSquaresFit]:
     path = folder / "impacts.csv"
     path.write_text(text)
     problem = ifrfit.fit(path, method="lsq", fix={"e_n": 0.94}, **options).problem
@@ -28,11 +28,11 @@ def question(folder: Path, text: str, **options: object) -> tuple[Problem, Least
 
 
 @pytest.fixture
-def profiles(tmp_path: Path) -> dict[str, Profile]:
+def profiles(tmp_path: Path) -> dict[str, ProfileLikelihood]:
     return profile_all(*question(tmp_path, table(STEEP, sigma=0.01, seed=1)), curves=False)
 
 
-def test_closed_or_open_to_the_end_is_converged(profiles: dict[str, Profile]) -> None:
+def test_closed_or_open_to_the_end_is_converged(profiles: dict[str, ProfileLikelihood]) -> None:
     assert profiles["mu"].interval95[1] == math.inf  # open, but that is where mu ends
     fact = profile_converged(profiles, SETTLED)
     assert fact.ok
@@ -41,7 +41,7 @@ def test_closed_or_open_to_the_end_is_converged(profiles: dict[str, Profile]) ->
     assert fact.threshold == FACTS["converged"]
 
 
-def test_a_profile_that_was_stopped_is_named(profiles: dict[str, Profile]) -> None:
+def test_a_profile_that_was_stopped_is_named(profiles: dict[str, ProfileLikelihood]) -> None:
     why = "it does not close up to 1e+18"
     profiles["mu"] = replace(profiles["mu"], stopped=why)
     fact = profile_converged(profiles, SETTLED)
@@ -55,7 +55,7 @@ def test_a_profile_that_was_stopped_is_named(profiles: dict[str, Profile]) -> No
     assert fact.figures["stopped"] == ["mu", "kappa"]
 
 
-def test_noise_that_has_not_settled_comes_first(profiles: dict[str, Profile]) -> None:
+def test_noise_that_has_not_settled_comes_first(profiles: dict[str, ProfileLikelihood]) -> None:
     restless = replace(SETTLED, ok=False, says="the noise has not settled")
     fact = profile_converged(profiles, restless)
     assert (fact.ok, fact.says) == (False, "the noise has not settled")

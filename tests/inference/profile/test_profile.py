@@ -15,10 +15,10 @@ from scipy import special
 import ifrfit
 from ifrfit.inference.estimations import profile_estimation
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.profile.profile_all import profile_all
-from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.build import build_result
 
 KNOWN = {"e_n": TRUTH["e_n"]}
@@ -32,7 +32,7 @@ def no_numpy_warnings() -> Iterator[None]:
         yield
 
 
-def question(folder: Path, text: str, **options: Any) -> tuple[Problem, LeastSquares]:
+def question(folder: Path, text: str, **options: Any) -> tuple[Problem, LeastSquaresFit]:
     path = folder / "impacts.csv"
     path.write_text(text)
     options = {"fix": KNOWN, "method": "lsq", **options}
@@ -40,13 +40,15 @@ def question(folder: Path, text: str, **options: Any) -> tuple[Problem, LeastSqu
     return problem, least_squares(problem)
 
 
-def profiled_estimates(problem: Problem, fit: LeastSquares) -> tuple[Any, Any, Mapping[str, Profile]]:
+def profiled_estimates(
+    problem: Problem, fit: LeastSquaresFit
+) -> tuple[Any, Any, Mapping[str, ProfileLikelihood]]:
     """Constants, derived quantities and profiles of --method profile."""
     found = build_result(problem, fit, profile_estimation(problem, fit))
     return found.constants, found.derived, found.profiles
 
 
-def profiles(folder: Path, text: str, **options: Any) -> dict[str, Profile]:
+def profiles(folder: Path, text: str, **options: Any) -> dict[str, ProfileLikelihood]:
     return profile_all(*question(folder, text, **options))
 
 

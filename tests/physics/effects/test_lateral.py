@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import BILINEAR, own_constant
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,7 +12,7 @@ from ifrfit.physics import CLOSURES, rebound
 from ifrfit.physics.effects import Contact, compose
 
 STATE = ("v_x", "v_y", "v_n", "spin_x", "spin_y", "contact_x", "contact_y", "beta", "beta_cm", "lambda_")
-CONSTANT = {"f": 0.0, "fr": 0.4, "ifr": -0.95, "ifr-contact": -0.6}
+CONSTANT = {name: next(iter(own_constant(name).values()), 0.0) for name in BILINEAR}
 
 
 @pytest.mark.parametrize("closure", list(CONSTANT))

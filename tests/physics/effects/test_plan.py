@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from factories import BILINEAR, own_constant
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -55,14 +56,14 @@ def scenes(draw):
         rolling_friction=draw(st.one_of(st.none(), st.floats(0.0, 0.1))),
         fluid=draw(st.one_of(st.none(), st.just(Fluid("oil", 0.1)), st.just(Fluid("air", 1.81e-5, 66e-9)))),
     )
-    law = draw(st.sampled_from([("ifr", -0.95), ("fr", 0.4), ("f", 0.0), ("ifr-contact", -0.3)]))
+    law = draw(st.sampled_from(BILINEAR))
     numbers = {
         "speed": draw(speeds),
         "radius": draw(sizes),
         "e_n": draw(st.floats(0.0, 1.0)),
         "mu": draw(st.floats(0.0, 2.0)),
-        "closure": law[0],
-        "constant": law[1],
+        "closure": law,
+        "constant": next(iter(own_constant(law).values()), 0.0),
     }
     gammas = [0.0, *sorted(draw(st.lists(st.floats(0.0, 90.0), min_size=1, max_size=6)))]
     spins = draw(st.tuples(st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, -0.5])))

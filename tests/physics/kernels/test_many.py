@@ -7,24 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from factories import own_constant
 
 from ifrfit.errors import UsageError
 from ifrfit.physics import compiling, get_closure
 from ifrfit.physics.angles import Incidence, sincos
+from ifrfit.physics.closures import CLOSURES as REGISTRY
 from ifrfit.physics.compliance.memory import _collision, _steps, memory_ratio
 from ifrfit.physics.compliance.table import compliance_table
-from ifrfit.physics.kernels import available, rebound_many
+from ifrfit.physics.kernels import available, has_loop, rebound_many
 from ifrfit.physics.rebound import rebound_of
 
 needs_numba = pytest.mark.skipif(not available(), reason="numba is not installed")
 
-CLOSURES: dict[str, dict[str, float]] = {
-    "f": {},
-    "fr": {"beta0": 0.45},
-    "ifr": {"e_t": -0.93},
-    "ifr-contact": {"e_t": -0.6},
-    "maw": {"chi": 1.44},
-}
+CLOSURES = {name: own_constant(name) for name, closure in REGISTRY.items() if has_loop(closure)}
 
 
 def scene(n: int, *, hard: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -10,14 +10,14 @@ from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import
 from ifrfit.inference.diagnostics.omitted_effects.selection import effects_fact
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Estimate, Fact
 from ifrfit.physics.compliance.law import chi_range
 
 
 def effects_of(
     problem: Problem,
-    fit: LeastSquares,
+    fit: LeastSquaresFit,
     setting: Setting | None,
     constants: Constants,
     derived: Mapping[str, Any],
@@ -27,7 +27,7 @@ def effects_of(
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     setting : Setting or None
         The scene of the data.
     constants, derived : mapping

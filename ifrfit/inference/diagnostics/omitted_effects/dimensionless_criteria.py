@@ -20,7 +20,7 @@ from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.physics.effects import EFFECTS, Effect, Impacts, compose
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -29,14 +29,14 @@ _BY_SPEED = ("normal", "adhesion", "fluid")
 
 
 def effect_lines(
-    problem: Problem, fit: LeastSquares, setting: Setting, *, kappa_known: bool
+    problem: Problem, fit: LeastSquaresFit, setting: Setting, *, kappa_known: bool
 ) -> tuple[EffectLine, ...]:
     """Every effect but lateral spin, which each fit computes.
 
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     setting : Setting
     kappa_known : bool
         Whether the data determine kappa, or it is fixed.
@@ -58,7 +58,7 @@ def effect_lines(
 class _Scene:
     """Rows, constants and conditions together."""
 
-    def __init__(self, problem: Problem, fit: LeastSquares, setting: Setting) -> None:
+    def __init__(self, problem: Problem, fit: LeastSquaresFit, setting: Setting) -> None:
         self.problem, self.fit, self.setting = problem, fit, setting
         self.stated = speeds(problem)
         self.own = orthonormal(problem.jacobian(fit.optimum.theta) / fit.sigma[:, None])

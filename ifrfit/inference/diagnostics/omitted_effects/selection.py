@@ -11,7 +11,7 @@ from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 
 ALIKE = 4.0  # of -2 log likelihood, as for optima that are counted as near
@@ -19,7 +19,7 @@ ALIKE = 4.0  # of -2 log likelihood, as for optima that are counted as near
 
 def effects_fact(
     problem: Problem,
-    fit: LeastSquares,
+    fit: LeastSquaresFit,
     *,
     chi: float | None = None,
     speed: float = 0.0,
@@ -30,7 +30,7 @@ def effects_fact(
     Parameters
     ----------
     problem : Problem
-    fit : LeastSquares
+    fit : LeastSquaresFit
     chi : float, optional
         Compliance number of the materials, where they are known.
     speed : float

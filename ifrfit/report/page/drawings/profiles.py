@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ifrfit.inference.profile.types import Profile
+from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.report.page.drawings.canvas import panel, symbol
 from ifrfit.report.style import COLOURS, GREY, drawing
 
@@ -17,7 +17,7 @@ WIDTH_MM, HEIGHT_MM = 62.0, 48.0
 LONGEST = 14  # characters of a series' name
 
 
-def draw_profile(profile: Profile) -> Figure:
+def draw_profile(profile: ProfileLikelihood) -> Figure:
     """Rise of the objective against the quantity, with the cuts of 68 and 95 %."""
     cuts = {level: profile.cut(level) for level in (0.68, 0.95)}
     top = 2.1 * cuts[0.95]
