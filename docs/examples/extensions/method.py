@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from ifrfit.inference.estimations import least_squares_estimation
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.option_fields import Options, option
 from ifrfit.inference.result.estimation import Estimation
 
@@ -30,7 +30,7 @@ class Mode(Options):
     def run(
         self,
         problem: Problem,
-        optimum: LeastSquares,
+        optimum: LeastSquaresFit,
         *,
         seed: int = 0,
         progress: Callable[[int, int], None] | None = None,
