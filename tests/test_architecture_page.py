@@ -49,7 +49,14 @@ def test_the_types_have_these_fields(name: str) -> None:
 
 def test_the_central_types_are_all_there() -> None:
     names = {name.rpartition(".")[2] for name in TYPES}
-    assert names >= {"Observations", "ParameterSet", "Problem", "LeastSquaresFit", "Distribution", "FitResult"}
+    assert names >= {
+        "Observations",
+        "ParameterSet",
+        "Problem",
+        "LeastSquaresFit",
+        "Distribution",
+        "FitResult",
+    }
 
 
 def test_a_value_passes_every_station(tmp_path: Path) -> None:
