@@ -442,7 +442,13 @@ def _picked(keyword: str) -> str:
 ESTIMATORS: Registry[Estimator] = Registry(
     "method",
     Estimator,
-    (Exact(), LeastSquares(), Profile(), MCMC(), Bootstrap()),
+    (
+        Exact(),
+        LeastSquares(),
+        Profile(),
+        MCMC(),
+        Bootstrap(),
+    ),
 )
 
 

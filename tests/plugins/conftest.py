@@ -22,7 +22,7 @@ from ifrfit.cli.main import app
 from ifrfit.registry import registered
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # not for the session: tests elsewhere register the same examples
 def toys() -> Iterator[None]:
     """Everything that is made up, registered for as long as these tests run."""
     with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake(), Logistic(), Mode(), SECTION, FORMAT):

@@ -16,9 +16,7 @@ Array = NDArray[np.float64]
 
 ENSEMBLES = 4
 _WALKERS, _PER_DIMENSION = 64, 6
-_START_DISTANCE = (
-    2.0  # sd from an optimum to where an ensemble starts: R-hat needs starts wider than the posterior
-)
+_START_DISTANCE = 2.0  # sd from an optimum to an ensemble: R-hat needs starts wider than the posterior
 _MAIN = 0.75  # share of an ensemble's walkers that start at its own optimum
 _TRIES = 40  # each draws nearer to the optimum than the one before
 _INSIDE = 1e-6  # of the domain's width, from its walls

@@ -128,10 +128,10 @@ def branch(
     falls, so nothing that could hold the minimum is left out. A cell that the sums leave in doubt keeps the
     bound that needs no sums. With `count_minima` cells within `NEAR` of the best value are solved as well.
     """
-    free, doubtful = quadratic.lower_bounds(linear=problem.linear is not None)
-    b, m = free.shape
+    bounds, doubtful = quadratic.lower_bounds(linear=problem.linear is not None)
+    b, m = bounds.shape
     least = 0.0 if problem.linear is None else -np.inf  # that needs no sums
-    bounds = np.maximum(free, least)
+    np.maximum(bounds, least, out=bounds)
     bounds[doubtful] = least
     values, errors = np.full(b * m, np.inf), np.zeros(b * m)
     points = np.zeros((b * m, problem.kappa.size))
@@ -161,8 +161,8 @@ def branch(
     solve(np.flatnonzero(admitted))
     solved = admitted
     solved.reshape(-1)[first] = True
-    sure = solved & ~doubtful
-    bounds[sure] = (values - errors).reshape(b, m)[sure]
+    sure = np.flatnonzero(solved & ~doubtful)
+    bounds.reshape(-1)[sure] = values[sure] - errors[sure]
     shape = (b, m)
     return Branched(
         values.reshape(shape),

@@ -15,6 +15,14 @@ from ifrfit.registry import Registry
 EFFECTS: Registry[Effect] = Registry(
     "effect",
     Effect,
-    (LateralSpin(), Viscoelastic(), Plasticity(), Adhesion(), Compliance(), Rolling(), AmbientFluid()),
+    (
+        LateralSpin(),
+        Viscoelastic(),
+        Plasticity(),
+        Adhesion(),
+        Compliance(),
+        Rolling(),
+        AmbientFluid(),
+    ),
     order=lambda effect: ORDER.index(effect.stage),
 )

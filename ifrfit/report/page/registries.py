@@ -40,5 +40,11 @@ SECTIONS: Registry[ReportSection] = Registry(
     ),
 )
 FORMATS: Registry[ReportFormat] = Registry(
-    "report format", ReportFormat, (html.FORMAT, markdown.FORMAT, pdf.FORMAT)
+    "report format",
+    ReportFormat,
+    (
+        html.FORMAT,
+        markdown.FORMAT,
+        pdf.FORMAT,
+    ),
 )

@@ -1,0 +1,61 @@
+"""CONTRIBUTING.md shows the files that the tests register, and diffs that fit the package as it is."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+GUIDE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+INCLUDED = dict(re.findall(r"^<!-- (\S+) -->\n```python\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL))
+DIFFS = re.findall(r"^```diff\n--- a/(\S+)\n\+\+\+ b/(\S+)\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL)
+
+
+def before(diff: str) -> str:
+    """What a diff starts from: its lines without those it adds."""
+    return "".join(line[1:] for line in diff.splitlines(keepends=True) if line[0] in " -")
+
+
+def test_every_example_is_shown_as_it_is() -> None:
+    examples = sorted((ROOT / "docs" / "examples" / "extensions").glob("*.py"))
+    assert sorted(INCLUDED) == [str(path.relative_to(ROOT).as_posix()) for path in examples]
+    for name, shown in INCLUDED.items():
+        assert shown == (ROOT / name).read_text(encoding="utf-8"), name
+
+
+def test_every_diff_fits() -> None:
+    assert len(DIFFS) > len(INCLUDED)  # the effect has two
+    for old, new, diff in DIFFS:
+        assert old == new
+        assert any(line.startswith("+") for line in diff.splitlines())
+        assert (ROOT / old).read_text(encoding="utf-8").count(before(diff)) == 1, (old, diff)
+
+
+def test_every_example_is_registered_by_the_tests_of_plugins() -> None:
+    used = (ROOT / "tests" / "plugins" / "conftest.py").read_text(encoding="utf-8")
+    assert [name for name in INCLUDED if f"from extensions.{Path(name).stem} import" not in used] == []
+
+
+def test_the_test_that_is_shown_passes() -> None:
+    shown = re.search(r"```python\n(import numpy as np\n.*?)```", GUIDE, re.DOTALL)
+    assert shown is not None
+    exec(shown.group(1), {})  # raises where an assertion fails
+
+
+@pytest.mark.parametrize("page", ["CONTRIBUTING.md", "docs/decisions/README.md", "CHANGELOG.md"])
+def test_links_lead_to_files(page: str) -> None:
+    path = ROOT / page
+    links = re.findall(r"\]\(([^)#]+)\)", path.read_text(encoding="utf-8").replace("\n", " "))
+    named = [link.replace("\n", " ") for link in links if not link.startswith("http")]
+    assert [link for link in named if not (path.parent / link).exists()] == []
+
+
+def test_targets_and_folders_that_are_named_exist() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = re.findall(r"(?:^    |`)make ([\w-]+)", GUIDE, re.MULTILINE)
+    assert {"test", "check-fast", "lint"} <= set(targets)
+    assert [name for name in targets if not re.search(rf"^{name}:", makefile, re.MULTILINE)] == []
+    named = re.findall(r"\b((?:tests|ifrfit|docs)/[a-z][\w./-]*)", GUIDE)
+    assert [name for name in named if not (ROOT / name.rstrip(".")).exists()] == []
