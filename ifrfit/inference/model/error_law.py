@@ -137,4 +137,11 @@ class StudentT:
 
 
 GAUSSIAN, STUDENT_T = Gaussian(), StudentT()
-ERROR_LAWS: Registry[ErrorLaw] = Registry("law of errors", ErrorLaw, (GAUSSIAN, STUDENT_T))
+ERROR_LAWS: Registry[ErrorLaw] = Registry(
+    "law of errors",
+    ErrorLaw,
+    (
+        GAUSSIAN,
+        STUDENT_T,
+    ),
+)
