@@ -11,6 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from extensions.closure import GRIP
 from extensions.effect import Brake
+from extensions.error_law import Logistic
 from extensions.format import FORMAT
 from extensions.method import Mode
 from extensions.observable import SPIN_GAINED
@@ -24,7 +25,7 @@ from ifrfit.registry import registered
 @pytest.fixture(scope="module")  # not for the session: tests elsewhere register the same examples
 def toys() -> Iterator[None]:
     """Everything that is made up, registered for as long as these tests run."""
-    with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake(), Mode(), SECTION, FORMAT):
+    with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake(), Logistic(), Mode(), SECTION, FORMAT):
         yield
 
 

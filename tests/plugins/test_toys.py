@@ -13,11 +13,13 @@ import pytest
 from extensions.closure import GRIP
 from extensions.method import Mode
 from extensions.observable import SPIN_GAINED
+from scipy.stats import kstest
 from toys import BEND, HALF_DROP, TILT
 
 import ifrfit
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import ESTIMATORS
+from ifrfit.inference.model.error_law import ERROR_LAWS
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.registry import registered
@@ -281,6 +283,64 @@ def test_options_of_a_method_are_its_own(folder: Path) -> None:
     found = ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method=Mode(patience=2))
     assert "It waited 2." in found.warnings
     assert ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method="mode").method == "mode"
+
+
+# ---- laws of errors
+
+
+def test_a_law_of_errors_goes_through_every_command(cli: Callable[..., str], tmp_path: Path) -> None:
+    data, result = table(tmp_path, GRIP), tmp_path / "result.json"
+    chosen = ("--closure", "grip", "--fix", "e_n=0.9", "--tails", "logistic")
+    for method in ("lsq", "exact"):
+        result.write_text(cli("fit", data, *chosen, "--method", method, "--json"), encoding="utf-8")
+        content = json.loads(result.read_text())
+        assert content["noise"]["scatter"]["tails"] == "logistic"
+        assert "logistic errors" in ifrfit.load_result(result).summary()
+    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
+    cli("report", result, "--out", tmp_path / "page.html")
+    assert (
+        "grip"
+        in json.loads(cli("compare", data, *chosen, "--closure", "f", "--no-loo", "--json"))["closures"]
+    )
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
+    cli("simulate", scene, "--out", tmp_path / "simulated")
+    assert json.loads(cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json"))["costs"]
+
+
+def test_a_law_of_errors_gives_the_posterior_of_its_density(folder: Path) -> None:
+    """One free constant: the posterior by summing the density over a fine grid."""
+    path = table(folder, GRIP, noise=0.05)
+    found = ifrfit.fit(
+        path, closure="grip", fix={"e_n": 0.9, "mu": 0.12}, noise=ifrfit.Noise("known", tails="logistic")
+    )
+    grid = np.linspace(0.3, 1.0, 4001)
+    problem = found.problem
+    z = (
+        problem.rows.value - problem.predict(np.column_stack((0.9 + 0 * grid, grid, 0.12 + 0 * grid)))
+    ) / 0.05
+    log_density = (-np.abs(z) - 2.0 * np.log1p(np.exp(-np.abs(z)))).sum(axis=1)
+    weight = np.exp(log_density - log_density.max())
+    mean = float(grid @ weight / weight.sum())
+    sd = float(np.sqrt((grid - mean) ** 2 @ weight / weight.sum()))
+    assert found.distribution.mean("g_rip") == pytest.approx(mean, abs=1e-3 * sd)
+    assert found.distribution.sd("g_rip") == pytest.approx(sd, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", [*ERROR_LAWS, "logistic"])
+def test_a_law_of_errors_does_not_contradict_itself(name: str) -> None:
+    law, dof = ERROR_LAWS[name], ERROR_LAWS[name].default_dof
+    z, step = np.linspace(-60.0, 60.0, 240_001), 1e-4
+    density = np.exp(law.log_density(z, dof))
+    assert np.trapezoid(density, z) == pytest.approx(1.0, abs=1e-5)
+    slope = (law.log_density(z + step, dof) - law.log_density(z - step, dof)) / (2.0 * step)
+    np.testing.assert_allclose(-slope, law.weight(z, dof) * z, atol=1e-6)
+    assert np.trapezoid(slope**2 * density, z) == pytest.approx(law.information(dof), abs=1e-4)
+    near = z[np.abs(z) < 8.0]
+    rise = (law.cdf(near + step, dof) - law.cdf(near - step, dof)) / (2.0 * step)
+    np.testing.assert_allclose(rise, np.exp(law.log_density(near, dof)), atol=1e-6)
+    drawn = law.draw(np.random.default_rng(1), (20_000,), dof)
+    assert kstest(drawn, lambda x: law.cdf(x, dof)).pvalue > 1e-3
 
 
 # ---- what is refused, and what stays

@@ -15,6 +15,7 @@ from ifrfit.data import Source
 from ifrfit.inference.accuracy.types import Effort
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
 from ifrfit.inference.io.plain import OPTIONAL, Nulls, Shape, to_plain
+from ifrfit.inference.model.error_model import PLAIN
 from ifrfit.inference.result.types import (
     Angles,
     Constants,
@@ -163,7 +164,7 @@ def to_dict(result: Findings) -> dict[str, Any]:
 
 
 def _noise(noise: NoiseSummary) -> NoiseInFile:
-    chosen = ErrorModelChoices(**noise.error_model.choices()) if noise.error_model.words else None
+    chosen = ErrorModelChoices(**noise.error_model.choices()) if noise.error_model != PLAIN else None
     estimates = {name or FACTOR: estimate for name, estimate in noise.estimates.items()}
     prior = {name or FACTOR: bounds for name, bounds in noise.prior.items()}
     return NoiseInFile(noise.policy, noise.sigma, estimates, prior, chosen)

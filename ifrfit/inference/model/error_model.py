@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.error_law import ERROR_LAWS, GAUSSIAN, STUDENT_T, ErrorLaw
 
 if TYPE_CHECKING:
     from ifrfit.physics.closures import Closure
 
 ITERATED = "weights iterated"  # end of the road by which such a fit was found
 ANGLES = ("none", "effective", "set", "measured")
-TAILS = ("gaussian", "student-t")
-DOF = 4.0  # Lange, Little & Taylor (1989), J. Am. Stat. Assoc. 84, 881: wide enough for most outliers
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class ErrorModel:
     Attributes
     ----------
     dof : float or None
-        Degrees of freedom of Student's t; None for Gaussian errors.
+        Degrees of freedom of the law of errors; None for one without, such as the Gaussian.
     angles : {"none", "effective", "set", "measured"}
         Errors of angle and spin. none: taken as exact. effective: added to the error of the value through the
         slope (effective variance). set: the true angle scatters about the set one (Berkson), and is
@@ -37,6 +36,9 @@ class ErrorModel:
     velocity, spin : float or None
         Standard uncertainties of the measured velocities after impact, and of R Omega, per incoming speed:
         the errors of all rows are propagated from them.
+    tails : str
+        Name of the law of errors, in `ERROR_LAWS`. Left empty it becomes gaussian without `dof`, student-t
+        with it.
     """
 
     dof: float | None = None
@@ -45,11 +47,21 @@ class ErrorModel:
     gamma: float | None = None
     velocity: float | None = None
     spin: float | None = None
+    tails: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.tails:
+            object.__setattr__(self, "tails", GAUSSIAN.name if self.dof is None else STUDENT_T.name)
+
+    @property
+    def law(self) -> ErrorLaw:
+        """The law of errors."""
+        return ERROR_LAWS[self.tails]
 
     @property
     def is_plain(self) -> bool:
         """Whether errors are independent, Gaussian, and of the values alone."""
-        return self.dof is None and self.angles == "none"
+        return self.tails == GAUSSIAN.name and self.angles == "none"
 
     @property
     def integrates(self) -> bool:
@@ -64,7 +76,7 @@ class ErrorModel:
     def choices(self) -> dict[str, Any]:
         """The user's choices, as `make_error_model` takes them."""
         return {
-            "tails": TAILS[0] if self.dof is None else TAILS[1],
+            "tails": self.tails,
             "dof": self.dof,
             "angle_errors": self.angles,
             "angle_population": self.population,
@@ -76,7 +88,7 @@ class ErrorModel:
     @property
     def option(self) -> str:
         """The option that makes it other than plain, for messages."""
-        return f"--angle-errors {self.angles}" if self.angles != "none" else "--tails student-t"
+        return f"--angle-errors {self.angles}" if self.angles != "none" else f"--tails {self.tails}"
 
     def check_closure(self, closure: Closure) -> None:
         """Refuse a closure that does not know these errors.
@@ -94,9 +106,7 @@ class ErrorModel:
     @property
     def words(self) -> str:
         """The choice in a few words; empty where all is plain."""
-        parts = []
-        if self.dof is not None:
-            parts.append(f"Student-t errors ({self.dof:g} degrees of freedom)")
+        parts = [words] if (words := self.law.words(self.dof)) else []
         if self.propagates:
             spin = f", spin {self.spin:g}" if self.spin is not None else ""
             parts.append(f"errors propagated from velocity {self.velocity:g}{spin} (per incoming speed)")
@@ -134,10 +144,12 @@ def make_error_model(
     UsageError
         For a choice that does not exist, or choices that contradict.
     """
-    if tails not in TAILS:
-        raise UsageError(f"--tails {tails}: choose {' or '.join(TAILS)}.")
-    if dof is not None and tails != "student-t":
-        raise UsageError("--dof belongs to --tails student-t: add it, or leave --dof out.")
+    if tails not in ERROR_LAWS:
+        raise UsageError(f"--tails {tails}: choose {' or '.join(ERROR_LAWS)}.")
+    default_dof = ERROR_LAWS[tails].default_dof
+    if dof is not None and default_dof is None:
+        with_dof = " or ".join(name for name, law in ERROR_LAWS.items() if law.default_dof is not None)
+        raise UsageError(f"--dof belongs to --tails {with_dof}: add it, or leave --dof out.")
     if dof is not None and not 1.0 <= dof <= 1e6:
         raise UsageError(f"--dof {dof:g}: choose 1 (Cauchy) or more; 4 is usual.")
     check_angle_errors(angle_errors, angle_population, sigma_gamma)
@@ -146,8 +158,15 @@ def make_error_model(
             raise UsageError(f"{option} {value:g}: it must be positive (per incoming speed).")
     if sigma_spin is not None and sigma_velocity is None:
         raise UsageError("--sigma-spin needs --sigma-velocity: errors are propagated from both.")
-    chosen = (DOF if dof is None else dof) if tails == "student-t" else None
-    return ErrorModel(chosen, angle_errors, angle_population, sigma_gamma, sigma_velocity, sigma_spin)
+    return ErrorModel(
+        default_dof if dof is None else dof,
+        angle_errors,
+        angle_population,
+        sigma_gamma,
+        sigma_velocity,
+        sigma_spin,
+        tails,
+    )
 
 
 def check_angle_errors(

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.latent_incidence import HALF_WIDTH, Latent
@@ -153,15 +152,10 @@ class RowLaw:
         return out
 
     def _log_density(self, z: Array) -> Array:
-        nu = self.error_model.dof
-        if nu is None:
-            return np.asarray(-0.5 * z * z - _HALF_LOG_2PI)
-        norm = special.gammaln(0.5 * (nu + 1.0)) - special.gammaln(0.5 * nu) - 0.5 * math.log(nu * math.pi)
-        return np.asarray(norm - 0.5 * (nu + 1.0) * np.log1p(z * z / nu))
+        return self.error_model.law.log_density(z, self.error_model.dof)
 
     def _law_cdf(self, z: Array) -> Array:
-        nu = self.error_model.dof
-        return np.asarray(special.ndtr(z) if nu is None else special.stdtr(nu, z))
+        return self.error_model.law.cdf(z, self.error_model.dof)
 
 
 def at_theta(problem: Problem, theta: Array, factor: Array | float = 1.0, series: int = 0) -> At:

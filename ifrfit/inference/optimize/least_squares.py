@@ -124,7 +124,7 @@ def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSqu
 def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:
     """Fit with weights that follow from the fit.
 
-    Student-t: the weight of a row is (nu + 1)/(nu + z^2), which makes the fixed point the maximum of the
+    The weight of a row by the law of errors, `ErrorLaw.weight`, makes the fixed point the maximum of the
     likelihood (Lange, Little & Taylor 1989). Errors of angle and spin add to sigma through the slope at the
     fit (effective variance); where the true angles are integrated out this is no more than the place to begin
     from. Each single fit is certified; that the weights lead to the best of several fixed points is not.
@@ -132,20 +132,20 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:
     Returns
     -------
     LeastSquaresFit
-        With `sigma` as weighted, and the Gaussian approximation widened to Student's information.
+        With `sigma` as weighted, and the Gaussian approximation widened to the information of that law.
     """
     plain = replace(problem, error_model=PLAIN)
     base, factor = problem.noise.sigma, 1.0
     if problem.noise.is_scaled:
         factor = float(np.median(_with_plain_errors(plain).sigma / base))
-    nu = problem.error_model.dof
+    law, nu = problem.error_model.law, problem.error_model.dof
     sigma, change = base * factor, math.inf
     found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
     for _ in range(_REWEIGHTINGS):
         theta = found.optimum.theta
         wide = _effective_sigma(problem, theta, factor)
         z = (problem.rows.value - problem.predict(theta)) / wide
-        weight = np.ones(z.size) if nu is None else (nu + 1.0) / (nu + z * z)
+        weight = law.weight(z, nu)
         if problem.noise.is_scaled:
             dof = max(z.size - float(found.gaussian.leverage.sum()), 0.5)
             factor = max(factor * math.sqrt(float(weight @ (z * z)) / dof), _SMALLEST_FACTOR)
@@ -156,8 +156,8 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:
         found = _with_plain_errors(plain.with_noise(NoiseModel("known", sigma)))
         if change <= _WEIGHTS_CONVERGED:
             break
-    information = 1.0 if nu is None else math.sqrt((nu + 3.0) / (nu + 1.0))
-    gaussian = gaussian_approximation(plain, sigma * information, found.optimum.theta)
+    wider = 1.0 / math.sqrt(law.information(nu))
+    gaussian = gaussian_approximation(plain, sigma * wider, found.optimum.theta)
     dof = math.inf
     if problem.noise.is_scaled:
         dof = max(sigma.size - float(gaussian.leverage.sum()), 0.5)

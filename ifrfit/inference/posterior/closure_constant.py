@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.error_law import GAUSSIAN
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.row_likelihood import RowLaw
 from ifrfit.inference.model.rows import Index
@@ -154,7 +155,7 @@ def conditional_coordinate(
         far = _CURVED * far  # an angle saturates, so its sum of squares rises more slowly than it begins
     if not squares.is_quadratic:  # where the steps have not come to rest inside, the mode may be anywhere
         far = np.where((slope > 0.0) | (np.abs(mode - at) > size), np.inf, far)
-    if row_law is not None and row_law.error_model.dof is not None:
+    if row_law is not None and row_law.error_model.tails != GAUSSIAN.name:
         far = np.full(far.shape, np.inf)  # rows that disagree keep places likely that are far from the mode
     size = size / (1.0 + slope)
     room = np.stack((mode - lower, upper - mode), axis=-1)

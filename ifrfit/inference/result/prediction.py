@@ -97,9 +97,8 @@ def predict(
     band[[1, 3]] = np.maximum(band[[1, 3]], table["value"])
     own = np.asarray(_sigma(result, observable, series) if sigma is None else sigma, dtype=float)
     table |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
-    dof = result.noise.error_model.dof
-    shape = (sample.shape[0], 1)
-    noise = own * (rng.standard_normal(shape) if dof is None else rng.standard_t(dof, shape))
+    error_model = result.noise.error_model
+    noise = own * error_model.law.draw(rng, (sample.shape[0], 1), error_model.dof)
     new = np.quantile(curves + noise, _QUANTILES, axis=0)
     table |= dict(zip(("new_lo68", "new_hi68", "new_lo95", "new_hi95"), new, strict=True))
     return pd.DataFrame(table)

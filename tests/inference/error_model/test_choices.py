@@ -10,7 +10,8 @@ import ifrfit
 from ifrfit import AngleErrors, Noise
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.keywords import noise_of
-from ifrfit.inference.model.error_model import DOF, PLAIN, make_error_model
+from ifrfit.inference.model.error_law import STUDENT_T
+from ifrfit.inference.model.error_model import PLAIN, make_error_model
 from ifrfit.inference.result.restore import question
 from ifrfit.physics import rebound
 
@@ -69,7 +70,7 @@ def test_choices_that_cannot_be_are_refused_in_words(choice, words):
 
 def test_choices_come_back_as_they_were_made():
     assert make_error_model() == PLAIN
-    assert make_error_model(tails="student-t").dof == DOF
+    assert make_error_model(tails="student-t").dof == STUDENT_T.default_dof
     chosen = make_error_model(
         tails="student-t", dof=7.0, angle_errors="measured", angle_population=(5.0, 80.0), sigma_gamma=0.7
     )
