@@ -94,7 +94,7 @@ def test_without_a_constant_it_is_on_and_with_one_it_only_warns(impacts, glass):
     assert found.alarm
     assert found.change == pytest.approx(0.45, abs=0.01)  # 7/5 - 0.95 against 0
     assert found.reason == "constants.e_t is given and stays; remove constants.e_t to compute it"
-    listed = {"wanted": ("compliance",), "accuracy": 1e-3}
+    listed = {"requested": ("compliance",), "accuracy": 1e-3}
     with pytest.raises(DataError, match=r"lists compliance, which computes what constants\.e_t gives"):
         make_plan(glass, impacts(**near), ("beta",), given=given, **listed)
 
