@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.error_model import ErrorModel
+from ifrfit.inference.model.latent_incidence import Latent
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import OBSERVABLES
-
-if TYPE_CHECKING:
-    from ifrfit.inference.model.row_likelihood import RowLaw
 
 Array = NDArray[np.float64]
 
@@ -48,6 +46,41 @@ class At:
 
 
 @dataclass(frozen=True)
+class LatentRows:
+    """Rows, the impacts (units of one true angle) they belong to, and the law of their errors.
+
+    Attributes
+    ----------
+    error_model : ErrorModel
+    names : tuple of str
+        The observables that occur.
+    which : ndarray of int, (n,)
+        Observable of each row.
+    unit : ndarray of int, (n,)
+        Impact of each row, ascending.
+    value, sigma : ndarray, (n,)
+    observed : Incidence
+        Of the rows, as observed.
+    latent : Latent
+        Of the units.
+    inertia_factor : float
+    order : ndarray of int, (n,)
+        Place of each row in the problem.
+    """
+
+    error_model: ErrorModel
+    names: tuple[str, ...]
+    which: Index
+    unit: Index
+    value: Array
+    sigma: Array
+    observed: Incidence
+    latent: Latent
+    inertia_factor: float
+    order: Index
+
+
+@dataclass(frozen=True)
 class Piece:
     """Some rows at some nodes.
 
@@ -74,7 +107,7 @@ class Piece:
     first: bool
 
 
-def pieces(law: RowLaw, at: At) -> Iterator[Piece]:
+def pieces(law: LatentRows, at: At) -> Iterator[Piece]:
     """All rows of a law at some constants."""
     if not law.error_model.integrates:
         yield _observed(law, at)
@@ -104,7 +137,7 @@ def _alike(cut: NDArray[np.bool_], order: Index) -> Iterator[Index]:
     yield from (np.flatnonzero(key == value) for value in np.unique(key))
 
 
-def _observed(law: RowLaw, at: At) -> Piece:
+def _observed(law: LatentRows, at: At) -> Piece:
     """Everything at the angles and spins as they were observed."""
     rows, units = np.arange(law.value.size), np.arange(law.latent.gamma.size)
     value = _values(law, rows, _lifted(law.observed), at)
@@ -114,14 +147,14 @@ def _observed(law: RowLaw, at: At) -> Piece:
     return Piece(rows, units, law.unit, np.zeros((1, 1, units.size, 1)), value, sigma, first=True)
 
 
-def slopes(law: RowLaw, at: At) -> Iterator[tuple[Array, Array]]:
+def slopes(law: LatentRows, at: At) -> Iterator[tuple[Array, Array]]:
     """Uncertainty of each coordinate that has one, (n,), and the slope of the values by it, (P, C, n, 1)."""
     rows = np.arange(law.value.size)
     for sd, (left, right) in _moved(law):
         yield sd, (_values(law, rows, right, at) - _values(law, rows, left, at)) / (2.0 * _STEP)
 
 
-def _moved(law: RowLaw) -> Iterator[tuple[Array, tuple[Incidence, Incidence]]]:
+def _moved(law: LatentRows) -> Iterator[tuple[Array, tuple[Incidence, Incidence]]]:
     """Uncertainty of each coordinate that has one, by row, and the incidence a step to either side."""
     own = law.latent
     sds = (own.sd_gamma, own.sd_x, own.sd_y)
@@ -150,7 +183,7 @@ def _parts(i: Incidence) -> tuple[Array, ...]:
     return i.sine, i.cosine, i.spin_x, i.spin_y, i.slip_x, i.slip_y
 
 
-def _values(law: RowLaw, rows: Index, i: Incidence, at: At) -> Array:
+def _values(law: LatentRows, rows: Index, i: Incidence, at: At) -> Array:
     """Values of rows, (P, C, rows, N), at incidences (P, rows, N)."""
     across = (..., None, None)
     tau = i.tau
@@ -170,7 +203,7 @@ def _values(law: RowLaw, rows: Index, i: Incidence, at: At) -> Array:
     return out
 
 
-def _value(law: RowLaw, name: str, i: Incidence, k: Array, at: At) -> Array:
+def _value(law: LatentRows, name: str, i: Incidence, k: Array, at: At) -> Array:
     observable = OBSERVABLES[name]
     e_n, mu = at.e_n[..., None, None], at.mu[..., None, None]
     if observable.kind == "tangential":
@@ -190,7 +223,7 @@ def _value(law: RowLaw, name: str, i: Incidence, k: Array, at: At) -> Array:
     return observable.by_impulse(lifted, k, e_n, law.inertia_factor)
 
 
-def _restated(law: RowLaw, name: str, rows: Index, i: Incidence, value: Array) -> Array:
+def _restated(law: LatentRows, name: str, rows: Index, i: Incidence, value: Array) -> Array:
     """The value over the observed incoming velocity, where the row was computed with that one."""
     over = OBSERVABLES[name].divided_by
     restated = law.error_model.propagates and law.error_model.angles != "none"

@@ -9,12 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.latent_incidence import HALF_WIDTH, Latent
-from ifrfit.inference.model.latent_quadrature import At, pieces, slopes
+from ifrfit.inference.model.latent_quadrature import At, LatentRows, pieces, slopes
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.physics.angles import Incidence
 
 Array = NDArray[np.float64]
 
@@ -24,38 +22,8 @@ _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 
 
 @dataclass(frozen=True)
-class RowLaw:
-    """Rows, the impacts (units of one true angle) they belong to, and the law of their errors.
-
-    Attributes
-    ----------
-    error_model : ErrorModel
-    names : tuple of str
-        The observables that occur.
-    which : ndarray of int, (n,)
-        Observable of each row.
-    unit : ndarray of int, (n,)
-        Impact of each row, ascending.
-    value, sigma : ndarray, (n,)
-    observed : Incidence
-        Of the rows, as observed.
-    latent : Latent
-        Of the units.
-    inertia_factor : float
-    order : ndarray of int, (n,)
-        Place of each row in the problem.
-    """
-
-    error_model: ErrorModel
-    names: tuple[str, ...]
-    which: Index
-    unit: Index
-    value: Array
-    sigma: Array
-    observed: Incidence
-    latent: Latent
-    inertia_factor: float
-    order: Index
+class RowLaw(LatentRows):
+    """Likelihood of rows whose true angles or heavy tails are integrated."""
 
     @classmethod
     def of(cls, problem: Problem, rows: Index, reference: Array | None = None) -> RowLaw:
