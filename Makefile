@@ -17,7 +17,7 @@ reproduce: $(READY)
 	$(BIN)/python scripts/reproduce_paper.py --out figures
 
 test: lint types
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadgroup
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 # The inner loop, under a minute on two cores: the physics against its references, what is read, the texts of the
 # commands, and of each kind of inference its independent oracle. Not a substitute for make test.
@@ -29,7 +29,7 @@ FAST = tests/physics --ignore tests/physics/compliance --ignore tests/physics/ke
        $(addprefix tests/report/,test_rounding.py test_tables.py test_terminal.py)
 
 check-fast: lint
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadgroup $(FAST)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile $(FAST)
 
 lint: $(READY)
 	$(BIN)/ruff check .

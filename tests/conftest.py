@@ -18,20 +18,6 @@ settings.load_profile("ci" if os.environ.get("CI") else "home")
 Impacts = Callable[..., Path]
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give the tests that share a fixture to one worker, so that it is made once (--dist loadgroup).
-
-    A fixture of a module keeps the tests of that file together, one of a session those of its folder.
-    """
-    for item in items:
-        shared = [found[-1] for found in item._fixtureinfo.name2fixturedefs.values()]  # type: ignore[attr-defined]
-        places = {fixture.scope: fixture.baseid for fixture in shared if fixture.baseid}
-        group = places.get("session", places.get("module"))
-        if group:
-            item.add_marker(pytest.mark.xdist_group(group))
-
-
 @pytest.fixture
 def impacts(tmp_path: Path) -> Impacts:
     """Write impacts to a file: keyword arguments as `impacts_text`, or several dictionaries of them."""

@@ -14,8 +14,8 @@ DIFFS = re.findall(r"^```diff\n--- a/(\S+)\n\+\+\+ b/(\S+)\n(.*?)^```$", GUIDE, 
 
 
 def before(diff: str) -> str:
-    """What a diff starts from: its lines without those it adds."""
-    return "".join(line[1:] for line in diff.splitlines(keepends=True) if line[0] in " -")
+    """What stands before the first line that a diff adds: it is there with the addition, too."""
+    return "".join(line[1:] for line in diff[: diff.index("\n+") + 1].splitlines(keepends=True))
 
 
 def test_every_example_is_shown_as_it_is() -> None:

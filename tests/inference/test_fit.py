@@ -209,7 +209,7 @@ USAGE = [
     ({"prior": {"mu": (1e300, 1.0)}}, r"--prior mu: no impact has a mean of 1e\+300"),
     ({"prior": {"mu": (0.1, 1e-300)}}, r"must be positive and sensible"),
     ({"bounds": {"e_t": (-np.inf, np.inf)}}, r"--bounds e_t: both ends must be finite"),
-    ({"inertia_factor": -1.0}, r"must be positive, not -1"),
+    ({"inertia_factor": -1.0}, r"--inertia-factor -1: it must be positive"),
 ]
 
 

@@ -273,8 +273,8 @@ def test_a_method_goes_through_every_command(cli: Callable[..., str], tmp_path: 
     assert "It waited 3." in content["warnings"]
     assert "posterior mode" in ifrfit.load_result(result).summary()
     assert "beta" in cli("predict", result, "--gamma", "10,40,70")
-    cli("report", result, "--out", tmp_path / "page.txt")
-    assert "How many" in (tmp_path / "page.txt").read_text(encoding="utf-8").splitlines()
+    cli("report", result, "--out", tmp_path / "page.toc")
+    assert "How many" in (tmp_path / "page.toc").read_text(encoding="utf-8").splitlines()
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
     cli("simulate", scene, "--out", tmp_path / "simulated")

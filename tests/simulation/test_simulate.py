@@ -13,7 +13,7 @@ from json_schemas import validator
 import ifrfit
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics import OBSERVABLES
-from ifrfit.physics.effects import compose
+from ifrfit.physics.effects import EFFECTS, compose
 from ifrfit.physics.effects.outcome_difference import differences
 from ifrfit.physics.scenes import read_scene
 from ifrfit.physics.scenes.scene import AXES
@@ -317,7 +317,7 @@ def test_the_json_says_what_it_is(scene):
     assert content["schema"] == "ifrfit/simulation/1"
     assert content["provenance"] == "simulated"
     assert content["outcomes"] == {"impacts": 33, "captured": 0, "sticking": content["outcomes"]["sticking"]}
-    assert len(content["plan"]["effects"]) == 7
+    assert len(content["plan"]["effects"]) == len(EFFECTS)
     assert len(content["curves"]) == 66
 
 

@@ -5,9 +5,9 @@ from ifrfit.report.page.plugins import GENERATOR, ReportFormat
 
 
 def headings(report: Report, stem: str) -> dict[str, bytes]:
-    """``STEM.txt``; `GENERATOR` marks it as a report, which a later one may replace."""
+    """``STEM.toc``; `GENERATOR` marks it as a report, which a later one may replace."""
     lines = [GENERATOR, *(section.title for section in report.sections)]
-    return {f"{stem}.txt": "\n".join(lines).encode()}
+    return {f"{stem}.toc": "\n".join(lines).encode()}
 
 
-FORMAT = ReportFormat("txt", headings)
+FORMAT = ReportFormat("toc", headings)

@@ -142,7 +142,8 @@ def conditional_coordinate(
         at, d, curvature, count = _conditional_mode(squares, noise, weight, c, given.at_e_nodes(few), some)
         at, d, curvature = (_interpolated(y, given.e_n, few) for y in (at, d, curvature))
     reference = squares.reference.c
-    with np.errstate(divide="ignore"):
+    # rounding leaves a curvature a little below 0 where the constant takes no part
+    with np.errstate(divide="ignore", invalid="ignore"):
         size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
     size = np.maximum(_broadcast(size, d.shape), 1e-300)
     mode = np.clip(reference + d, lower, upper)

@@ -54,7 +54,7 @@ def check(drawn: Sample, exact: QuadraturePosterior) -> None:
 def test_on_every_bundled_dataset(name: str) -> None:
     mcmc, exact = fitted(name, "mcmc"), fitted(name, "exact")
     assert mcmc.facts["converged"].ok, mcmc.facts["converged"].says
-    check(mcmc.sample, exact.distribution)
+    check(mcmc, exact.distribution)
     ours, theirs = mcmc.flat_constants(), exact.flat_constants()
     for key, one in ours.items():
         assert (one.value is None) == (theirs[key].value is None)

@@ -112,6 +112,7 @@ def test_energy_grows_where_a_constant_is_not_passive(impacts):
 def test_all_effects_at_once(impacts, glass):
     some = impacts([5.0, 40.0, 80.0], 0.3, speed=2.0, radius=5e-5)
     on = [name for name in EFFECTS if name not in ("compliance", "viscoelastic")]
+    on = [name for name in on if not EFFECTS[name].lacks(glass, some)]
     out = compose(glass, some, on)
     assert (out.energy_change < 0.0).all()
     assert np.isfinite(out.beta).all()

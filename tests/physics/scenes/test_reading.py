@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ifrfit.errors import DataError
+from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.scenes import FLUIDS, MATERIALS, read_scene
 
 from .conftest import SCENE
@@ -165,7 +166,10 @@ REFUSED = [
     (("e_t = -0.95", "beta0 = 0.4"), "closure IFR has no beta0; it takes e_n, e_t, mu."),
     (("e_t = -0.95", "e_t = -0.95\nchi = 1.4"), "constants.chi: takes the place of e_t, which is given."),
     (("mu = 0.1", ""), "constants.mu is missing: the friction."),
-    (("e_n = 0.95", 'closure = "x"\ne_n = 0.95'), "there is no closure 'x'. Known are f, fr, ifr"),
+    (
+        ("e_n = 0.95", 'closure = "x"\ne_n = 0.95'),
+        "there is no closure 'x'. Known are " + ", ".join(CLOSURES),
+    ),
     (("e_n = 0.95", 'result = "r.json"\ne_n = 0.95'), "constants.e_n: constants come from r.json already."),
     (("e_n = 0.95", 'series = "a"\ne_n = 0.95'), "constants.series: belongs to constants.result"),
     (("[wall]", 'effects = ["glue"]\n[wall]'), "sphere.effects is not known"),

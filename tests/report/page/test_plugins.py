@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from extensions.format import FORMAT
 from extensions.section import SECTION
@@ -10,6 +12,7 @@ from ifrfit.errors import UsageError
 from ifrfit.registry import register, registered
 from ifrfit.report.page import assemble, write_report
 from ifrfit.report.page.plugins import GENERATOR, ReportSection
+from ifrfit.report.page.registries import FORMATS
 
 
 def test_a_section_of_ones_own_is_on_the_page_or_left_out(results, appraisals):
@@ -23,10 +26,11 @@ def test_a_section_of_ones_own_is_on_the_page_or_left_out(results, appraisals):
 
 
 def test_a_format_of_ones_own_is_written_and_replaced(results, appraisals, tmp_path):
-    path = tmp_path / "report.txt"
+    path = tmp_path / "report.toc"
     with registered(FORMAT):
         for _ in range(2):  # the first one is known as a report
-            assert write_report(results("lsq"), appraisals("lsq"), path) == ["report.txt"]
+            assert write_report(results("lsq"), appraisals("lsq"), path) == ["report.toc"]
     assert path.read_text().splitlines()[:2] == [GENERATOR, "Constants"]
-    with pytest.raises(UsageError, match=r"a report ends in \.html, \.md, \.pdf\."):
+    suffixes = ", ".join(f".{name}" for name in FORMATS)
+    with pytest.raises(UsageError, match=re.escape(f"a report ends in {suffixes}.")):
         write_report(results("lsq"), appraisals("lsq"), path)
