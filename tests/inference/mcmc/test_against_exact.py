@@ -54,7 +54,8 @@ def check(drawn: Sample, exact: QuadraturePosterior) -> None:
 def test_on_every_bundled_dataset(name: str) -> None:
     mcmc, exact = fitted(name, "mcmc"), fitted(name, "exact")
     assert mcmc.facts["converged"].ok, mcmc.facts["converged"].says
-    check(mcmc, exact.distribution)
+    assert isinstance(mcmc.files, Sample)
+    check(mcmc.files, exact.distribution)
     ours, theirs = mcmc.flat_constants(), exact.flat_constants()
     for key, one in ours.items():
         assert (one.value is None) == (theirs[key].value is None)
