@@ -5,6 +5,7 @@ from __future__ import annotations
 RANK = 1e-6
 HALF = 0.5
 GAP = 1e-9
+NOISE_GAP = 0.02
 REFUTED = 0.001
 OUTLIER = 0.01
 AT_REST = 1e-6

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ifrfit.errors import DataError
-from ifrfit.inference.diagnostics.thresholds import AT_REST
+from ifrfit.inference.diagnostics.thresholds import AT_REST, NOISE_GAP
 from ifrfit.inference.model.error_model import ITERATED, PLAIN, ErrorModel
 from ifrfit.inference.model.latent_quadrature import slopes
 from ifrfit.inference.model.noise import NoiseModel
@@ -21,7 +21,9 @@ from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
+from ifrfit.inference.optimize.noise_modes import NoiseModes, noise_factors, noise_modes
 from ifrfit.inference.optimize.optimum import Array, Optimum
+from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
 
 _ITERATIONS = 100
@@ -47,6 +49,9 @@ class LeastSquaresFit:
     change : float
         Last relative change of the noise; 0 where it is known.
     gaussian : GaussianApproximation
+    rivals : tuple of (float, ndarray)
+        Other modes over constants and noises: how far minus twice their log likelihood lies above that of the
+        best, and theta.
     """
 
     optimum: Optimum
@@ -55,6 +60,7 @@ class LeastSquaresFit:
     noise_dof: float
     change: float
     gaussian: GaussianApproximation
+    rivals: tuple[tuple[float, Array], ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -66,8 +72,9 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresF
     """Fit by least squares under the problem's noise policy.
 
     known: sigma is taken at its word. scaled: sigma times one common factor, from the misfit.
-    unknown: one sigma a series and observable, from the misfit; weights are iterated and the optimum is
-    certified at the final ones. With heavy tails or errors of angles the weights are iterated as well, see
+    unknown: one sigma a series and observable, from the misfit. The modes of the
+    likelihood are those of `noise_modes`; about the best of them constants and noises are iterated, with the
+    degrees of freedom that each noise keeps. With heavy tails or errors of angles the weights are iterated as well, see
     `_iteratively_reweighted`.
 
     Parameters
@@ -98,11 +105,8 @@ def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSqu
     for name, rows in groups.items():
         refuse_exact_group(problem, name, rows)
     base = problem.noise.base
-    factor = np.ones(base.size)
-    change = math.inf
-    if problem.noise.is_unknown:
-        for rows in groups.values():
-            factor[rows] = max(float(np.std(problem.rows.value[rows])), 1e-6)
+    modes = noise_modes(problem, start)
+    factor, change = noise_factors(problem, modes.best.theta), math.inf
     near = start  # a search that found the optimum once follows it while the noise settles
     for _ in range(_ITERATIONS):
         optimum = solve(problem, base * factor, near)
@@ -118,7 +122,23 @@ def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSqu
         optimum = solve(problem, sigma, start)
     dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
     gaussian = gaussian_approximation(problem, sigma, optimum.theta)
-    return LeastSquaresFit(optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian)
+    if not modes.follows_squares:
+        optimum = _with_modes(optimum, modes)
+    return LeastSquaresFit(
+        optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian, modes.rivals
+    )
+
+
+def _with_modes(optimum: Optimum, modes: NoiseModes) -> Optimum:
+    """The optimum at the noise of the best mode, with the proof and the rivals of the modes themselves."""
+    rivals = tuple((optimum.objective + rise, theta) for rise, theta in modes.rivals if rise <= NEAR)
+    return replace(
+        optimum,
+        gap=modes.gap,
+        minima=((optimum.objective, optimum.theta), *rivals),
+        method=optimum.method if modes.gap is None else f"{optimum.method}, noise included",
+        tolerance=NOISE_GAP,
+    )
 
 
 def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:

@@ -33,6 +33,8 @@ class Optimum:
         empty where the method does not tell.
     method : str
         How it was found.
+    tolerance : float or None
+        Largest gap that counts as a proof; None for `GAP` relative to the objective.
     """
 
     theta: Array
@@ -41,6 +43,7 @@ class Optimum:
     minima: tuple[tuple[float, Array], ...]
     method: str
     extremes: tuple[Array, ...] = ()
+    tolerance: float | None = None
 
     @property
     def n_same(self) -> int:
@@ -55,7 +58,10 @@ class Optimum:
     @property
     def certified(self) -> bool:
         """Whether the optimum is proven to be global."""
-        return self.gap is not None and self.gap <= GAP * max(1.0, abs(self.objective))
+        if self.gap is None:
+            return False
+        limit = GAP * max(1.0, abs(self.objective)) if self.tolerance is None else self.tolerance
+        return self.gap <= limit
 
 
 def theta_of(problem: Problem, per_series: list[Constants]) -> Array:

@@ -13,9 +13,11 @@ from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.noise_modes import NoiseAtMode, noise_at_mode
 from ifrfit.inference.optimize.optimum import Array
 
 _ROUNDS = 40  # of weights and constants in turn
+_WITHIN = 16.0  # rise of a rival mode up to which a profile may pass to it
 _AT_REST = 1e-7  # fall of the objective at which they have come to rest
 
 ConstrainedOptimum = Callable[[Array, Array], Array]  # row sigma and a theta nearby to the best theta
@@ -37,7 +39,9 @@ class Misfit:
     of freedom in group g and S_g its sum of squares, the rise of ``sum_g d_g log S_g + prior_chi2``. Its
     minimum is where least squares comes to rest (S_g/d_g is the variance it uses), and with one group and
     constants that act linearly the cut `limit` reproduces Student's t exactly:
-    d log(1 + t^2/d) at the quantile t is what t^2 is to chi2.
+    d log(1 + t^2/d) at the quantile t is what t^2 is to chi2. Where the likelihood has several modes each has
+    degrees of freedom of its own: the rise is how far the mode whose noises are nearest lies above the best,
+    plus the rise over that mode.
 
     Attributes
     ----------
@@ -47,41 +51,56 @@ class Misfit:
         Rows that share one unknown noise; empty where sigma is known.
     base : ndarray
         Sigma of each row up to its group's factor.
-    dof, squares : ndarray
-        Of each group: degrees of freedom, and the sum of squares at the fit.
+    modes : tuple of NoiseAtMode
+        The fit first, then the rivals within `_WITHIN` of it; empty where sigma is known.
     """
 
     problem: Problem
     fit: LeastSquaresFit
     groups: tuple[Index, ...]
     base: Array
-    dof: Array
-    squares: Array
+    modes: tuple[NoiseAtMode, ...] = ()
 
     @classmethod
     def of(cls, problem: Problem, fit: LeastSquaresFit) -> Misfit:
         """The misfit under the problem's noise policy."""
         groups, base = tuple(problem.noise_groups().values()), problem.noise.base
+        if not groups:
+            return cls(problem, fit, groups, base)
         dof = np.array([rows.size - float(fit.gaussian.leverage[rows].sum()) for rows in groups])
-        bare = cls(problem, fit, groups, base, dof, np.ones(dof.size))
-        return cls(problem, fit, groups, base, dof, bare._squares(fit.optimum.theta))
+        theta = fit.optimum.theta
+        squares = cls(problem, fit, groups, base)._squares(theta)
+        rivals = [noise_at_mode(problem, place, rise) for rise, place in fit.rivals if rise <= _WITHIN]
+        return cls(problem, fit, groups, base, (NoiseAtMode(0.0, theta, fit.sigma, dof, squares), *rivals))
 
     def rise(self, theta: Array) -> float:
         """Rise of the objective at theta over the fit."""
-        change = self._prior(theta) - self._prior(self.fit.optimum.theta)
         if not self.groups:
+            change = self._prior(theta) - self._prior(self.fit.optimum.theta)
             return self._chi2(theta) - self._chi2(self.fit.optimum.theta) + change
-        return float(self.dof @ np.log(self._squares(theta) / self.squares)) + change
+        squares = self._squares(theta)
+        mode = self._nearest(squares)
+        change = self._prior(theta) - self._prior(mode.theta)
+        return mode.rise + float(mode.dof @ np.log(squares / mode.squares)) + change
 
     def minimum(self, constrained: ConstrainedOptimum, near: Array) -> Minimum:
         """Least rise, and where, over what `constrained` leaves free.
 
-        With several noises, or a prior beside one, weights and constants are improved in turn: each round
-        minimises a bound on the logarithms that touches them, so the rise never grows.
+        With several noises, or a prior beside one, weights and constants are improved in turn, beginning with
+        the noises nearby and with those of each rival mode.
         """
-        theta = constrained(self.fit.sigma if not self.groups else self._sigma(near), near)
+        if not self.groups:
+            theta = constrained(self.fit.sigma, near)
+            return Minimum(self.rise(theta), theta, 0.0)
+        sigmas = [self._sigma(near), *(mode.sigma for mode in self.modes[1:])]
+        return min((self._descend(constrained, near, s) for s in sigmas), key=lambda found: found.rise)
+
+    def _descend(self, constrained: ConstrainedOptimum, near: Array, sigma: Array) -> Minimum:
+        """Improve constants and noises in turn; each round minimises a bound on the logarithms that touches
+        them, so the rise never grows."""
+        theta = constrained(sigma, near)
         rise = self.rise(theta)
-        if not self.groups or (len(self.groups) == 1 and not self._has_prior):
+        if len(self.groups) == 1 and not self._has_prior:
             return Minimum(rise, theta, 0.0)
         fall = math.inf
         for _ in range(_ROUNDS):
@@ -92,6 +111,12 @@ class Misfit:
             if fall < _AT_REST:
                 break
         return Minimum(rise, theta, max(fall, 0.0))
+
+    def _nearest(self, squares: Array) -> NoiseAtMode:
+        """The mode whose sums of squares are nearest, by their logarithms."""
+        if len(self.modes) == 1:
+            return self.modes[0]
+        return min(self.modes, key=lambda mode: float(np.abs(np.log(squares / mode.squares)).sum()))
 
     def dof_of(self, functional: Array) -> float:
         """Degrees of freedom behind the sd of functional @ phi, after Satterthwaite.
@@ -108,7 +133,7 @@ class Misfit:
             return self.fit.noise_dof
         moved = self.problem.jacobian(self.fit.optimum.theta) @ (local.to_theta @ direction) / self.fit.sigma
         shares = np.array([float(moved[rows] @ moved[rows]) for rows in self.groups]) / total
-        spread = float((shares**2 / self.dof).sum())
+        spread = float((shares**2 / self.modes[0].dof).sum())
         return 1.0 / spread if spread > 1e-9 else math.inf
 
     @property
@@ -134,8 +159,9 @@ class Misfit:
         return found
 
     def _sigma(self, theta: Array) -> Array:
-        sigma = self.base.copy()
-        for rows, square, dof in zip(self.groups, self._squares(theta), self.dof, strict=True):
+        """Sigma of each row from the misfit at theta, with the degrees of freedom of the nearest mode."""
+        sigma, squares = self.base.copy(), self._squares(theta)
+        for rows, square, dof in zip(self.groups, squares, self._nearest(squares).dof, strict=True):
             sigma[rows] *= math.sqrt(square / dof)
         return sigma
 

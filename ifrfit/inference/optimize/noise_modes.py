@@ -1,0 +1,308 @@
+"""Least squares where noises are unknown: the modes of the likelihood, and a proof that no better one exists.
+
+With each group's noise at its best for the constants, minus twice the log likelihood is, up to a constant,
+Phi(theta) = sum_g n_g log(S_g(theta)/n_g) + the priors' chi2: eq. (12) of docs/theory/certificate.md. The same
+Phi is that of the posterior where the noises are integrated out. It may have several modes, one for each
+group that is taken at its word while others are called noisy.
+
+The logarithm is concave. Its tangent majorises it, so weights n_g/S_g lead downhill from any theta (13); its
+chord over an interval of S_g minorises it, so one certified weighted fit bounds Phi over a box of (S_g) from
+below (14), and cutting boxes raises the bound until it meets the best mode.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.thresholds import NOISE_GAP
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.laplace import gaussian_approximation
+from ifrfit.inference.optimize.optimum import Array, Optimum
+from ifrfit.inference.optimize.piecewise import NEAR
+from ifrfit.inference.optimize.solve import solve
+
+_DESCENTS = 200  # weighted fits of one descent, at the most
+_AT_REST = 1e-10  # relative change of every S_g
+_CUTS = 300  # boxes that are cut, at the most
+_SAME = 1e-4  # modes nearer than this, in units of each constant's prior sd, are one
+_EDGE = 0.1  # a cut keeps this share of the box on either side
+_SMALLEST = 1e-26  # of S_g over the squares of the values: below it is rounding
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A local minimum of Phi.
+
+    Attributes
+    ----------
+    value : float
+        Phi.
+    optimum : Optimum
+        Of the weighted fit whose weights are those of the mode itself.
+    change : float
+        Last relative change of any group's sum of squares.
+    """
+
+    value: float
+    optimum: Optimum
+    change: float
+
+    @property
+    def theta(self) -> Array:
+        """The constants."""
+        return self.optimum.theta
+
+
+@dataclass(frozen=True)
+class NoiseModes:
+    """Modes of Phi, best first, and how far the best may lie above the global minimum.
+
+    Attributes
+    ----------
+    modes : tuple of Mode
+    gap : float or None
+        Phi of the best mode minus a proven lower bound; None where the weighted fits have no proof.
+    follows_squares : bool
+        Whether Phi rises with the sum of squares, so that plain least squares has the same optimum.
+    """
+
+    modes: tuple[Mode, ...]
+    gap: float | None
+    follows_squares: bool = False
+
+    @property
+    def best(self) -> Mode:
+        """The mode of the least Phi."""
+        return self.modes[0]
+
+    @property
+    def rivals(self) -> tuple[tuple[float, Array], ...]:
+        """How far each other mode lies above the best, and its theta."""
+        return tuple((mode.value - self.best.value, mode.theta) for mode in self.modes[1:])
+
+
+@dataclass(order=True)
+class _Box:
+    """Intervals of log(S_g/n_g), a bound of Phi over them, and the fit that gave it."""
+
+    bound: float
+    number: int
+    low: Array = field(compare=False)
+    high: Array = field(compare=False)
+    optimum: Optimum = field(compare=False)
+
+
+def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
+    """Find the modes of Phi and bound it from below.
+
+    Parameters
+    ----------
+    problem : Problem
+        With an unknown noise.
+    start : ndarray, optional
+        theta of a neighbouring problem: where only a search can find an optimum, it begins there alone.
+    """
+    search = _Search(problem)
+    if search.is_monotone:
+        optimum = solve(problem, search.base, start)
+        mode = Mode(search.value(optimum.theta), optimum, 0.0)
+        return NoiseModes((mode,), optimum.gap, follows_squares=True)
+    first = solve(problem, search.sigma(search.spread()), start)
+    search.descend(first)
+    gap = None if first.gap is None else search.prove()
+    return NoiseModes(tuple(search.modes), gap)
+
+
+def noise_factors(problem: Problem, theta: Array) -> Array:
+    """Root mean square residual of each row's group at theta, in units of its base, (n,)."""
+    search = _Search(problem)
+    return search.sigma(search.variance(theta)) / search.base
+
+
+@dataclass(frozen=True)
+class NoiseAtMode:
+    """The noise that goes with a mode, and how far the mode lies above the best.
+
+    Attributes
+    ----------
+    rise : float
+        Of minus twice the log likelihood over the best mode.
+    theta : ndarray
+    sigma : ndarray, (n,)
+        Standard uncertainty of each row.
+    dof, squares : ndarray, (groups,)
+        Degrees of freedom that each group keeps, and its sum of squares in units of its base.
+    """
+
+    rise: float
+    theta: Array
+    sigma: Array
+    dof: Array
+    squares: Array
+
+
+def noise_at_mode(problem: Problem, theta: Array, rise: float) -> NoiseAtMode:
+    """Noise of each group at theta: its sum of squares over its number of rows less their leverage.
+
+    The leverage depends on the weights, so both are iterated.
+    """
+    search = _Search(problem)
+    squares = search.variance(theta) * search.sizes
+    dof = search.sizes
+    for _ in range(_DESCENTS):
+        sigma = search.sigma(squares / dof)
+        leverage = gaussian_approximation(problem, sigma, theta).leverage
+        new = np.array([max(rows.size - float(leverage[rows].sum()), 0.5) for rows in search.groups])
+        change = float(np.abs(new / dof - 1.0).max())
+        dof = new
+        if change <= _AT_REST:
+            break
+    return NoiseAtMode(rise, theta, search.sigma(squares / dof), dof, squares)
+
+
+class _Search:
+    """Descents from many places, and branch and bound over boxes of the groups' sums of squares."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.groups: Sequence[Index] = list(problem.noise_groups().values())
+        self.sizes = np.array([float(rows.size) for rows in self.groups])
+        self.base = problem.noise.base
+        self.modes: list[Mode] = []
+        scale = np.array([each.prior_sd for each in problem.parameters.entries])
+        self.scale = np.where(np.isfinite(scale) & (scale > 0.0), scale, 1.0)
+
+    @property
+    def is_monotone(self) -> bool:
+        """Whether Phi rises with the sum of squares: one noise for all rows, and no priors."""
+        return len(self.groups) == 1 and all(each.prior is None for each in self.problem.parameters)
+
+    def spread(self) -> Array:
+        """Variance of the values of each group, in units of base: weights to begin with."""
+        scaled = self.problem.rows.value / self.base
+        return np.array([max(float(np.var(scaled[rows])), 1e-12) for rows in self.groups])
+
+    def sigma(self, variance: Array) -> Array:
+        """Standard uncertainty of each row where each group's factor has this variance."""
+        sigma = np.empty(self.base.size)
+        for rows, own in zip(self.groups, variance, strict=True):
+            sigma[rows] = self.base[rows] * np.sqrt(own)
+        return sigma
+
+    def variance(self, theta: Array) -> Array:
+        """S_g/n_g of each group, kept off zero."""
+        residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
+        return np.array([max(float(residual[rows] @ residual[rows]) / rows.size, self._least) for rows in self.groups])
+
+    @cached_property
+    def _least(self) -> float:
+        return _SMALLEST * max(1.0, float(np.square(self.problem.rows.value / self.base).max()))
+
+    def value(self, theta: Array) -> float:
+        """Phi at theta."""
+        prior = self.problem.parameters.prior_residuals(theta)
+        return float(self.sizes @ np.log(self.variance(theta)) + prior @ prior)
+
+    def descend(self, optimum: Optimum) -> None:
+        """Follow the tangents down from an optimum to a mode, and keep it if it is a new one."""
+        value, variance = self.value(optimum.theta), self.variance(optimum.theta)
+        change = np.inf
+        for _ in range(_DESCENTS):
+            near = optimum.theta if optimum.gap is None else None
+            optimum = solve(self.problem, self.sigma(variance), near)
+            new = self.variance(optimum.theta)
+            change = float(np.abs(new / variance - 1.0).max())
+            variance = new
+            if change <= _AT_REST or self._known(optimum.theta):
+                break
+        value = self.value(optimum.theta)
+        if not self._known(optimum.theta):
+            self.modes.append(Mode(value, optimum, change))
+            self.modes.sort(key=lambda mode: mode.value)
+
+    def _known(self, theta: Array) -> bool:
+        def same(mode: Mode) -> bool:
+            both = np.isfinite(theta) & np.isfinite(mode.theta)
+            return bool((np.abs(theta - mode.theta)[both] <= _SAME * self.scale[both]).all())
+
+        return any(same(mode) for mode in self.modes)
+
+    def prove(self) -> float:
+        """Cut boxes until their bounds meet the best mode; gives what is left between them."""
+        low = np.log(self._least_variances())
+        counter = itertools.count()
+        left_out = np.inf  # least bound of the boxes that need no cut
+        queue = [self._box(low, self._top(low), next(counter))]
+        for _ in range(_CUTS):
+            if not queue or queue[0].bound >= self.modes[0].value - NOISE_GAP:
+                break
+            box = heapq.heappop(queue)
+            if self.value(box.optimum.theta) <= self.modes[0].value + 2.0 * NEAR:
+                self.descend(box.optimum)
+            for low, high in self._cut(box):
+                high = np.minimum(high, self._top(low))
+                if (high < low).any():
+                    continue  # nothing in it is as good as the best mode
+                part = self._box(low, high, next(counter), at_least=box.bound)
+                if part.bound < self.modes[0].value - NOISE_GAP:
+                    heapq.heappush(queue, part)
+                else:
+                    left_out = min(left_out, part.bound)
+        lowest = min(left_out, queue[0].bound if queue else np.inf)
+        return max(0.0, self.modes[0].value - lowest)
+
+    def _least_variances(self) -> Array:
+        """The least S_g/n_g that any constants give each group, proven; a mode is looked for from each."""
+        plain = self.problem.with_parameters([replace(each, prior=None) for each in self.problem.parameters])
+        found = np.empty(len(self.groups))
+        for number, rows in enumerate(self.groups):
+            # the other groups count next to nothing: they only choose among equals
+            others = np.full(len(self.groups), 1e8)
+            others[number] = 1.0
+            alone = solve(plain.with_rows(rows), self.base[rows])
+            found[number] = max((alone.objective - (alone.gap or 0.0)) / rows.size, self._least)
+            if len(self.groups) > 1:
+                variance = self.variance(self.modes[0].theta) * others
+                variance[number] = max(found[number], 1e-12)
+                self.descend(solve(self.problem, self.sigma(variance)))
+        return found
+
+    def _top(self, low: Array) -> Array:
+        """Where each group alone lifts Phi to the best mode, the others at their least."""
+        return low + max(self.modes[0].value - float(self.sizes @ low), 0.0) / self.sizes
+
+    def _slope(self, low: Array, high: Array) -> Array:
+        """Slope of the chord of log s between e^low and e^high, for each group."""
+        width = high - low
+        narrow = width < 1e-9
+        rise = np.expm1(np.where(narrow, 1.0, width))
+        return np.where(narrow, np.exp(-low), width / rise * np.exp(-low))
+
+    def _box(self, low: Array, high: Array, number: int, at_least: float = -np.inf) -> _Box:
+        """Bound Phi over a box by the certified fit with the chords' slopes for weights."""
+        slope = self._slope(low, high)
+        optimum = solve(self.problem, self.sigma(1.0 / slope))
+        linear = optimum.objective - (optimum.gap or 0.0)
+        bound = linear + float(self.sizes @ (low - slope * np.exp(low)))
+        return _Box(max(bound, at_least), number, low, high, optimum)
+
+    def _cut(self, box: _Box) -> list[tuple[Array, Array]]:
+        """Cut a box in the group whose chord lies furthest below the logarithm at the fit."""
+        log = np.clip(np.log(self.variance(box.optimum.theta)), box.low, box.high)
+        slope = self._slope(box.low, box.high)
+        error = self.sizes * (log - box.low - slope * (np.exp(log) - np.exp(box.low)))
+        if error.max() <= 0.1 * NOISE_GAP:
+            error = self.sizes * (box.high - box.low) ** 2
+        at = int(error.argmax())
+        edge = _EDGE * (box.high[at] - box.low[at])
+        place = min(max(log[at], box.low[at] + edge), box.high[at] - edge)
+        lower, upper = box.high.copy(), box.low.copy()
+        lower[at] = upper[at] = place
+        return [(box.low, lower), (upper, box.high)]
