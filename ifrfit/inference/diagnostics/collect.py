@@ -85,7 +85,8 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
     rivals = optimum.n_near - 1
     if optimum.certified:
         alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
-        return Fact(optimum.n_same == 1, f"global optimum certified, {alone}", figures, rule)
+        noise = "" if optimum.tolerance is None else ", unknown noise included"
+        return Fact(optimum.n_same == 1, f"global optimum certified{noise}, {alone}", figures, rule)
     if optimum.gap is not None:
         proof = f"gap {optimum.gap:.1e}"
     elif optimum.method.endswith(ITERATED):

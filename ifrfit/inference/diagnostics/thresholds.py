@@ -6,6 +6,7 @@ RANK = 1e-6
 HALF = 0.5
 GAP = 1e-9
 NOISE_GAP = 0.02
+RIVAL = 0.01
 REFUTED = 0.001
 OUTLIER = 0.01
 AT_REST = 1e-6
@@ -34,7 +35,11 @@ FACTS = {
     f"autocorrelation times kept, which change by <= {100 * STABLE:g} % to the later half; bootstrap: "
     f"besides the noise, <= {100 * FAILED:g} % of the replicates without an answer",
     "global_optimum": f"gap between chi2 and a proven lower bound over everything else <= {GAP:g} relative, "
-    "and no second optimum within 1e-6; those within 4 are counted",
+    "and no second optimum within 1e-6; those within 4 are counted. With several unknown noises, or "
+    "a prior beside one, the gap is that of minus twice the log likelihood with each noise at its best, "
+    f"<= {NOISE_GAP:g}",
+    "several_modes": "stands only where it fails: modes of the likelihood that lie 3 sd apart in a constant, "
+    f"each with a weight (height times volume of the Gaussian about it) of {100 * RIVAL:g} % or more",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
     "combination's sd below half its prior sd) equals the number of free constants, and each has a value",
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.mcmc.coordinates import Coordinates
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.optimize.optimum import Optimum
+from ifrfit.inference.optimize.noise_modes import noise_at_mode
 
 Array = NDArray[np.float64]
 
@@ -18,6 +18,7 @@ ENSEMBLES = 4
 _WALKERS, _PER_DIMENSION = 64, 6
 _START_DISTANCE = 2.0  # sd from an optimum to an ensemble: R-hat needs starts wider than the posterior
 _MAIN = 0.75  # share of an ensemble's walkers that start at its own optimum
+_RISE = 12.0  # of minus twice the log likelihood; what lies higher has a weight below 0.3 %
 _TRIES = 40  # each draws nearer to the optimum than the one before
 _INSIDE = 1e-6  # of the domain's width, from its walls
 
@@ -27,8 +28,8 @@ def starts(
 ) -> Array:
     """Places of all walkers, (ensembles, walkers, d), inside the domain.
 
-    About each optimum that least squares knows of (all local minima within 4 of the least) walkers are drawn
-    from its Gaussian, about a centre that lies 2 sd off, in another direction for each ensemble. Of several
+    About each optimum that least squares knows of (all local minima within 4 of the least; with unknown
+    noises all modes within 12) walkers are drawn from its Gaussian, at its own noise, about a centre that lies 2 sd off, in another direction for each ensemble. Of several
     optima each ensemble has another as its own: three quarters of its walkers start there, and the others
     share the rest. So every ensemble can reach every mode, and if their weights do not settle, the ensembles
     disagree: R-hat sees it.
@@ -41,7 +42,7 @@ def starts(
     ensembles : int
     """
     walkers = max(_WALKERS, _PER_DIMENSION * coordinates.dimensions)
-    gaussians = [_gaussian(coordinates, found, theta) for theta in optima(found.optimum)]
+    gaussians = [_gaussian(coordinates, found, theta) for theta in optima(found)]
     made = []
     for number in range(ensembles):
         own = number % len(gaussians)
@@ -53,9 +54,11 @@ def starts(
     return np.stack(made)
 
 
-def optima(optimum: Optimum) -> list[Array]:
-    """theta of every optimum within reach, the best first."""
-    return [theta for _, theta in optimum.minima] or [optimum.theta]
+def optima(found: LeastSquaresFit) -> list[Array]:
+    """theta of every optimum that may carry weight, the best first."""
+    if found.rivals:
+        return [found.optimum.theta, *(theta for rise, theta in found.rivals if rise <= _RISE)]
+    return [theta for _, theta in found.optimum.minima] or [found.optimum.theta]
 
 
 def _gaussian(coordinates: Coordinates, found: LeastSquaresFit, theta: Array) -> tuple[Array, Array]:
@@ -64,10 +67,11 @@ def _gaussian(coordinates: Coordinates, found: LeastSquaresFit, theta: Array) ->
     low, high = problem.parameters.bounds()
     theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
     free = problem.parameters.free
-    covariance = gaussian_approximation(problem, found.sigma, theta).covariance(capped=True)[
+    sigma = noise_at_mode(problem, theta, 0.0).sigma if found.rivals else found.sigma
+    covariance = gaussian_approximation(problem, sigma, theta).covariance(capped=True)[
         np.ix_(free, free)
     ]
-    noise, spread = _noise(coordinates, found)
+    noise, spread = _noise(coordinates, sigma)
     point = np.concatenate((theta[free], noise))
     inside = _INSIDE * (density.upper - density.lower)
     point = np.clip(point, density.lower + inside, density.upper - inside)
@@ -79,13 +83,13 @@ def _gaussian(coordinates: Coordinates, found: LeastSquaresFit, theta: Array) ->
     return coordinates.at(point), root
 
 
-def _noise(coordinates: Coordinates, found: LeastSquaresFit) -> tuple[Array, Array]:
+def _noise(coordinates: Coordinates, sigma: Array) -> tuple[Array, Array]:
     """Logarithm of each noise at the optimum, and its sd."""
     problem = coordinates.problem
     base = problem.noise.base
     centre, spread = [], []
     for rows in problem.noise_groups().values():
-        centre.append(math.log(float(np.median(found.sigma[rows] / base[rows]))))
+        centre.append(math.log(float(np.median(sigma[rows] / base[rows]))))
         spread.append(1.0 / math.sqrt(2.0 * max(rows.size - 1, 1)))
     return np.array(centre), np.array(spread)
 

@@ -17,6 +17,7 @@ from ifrfit.inference.diagnostics.lack_of_fit import residuals_of
 from ifrfit.inference.diagnostics.omitted_effects.assess import effects_of
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
+from ifrfit.inference.diagnostics.modes import several_modes
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
@@ -212,9 +213,11 @@ def _facts(
 ) -> dict[str, Fact]:
     """Findings on the optimum, on the estimates and on the method, in the order of the report."""
     counts = about.statistics
+    several = several_modes(problem, optimum)
     facts = {
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
+        **({} if several is None else {"several_modes": several}),
         "identifiable": identifiable(problem, optimum, constants, counts.n_sticking, counts.n_sliding),
         "at_bound": at_bound(constants),
         **about.facts,

@@ -1,0 +1,105 @@
+"""Modes of the likelihood over constants and noises: all are found, none better exists."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from ifrfit import fit, read
+from ifrfit.inference.options import Model
+from ifrfit.inference.fit import make_question
+from ifrfit.inference.options import Noise
+from ifrfit.inference.optimize.noise_modes import noise_modes
+from ifrfit.physics.closures import get_closure
+from tests.factories import BILINEAR, impacts_file, own_constant
+
+ANGLES = np.linspace(4.0, 84.0, 17)
+SERIES = ({"mu": 0.14, "c": -0.85, "series": "A"}, {"mu": 0.25, "c": -0.70, "series": "B"})
+
+
+def question(path, closure="ifr", **choices):
+    model = Model(closure, **choices)
+    asked = make_question(path, model, Noise("unknown"), 0, None, {})
+    return asked.problem(get_closure(closure), model.parameters(asked.inertia_factor))
+
+
+def contradiction(path, seed, noise=0.02):
+    """Two series that do not share their constants, no sigma."""
+    parts = [
+        {"gamma": ANGLES, "e_n": 0.9, "noise": noise, "sigma": None, "seed": 2 * seed + i} | own
+        for i, own in enumerate(SERIES)
+    ]
+    return impacts_file(path / "two.csv", *parts)
+
+
+def phi(problem, theta):
+    """Minus twice the log likelihood with each noise at its best, up to a constant, and the priors."""
+    residual = problem.rows.value - problem.predict(theta)
+    prior = problem.parameters.prior_residuals(theta)
+    groups = problem.noise_groups().values()
+    return sum(r.size * np.log(np.mean(residual[r] ** 2)) for r in groups) + prior @ prior
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_method_reports_the_better_of_two_contradicting_series(tmp_path, seed):
+    path = contradiction(tmp_path, seed)
+    problem = question(path, fix={"e_n": 0.9})
+    modes = noise_modes(problem).modes
+    assert len(modes) == 2
+    assert sorted(m.theta[2] for m in modes) == pytest.approx([0.14, 0.25], abs=0.01)
+    assert phi(problem, modes[0].theta) <= phi(problem, modes[1].theta)
+    if modes[1].value - modes[0].value < 4.0:
+        pytest.fail("a seed whose modes are alike tells nothing here")
+    for method in ("lsq", "exact", "profile"):
+        found = fit(path, fix={"e_n": 0.9}, method=method)
+        assert found.constants["mu"].value == pytest.approx(modes[0].theta[2], abs=0.003), method
+
+
+@pytest.mark.parametrize("closure", BILINEAR)
+@pytest.mark.parametrize("seed", range(4))
+def test_no_search_goes_below_the_bound(tmp_path, closure, seed):
+    """Random tables of several groups and priors; the bound is compared with local searches from everywhere."""
+    rng = np.random.default_rng([seed, len(closure)])
+    truth = own_constant(closure, rng.uniform(0.1, 0.9))
+    parts = []
+    for series in range(int(rng.integers(2, 4))):
+        parts.append(
+            {
+                "gamma": np.sort(rng.uniform(3.0, 86.0, int(rng.integers(6, 14)))),
+                "observables": ("beta",) if rng.uniform() < 0.6 else ("beta", "e_n"),
+                "closure": closure, "e_n": 0.85, "c": next(iter(truth.values()), 0.0),
+                "mu": 0.15 * 2.0 ** rng.uniform(-1.0, 1.0), "noise": 10.0 ** rng.uniform(-2.5, -1.0),
+                "sigma": None, "series": f"s{series}", "seed": int(rng.integers(1000)),
+            }
+        )  # fmt: skip
+    choices = {"fix": {"e_n": 0.85}} if seed % 2 else {"prior": {"mu": (0.2, 0.1)}}
+    problem = question(impacts_file(tmp_path / "t.csv", *parts), closure, **choices)
+    found = noise_modes(problem)
+    assert found.gap is not None
+    best = found.best.value
+    assert best == pytest.approx(phi(problem, found.best.theta), abs=1e-9)
+    free = problem.parameters.free
+    low, high = problem.parameters.bounds()
+    high = np.minimum(high, 2.0)
+    lowest = np.inf
+    for _ in range(25):
+        theta = low + (high - low) * rng.uniform(size=low.size)
+        theta[~free] = found.best.theta[~free]
+
+        def objective(x, theta=theta):
+            at = theta.copy()
+            at[free] = np.clip(x, low[free], high[free])
+            return phi(problem, at)
+
+        lowest = min(lowest, minimize(objective, theta[free], method="Nelder-Mead").fun)
+    assert lowest >= best - found.gap - 1e-9
+    assert found.gap <= 1.0
+
+
+def test_a_single_noise_needs_no_boxes(tmp_path):
+    path = impacts_file(tmp_path / "one.csv", {"gamma": ANGLES, "noise": 0.02, "sigma": None})
+    found = noise_modes(question(path, fix={"e_n": 0.94}))
+    assert found.follows_squares
+    assert len(found.modes) == 1
+    assert found.gap < 1e-9
