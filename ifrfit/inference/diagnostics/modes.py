@@ -54,7 +54,7 @@ def several_modes(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     ]
     words = [_words(theta[free], names, weight) for weight, theta in modes]
     says = f"{len(modes)} sets of constants explain the data: {joined(words)}"
-    return Fact(False, says, {"modes": told}, FACTS["several_modes"])
+    return Fact(False, says, {"modes": told}, FACTS["noise_modes"])
 
 
 def _apart(difference: Array, sd: Array) -> bool:

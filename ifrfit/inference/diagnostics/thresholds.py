@@ -38,7 +38,7 @@ FACTS = {
     "and no second optimum within 1e-6; those within 4 are counted. With several unknown noises, or "
     "a prior beside one, the gap is that of minus twice the log likelihood with each noise at its best, "
     f"<= {NOISE_GAP:g}",
-    "several_modes": "stands only where it fails: modes of the likelihood that lie 3 sd apart in a constant, "
+    "noise_modes": "stands only where it fails: modes of the likelihood that lie 3 sd apart in a constant, "
     f"each with a weight (height times volume of the Gaussian about it) of {100 * RIVAL:g} % or more",
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
     "combination's sd below half its prior sd) equals the number of free constants, and each has a value",

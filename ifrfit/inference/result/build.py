@@ -217,7 +217,7 @@ def _facts(
     facts = {
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
-        **({} if several is None else {"several_modes": several}),
+        **({} if several is None else {"noise_modes": several}),
         "identifiable": identifiable(problem, optimum, constants, counts.n_sticking, counts.n_sliding),
         "at_bound": at_bound(constants),
         **about.facts,
