@@ -63,6 +63,13 @@ def sd_text(sd: float) -> str:
     return fixed(sd, places)
 
 
+def plus_minus(value: float, sd: float) -> str:
+    """A value with its standard uncertainty, both to two digits of that: "0.904 +- 0.012"."""
+    if not (math.isfinite(sd) and sd > 0.0):
+        return as_given(value)
+    return f"{fixed(value, decimals(sd))} +- {sd_text(sd)}"
+
+
 def p_text(p: float) -> str:
     """A p value or probability: two digits, one digit and an exponent below 1e-3."""
     if p < 1e-300:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit
+from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.error_model import ITERATED
@@ -32,9 +33,11 @@ def misfit_facts(
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
         effects = {}  # velocities and spins say it themselves
     # microslip is no remedy where the residuals call for something else
+    restitution = normal_restitution(problem, found)
     remedy = not brief and (not called or "compliance" in called)
     facts = {
         "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
+        **({} if restitution is None else {"normal_restitution": restitution}),
         **({} if brief else {"outliers": outliers(problem, found, residuals)}),
         **effects,
     }

@@ -45,6 +45,9 @@ FACTS = {
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
     "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
+    "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola in the angle "
+    "and in the logarithm of the speed against one value; their mean against a fixed value or a prior, and "
+    "against 1; no single reading 4 sd above 1",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
     "viscoelasticity or yield, adhesion and rolling friction would move the values, and of other laws of "

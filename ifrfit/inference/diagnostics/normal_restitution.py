@@ -1,0 +1,200 @@
+"""What readings of e_n say of themselves: one value at all angles and speeds, as fixed or known before, at most 1."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.optimum import Array
+from ifrfit.inference.result.types import Fact
+from ifrfit.text import p_text, plus_minus
+
+_FEWEST = 6  # readings of a series from which a trend is looked for
+_ABOVE = 4.0  # sd by which a single reading may exceed 1
+
+
+@dataclass(frozen=True)
+class _Finding:
+    """What one look at the readings gave: its p value, and a sentence for the case that it is small."""
+
+    p: float
+    says: str
+
+
+@dataclass(frozen=True)
+class _Readings:
+    """Readings of e_n of one series.
+
+    Attributes
+    ----------
+    series : str
+        Empty where there is only one.
+    value, weight : ndarray, (n,)
+        Weights are 1/sigma^2; 1 where the noise is unknown.
+    dof : float
+        Behind the scale of the weights: infinite where sigma is known.
+    gamma, speed : ndarray, (n,)
+        Degrees and m/s; nan where not stated.
+    """
+
+    series: str
+    value: Array
+    weight: Array
+    dof: float
+    gamma: Array
+    speed: Array
+
+    @property
+    def mean(self) -> float:
+        """Weighted mean."""
+        return float(np.average(self.value, weights=self.weight))
+
+    @property
+    def variance(self) -> float:
+        """Variance of a reading of weight 1."""
+        if math.isinf(self.dof):
+            return 1.0
+        square = float(self.weight @ (self.value - self.mean) ** 2)
+        return square / self.dof if self.dof > 0.0 else math.inf
+
+    @property
+    def standard_error(self) -> float:
+        """Of the mean."""
+        return math.sqrt(self.variance / float(self.weight.sum()))
+
+    @property
+    def of(self) -> str:
+        """ " of SERIES", or nothing."""
+        return f" of {self.series}" if self.series else ""
+
+
+def normal_restitution(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+    """Hold the readings of e_n against angle, speed, what was fixed or known before, and 1.
+
+    Each look is a test of its own; p values are multiplied by their number (Bonferroni). A trend is a parabola
+    in the angle, or in the logarithm of the speed, tested against a constant: by F, or by chi2 where sigma is
+    known.
+
+    Returns
+    -------
+    Fact or None
+        None without readings of e_n.
+    """
+    looks = [finding for readings in _by_series(problem, found) for finding in _findings(problem, readings)]
+    if not looks:
+        return None
+    p = min(1.0, len(looks) * min(look.p for look in looks))
+    figures = {"p": p, "n_tests": len(looks)}
+    rule = FACTS["normal_restitution"]
+    wrong = [look.says for look in sorted(looks, key=lambda look: look.p) if len(looks) * look.p < REFUTED]
+    if wrong:
+        return Fact(False, "; ".join(wrong), figures, rule)
+    return Fact(True, f"readings of e_n agree with one value (p = {p_text(p)})", figures, rule)
+
+
+def _by_series(problem: Problem, found: LeastSquaresFit) -> Iterator[_Readings]:
+    table = problem.observations.table
+    normal = problem.rows.of_kind("normal")
+    for number, series in enumerate(problem.series):
+        rows = np.flatnonzero(normal & (problem.rows.series == number))
+        if rows.size == 0:
+            continue
+        known = problem.noise.is_known
+        base = found.sigma[rows] if known else problem.noise.base[rows]
+        yield _Readings(
+            series if len(problem.series) > 1 else "",
+            problem.rows.value[rows],
+            1.0 / base**2,
+            math.inf if known else rows.size - 1.0,
+            table["gamma_deg"].to_numpy(dtype=float)[rows],
+            table["speed_m_s"].to_numpy(dtype=float)[rows],
+        )
+
+
+def _findings(problem: Problem, readings: _Readings) -> Iterator[_Finding]:
+    yield from _trend(readings, readings.gamma, "the angle", "degrees")
+    positive = np.where(readings.speed > 0.0, readings.speed, np.nan)
+    yield from _trend(readings, np.log(positive), "the speed", "m/s")
+    yield from _against_known(problem, readings)
+    yield from _above_one(readings)
+
+
+def _trend(readings: _Readings, x: Array, what: str, unit: str) -> Iterator[_Finding]:
+    """A parabola in x against a constant."""
+    at = np.flatnonzero(np.isfinite(x))
+    if at.size < _FEWEST or np.unique(x[at]).size < 4:
+        return
+    x, root = x[at], np.sqrt(readings.weight[at])
+    scaled = (x - x.mean()) / np.ptp(x)
+    design = np.stack((np.ones(x.size), scaled, scaled**2), axis=1)
+    value = readings.value[at]
+    coefficients, *_ = np.linalg.lstsq(design * root[:, None], value * root, rcond=None)
+    rest = float(((value - design @ coefficients) * root) @ ((value - design @ coefficients) * root))
+    mean = float(np.average(value, weights=root**2))
+    gained = max(float(root**2 @ (value - mean) ** 2) - rest, 0.0)
+    if math.isinf(readings.dof):
+        p = float(special.chdtrc(2, gained))
+    elif rest > 0.0:
+        p = float(special.fdtrc(2, x.size - 3, gained / 2.0 / (rest / (x.size - 3))))
+    else:
+        p = 0.0 if gained > 0.0 else 1.0
+    order = np.argsort(x)
+    ends = (design @ coefficients)[order[[0, -1]]]
+    shown = np.exp(x[order[[0, -1]]]) if unit == "m/s" else x[order[[0, -1]]]
+    yield _Finding(
+        p,
+        f"e_n{readings.of} is not one value: its readings go from {ends[0]:.3g} at {shown[0]:.3g} {unit} to "
+        f"{ends[1]:.3g} at {shown[1]:.3g} {unit} (p = {p_text(p)}); one e_n over {what} does not stand. "
+        "Fit a narrower range of it",
+    )
+
+
+def _against_known(problem: Problem, readings: _Readings) -> Iterator[_Finding]:
+    """The mean against what e_n was fixed at, or known to be before."""
+    place = problem.parameters.positions["e_n"]
+    number = problem.series.index(readings.series) if readings.series else 0
+    entry = problem.parameters.entries[int(place[number])]
+    if entry.fixed is not None:
+        mean, sd, words = entry.fixed, 0.0, f"e_n is fixed at {entry.fixed:.4g}"
+    elif entry.prior is not None:
+        (mean, sd), words = entry.prior, f"e_n was said to be {plus_minus(*entry.prior)}"
+    else:
+        return
+    spread = math.hypot(readings.standard_error, sd)
+    if not (0.0 < spread < math.inf):
+        return
+    p = _two_sided((readings.mean - mean) / spread, readings.dof)
+    measured = plus_minus(readings.mean, readings.standard_error)
+    yield _Finding(p, f"readings of e_n{readings.of} give {measured}, but {words} (p = {p_text(p)})")
+
+
+def _above_one(readings: _Readings) -> Iterator[_Finding]:
+    """The mean above 1, or single readings far above it."""
+    error = readings.standard_error
+    if not (0.0 < error < math.inf):
+        return
+    one_sided = 0.5 * _two_sided((readings.mean - 1.0) / error, readings.dof)
+    p = one_sided if readings.mean > 1.0 else 1.0
+    says = f"the mean of the readings of e_n{readings.of}, {plus_minus(readings.mean, error)}, lies above 1"
+    sd = np.sqrt(readings.variance / readings.weight)
+    far = readings.value > 1.0 + _ABOVE * sd
+    if far.any():
+        p = min(p, readings.value.size * 0.5 * _two_sided(float(((readings.value - 1.0) / sd).max()), readings.dof))
+        says = (
+            f"{int(far.sum())} of {far.size} readings of e_n{readings.of} lie above 1, up to "
+            f"{float(readings.value.max()):.4g}: no impact gains energy; look at the scale of the velocities"
+        )
+    yield _Finding(p, says)
+
+
+def _two_sided(t: float, dof: float) -> float:
+    if math.isinf(dof):
+        return float(2.0 * special.ndtr(-abs(t)))
+    return float(2.0 * special.stdtr(dof, -abs(t)))
