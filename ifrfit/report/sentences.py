@@ -18,6 +18,7 @@ HEADLINES = {
     "noise_modes": "several sets of constants explain the data",
     "identifiable": "the data do not determine every constant",
     "lack_of_fit": "the data contradict the closure",
+    "scatter_too_small": "the data scatter less than their sigma",
     "normal_restitution": "the readings of e_n contradict what is taken of them",
     "effects": "the residuals call for a further effect",
     "outliers": "outliers",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit
+from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.thresholds import FACTS
@@ -34,9 +34,12 @@ def misfit_facts(
         effects = {}  # velocities and spins say it themselves
     # microslip is no remedy where the residuals call for something else
     restitution = normal_restitution(problem, found)
+    small = scatter_too_small(problem, found, residuals)
     remedy = not brief and (not called or "compliance" in called)
+    fitted = lack_of_fit(problem, found, residuals, remedy=remedy)
     facts = {
-        "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
+        "lack_of_fit": fitted,
+        **({} if small is None or small.ok else {"scatter_too_small": small}),
         **({} if restitution is None else {"normal_restitution": restitution}),
         **({} if brief else {"outliers": outliers(problem, found, residuals)}),
         **effects,

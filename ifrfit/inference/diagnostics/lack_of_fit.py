@@ -24,6 +24,8 @@ _TRIALS = 12  # angles at which the near-normal impacts are cut off, to see whet
 _COMFORTABLE = 0.05
 _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
 _SPLINE_KNOTS = 4  # three degrees of freedom beside the constant
+_FITTED = 1e-6  # 1 - leverage below which a row is fitted exactly
+_REST = 1e-6  # least share of the misfit that is left to the other rows
 _SMALLEST = 8  # rows of an observable below which no smooth departure is looked for
 
 
@@ -44,10 +46,12 @@ def residuals_of(problem: Problem, fit: LeastSquaresFit) -> Residuals:
     """
     raw = problem.rows.value - problem.predict(fit.optimum.theta)
     standardised = raw / fit.sigma
-    internal = standardised / np.sqrt(np.maximum(1.0 - fit.gaussian.leverage, 1e-6))
+    own = 1.0 - fit.gaussian.leverage
+    # a row that the constants run through has no residual, whatever rounding leaves of it
+    internal = np.where(own > _FITTED, standardised / np.sqrt(np.maximum(own, _FITTED)), 0.0)
     if math.isinf(fit.noise_dof) or fit.noise_dof <= 1.0:
         return Residuals(raw, standardised, internal)
-    rest = np.maximum(fit.noise_dof - internal**2, 1e-12)
+    rest = np.maximum(fit.noise_dof - internal**2, _REST * fit.noise_dof)
     return Residuals(raw, standardised, internal * np.sqrt((fit.noise_dof - 1.0) / rest))
 
 
@@ -90,6 +94,24 @@ def lack_of_fit(problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *,
         f"{_oblique_remedy(problem) if near_normal and remedy and problem.closure.bilinear else ''}"
     )
     return Fact(False, says, figures, rule)
+
+
+def scatter_too_small(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fact | None:
+    """Whether the rows scatter less than their sigma says: chi2 from below. None where sigma is not given."""
+    dof = residuals.raw.size - round(float(fit.gaussian.leverage.sum()))
+    if not problem.noise.is_known or dof < 1:
+        return None
+    chi2 = float(residuals.standardised @ residuals.standardised)
+    p = float(special.chdtr(dof, chi2))
+    figures = {"p": p, "chi2": chi2, "dof": dof}
+    if p >= REFUTED:
+        return Fact(True, f"the scatter is not below sigma (p = {p_text(p)})", figures, FACTS["scatter_too_small"])
+    says = (
+        f"the values scatter {math.sqrt(dof / max(chi2, 1e-300)):.2g} times less than their sigma "
+        f"(chi2 = {chi2:.3g} for {dof} degrees of freedom, p = {p_text(p)}): sigma is too large, or is no "
+        "standard uncertainty of one reading; --noise scaled takes its size from the scatter"
+    )
+    return Fact(False, says, figures, FACTS["scatter_too_small"])
 
 
 def _oblique_remedy(problem: Problem) -> str:

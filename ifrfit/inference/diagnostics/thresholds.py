@@ -48,6 +48,7 @@ FACTS = {
     "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola in the angle "
     "and in the logarithm of the speed against one value; their mean against a fixed value or a prior, and "
     "against 1; no single reading 4 sd above 1",
+    "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, where sigma is known",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
     "viscoelasticity or yield, adhesion and rolling friction would move the values, and of other laws of "
