@@ -122,7 +122,7 @@ def only_kappa_is_seen(problem: Problem) -> bool:
         or OBSERVABLES[name].without_e_n
         for name in problem.rows.names
     )
-    free = all(c.fixed is None and c.prior is None for c in problem.parameters if c.name in ("e_n", "mu"))
+    free = not any(c.is_informed for c in problem.parameters if c.name in ("e_n", "mu"))
     mu = problem.parameters["mu"]
     return rows and free and mu.lower == 0.0 and math.isinf(mu.upper)
 

@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.physics.closures import Closure
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+_OUTSIDE = 3.0  # sd by which an earlier measurement may lie outside the domain
 _LARGEST = 1e6  # of a number that can be meant seriously
 _SMALLEST_SD = 1e-12
 _PRIOR_MU = 2.0  # upper end of the default prior of mu; matters only where the data do not determine mu
@@ -37,6 +39,8 @@ class Parameter:
         Mean and standard deviation of an auxiliary measurement.
     separate : bool
         Whether each series has its own value.
+    passive : (float, float) or None
+        The passive domain, where bounds of the user stand in its place.
     """
 
     name: str
@@ -45,6 +49,7 @@ class Parameter:
     fixed: float | None = None
     prior: tuple[float, float] | None = None
     separate: bool = False
+    passive: tuple[float, float] | None = None
 
     def fixed_at(self, value: float) -> Parameter:
         """The same parameter fixed at a value, without its prior."""
@@ -59,6 +64,24 @@ class Parameter:
     def prior_sd(self) -> float:
         """Standard deviation of the default prior, uniform over the domain."""
         return (self.prior_upper - self.lower) / math.sqrt(12.0)
+
+    @property
+    def passive_sd(self) -> float:
+        """Standard deviation of the default prior over the passive domain, whatever bounds the user set."""
+        if self.passive is None:
+            return self.prior_sd
+        lower, upper = self.passive
+        return replace(self, lower=lower, upper=upper, passive=None).prior_sd
+
+    @property
+    def is_informed(self) -> bool:
+        """Whether it is fixed, or has a prior that says more than its domain: sd below half of its default."""
+        return self.fixed is not None or (self.prior is not None and self.prior[1] < HALF * self.prior_sd)
+
+    @property
+    def is_confined(self) -> bool:
+        """Whether bounds of the user leave less than half of the passive domain."""
+        return self.fixed is None and self.prior_sd < HALF * self.passive_sd
 
 
 @dataclass(frozen=True)
@@ -231,18 +254,24 @@ def make_parameters(
         if fixed is not None:
             _check_fixed(name, fixed, lower, upper, name in prior, name in separate)
         if name in prior:
-            _check_prior(name, *prior[name])
-        made.append(Parameter(name, lower, upper, fixed, prior.get(name), name in separate))
+            _check_prior(name, *prior[name], lower, upper)
+        passive = default[name] if name in bounds else None
+        made.append(Parameter(name, lower, upper, fixed, prior.get(name), name in separate, passive))
     return tuple(made)
 
 
-def _check_prior(name: str, mean: float, sd: float) -> None:
+def _check_prior(name: str, mean: float, sd: float, lower: float, upper: float) -> None:
     if not _SMALLEST_SD <= sd <= _LARGEST:
         raise UsageError(
             f"--prior {name}: the standard deviation must be positive and sensible, as in {name}=0.1,0.02."
         )
     if not abs(mean) <= _LARGEST:
         raise UsageError(f"--prior {name}: no impact has a mean of {mean:g}.")
+    if not lower - _OUTSIDE * sd <= mean <= upper + _OUTSIDE * sd:
+        raise UsageError(
+            f"--prior {name}={mean:g},{sd:g}: it lies outside the domain [{lower:g}, {upper:g}]. "
+            f"If you mean it, widen it with --bounds {name}=LO,HI."
+        )
 
 
 def _check_bounds(name: str, lower: float, upper: float) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.profile.curve import ProfileCurve
 from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.profile.quantities import Quantity
 from ifrfit.inference.profile.types import ProfileLikelihood, closed, hull, shape_of
-from ifrfit.inference.summary.status import Domain, Known, Marginal, OneSided, estimate_of
+from ifrfit.inference.summary.status import Known, Marginal, OneSided, estimate_of
 
 _COVERED = 0.997
 _NEAR = 1.5  # one-sided 95 % widths from the bound within which the optimum stands for the interval
@@ -33,12 +35,12 @@ def profile_of(
     """
     pieces68, pieces = curve.pieces(limit(0.68, dof)), curve.pieces(limit(0.95, dof))
     marginal = _marginal(curve, value, dof, hull(pieces68), hull(pieces), len(pieces))
-    domain = Domain(curve.lower, curve.upper, quantity.domain.prior_upper)
+    domain = replace(quantity.domain, lower=curve.lower, upper=curve.upper)
     estimate = estimate_of(domain, marginal, known)
     x, rise = curve.window(limit(_COVERED, dof), fill=fill)
     return ProfileLikelihood(
         name=quantity.name,
-        value=value,
+        value=value if estimate.value is None else estimate.value,
         stderr=estimate.stderr,
         interval68=estimate.interval68,
         interval95=estimate.interval95,

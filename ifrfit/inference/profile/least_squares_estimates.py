@@ -23,7 +23,7 @@ from ifrfit.inference.result.types import Constants, Estimate, Interval
 from ifrfit.inference.summary.estimates import kappa_of_constants, marginal_of_normal
 from ifrfit.inference.summary.gaussian import kappa_domain, prior_reasons
 from ifrfit.inference.summary.identification import known_of
-from ifrfit.inference.summary.status import Domain, Known, estimate_of, fixed_estimate
+from ifrfit.inference.summary.status import ON_BOUNDS, Domain, Known, estimate_of, fixed_estimate
 
 # times the local 95 % interval; the Gaussian knows nothing of what lies further out
 _BEYOND = 1.25
@@ -116,7 +116,9 @@ def _through_kappa(problem: Problem, constant: Parameter, kappa: Estimate) -> Es
     e_n = problem.parameters["e_n"]
     if constant.name == "e_n":
         everything = (e_n.lower, e_n.upper)
-        return Estimate(None, None, everything, everything, "not_determined", Known.loose)
+        return _confined(constant, everything, everything) or Estimate(
+            None, None, everything, everything, "not_determined", Known.loose
+        )
 
     def shared_out(interval: Interval) -> Interval:
         return interval[0] / (1.0 + e_n.upper), interval[1] / (1.0 + e_n.lower)
@@ -125,4 +127,17 @@ def _through_kappa(problem: Problem, constant: Parameter, kappa: Estimate) -> Es
     if kappa.status == "one_sided":
         reason = "only a lower limit" if np.isinf(ends[1][1]) else "only an upper limit"
         return Estimate(None, None, *ends, "one_sided", reason)
-    return Estimate(None, None, *ends, "not_determined", "the data fix kappa = mu (1 + e_n) only")
+    return (_confined(e_n, *ends) if kappa.value is not None else None) or Estimate(
+        None, None, *ends, "not_determined", "the data fix kappa = mu (1 + e_n) only"
+    )
+
+
+def _confined(e_n: Parameter, interval68: Interval, interval95: Interval) -> Estimate | None:
+    """What the user's bounds of e_n leave of a quantity; None where they leave too much."""
+    if not e_n.is_confined:
+        return None
+    low, high = interval95
+    sd = (high - low) / np.sqrt(12.0)
+    return Estimate(
+        0.5 * (low + high), float(sd), interval68, interval95, "prior", f"{ON_BOUNDS} of e_n"
+    )

@@ -19,6 +19,7 @@ from ifrfit.inference.summary.gaussian import kappa_domain
 from ifrfit.inference.summary.status import (
     AT_BOUND,
     KAPPA,
+    ON_BOUNDS,
     Domain,
     Known,
     Marginal,
@@ -155,8 +156,10 @@ def _estimate(
         return replace(local, mean=_mean(distribution, name))
     if distribution is None:
         return local
+    on_bounds = local.reason.startswith(ON_BOUNDS)
     known = Known(
         prior=local.reason if local.status == "prior" else "",
+        bounds=local.reason if on_bounds else "",
         plain=local.reason if local.status == "determined" else KAPPA if name.startswith("kappa") else "",
         loose="the posterior is nearly as wide as the prior",
         optimum=local.value,

@@ -118,7 +118,11 @@ def _bounds(problem: Problem, fit: LeastSquaresFit) -> tuple[Array, Array, Array
 
 
 def prior_reasons(problem: Problem, fit: LeastSquaresFit) -> dict[str, str]:
-    """Free entries of theta and kappas whose sd the priors of the user halve, with the reason in words."""
+    """Free entries of theta and kappas that lean on the user's priors, with the reason in words.
+
+    A prior counts where it halves the sd that the data leave within the domain. The reason is empty where the
+    data do not see the quantity, and the priors say no more of it than its domain.
+    """
     named = [c.name for c in problem.parameters if c.prior is not None]
     if not named:
         return {}
@@ -134,8 +138,13 @@ def prior_reasons(problem: Problem, fit: LeastSquaresFit) -> dict[str, str]:
         if name := kappa_name(problem, number):
             functionals[name] = kappa_at(problem, fit, number)[1], kappa_domain(problem, number).prior_sd
     reason = f"rests on your prior of {' and '.join(named)}"
-    return {
-        name: reason
-        for name, (functional, prior_sd) in functionals.items()
-        if fit.gaussian.variance(functional, prior_sd) < HALF**2 * bare.variance(functional, prior_sd)
-    }
+    default = bare.covariance(capped=True)
+    found = {}
+    for name, (functional, prior_sd) in functionals.items():
+        without = bare.variance(functional, prior_sd)
+        known = min(without, float(functional @ default @ functional))
+        if fit.gaussian.variance(functional, prior_sd) < HALF**2 * known:
+            found[name] = reason
+        elif math.isinf(without):
+            found[name] = ""
+    return found

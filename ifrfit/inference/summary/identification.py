@@ -11,7 +11,7 @@ from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.summary.status import KAPPA, Known
+from ifrfit.inference.summary.status import KAPPA, ON_BOUNDS, Known
 
 
 def known_of(
@@ -31,13 +31,21 @@ def known_of(
     """
     prior = reasons.get(name, "") if math.isfinite(sd) else ""
     unique = fit.optimum.n_same == 1
+    seen = math.isfinite(sd) and reasons.get(name) != ""
     if name not in problem.parameters.names:
-        return Known(math.isfinite(sd), unique, prior, plain=KAPPA)
+        return Known(seen, unique, prior, plain=KAPPA)
     constant = problem.parameters.entries[problem.parameters.names.index(name)]
     if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
         loose = f"the data fix kappa = {KAPPA} only" if constant.name == "mu" else Known.loose
-        return Known(False, True, prior, loose=loose)
-    return Known(math.isfinite(sd) and not too_few(problem, constant), unique, prior)
+        return Known(False, True, prior, loose=loose, bounds=_bounds(problem, constant))
+    return Known(seen and not too_few(problem, constant), unique, prior, bounds=_bounds(problem, constant))
+
+
+def _bounds(problem: Problem, constant: Parameter) -> str:
+    """The reason where bounds of the user confine a constant, or its partner in kappa; else nothing."""
+    partners = ("e_n", "mu") if constant.name in ("e_n", "mu") else (constant.name,)
+    named = [name for name in partners if problem.parameters[name].is_confined]
+    return f"{ON_BOUNDS} of {' and '.join(named)}" if named else ""
 
 
 def too_few(problem: Problem, constant: Parameter) -> bool:
@@ -45,10 +53,8 @@ def too_few(problem: Problem, constant: Parameter) -> bool:
     kinds = problem.rows.kinds
     oblique = int(np.isin(kinds, ("tangential", "curved")).sum())
     direct = {"e_n": "normal", "mu": "friction"}
-    if oblique == 0 or constant.prior is not None or direct.get(constant.name) in kinds:
+    if oblique == 0 or constant.is_informed or direct.get(constant.name) in kinds:
         return False
     known = {name for name, kind in direct.items() if kind in kinds}
-    unknown = [
-        c for c in problem.parameters.entries if c.fixed is None and c.prior is None and c.name not in known
-    ]
+    unknown = [c for c in problem.parameters.entries if not c.is_informed and c.name not in known]
     return oblique <= len(unknown)

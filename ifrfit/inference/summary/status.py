@@ -18,6 +18,7 @@ from ifrfit.inference.result.types import Estimate, Interval
 
 AT_BOUND = 1e-9  # distance from a bound, relative where the bound is over 1, that counts as none
 KAPPA = "mu (1 + e_n)"
+ON_BOUNDS = "rests on your bounds"
 _WIDE = 0.9  # of the domain that the default prior covers: then an upper limit says nothing
 
 Intervals = tuple[Interval, Interval]  # of 68 and 95 %
@@ -33,16 +34,20 @@ class Domain:
         The upper end may be infinite.
     prior_upper : float
         Upper end of the default prior, uniform from `lower` on; finite.
+    passive_sd : float or None
+        Standard deviation of the default prior over the passive domain, where bounds of the user stand in its
+        place.
     """
 
     lower: float
     upper: float
     prior_upper: float
+    passive_sd: float | None = None
 
     @classmethod
     def of(cls, parameter: Parameter) -> Domain:
         """Domain of a parameter."""
-        return cls(parameter.lower, parameter.upper, parameter.prior_upper)
+        return cls(parameter.lower, parameter.upper, parameter.prior_upper, parameter.passive_sd)
 
     @classmethod
     def of_kappa(cls, e_n: Parameter, mu: Parameter) -> Domain:
@@ -118,6 +123,8 @@ class Known:
         Reason to give where it is determined, and where it is not.
     optimum : float or None
         Its value at the optimum, where that is not the best value of the marginal.
+    bounds : str
+        The reason if bounds of the user confine it, else nothing.
     """
 
     seen: bool = True
@@ -126,6 +133,7 @@ class Known:
     plain: str = ""
     loose: str = "the data do not fix a value"
     optimum: float | None = None
+    bounds: str = ""
 
 
 def fixed_estimate(value: float, reason: str = "fixed by you") -> Estimate:
@@ -140,7 +148,8 @@ def estimate_of(domain: Domain, marginal: Marginal, known: Known) -> Estimate:
     as good, its sd is below half of that of the default prior, and the 95 % region reaches no bound.
     one_sided: the region reaches one bound; the value is kept where the rest of these conditions holds and it
     lies near that bound. not_determined: otherwise, also where the only limit is an upper one near the end of
-    the default prior.
+    the default prior. Where bounds of the user leave less than half of the sd that the passive domain has, what
+    the data leave open is prior, too.
     """
     certain = known.seen and known.unique
     enough = HALF * domain.prior_sd
@@ -160,6 +169,12 @@ def estimate_of(domain: Domain, marginal: Marginal, known: Known) -> Estimate:
             return _estimate(marginal, sd, (interval68, interval95), "one_sided", reason)
         reason = f"only {'an upper' if below else 'a lower'} limit"
         return Estimate(None, None, interval68, interval95, "one_sided", reason, mean=marginal.mean)
+    sd = min(marginal.sd, (high - low) / math.sqrt(12.0))
+    if known.bounds and domain.passive_sd is not None and sd < HALF * domain.passive_sd:
+        # flat between the user's bounds: its middle stands for it where there is no distribution
+        value = marginal.value if marginal.mean is not None else 0.5 * (low + high)
+        intervals = marginal.central68, marginal.central95
+        return Estimate(value, sd, *intervals, "prior", known.bounds, mean=marginal.mean)
     reason = "two optima are equally good" if known.seen and not known.unique else known.loose
     intervals = marginal.central68, marginal.central95
     return Estimate(None, None, *intervals, "not_determined", reason, mean=marginal.mean)
