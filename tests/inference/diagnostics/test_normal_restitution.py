@@ -1,0 +1,93 @@
+"""Readings of e_n are held against angle, speed, what was fixed or known, and 1."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ifrfit import fit
+from ifrfit.physics import rebound
+
+ANGLES = np.linspace(5.0, 80.0, 20)
+
+
+def table(path, e_n, *, noise=0.01, sigma=None, speed=None, seed=0):
+    """beta by one set of constants, and readings of e_n as given."""
+    rng = np.random.default_rng(seed)
+    beta = rebound(ANGLES, degrees=True, e_n=0.9, e_t=-0.8, mu=0.2).beta
+    columns = {
+        "gamma_deg": ANGLES,
+        "beta": beta + 0.01 * rng.standard_normal(ANGLES.size),
+        "e_n": e_n + noise * rng.standard_normal(ANGLES.size),
+    }
+    if sigma:
+        columns |= {"sigma_beta": 0.01 + 0 * ANGLES, "sigma_e_n": sigma + 0 * ANGLES}
+    if speed is not None:
+        columns["speed_m_s"] = speed
+    rows = [",".join(columns), *(",".join(f"{x:.6g}" for x in row) for row in zip(*columns.values(), strict=True))]
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def restitution(path, **choices):
+    return fit(path, method="lsq", **choices).facts["normal_restitution"]
+
+
+@pytest.mark.parametrize("sigma", [None, 0.01])
+def test_readings_that_fall_with_the_angle_are_not_one_value(tmp_path, sigma):
+    found = restitution(table(tmp_path / "t.csv", 0.95 - 0.35 * ANGLES / 80.0, sigma=sigma))
+    assert not found.ok
+    assert "degrees" in found.says
+    assert found.figures["p"] < 1e-6
+
+
+def test_readings_that_fall_with_the_speed_are_not_one_value(tmp_path):
+    speed = np.random.default_rng(1).permutation(np.geomspace(0.5, 10.0, ANGLES.size))
+    found = restitution(table(tmp_path / "t.csv", 0.95 - 0.06 * np.log(speed), speed=speed))
+    assert not found.ok
+    assert "m/s" in found.says
+
+
+@pytest.mark.parametrize("sigma", [None, 0.01])
+def test_readings_contradict_a_fixed_value(tmp_path, sigma):
+    found = restitution(table(tmp_path / "t.csv", 0.9, sigma=sigma), fix={"e_n": 0.5})
+    assert not found.ok
+    assert "fixed at 0.5" in found.says
+
+
+def test_readings_contradict_a_prior(tmp_path):
+    assert not restitution(table(tmp_path / "t.csv", 0.9, sigma=0.01), prior={"e_n": (0.8, 0.01)}).ok
+    assert restitution(table(tmp_path / "t.csv", 0.9, sigma=0.01), prior={"e_n": (0.88, 0.01)}).ok
+
+
+def test_readings_above_one_are_impossible(tmp_path):
+    found = restitution(table(tmp_path / "t.csv", 1.05))
+    assert not found.ok
+    assert "gains energy" in found.says
+    single = np.full(ANGLES.size, 0.9)
+    single[3] = 1.2
+    assert not restitution(table(tmp_path / "one.csv", single, sigma=0.01)).ok
+
+
+def test_false_alarms_are_as_rare_as_stated(tmp_path):
+    """600 clean tables: at one in a thousand or fewer, 4 or more alarms have a probability below 0.004."""
+    from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
+    from ifrfit.inference.fit import make_question
+    from ifrfit.inference.optimize.least_squares import least_squares
+    from ifrfit.inference.options import Model, Noise
+    from ifrfit.physics.closures import get_closure
+
+    model = Model("ifr")
+    asked = make_question(table(tmp_path / "t.csv", 0.9), model, Noise("unknown"), 0, None, {})
+    problem = asked.problem(get_closure("ifr"), model.parameters(asked.inertia_factor))
+    found = least_squares(problem)
+    normal = problem.rows.of_kind("normal")
+    rng = np.random.default_rng(5)
+    smallest = []
+    for _ in range(600):
+        value = problem.rows.value.copy()
+        value[normal] = 0.9 + 0.02 * rng.standard_normal(int(normal.sum()))
+        object.__setattr__(problem.rows, "value", value)
+        smallest.append(normal_restitution(problem, found).figures["p"])
+    assert sum(p < 0.001 for p in smallest) < 4
+    assert 0.02 < np.mean(np.array(smallest) < 0.1) < 0.15  # Bonferroni is at most 0.1, and little below it

@@ -1,0 +1,55 @@
+"""A prior that says nothing determines nothing; bounds that confine a constant are said to be what it rests on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ifrfit import fit
+from ifrfit.errors import UsageError
+from tests.factories import impacts_file
+
+ANGLES = np.linspace(5.0, 80.0, 17)
+METHODS = ("lsq", "exact", "profile")
+
+
+@pytest.fixture
+def path(tmp_path):
+    return impacts_file(tmp_path / "t.csv", {"gamma": ANGLES, "noise": 0.01, "sigma": 0.01})
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_wide_prior_determines_nothing(path, method):
+    result = fit(path, method=method, prior={"e_n": (0.9, 5.0)})
+    for name in ("e_n", "mu"):
+        assert result.constants[name].status == "not_determined"
+        assert result.constants[name].value is None
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_narrow_prior_still_counts(path, method):
+    result = fit(path, method=method, prior={"e_n": (0.9, 0.02)})
+    assert result.constants["mu"].status == "prior"
+    assert result.constants["mu"].reason == "rests on your prior of e_n"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_bounds_that_confine_are_named(path, method):
+    result = fit(path, method=method, bounds={"e_n": (0.85, 0.95)})
+    for name, middle in (("e_n", 0.9), ("mu", 0.12 * 1.94 / 1.9)):
+        estimate = result.constants[name]
+        assert (estimate.status, estimate.reason) == ("prior", "rests on your bounds of e_n")
+        assert estimate.value == pytest.approx(middle, abs=0.01)
+        assert estimate.interval95[0] < middle < estimate.interval95[1]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_bounds_that_leave_most_of_the_domain_determine_nothing(path, method):
+    result = fit(path, method=method, bounds={"e_n": (0.2, 0.95)})
+    assert result.constants["mu"].status == "not_determined"
+
+
+@pytest.mark.parametrize("prior", [(1.1, 0.02), (-0.2, 0.05)])
+def test_a_prior_outside_the_domain_is_refused(path, prior):
+    with pytest.raises(UsageError, match="outside the domain"):
+        fit(path, prior={"e_n": prior})
