@@ -29,6 +29,7 @@ from ifrfit.inference.result.types import (
     FitStatistics,
     NoiseSummary,
     State,
+    by_entry,
 )
 
 if TYPE_CHECKING:
@@ -142,10 +143,4 @@ class Findings:
 
     def flat_constants(self) -> dict[str, Estimate]:
         """Constants by name, with the series in brackets where separate."""
-        flat: dict[str, Estimate] = {}
-        for name, found in self.constants.items():
-            if isinstance(found, Estimate):
-                flat[name] = found
-            else:
-                flat |= {f"{name}[{series}]": each for series, each in found.items()}
-        return flat
+        return by_entry(self.constants)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.result.fit_result import FitResult
 
 Array = NDArray[np.float64]
@@ -44,7 +45,7 @@ def coordinates(
 
 def values_of(names: tuple[str, ...], point: Array) -> dict[str, float]:
     """(e_n, closure constant, mu) at a point of the coordinates, by name without the series."""
-    values = {name.partition("[")[0]: float(value) for name, value in zip(names, point, strict=True)}
+    values = {quantity_of(name): float(value) for name, value in zip(names, point, strict=True)}
     kappa = values.pop("kappa", None)
     if kappa is not None:
         values["mu"] = kappa / (1.0 + values["e_n"])
