@@ -34,7 +34,7 @@ def to_arviz(result: Findings) -> Any:
             "ArviZ is not installed, which to_arviz() needs: pip install 'ifrfit[arviz]'."
         ) from None
     problem, _ = result.problem_and_optimum()
-    if result.method not in ("exact", "mcmc"):
+    if not result.is_posterior:
         raise UsageError(
             f"--method {result.method} gives no posterior, which to_arviz() needs: use exact or mcmc."
         )
@@ -104,12 +104,12 @@ def _about(result: Findings) -> dict[str, Any]:
 
 
 def _sample_of(result: Findings) -> Sample | None:
-    """The chains of mcmc; None for another method."""
-    if result.method != "mcmc":
+    """The chains of mcmc; None of another method."""
+    if not result.files:
         return None
     from ifrfit.inference.mcmc import Sample
 
-    return next(file for file in result.files.values() if isinstance(file, Sample))
+    return next((file for file in result.files.values() if isinstance(file, Sample)), None)
 
 
 def _independent(result: Findings, allowed: int) -> tuple[dict[str, Array], dict[str, Any]]:

@@ -131,6 +131,11 @@ class Findings:
         return self.problem, self.least_squares
 
     @property
+    def is_posterior(self) -> bool:
+        """Whether draws and bands are those of a posterior: the posterior predictive checks were made."""
+        return "predictive" in self.facts
+
+    @property
     def provenance(self) -> tuple[str, ...]:
         """Distinct provenances of the data used."""
         return tuple(dict.fromkeys(source.provenance for source in self.inputs))
