@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ifrfit.data.observations import Descriptor
+from ifrfit.data.schema import STAND_IN
 from ifrfit.data.units import parse_header
 
 WIDTH = 88
 KEY = 13  # columns of a key
-STAND_IN = "stand-in"
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-PROVENANCES = ("measured", "digitised", "simulated", "stand-in")
+STAND_IN = "stand-in"
+PROVENANCES = ("measured", "digitised", "simulated", STAND_IN)
 _PROVENANCE_SPELLINGS = {"digitized": "digitised", "simulation": "simulated", "standin": "stand-in"}
 
 # Nothing that was measured or computed in double precision lies below 1e-60 without being 0: rounding leaves

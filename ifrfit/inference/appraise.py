@@ -13,7 +13,7 @@ import numpy as np
 
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.appraisal import Appraisal
-from ifrfit.inference.comparison.result_comparison import compare_result
+from ifrfit.inference.comparison.compare import compare_result
 from ifrfit.inference.diagnostics.interval_comparison import intervals
 from ifrfit.inference.estimators import Exact
 from ifrfit.inference.posterior import QuadraturePosterior, integrate

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ifrfit.data import Source
+from ifrfit.data.schema import STAND_IN
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.regimes import count_impacts, has_angle
 from ifrfit.report.sentences import sigma_words
@@ -20,7 +21,6 @@ PROVENANCE = {
     "simulated": "Computed by a simulation, not measured",
     "": "Where these values come from is not stated; --convention provenance=measured would say it",
 }
-STAND_IN = "stand-in"
 
 
 def is_stand_in(result: FitResult) -> bool:

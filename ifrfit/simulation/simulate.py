@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.data.schema import STAND_IN
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.entry_names import entry_name, split_name
 from ifrfit.physics.angles import Incidence
@@ -25,7 +26,6 @@ Array = NDArray[np.float64]
 
 SAMPLES = 200  # a grid point, where anything is drawn
 MOST = 2_000_000
-STAND_IN = "stand-in"
 
 
 def simulate(scene: str | Path | Scene, *, samples: int | None = None, seed: int = 0) -> Simulation:

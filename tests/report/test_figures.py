@@ -287,7 +287,7 @@ def test_a_refuted_fit_says_so_in_the_picture(made):
 
 def test_the_legend_names_bands_by_what_they_are(made):
     local, sampled = made.fine(), made.posterior()
-    drawn_anew = replace(sampled, facts={"lack_of_fit": sampled.facts["lack_of_fit"]})  # no posterior's checks
+    drawn_anew = replace(sampled, facts={"lack_of_fit": sampled.facts["lack_of_fit"]})
     for result, method, words in (
         (local, "lsq", "68, 95 % bands (least squares)"),
         # the profiles are of the constants: the bands are still those of the optimum

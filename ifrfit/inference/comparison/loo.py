@@ -51,7 +51,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
         return None
     density = Density(problem)
     draws = posterior.draws(n_draws, np.random.default_rng(seed))
-    each = density.impacts_in_parts(density.points(draws), _AT_ONCE)
+    each = density.impacts_in_parts(density.points(draws, n_draws), _AT_ONCE)
     elpd, k = _smoothed(each)
     threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
     names = _impact_names(density)

@@ -11,7 +11,6 @@ from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
-from ifrfit.physics.observables import OBSERVABLES
 
 _SHARE = 0.1  # of the largest loading below which a constant is not named in a combination
 
@@ -112,9 +111,8 @@ def _advice(problem: Problem, fit: LeastSquaresFit, loose: list[str], n_sticking
 def only_kappa_is_seen(problem: Problem) -> bool:
     """Whether friction enters through kappa alone: tangential rows, and nothing that knows e_n or mu."""
     rows = all(
-        (OBSERVABLES[name].kind == "tangential" and OBSERVABLES[name].scale == "one")
-        or OBSERVABLES[name].without_e_n
-        for name in problem.rows.names
+        (each.kind == "tangential" and each.scale == "one") or each.without_e_n
+        for each in problem.rows.observables
     )
     free = all(c.fixed is None and c.prior is None for c in problem.parameters if c.name in ("e_n", "mu"))
     mu = problem.parameters["mu"]
@@ -127,6 +125,5 @@ def _steepest(problem: Problem) -> float:
 
 
 def _one_angle(problem: Problem) -> bool:
-    regime = np.array([OBSERVABLES[n].kind in ("tangential", "curved") for n in problem.rows.names])
-    tau = problem.rows.tau[regime[problem.rows.which]]
+    tau = problem.rows.tau[problem.rows.is_oblique]
     return tau.size > 0 and float(np.ptp(tau)) <= 1e-9 * (1.0 + float(tau.max()))

@@ -151,11 +151,11 @@ class Density:
         noise = np.exp(points[:, len(self.unknowns) :])
         return self.problem.noise.sigma_at(noise, self.problem.noise_groups().values())
 
-    def points(self, draws: Mapping[str, Array]) -> Array:
-        """Points from draws as `draws` names them, of any shape, (m, d)."""
-        n = len(self.unknowns)
-        columns = [np.log(draws[name]) if i >= n else draws[name] for i, name in enumerate(self.names)]
-        return np.stack(columns, axis=-1).reshape(-1, len(columns))
+    def points(self, draws: Mapping[str, Array], n_draws: int = 1) -> Array:
+        """Points from draws as `draws` names them, of any shape, (m, d); (n_draws, 0) without unknowns."""
+        noises = self.names[len(self.unknowns) :]
+        columns = [np.log(draws[name]) if name in noises else draws[name] for name in self.names]
+        return np.stack(columns, axis=-1).reshape(-1, len(columns)) if columns else np.empty((n_draws, 0))
 
     def impacts_in_parts(self, points: Array, most: int) -> Array:
         """`impacts` of so few points at a time that no array holds more than about `most` numbers."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.entry_names import quantity_of
+from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.result.fit_result import FitResult
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ def coordinates(
         Which of them have any spread.
     """
     state = result.state
-    own = [i for i, name in enumerate(state.names) if "[" not in name or name.endswith(f"[{series}]")]
+    own = [i for i, name in enumerate(state.names) if split_name(name)[1] in ("", series)]
     if state.sample is None:
         covariance = np.array(state.covariance[np.ix_(own, own)])
     else:

@@ -40,17 +40,14 @@ def effects_of(
     facts : dict
         ``effects``; empty where no effect could show in these rows.
     """
-    e_n_known = _has_value("e_n", constants)
-    if setting is None:
-        fact = effects_fact(problem, fit, e_n_known=e_n_known)
-    else:
-        speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
+    chi, speed = None, 0.0
+    lines: tuple[EffectLine, ...] = ()
+    if setting is not None:
         chi = _chi(setting, problem.inertia_factor)
-        fact = effects_fact(problem, fit, chi=chi, speed=speed, e_n_known=e_n_known)
-    facts = {} if fact is None else {"effects": fact}
-    if setting is None:
-        return (), facts
-    return effect_lines(problem, fit, setting, kappa_known=_has_value("kappa", derived)), facts
+        speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
+        lines = effect_lines(problem, fit, setting, kappa_known=_has_value("kappa", derived))
+    fact = effects_fact(problem, fit, chi=chi, speed=speed, e_n_known=_has_value("e_n", constants))
+    return lines, {} if fact is None else {"effects": fact}
 
 
 def _chi(setting: Setting, j: float) -> float | None:
