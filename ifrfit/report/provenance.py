@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ifrfit.data import Source
-from ifrfit.data.schema import STAND_IN
+from ifrfit.data.schema import STAND_IN as STAND_IN
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.regimes import count_impacts, has_angle
 from ifrfit.report.sentences import sigma_words

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import Array
 from ifrfit.physics.effects.plasticity import restitution as after_yield
@@ -13,6 +12,7 @@ from ifrfit.physics.effects.viscoelastic import restitution as after_dissipation
 
 _GRID = 4000  # places of a law's number, to invert it to 1e-6
 _BINS = 64  # of log speed, for the mean
+_HALVINGS = 40
 
 LawOfSpeed = Callable[[Array], Array]
 
@@ -54,6 +54,10 @@ def reference_speed(law: LawOfSpeed, e_n: float, speed: Array, weight: Array) ->
         return float(np.exp(logs.mean()))
     mass, edges = np.histogram(logs, _BINS, weights=weight)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    return float(
-        np.exp(brentq(lambda at: float(mass @ (law(np.exp(middle - at)) - e_n)), low, high, xtol=1e-12))
-    )
+    for _ in range(_HALVINGS):
+        half = 0.5 * (low + high)
+        if float(mass @ (law(np.exp(middle - half)) - e_n)) < 0.0:
+            low = half
+        else:
+            high = half
+    return float(np.exp(0.5 * (low + high)))
