@@ -29,7 +29,7 @@ LAYERS = (
     ("registry",),
     ("errors", "text", "_version"),
 )
-# the places that look a module up by its name: what draws a result, homes of registries, and of their entries
+# the places that look a module up by its name: what draws a result, homes of registries and of entries
 LATE = {"ifrfit.inference.result.display", "ifrfit.inference.worker_processes", "ifrfit.registry"}
 # what no fit by least squares, nor one with the exact posterior, may import
 UNNEEDED = (

@@ -243,7 +243,8 @@ class MCMC(Options):
         Folder (or file) with the chains of an earlier run of the same question, to walk on with.
     workers : int
         Processes. The draws do not depend on it. A script that asks for more than one needs
-        ``if __name__ == "__main__":`` about what it does.
+        ``if __name__ == "__main__":`` about what it does; a closure, an observable or a law of errors that it
+        registered must stand at the top level of a module.
     accuracy : float or None
         As of `Exact`: largest standard error.
     budget : float, str or None

@@ -102,18 +102,16 @@ def compare(
     return _weighed(fit_each(question, asked, chosen, seed, command), notes, loo, seed)
 
 
-def compare_result(result: FitResult, *, loo: bool = False) -> Comparison:
+def compare_result(result: FitResult) -> Comparison:
     """Weigh all closures by the impacts, constants and noise of a fit, each to a tolerance of 1e-2.
 
-    The fits are brief: outliers, remedies and effects are not looked for.
+    The fits are brief: outliers, remedies and effects are not looked for, and impacts not left out.
 
     Parameters
     ----------
     result : FitResult
         Of a fit, or read from a file. What it fixed or knew of a constant holds for every closure that has
         this constant.
-    loo : bool
-        Whether to cross-validate, too.
 
     Returns
     -------
@@ -127,7 +125,7 @@ def compare_result(result: FitResult, *, loo: bool = False) -> Comparison:
     problem, _ = question_of(result)
     closures, notes = known_to(problem.error_model.is_plain)
     fits = {closure.name: _fitted(closure, problem, result.seed) for closure in closures}
-    return _weighed(fits, notes, loo, result.seed)
+    return _weighed(fits, notes, loo=False, seed=result.seed)
 
 
 def _fitted(closure: Closure, problem: Problem, seed: int) -> FitResult:

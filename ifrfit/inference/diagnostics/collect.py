@@ -56,13 +56,7 @@ def _angular_momentum(problem: Problem) -> Fact:
     checks = problem.observations.momentum
     figures = {
         "sources": [
-            {
-                "source": c.source,
-                "n": c.n,
-                "rms": c.rms,
-                "n_violating": c.n_violating,
-                "suggested": c.suggested,
-            }
+            {name: getattr(c, name) for name in ("source", "n", "rms", "n_violating", "suggested")}
             for c in checks
         ]
     }
