@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ def disagreements(table: pd.DataFrame) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        One sentence a quantity and at most; none where all agree, or without exact intervals. Widths disagree
-        beyond a factor of 1.25 (`FACTOR`), ends where one is off by more than a quarter (`SHARE`) of the width
-        of the exact interval.
+        One sentence a quantity and at most; none where all agree, or without exact intervals. Widths
+        disagree beyond a factor of 1.25 (`FACTOR`), ends where one is off by more than a quarter (`SHARE`)
+        of the width of the exact interval.
     """
     said = []
     for name, row in table.to_dict("index").items():
@@ -64,7 +64,7 @@ def _difference(interval: tuple[float, float], exact: tuple[float, float]) -> st
     return ""
 
 
-def _why(row: Mapping[str, Any], differing: Mapping[str, str]) -> str:
+def _why(row: Mapping[Hashable, Any], differing: Mapping[str, str]) -> str:
     """What the other methods do not know."""
     low, high = float(row["covariance_low"]), float(row["covariance_high"])
     reasons = []
