@@ -12,9 +12,9 @@ import numpy as np
 
 from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
-from ifrfit.inference.io.plain import REMEDY, Node, from_plain
+from ifrfit.inference.io.plain import REMEDY, Node, from_plain, layout
 from ifrfit.inference.io.write_result import FACTOR, NULL_MARK, SCHEMA, NoiseInFile, ResultFile
-from ifrfit.inference.model.error_model import PLAIN
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel, make_error_model
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import NoiseSummary
@@ -114,7 +114,8 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
 def _noise(noise: NoiseInFile) -> NoiseSummary:
     estimates = {"" if name == FACTOR else name: estimate for name, estimate in noise.estimates.items()}
     prior = {"" if name == FACTOR else name: bounds for name, bounds in noise.prior.items()}
-    return NoiseSummary(noise.policy, noise.sigma, estimates, prior, noise.scatter or PLAIN)
+    chosen = {key: getattr(noise.scatter or PLAIN, each.name) for each, key, _ in layout(ErrorModel)}
+    return NoiseSummary(noise.policy, noise.sigma, estimates, prior, make_error_model(**chosen))
 
 
 def _sample(node: Node, names: tuple[str, ...]) -> Any:
