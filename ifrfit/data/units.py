@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
 
 # unit -> dimension, factor to the unit of the schema (deg, m, m/s, rad/s)
 UNITS: dict[str, tuple[str, float]] = {
@@ -18,51 +21,11 @@ UNITS: dict[str, tuple[str, float]] = {
     "rpm": ("rate", math.pi / 30.0),
     "1": ("number", 1.0),
 }
-_SPELLINGS = {
-    "°": "deg",
-    "degree": "deg",
-    "degrees": "deg",
-    "radian": "rad",
-    "radians": "rad",
-    "m s-1": "m/s",
-    "m s^-1": "m/s",
-    "m*s^-1": "m/s",
-    "m.s-1": "m/s",
-    "mm s-1": "mm/s",
-    "mm s^-1": "mm/s",
-    "rad s-1": "rad/s",
-    "rad s^-1": "rad/s",
-    "s-1": "rad/s",
-    "1/s": "rad/s",
-    "1/min": "rpm",
-    "rev/min": "rpm",
-    "-": "1",
-    "": "1",
-}
-_SUFFIXES = {
-    "_deg": "deg",
-    "_rad": "rad",
-    "_mm_s": "mm/s",
-    "_m_s": "m/s",
-    "_rad_s": "rad/s",
-    "_rpm": "rpm",
-    "_mm": "mm",
-    "_m": "m",
-}
-_GREEK = {
-    "γ": "gamma",
-    "β": "beta",
-    "μ": "mu",  # Greek letter
-    "µ": "mu",  # micro sign, what a keyboard gives
-    "δ": "delta",
-    "λ": "lambda",
-    "ψ": "psi",
-    "σ": "sigma",
-    "α": "alpha",
-    "θ": "theta",
-    "ω": "omega",
-    "Ω": "Omega",
-}
+# names of columns, spellings of units and of Greek letters
+HEADERS: dict[str, Any] = tomllib.loads(
+    files("ifrfit.data").joinpath("headers.toml").read_text(encoding="utf-8")
+)
+_SUFFIXES: dict[str, str] = HEADERS["units"]["suffixes"]
 _BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))\s*$")
 # Only this letter tells before from after by its case.
 _OMEGA_AFTER = re.compile(r"^(sigma_)?Omega(?=_|$)")
@@ -103,7 +66,7 @@ def parse_header(text: str) -> Header:
     if match and match["name"].strip():
         inside = match["square"] if match["square"] is not None else match["round"]
         name, unit = match["name"], unit_name(inside)
-    for letter, spelt in _GREEK.items():
+    for letter, spelt in HEADERS["greek"].items():
         name = name.replace(letter, spelt)
     name = re.sub(r"[\s\-]+", "_", name.strip())
     name = _OMEGA_AFTER.sub(lambda m: f"{m[1] or ''}omega_after", name)
@@ -113,7 +76,7 @@ def parse_header(text: str) -> Header:
 def unit_name(text: str) -> str:
     """Return the key of `UNITS` that `text` means, or `text` itself if it means none."""
     unit = " ".join(text.strip().lower().split())
-    return _SPELLINGS.get(unit, unit)
+    return str(HEADERS["units"]["spellings"].get(unit, unit))
 
 
 def units_of(dimension: str) -> tuple[str, ...]:
