@@ -1,8 +1,8 @@
 """Tables to fill in, with the rules as comments: template.csv and template_raw.csv beside this file.
 
 The examples are simulated with e_n = 0.94, e_t = -0.98, mu = 0.12 and normal noise: of the sigmas stated, or
-of 1 % of u, near 2 m/s, on all that is after. They hold no double quotes and no cell that is a sentence with a
-quote: a spreadsheet would put '"' before the '#'.
+of 1 % of u, near 2 m/s, on all that is after. There are no double quotes in them, and no cells that are
+sentences with quotes: a spreadsheet would put '"' before the '#'.
 """
 
 from __future__ import annotations

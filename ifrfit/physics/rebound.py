@@ -150,10 +150,15 @@ def rebound_of(
 ) -> Rebound:
     """`rebound` for callers that hold an `Incidence`; c is the closure's own constant (ignored by F)."""
     e_n = np.asarray(e_n, dtype=float)
-    with np.errstate(over="ignore"):
-        kappa = np.minimum(np.asarray(mu, dtype=float) * (1.0 + e_n), np.finfo(float).max)
+    kappa = friction_impulse(np.asarray(mu, dtype=float), e_n)
     k, sticking = closure.law(j).impulse(incidence, np.asarray(c, dtype=float), kappa)
     return rebound_with(incidence, k, sticking, e_n, j)
+
+
+def friction_impulse(mu: Array, e_n: Array) -> Array:
+    """kappa = mu (1 + e_n), finite: the impulse of friction in sliding, per mass and normal speed."""
+    with np.errstate(over="ignore"):
+        return np.minimum(mu * (1.0 + e_n), np.finfo(float).max)
 
 
 def rebound_with(

@@ -8,15 +8,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ifrfit.physics.angles import Array
 from ifrfit.physics.effects.compose import compose, with_effect
 from ifrfit.physics.effects.contact import Contact, Impacts
-from ifrfit.physics.effects.outcome_difference import differences
-from ifrfit.physics.effects.pilot_impacts import pilot_rows
+from ifrfit.physics.effects.impact_state import Outcome
 from ifrfit.physics.effects.protocol import Criterion
 from ifrfit.physics.effects.registry import EFFECTS
 from ifrfit.physics.effects.scene_checks import Requested, check_closure, check_requested, check_restitution
+from ifrfit.physics.observables import OBSERVABLES
 
+PILOT = 400  # impacts of the scene on which its plan is made, beside the extreme ones
 State = Literal["on", "off", "constant", "refused", "unknown"]
 
 
@@ -122,6 +125,75 @@ def make_plan(
     pilot = impacts.take(pilot_rows(impacts))
     planner = _Planner(contact, pilot, tuple(observables), accuracy, requested, dict(given or {}))
     return planner.plan()
+
+
+def pilot_rows(impacts: Impacts) -> NDArray[np.intp]:
+    """Rows evenly through the scene, and the extreme ones in everything the effects depend on.
+
+    Parameters
+    ----------
+    impacts : Impacts
+        With one dimension.
+
+    Returns
+    -------
+    ndarray of int
+        All rows where there are no more than 400.
+    """
+    n = impacts.speed.size
+    if n <= PILOT:
+        return np.arange(n)
+    columns: list[NDArray[np.float64]] = [
+        impacts.normal_speed,
+        impacts.radius,
+        impacts.normal_speed * impacts.radius,
+        impacts.incidence.tau,
+        impacts.incidence.slip,
+        np.abs(impacts.incidence.spin_x),
+        impacts.e_n,
+        impacts.mu,
+    ]
+    moving = np.flatnonzero(impacts.normal_speed > 0.0)
+    rows = [np.linspace(0, n - 1, PILOT).astype(np.intp)]
+    for column in columns:
+        rows.append(np.array([np.argmin(column), np.argmax(column)]))
+        if moving.size:
+            rows.append(moving[[np.argmin(column[moving]), np.argmax(column[moving])]])
+    return np.unique(np.concatenate(rows))
+
+
+def differences(one: Outcome, two: Outcome, mu: Array, observables: Sequence[str]) -> dict[str, float]:
+    """Largest difference of each observable, angles in radians.
+
+    Parameters
+    ----------
+    one, two : Outcome
+        Of the same impacts.
+    mu : ndarray
+        Friction of each impact.
+    observables : sequence of str
+        Names in the common schema.
+
+    Returns
+    -------
+    dict of str to float
+        Infinite where a value exists in one of them only. At grazing incidence, where nothing approaches
+        the wall, restitution is not compared.
+    """
+    return {name: _largest(name, one, two, mu) for name in observables}
+
+
+def _largest(name: str, one: Outcome, two: Outcome, mu: Array) -> float:
+    observable = OBSERVABLES[name]
+    first, second = (np.asarray(observable.value(outcome, mu)) for outcome in (one, two))
+    gap = np.abs(first - second)
+    if observable.unit == "deg":
+        gap = np.radians(np.minimum(gap, 360.0 - gap))
+    undefined = np.isnan(first) & np.isnan(second)
+    gap = np.where(undefined, 0.0, np.where(np.isnan(gap), math.inf, gap))
+    if name == "e_n":
+        gap = np.where(one.incidence.cosine > 0.0, gap, 0.0)
+    return float(np.max(gap, initial=0.0))
 
 
 @dataclass(frozen=True)
