@@ -142,13 +142,14 @@ def _provenances(layout: Layout) -> NDArray[np.object_]:
     cells, said = layout.cells, layout.conventions.provenance
     texts = _labels(layout, "provenance", "")
     names = {text: provenance_name(text) for text in dict.fromkeys(texts)}
-    for text, name in names.items():
-        if name is None:
-            row = int(np.argmax(texts == text))
-            raise DataError(
-                f"{cells.at(row, layout.header('provenance'))}: {show(text)} is no provenance. "
-                f"Known are {', '.join(PROVENANCES)}; empty means not stated."
-            )
+    cells.refuse_first(
+        np.array([names[text] is None for text in texts]),
+        layout.header("provenance"),
+        lambda row: (
+            f"{show(texts[row])} is no provenance. "
+            f"Known are {', '.join(PROVENANCES)}; empty means not stated."
+        ),
+    )
     if said and "" not in names.values():
         layout.notes.append(f"{cells.name}: convention provenance={said} found nothing to apply to.")
     if len(names) == 1:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.physics.angles import Array, Incidence
+from ifrfit.physics.angles import Array, Incidence, make_read_only
 from ifrfit.physics.closures import Closure, get_closure, rotational_share
 
 
@@ -70,10 +70,7 @@ class Rebound:
     inertia_factor: float
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
+        make_read_only(self)
 
     @property
     def beta(self) -> Array:

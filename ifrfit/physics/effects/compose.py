@@ -56,7 +56,7 @@ def with_effect(names: Collection[str], more: str) -> list[str]:
 def _after_contact(contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
     """The closure's impulse, unless an effect has given one, and velocities and spins after it.
 
-    Without lateral spin the components that are zero are not computed; the others are the same to the last bit.
+    Without lateral spin components that are zero are not computed; the others are the same to the last bit.
     """
     k, sticking = bounce.impulse or _closure(contact, impacts, bounce)
     incidence, e_n, j = bounce.incidence, bounce.e_n, contact.inertia_factor
