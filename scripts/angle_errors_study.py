@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
+from studies import in_order
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.apply_error_model import with_error_model
@@ -107,13 +107,7 @@ def treat(task: tuple[int, str, int]) -> list[Found]:
 def treat_many(seed: int, repeats: int, workers: int) -> Iterator[Found]:
     """All experiments in every way; the same for any number of workers."""
     tasks = [(seed, kind, number) for kind in KINDS for number in range(repeats)]
-    if workers == 1:
-        for task in tasks:
-            yield from treat(task)
-        return
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for found in pool.map(treat, tasks, chunksize=4):
-            yield from found
+    return chain.from_iterable(in_order(treat, tasks, workers))
 
 
 def summarise(results: Iterable[Found]) -> list[Summary]:

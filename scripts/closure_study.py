@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from calibration_verdict import Line, judge
-from in_order import in_order
 from numpy.typing import NDArray
+from studies import in_order
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.comparison.information_criteria import probabilities
