@@ -1,4 +1,4 @@
-"""Write docs/paper.md: paper_page.md beside this file, with the rows of the package's own table of figures."""
+"""Write docs/paper.md: paper_page.md beside this file, with rows from the package's own table of figures."""
 
 from __future__ import annotations
 
