@@ -74,7 +74,7 @@ class Cells:
         self,
         bad: NDArray[np.bool_],
         header: str,
-        why: Callable[[int], str],
+        why: str | Callable[[int], str],
         rows: NDArray[np.int64] | None = None,
     ) -> None:
         """Refuse the first place that is bad; `why` says why, `rows` in which row of the table each place is.
@@ -86,7 +86,7 @@ class Cells:
         """
         for place in np.flatnonzero(bad)[:1].tolist():
             row = place if rows is None else int(rows[place])
-            raise DataError(f"{self.at(row, header)}: {why(place)}")
+            raise DataError(f"{self.at(row, header)}: {why if isinstance(why, str) else why(place)}")
 
     def texts(self, column: int) -> list[str]:
         """Return the cells of a column as stripped text."""

@@ -161,4 +161,4 @@ def _check_defined(piece: Piece, cells: Cells, observable: Observable, here: Mas
     where = without_value(columns["gamma_deg"], columns["spin_x"], columns["spin_y"])
     for kind in observable.undefined:
         said = f"{name}{_UNDEFINED[kind]}. Empty the cell or remove the row."
-        cells.refuse_first(here & where[kind], header, lambda _, said=said: said, piece.rows)
+        cells.refuse_first(here & where[kind], header, said, piece.rows)
