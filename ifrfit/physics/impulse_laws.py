@@ -41,6 +41,10 @@ class Law(Protocol):
         """The c with this `bound`; infinite where every one has a larger bound."""
         ...
 
+    def for_many(self, count: int) -> Law:
+        """The same law, in the form that is cheapest where k is wanted so many times."""
+        ...
+
 
 @dataclass(frozen=True)
 class Coefficients:
@@ -78,6 +82,10 @@ class Coefficients:
         """(b - b0)/b1."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray((np.asarray(bound, dtype=float) - self.b0) / self.b1)
+
+    def for_many(self, count: int) -> Coefficients:
+        """The law as it is."""
+        return self
 
 
 def impulse_factor(

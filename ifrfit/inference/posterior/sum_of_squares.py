@@ -232,10 +232,10 @@ class SumOfSquares:
             found.append(square)
         return found
 
-    def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array) -> Array:
-        """Weighted residuals of curved rows, (..., rows)."""
+    def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array, *, law: Law | None = None) -> Array:
+        """Weighted residuals of curved rows, (..., rows); by another form of the law, if one is given."""
         part = self.rows.take(rows)
-        factor = self._factors(part, x, c)
+        factor = self._factors(part, x, c, law or self.law)
         out = np.empty(factor.shape)
         for name in part.names:
             at = part.rows_of(name)
@@ -255,10 +255,10 @@ class SumOfSquares:
                     out[..., at] = value
         return np.asarray((part.value - out) * self.weight[rows])
 
-    def _factors(self, part: Rows, x: Array, c: Array) -> Array:
+    def _factors(self, part: Rows, x: Array, c: Array, law: Law | None) -> Array:
         """Impulse factors of rows, (..., rows)."""
-        if self.law is not None:
-            return self.law.impulse(part.incidence, c[..., None], x[..., None])[0]
+        if law is not None:
+            return law.impulse(part.incidence, c[..., None], x[..., None])[0]
         k = self.coefficients
         a, b = k.a0 + k.a1 * c, k.b0 + k.b1 * c
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -276,9 +276,10 @@ class SumOfSquares:
         flat = [y.reshape(-1) for y in (e_n, x, c)]
         out = np.empty(c.size)
         step = max(1, AT_ONCE // rows.size)
+        law = None if self.law is None else self.law.for_many(out.size * rows.size)
         for start in range(0, out.size, step):
             at = slice(start, start + step)
-            residual = self.curved_values(rows, *(y[at] for y in flat))
+            residual = self.curved_values(rows, *(y[at] for y in flat), law=law)
             out[at] = np.einsum("ij,ij->i", residual, residual)
         return out.reshape(c.shape)
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.physics.angles import Array, Incidence
+from ifrfit.physics.compiling import available
 from ifrfit.physics.compliance.materials import LARGEST_RATIO, LEAST_RATIO
 from ifrfit.physics.compliance.table import compliance_table
 from ifrfit.physics.impulse_laws import friction_factor
 
+_MANY = 10_000_000  # evaluations: a second of numpy's time
 LOWEST_CHI, HIGHEST_CHI = 0.65, 3.0  # ends of the table
 
 
@@ -27,9 +29,12 @@ class Compliance:
     ----------
     share : float
         J/(1 + J).
+    compiled : bool
+        Take the table's compiled loop.
     """
 
     share: float
+    compiled: bool = False
 
     def impulse(
         self, incidence: Incidence, c: ArrayLike, kappa: ArrayLike
@@ -37,7 +42,8 @@ class Compliance:
         """k, and whether the contact sticks somewhere at some time, which it does below 4 chi - 1."""
         chi = np.asarray(c, dtype=float)
         friction, psi1 = self.load(incidence, chi, kappa)
-        beta = compliance_table().beta(psi1, chi)
+        table = compliance_table()
+        beta = table.beta_of_many(psi1, chi) if self.compiled else table.beta(psi1, chi)
         sticks = psi1 < 4.0 * chi - 1.0
         k = np.where(sticks, self.share * (1.0 + beta), friction)
         return np.where(np.isnan(chi), np.nan, k), sticks
@@ -69,6 +75,10 @@ class Compliance:
         over = np.asarray(bound, dtype=float) / self.share - 1.0
         with np.errstate(divide="ignore"):
             return np.where(over > 0.0, 0.25 * (1.0 + 1.0 / np.maximum(over, 0.0)), np.inf)
+
+    def for_many(self, count: int) -> Compliance:
+        """The same with the compiled loop, where it is there and pays for its import."""
+        return replace(self, compiled=True) if count >= _MANY and available() else self
 
     def load(self, incidence: Incidence, chi: Array, kappa: ArrayLike) -> tuple[Array, Array]:
         """kappa/tau, and the scaled velocity psi1, infinite without friction."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.angles import Array
+from ifrfit.physics.compiling import compiled
 
 Index = NDArray[np.intp]
 
@@ -63,6 +64,17 @@ class Table:
         """Restitution below gross slip; nan from 4 chi - 1 on, where it is 4 chi/psi1 - 1."""
         return self._evaluated(psi1, chi, slopes=False)[0]
 
+    def beta_of_many(self, psi1: Array, chi: Array) -> Array:
+        """`beta` by a compiled loop, equal but for rounding; plain Python where numba is missing."""
+        shape = np.broadcast_shapes(psi1.shape, chi.shape)
+        columns = shape[-1] if chi.ndim == len(shape) and chi.shape[-1] == 1 else 1
+        rows = np.broadcast_to(chi, (*shape[:-1], 1) if columns > 1 else shape).reshape(-1)
+        i, v = self._place(rows)
+        flat = np.broadcast_to(psi1, shape).reshape(-1, columns)
+        out = np.empty(flat.shape)
+        compiled(_evaluate)(flat, rows, i, _weights(v), self.nodes, self.first, out)
+        return out.reshape(shape)
+
     def slopes(self, psi1: Array, chi: Array) -> tuple[Array, Array, Array]:
         """beta, and its derivatives by psi1 and by chi; nan in gross slip."""
         beta, by_psi1, by_chi = self._evaluated(psi1, chi, slopes=True)
@@ -101,6 +113,28 @@ class Table:
             flat = whole.reshape(-1, 4)
             return np.asarray(flat[np.arange(row.size).reshape(row.shape) * n + i])
         return np.asarray(sum(w[..., None] * self.nodes[row + k, i] for k, w in enumerate(weights)))
+
+
+def _evaluate(  # pragma: no cover - compiled where numba is there
+    psi1: Array, chi: Array, row: Index, weights: Array, nodes: Array, first: int, out: Array
+) -> None:
+    """Table at psi1, (n, m), of chi, (n,)."""
+    intervals = nodes.shape[1]
+    for j in range(psi1.shape[0]):
+        gross = 4.0 * chi[j] - 1.0
+        for k in range(psi1.shape[1]):
+            x = psi1[j, k]
+            if not x < gross:
+                out[j, k] = np.nan
+                continue
+            x = x * first if x < 1.0 else first + (x - 1.0) / (gross - 1.0) * (intervals - first)
+            i = min(int(x), intervals - 1)
+            u = x - i
+            total = 0.0
+            for node in range(4):
+                c = nodes[row[j] + node, i]
+                total += weights[node, j] * (c[0] + u * (c[1] + u * (c[2] + u * c[3])))
+            out[j, k] = total
 
 
 def _horner(c: Array, u: Array) -> Array:
