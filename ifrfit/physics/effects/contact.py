@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,10 +166,6 @@ class Impacts:
 
     def take(self, rows: NDArray[np.intp]) -> Impacts:
         """These impacts only; arrays must have one dimension."""
-        parts: dict[str, Any] = {
-            field.name: getattr(self, field.name)[rows]
-            for field in fields(self)
-            if isinstance(getattr(self, field.name), np.ndarray)
-        }
-        incidence = Incidence(*(getattr(self.incidence, field.name)[rows] for field in fields(Incidence)))
-        return replace(self, incidence=incidence, **parts)
+        own = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        incidence = Incidence(**{name: value[rows] for name, value in vars(self.incidence).items()})
+        return replace(self, incidence=incidence, **own)
