@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,6 +167,6 @@ class Impacts:
 
     def take(self, rows: NDArray[np.intp]) -> Impacts:
         """These impacts only; arrays must have one dimension."""
-        own = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        incidence = Incidence(**{name: value[rows] for name, value in vars(self.incidence).items()})
+        own: dict[str, Any] = {n: a[rows] for n, a in vars(self).items() if isinstance(a, np.ndarray)}
+        incidence = Incidence(**{name: array[rows] for name, array in vars(self.incidence).items()})
         return replace(self, incidence=incidence, **own)
