@@ -84,7 +84,7 @@ def _meanings(header: Header) -> Iterator[Role]:
 def _uncertainty(name: str, unit: str | None) -> Iterator[Role]:
     of = name.removeprefix("sigma_") if name.startswith("sigma_") else name.removesuffix("_sigma")
     if of != name:
-        for role in _meanings(Header(name, of, unit)):
+        for role in _meanings(Header(of, unit)):
             if role.kind in ("observable", "open", "raw"):
                 kind = "sigma_raw" if role.kind == "raw" else "sigma"
                 yield Role(kind, role.name, role.dimension, unit)
@@ -93,7 +93,7 @@ def _uncertainty(name: str, unit: str | None) -> Iterator[Role]:
             elif role.name in ("spin_x", "spin_y"):
                 yield Role("common", f"sigma_{role.name}", "number", unit)
     if name.startswith("sd_"):
-        for role in _meanings(Header(name, name.removeprefix("sd_"), unit)):
+        for role in _meanings(Header(name.removeprefix("sd_"), unit)):
             if role.kind in ("observable", "open"):
                 yield Role("sd", role.name, role.dimension, unit)
 
@@ -138,17 +138,12 @@ def named_role(name: str, header: str, given_unit: str | None) -> Role:
     sure = given_unit or own.unit or target.unit
     perhaps = [sure] if sure else [h.unit for h in (suffix, short) if h is not None]
     for unit in perhaps:
-        for role in (r for n in names for r in _meanings(Header(header, n, unit))):
+        for role in (r for n in names for r in _meanings(Header(n, unit))):
             if unit in UNITS and UNITS[unit][0] == role.dimension:
                 return role
-    for role in (r for n in names for r in _meanings(Header(header, n, sure))):
+    for role in (r for n in names for r in _meanings(Header(n, sure))):
         return role
     return Role("unknown", target.name, unit=sure)
-
-
-def is_known(text: str) -> bool:
-    """Tell whether a cell reads like a header."""
-    return role_of(text).kind != "unknown"
 
 
 def closest(name: str) -> str | None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import show
 from ifrfit.data.column_layout import Layout
-from ifrfit.data.column_names import is_known
+from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions, parse_conventions
 from ifrfit.data.long_table import read_long
@@ -64,7 +64,7 @@ def read(
         raise UsageError(f"The inertia factor J = I/(m R^2) must be positive, not {inertia_factor:g}.")
     path = Path(path)
     named = conventions.mentioned
-    cells = read_cells(path, lambda text: text.strip() in named or is_known(text))
+    cells = read_cells(path, lambda text: text.strip() in named or role_of(text).kind != "unknown")
     layout = identify(cells, conventions)
     pieces = _read_form(layout, conventions, inertia_factor)
     kept: list[Piece] = []

@@ -37,8 +37,6 @@ class Header:
 
     Attributes
     ----------
-    text : str
-        As it stands in the file.
     name : str
         Lower case, spaces as underscores, Greek letters spelt out, unit in brackets removed. ``Omega`` with a
         capital, the paper's letter for the spin after, becomes ``omega_after``.
@@ -46,7 +44,6 @@ class Header:
         Key of `UNITS`; what stands in the brackets if it is not one; None without brackets.
     """
 
-    text: str
     name: str
     unit: str | None
 
@@ -55,7 +52,7 @@ class Header:
         if self.unit is None:
             for suffix, unit in _SUFFIXES.items():
                 if self.name.endswith(suffix) and len(self.name) > len(suffix):
-                    return Header(self.text, self.name[: -len(suffix)], unit)
+                    return Header(self.name[: -len(suffix)], unit)
         return None
 
 
@@ -70,7 +67,7 @@ def parse_header(text: str) -> Header:
         name = name.replace(letter, spelt)
     name = re.sub(r"[\s\-]+", "_", name.strip())
     name = _OMEGA_AFTER.sub(lambda m: f"{m[1] or ''}omega_after", name)
-    return Header(text.strip(), name.lower(), unit)
+    return Header(name.lower(), unit)
 
 
 def unit_name(text: str) -> str:
