@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
+from simulated import simulated
 from studies import in_order
 
-from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.parameters import make_parameters
@@ -78,19 +78,9 @@ def treat(task: tuple[int, str, int]) -> list[Found]:
         true = rng.uniform(*ANGLES, N)
         shown = true + SIGMA_GAMMA * rng.standard_normal(N)
     beta = rebound(np.abs(true), **TRUTH, degrees=True).beta + SIGMA * rng.standard_normal(N)
-    table = make_table(
-        {
-            "series": "run",
-            "observable": "beta",
-            "gamma_deg": np.abs(shown),
-            "value": beta,
-            "sigma": SIGMA,
-            "provenance": "simulated",
-        }
-    )
     closure = get_closure("ifr")
     constants = make_parameters(closure, 0.4, fix={"e_n": TRUTH["e_n"]})
-    plain = make_problem(Observations(table), closure, 0.4, constants, "known")
+    plain = make_problem(simulated("beta", np.abs(shown), beta, SIGMA), closure, 0.4, constants, "known")
     found = []
     for name, error_model in TREATMENTS.items():
         problem = with_error_model(plain, error_model)

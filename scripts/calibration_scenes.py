@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from simulated import simulated
 
-from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 from ifrfit.inference.model.parameters import ParameterSet, make_parameters
@@ -164,19 +164,11 @@ def simulate(scene: Scene, rng: np.random.Generator) -> Experiment:
         gamma.append(np.concatenate((angle, np.full(scene.n_e_n, np.nan))))
         value.append(np.concatenate((beta, np.full(scene.n_e_n, e_n))) + noise * errors)
         sigma.append([scene.sigma.get(str(name), math.nan) for name in observable])
-    table = make_table(
-        {
-            "series": np.repeat(scene.series, n),
-            "observable": np.tile(observable, len(scene.series)),
-            "gamma_deg": np.concatenate(gamma),
-            "value": np.concatenate(value),
-            "sigma": np.concatenate(sigma),
-            "provenance": "simulated",
-        }
-    )
+    rows = (np.concatenate(part) for part in (gamma, value, sigma))
+    data = simulated(np.tile(observable, len(scene.series)), *rows, series=np.repeat(scene.series, n))
     closure = get_closure(CLOSURE)
     constants = make_parameters(closure, INERTIA, bounds=dict(scene.bounds), separate=scene.separate)
-    observations = with_propagated_sigma(Observations(table), scene.error_model)
+    observations = with_propagated_sigma(data, scene.error_model)
     problem = make_problem(observations, closure, INERTIA, constants, scene.policy)
     problem = with_error_model(problem, scene.error_model)
     if scene.noise_bounds:
