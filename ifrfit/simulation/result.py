@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit._version import __version__
-from ifrfit.data.observations import SCHEMA
-from ifrfit.data.schema import TINY
+from ifrfit.data.schema import SCHEMA, TINY
 from ifrfit.data.validate import without_value
 from ifrfit.inference.io.plain import to_plain
 from ifrfit.inference.result.display import Display

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
+from ifrfit.data.schema import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
 from ifrfit.inference.io.plain import REMEDY, Node, from_plain, layout
 from ifrfit.inference.io.write_result import FACTOR, NULL_MARK, SCHEMA, NoiseInFile, ResultFile
