@@ -146,9 +146,34 @@ def named_role(name: str, header: str, given_unit: str | None) -> Role:
     return Role("unknown", target.name, unit=sure)
 
 
-def closest(name: str) -> str | None:
-    """Return the known column name that `name` resembles most, None if it resembles none."""
+def uncertainty_of(name: str) -> str | None:
+    """Return the sigma column that the name of an uncertainty means ("beta_err": sigma_beta), None for others.
+
+    Only what is left of the name without its "err", "u_", "std" and so on counts, and it must be known.
+    """
     plain = parse_header(name).name
+    stems = [plain.removeprefix(x) for x in _NAMES["uncertain_prefixes"] if plain.startswith(x)]
+    stems += [plain.removesuffix(x) for x in _NAMES["uncertain_suffixes"] if plain.endswith(x)]
+    for stem in stems:
+        for role in _meanings(Header(stem, None)):
+            if role.kind in ("observable", "open", "raw"):
+                return f"sigma_{role.name}"
+            if role.name == "gamma" or role.kind == "angle":
+                return "sigma_gamma_deg"
+            if role.name in ("spin_x", "spin_y"):
+                return f"sigma_{role.name}"
+    return None
+
+
+def closest(name: str) -> str | None:
+    """Return the known column name that `name` resembles most, None if it resembles none.
+
+    An uncertainty is never taken for a value.
+    """
+    plain = parse_header(name).name
+    sigma = uncertainty_of(name)
+    if sigma is not None:
+        return sigma
     return "impact_id" if plain in _NAMES["numbering"] else next(iter(close_names(plain)), None)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from ifrfit.data.cell_table import Cells
-from ifrfit.data.column_names import closest
+from ifrfit.data.column_names import closest, uncertainty_of
 from ifrfit.data.conventions import suggest
 from ifrfit.data.units import parse_header, units_of
 from ifrfit.errors import DataError
@@ -60,6 +60,9 @@ def refuse_unknown(cells: Cells, unknown: Sequence[str], *, angled: bool) -> NoR
 
 
 def _hint(header: str) -> str:
+    sigma = uncertainty_of(header)
+    if sigma is not None:
+        return f", which looks like an uncertainty: one standard uncertainty is a column {sigma}"
     near = closest(header)
     return f", the closest known one is {near}" if near else ""
 

@@ -11,7 +11,7 @@ from ifrfit.paper.claims import Answer
 from ifrfit.paper.recovered_constants import LEVEL, FittedCase, Line, chance, count_recovered
 from ifrfit.report.provenance import contents
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import QUIET_FACTS
+from ifrfit.report.sentences import is_quiet
 from ifrfit.text import as_given, interval_text, joined, p_text, sd_text
 
 WIDTH = 100
@@ -118,5 +118,5 @@ def _facts(result: FitResult) -> str:
 
 
 def _verdict(result: FitResult) -> str:
-    failing = [fact.says for name, fact in result.facts.items() if not fact.ok and name not in QUIET_FACTS]
+    failing = [fact.says for name, fact in result.facts.items() if not fact.ok and not is_quiet(name, fact)]
     return "; ".join(failing) or result.facts["lack_of_fit"].says

@@ -7,7 +7,7 @@ from dataclasses import replace
 from ifrfit.inference.accuracy.messages import says as effort_says
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate
+from ifrfit.inference.result.types import Estimate, Fact
 from ifrfit.physics import CLOSURES
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.text import fixed, joined, p_text
@@ -35,6 +35,13 @@ CHECKS = {
 }
 # a failing fact of this name is told by the status of the constant already
 QUIET_FACTS = ("at_bound",)
+
+
+def is_quiet(name: str, fact: Fact) -> bool:
+    """Whether a failing fact is a note: a status tells it, or no user can act on it (no proof is known)."""
+    return name in QUIET_FACTS or (name == "global_optimum" and fact.figures.get("gap") is None)
+
+
 _ABSENT = 0.05  # p above which the residuals show nothing of an effect
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 
@@ -130,7 +137,7 @@ def headline(result: FitResult) -> str:
         name
         for name, fact in result.facts.items()
         if not fact.ok
-        and name not in QUIET_FACTS
+        and not is_quiet(name, fact)
         and not (name == "predictive" and _covers_predictive(result))
     ]
     open_constants = undetermined(result)
@@ -199,9 +206,9 @@ def findings(result: FitResult) -> list[tuple[str, str]]:
         for name, fact in result.facts.items()
         if not (partner and name == "predictive")
     ]
-    alarms = [("LOOK", f.says) for name, f in facts if not f.ok and name not in QUIET_FACTS]
+    alarms = [("LOOK", f.says) for name, f in facts if not f.ok and not is_quiet(name, f)]
     fine = [("ok", fact.says) for _, fact in facts if fact.ok]
-    notes = [("note", f.says) for name, f in facts if not f.ok and name in QUIET_FACTS]
+    notes = [("note", f.says) for name, f in facts if not f.ok and is_quiet(name, f)]
     notes += [("note", says) for says in scene_notes(result)]
     shown = {says for _, says in alarms + fine + notes}
     # that data are a stand-in is said at the very top

@@ -24,6 +24,7 @@ from ifrfit.errors import DataError, UsageError
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = (
     "buck-2017",
+    "cornell-glass",
     "cross-2019",
     "hashemnia-2019",
     "kharaz-2001",
@@ -31,7 +32,8 @@ NAMES = (
     "reagle-2013",
     "wang-2020",
 )
-STAND_INS = tuple(name for name in NAMES if name not in ("kharaz-2001", "netl-glass-acrylic"))
+REAL = ("cornell-glass", "kharaz-2001", "netl-glass-acrylic")
+STAND_INS = tuple(name for name in NAMES if name not in REAL)
 MINE = (
     "series,observable,gamma_deg,value\nno spin,beta,20,0.41\nno spin,beta,60,-0.47\nno spin,beta,75,-0.75\n"
 )
@@ -124,6 +126,7 @@ def test_default_selections_and_noise_policies():
         chosen[name] = (d.default_series, d.default_observables, d.noise)
     assert chosen == {
         "buck-2017": (("no spin",), ("beta",), "known"),
+        "cornell-glass": (("glass",), ("e_n", "beta_cm"), "unknown"),
         "cross-2019": (("no spin",), ("beta",), "scaled"),
         "hashemnia-2019": (("no spin",), ("beta",), "known"),
         "kharaz-2001": (("kratos",), ("beta_cm", "spin_y_after"), "scaled"),
@@ -147,7 +150,7 @@ def test_a_stand_in_says_so(name):
 
 
 def test_real_data_carry_no_stand_in_note():
-    for name in ("kharaz-2001", "netl-glass-acrylic"):
+    for name in REAL:
         assert not any("STAND-IN" in note for note in catalogue.load_dataset(name).notes)
 
 
@@ -217,7 +220,7 @@ def test_listing():
     lines = {line.name: line for line in catalogue.listing()}
     assert tuple(lines) == NAMES
     assert lines["kharaz-2001"].provenance == "digitised"
-    assert lines["netl-glass-acrylic"].provenance == "measured"
+    assert lines["netl-glass-acrylic"].provenance == lines["cornell-glass"].provenance == "measured"
     assert {lines[name].provenance for name in STAND_INS} == {"stand-in"}
     assert not any(line.installed for line in lines.values())
 
@@ -267,7 +270,8 @@ def test_the_list_fits_a_terminal_and_says_what_a_stand_in_is():
     assert "A stand-in is generated from the constants a paper prints" in text
     real = [entry for entry in catalogue.listing() if entry.provenance != "stand-in"]
     assert "install" not in " ".join(listing_lines(real))
-    mine = listing_lines([replace(real[0], installed=True)])
+    kharaz = next(entry for entry in real if entry.name == "kharaz-2001")
+    mine = listing_lines([replace(kharaz, installed=True)])
     assert mine[0].startswith("kharaz-2001  digitised (yours)  Aluminium")
 
 

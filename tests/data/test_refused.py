@@ -422,3 +422,22 @@ def test_missing_file_and_folder(tmp_path):
 def test_empty_columns_to_the_right_are_no_error(read):
     assert list(read("gamma_deg;beta;;\n10;0,4;;\n20;0,3;;\n").table.value) == [0.4, 0.3]
     assert list(read("gamma_deg,beta\n10,0.4,,\n20,0.3\n").table.value) == [0.4, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("header", "sigma"),
+    [
+        ("beta_err", "sigma_beta"),
+        ("u_beta", "sigma_beta"),
+        ("Delta_beta", "sigma_beta"),
+        ("dbeta", "sigma_beta"),
+        ("beta_std", "sigma_beta"),
+        ("se_e_n", "sigma_e_n"),
+        ("gamma_error", "sigma_gamma_deg"),
+    ],
+)
+def test_an_uncertainty_is_never_offered_as_a_value(read, header, sigma):
+    with pytest.raises(DataError) as raised:
+        read(f"gamma_deg,beta,{header}\n10,-0.5,0.01\n20,-0.4,0.01\n")
+    assert f"a column {sigma}" in str(raised.value)
+    assert f"column:{sigma}={header}" in str(raised.value)

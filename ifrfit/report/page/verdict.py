@@ -10,7 +10,7 @@ from ifrfit.report.page.blocks import Badge
 from ifrfit.report.provenance import STAND_IN, is_stand_in, kinds_of, provenance_words
 from ifrfit.report.regimes import count_impacts, has_angle
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import HEADLINES, QUIET_FACTS, headline, undetermined
+from ifrfit.report.sentences import HEADLINES, headline, is_quiet, undetermined
 from ifrfit.text import interval_text, joined, sd_text
 
 MOST_NAMED = 6
@@ -109,7 +109,7 @@ def _contradicted(result: FitResult) -> str:
     failing = [
         name
         for name, fact in result.facts.items()
-        if not fact.ok and name not in QUIET_FACTS and not (name == "identifiable" and open_ones)
+        if not fact.ok and not is_quiet(name, fact) and not (name == "identifiable" and open_ones)
     ]
     if failing:
         words = [_failure_words(name, result) for name in failing]
