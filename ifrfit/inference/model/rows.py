@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -87,10 +87,26 @@ class Rows:
     def __len__(self) -> int:
         return int(self.tau.size)
 
-    @property
+    @cached_property
     def observables(self) -> tuple[Observable, ...]:
         """The observables that occur, in the order of `names`."""
         return tuple(OBSERVABLES[name] for name in self.names)
+
+    @cached_property
+    def by_observable(self) -> tuple[tuple[Observable, Index, Incidence], ...]:
+        """The observables that occur, each with its rows and the incidence of those."""
+        at = [self.rows_of(name) for name in self.names]
+        return tuple(
+            (o, rows, self.take(rows).incidence) for o, rows in zip(self.observables, at, strict=True)
+        )
+
+    def linear_parts(self, inertia_factor: float) -> tuple[Array, Array]:
+        """Offset and slope in the impulse factor of each tangential row, (n,); zero for the others."""
+        offset, slope = np.zeros(len(self)), np.zeros(len(self))
+        for observable, at, incidence in self.by_observable:
+            if observable.linear is not None:
+                offset[at], slope[at] = observable.linear(incidence, inertia_factor)
+        return offset, slope
 
     def rows_of(self, name: str) -> Index:
         """Rows of one observable."""
@@ -158,11 +174,10 @@ class Rows:
         incidence = Incidence(
             i.sine[rows], i.cosine[rows], i.spin_x[rows], i.spin_y[rows], i.slip_x[rows], i.slip_y[rows]
         )
-        columns = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in _WHOLE}
-        return replace(self, incidence=incidence, **columns)
+        return Rows(incidence, names=self.names, **{name: getattr(self, name)[rows] for name in _BY_ROW})
 
 
-_WHOLE = ("incidence", "names")  # fields that are not one number a row
+_BY_ROW = tuple(f.name for f in fields(Rows) if f.name not in ("incidence", "names"))  # one number a row
 
 
 def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:

@@ -31,12 +31,12 @@ LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is no
 
 def linear_form(group: ParameterGroup) -> LinearForm | None:
     """Restate the group in the family that takes its rows; None if it is not linear in any."""
-    scaled = group.of_scale("impulse"), group.of_scale("rebound")
-    friction = bool(group.of_kind("friction").any()) or group.mu.prior is not None
-    normal = bool(group.of_kind("normal").any()) or group.e_n.prior is not None
-    if group.of_kind("curved").any():
+    scaled = group.rows.of_scale("impulse"), group.rows.of_scale("rebound")
+    friction = bool(group.rows.of_kind("friction").any()) or group.mu.prior is not None
+    normal = bool(group.rows.of_kind("normal").any()) or group.e_n.prior is not None
+    if group.rows.of_kind("curved").any():
         return None
-    if not group.of_kind("tangential").any():
+    if not group.rows.of_kind("tangential").any():
         return _direct_family(group)
     if group.e_n.fixed is not None or not (scaled[0].any() or scaled[1].any() or friction):
         return kappa_form(group)
@@ -44,7 +44,7 @@ def linear_form(group: ParameterGroup) -> LinearForm | None:
         return None
     if not (scaled[0].any() or scaled[1].any()):
         return _friction_family(group)
-    if (scaled[0] | group.of_kind("friction")).all():
+    if (scaled[0] | group.rows.of_kind("friction")).all():
         return _impulse_family(group)
     if scaled[1].all() and not friction:
         return _rebound_family(group)
@@ -56,11 +56,11 @@ def kappa_form(group: ParameterGroup) -> LinearForm:
     e = group.e_n.fixed
     factor = np.ones(group.rows.tau.size)
     if e is not None:
-        factor[group.of_scale("impulse")] = 1.0 / (1.0 + e)
-        factor[group.of_scale("rebound")] = 1.0 / max(e, _TINY)
-    offset, slope = group.linear_parts()
+        factor[group.rows.of_scale("impulse")] = 1.0 / (1.0 + e)
+        factor[group.rows.of_scale("rebound")] = 1.0 / max(e, _TINY)
+    offset, slope = group.rows.linear_parts(group.inertia_factor)
     k = group.coefficients
-    tangential = group.of_kind("tangential")
+    tangential = group.rows.of_kind("tangential")
     forms = Forms(group, tangential)
     forms.stick[1] = forms.of(slope * factor * (k.a1 + k.b1))
     forms.stick0 = forms.of(factor * (offset + slope * (k.a0 + k.b0)))
@@ -91,9 +91,9 @@ def kappa_form(group: ParameterGroup) -> LinearForm:
 
 def _friction_family(group: ParameterGroup) -> LinearForm:
     """Unknowns mu, c, kappa; e_n = kappa/mu - 1."""
-    offset, slope = group.linear_parts()
+    offset, slope = group.rows.linear_parts(group.inertia_factor)
     k = group.coefficients
-    tangential = group.of_kind("tangential")
+    tangential = group.rows.of_kind("tangential")
     forms = Forms(group, tangential)
     forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
     forms.stick0 = forms.of(offset + slope * (k.a0 + k.b0))
@@ -120,8 +120,8 @@ def _friction_family(group: ParameterGroup) -> LinearForm:
 
 def _impulse_family(group: ParameterGroup) -> LinearForm:
     """Unknowns w = 1/(1 + e_n), c w, mu."""
-    _, slope = group.linear_parts()
-    tangential = group.of_kind("tangential")
+    _, slope = group.rows.linear_parts(group.inertia_factor)
+    tangential = group.rows.of_kind("tangential")
     forms = Forms(group, tangential)
     k = group.coefficients
     forms.stick[0] = forms.of(slope * (k.a0 + k.b0))
@@ -148,7 +148,7 @@ def _impulse_family(group: ParameterGroup) -> LinearForm:
 
 def _rebound_family(group: ParameterGroup) -> LinearForm:
     """Unknowns w = 1/e_n, c w, kappa w."""
-    offset, slope = group.linear_parts()
+    offset, slope = group.rows.linear_parts(group.inertia_factor)
     forms = Forms(group, np.ones(group.rows.tau.size, dtype=bool))
     k = group.coefficients
     forms.stick[0] = _cleared(offset, slope * (k.a0 + k.b0))

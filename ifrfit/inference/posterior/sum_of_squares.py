@@ -133,12 +133,7 @@ class SumOfSquares:
     def _summed(self, at: Index, scale: str) -> PrefixSums:
         at = at[np.argsort(self.rows.tau[at], kind="stable")]
         part = self.rows.take(at)
-        offset, slope = np.zeros(at.size), np.zeros(at.size)
-        for name in part.names:
-            linear = OBSERVABLES[name].linear
-            here = part.rows_of(name)
-            if linear is not None and here.size:
-                offset[here], slope[here] = linear(part.take(here).incidence, self.inertia_factor)
+        offset, slope = part.linear_parts(self.inertia_factor)
         k, ref, w = self.coefficients, self.reference, self.weight[at]
         kappa = ref.mu * (1.0 + ref.e_n)
         with np.errstate(divide="ignore", invalid="ignore"):

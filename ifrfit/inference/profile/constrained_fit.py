@@ -100,7 +100,7 @@ def separable_e_n(problem: Problem, sigma: Array, series: int) -> float | None:
     if e_n.fixed is not None:
         return e_n.fixed
     whole = whole_group(problem, sigma)
-    if not is_separable(whole) or whole.of_kind("curved").any() or (e_n.separate and not mu.separate):
+    if not is_separable(whole) or whole.rows.of_kind("curved").any() or (e_n.separate and not mu.separate):
         return None
     return restitution_optimum(series_groups(problem, sigma)[series] if e_n.separate else whole)[0]
 
@@ -112,7 +112,10 @@ def best_over_e_n(
 
     None where only a local search can find the rest.
     """
-    if any(c.separate for c in problem.parameters) or whole_group(problem, sigma).of_kind("curved").any():
+    if (
+        any(c.separate for c in problem.parameters)
+        or whole_group(problem, sigma).rows.of_kind("curved").any()
+    ):
         return None
     e_n = problem.parameters["e_n"]
     i_e, i_mu = 0, len(problem.parameters.names) - 1
