@@ -187,7 +187,10 @@ def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:
 
 def _impacts(table: pd.DataFrame) -> Index:
     """Impact of each row, numbered as they first occur; a row without an impact_id is its own."""
-    alone = pd.Series([f"row {i}" for i in range(len(table))], index=table.index)
-    named = table["source"].astype(str) + "/" + table["impact_id"].astype(str)
-    _, codes = _codes(named.where(table["impact_id"] != "", alone))
-    return codes
+    source, _ = pd.factorize(table["source"], use_na_sentinel=False)
+    impact, labels = pd.factorize(table["impact_id"], use_na_sentinel=False)
+    number = source * len(labels) + impact
+    alone = (table["impact_id"] == "").to_numpy(dtype=bool)
+    number[alone] = -1 - np.flatnonzero(alone)
+    codes, _ = pd.factorize(number)
+    return np.asarray(codes, dtype=np.intp)
