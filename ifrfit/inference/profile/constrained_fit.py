@@ -10,8 +10,11 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.branch_and_bound import minimise
+from ifrfit.inference.optimize.group_optimum import center_free_e_n
+from ifrfit.inference.optimize.linear_families import linear_form
 from ifrfit.inference.optimize.multistart import multistart
-from ifrfit.inference.optimize.optimum import Array, objective_at
+from ifrfit.inference.optimize.optimum import Array, objective_at, theta_of
 from ifrfit.inference.optimize.parameter_group import is_separable, restitution_optimum
 from ifrfit.inference.optimize.scalar_search import minimum_near
 from ifrfit.inference.optimize.solve import series_groups, solve, whole_group
@@ -105,18 +108,21 @@ def separable_e_n(problem: Problem, sigma: Array, series: int) -> float | None:
     return restitution_optimum(series_groups(problem, sigma)[series] if e_n.separate else whole)[0]
 
 
-def best_over_e_n(
+def best_at_kappa(
     problem: Problem, sigma: Array, kappa: float, range_of_e_n: tuple[float, float], near: Array
 ) -> Array | None:
-    """theta at a given kappa, for one set of constants: certified at each e_n, with a search over e_n.
+    """theta at a given kappa, for one set of constants.
 
+    One certified solve where the rows are linear at that kappa; else one at each e_n, with a search over e_n.
     None where only a local search can find the rest.
     """
-    if (
-        any(c.separate for c in problem.parameters)
-        or whole_group(problem, sigma).rows.of_kind("curved").any()
-    ):
+    group = whole_group(problem, sigma)
+    if any(c.separate for c in problem.parameters) or group.rows.of_kind("curved").any():
         return None
+    form = linear_form(group, kappa) if problem.closure.bilinear else None
+    if form is not None:
+        constants = center_free_e_n(group, form.to_constants(minimise(form.problem).t))
+        return theta_of(problem, [constants] * len(problem.series))
     e_n = problem.parameters["e_n"]
     i_e, i_mu = 0, len(problem.parameters.names) - 1
     low = min(max(e_n.lower, range_of_e_n[0], lowest_e_n(problem)), e_n.upper)

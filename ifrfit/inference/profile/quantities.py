@@ -13,7 +13,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.profile.constrained_fit import (
-    best_over_e_n,
+    best_at_kappa,
     best_tied,
     best_with,
     kappa_range,
@@ -95,7 +95,7 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int, name: str) -> Qua
         if best_e_n is not None:
             at = {i_mu: x / (1.0 + best_e_n)} | ({} if e_n.fixed is not None else {i_e: best_e_n})
             return best_with(problem, sigma, at, near)
-        found = best_over_e_n(problem, sigma, x, kappa_range(x, mu), near)
+        found = best_at_kappa(problem, sigma, x, kappa_range(x, mu), near)
         if found is not None:
             return found
         starts = [near, *(theta for _, theta in fit.optimum.minima)]
