@@ -90,20 +90,19 @@ class Problem:
         -------
         ndarray, (..., n)
         """
-        flat = theta.reshape(-1, theta.shape[-1])
-        e_n, c, mu = self._columns(flat)
+        e_n, c, mu = self._columns(theta)
         law = self.closure.law(self.inertia_factor)
         k, _ = law.impulse(self.rows.incidence, c, mu * (1.0 + e_n))
-        return self.values_with(k, e_n, mu).reshape(*theta.shape[:-1], len(self.rows))
+        return self.values_with(k, e_n, mu)
 
     def _columns(self, theta: Array) -> tuple[Array, Array, Array]:
-        """(e_n, closure constant, mu), each (m, n), or (m, 1) where all rows share it."""
+        """(e_n, closure constant, mu), each (..., n), or (..., 1) where all rows share it."""
         places = self.parameters.positions
 
         def column(name: str | None) -> Array:
             if name is None:
-                return np.zeros((theta.shape[0], 1))
-            return theta[:, places[name][self.rows.series if self.parameters[name].separate else [0]]]
+                return np.zeros((*theta.shape[:-1], 1))
+            return theta[..., places[name][self.rows.series if self.parameters[name].separate else [0]]]
 
         return column("e_n"), column(self.closure.constant), column("mu")
 
