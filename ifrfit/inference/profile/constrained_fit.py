@@ -1,4 +1,4 @@
-"""The best of everything else while one entry of theta, or mu through a tie, is held."""
+"""The optimum under a constraint: with entries of theta fixed, at a given kappa, or with mu a function."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _GRID = 7  # values over the whole range that are looked at where it is not ther
 _XATOL = 1e-7
 _STARTS = 3  # of a local search
 
-Tie = Callable[[float, float], float]  # e_n and c to mu
+MuFunction = Callable[[float, float], float]  # of e_n and c
 
 
 def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Array) -> Array:
@@ -143,17 +143,17 @@ def lowest_e_n(problem: Problem) -> float:
     return LOWEST if problem.rows.has_rebound_scale else 0.0
 
 
-def best_tied(
+def local_optimum_with_mu(
     problem: Problem,
     sigma: Array,
     series: int,
-    tie: Tie,
+    mu: MuFunction,
     e_range: tuple[float, float],
     starts: Sequence[Array],
 ) -> Array:
-    """theta with mu of a series tied to e_n and c, everything else at its best: the best of local searches.
+    """theta with mu of a series a function of e_n and c, the rest at its best: the best of local searches.
 
-    A tie that holds the transition leaves every row of the series in its regime, so that nothing bends.
+    A mu that fixes the transition leaves every row of the series in its regime, so that nothing bends.
     """
     from scipy.optimize import least_squares
 
@@ -170,7 +170,7 @@ def best_tied(
         theta = start.copy()
         theta[i_e] = min(max(theta[i_e], lower[i_e]), upper[i_e])
         theta[free] = x
-        theta[i_mu] = tie(theta[i_e], theta[i_c] if i_c >= 0 else 0.0)
+        theta[i_mu] = mu(theta[i_e], theta[i_c] if i_c >= 0 else 0.0)
         return theta
 
     best: tuple[float, Array] | None = None

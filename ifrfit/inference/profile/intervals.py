@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from ifrfit.inference.distributions.truncated_normal import half_width
+from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.profile.curve import ProfileCurve
 from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.profile.quantities import Quantity
 from ifrfit.inference.profile.types import ProfileLikelihood, closed, hull, shape_of
-from ifrfit.inference.summary.status import Domain, Known, Marginal, OneSided, estimate_of
+from ifrfit.inference.summary.status import Known, Marginal, OneSided, estimate_of
 
 _COVERED = 0.997
 _NEAR = 1.5  # one-sided 95 % widths from the bound within which the optimum stands for the interval
