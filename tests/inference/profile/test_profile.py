@@ -13,7 +13,7 @@ from hard_cases.synthetic import FAN, GRAZING, HEADER, STEEP, TRUTH, noise, rows
 from scipy import special
 
 import ifrfit
-from ifrfit.inference.estimations import profile_estimation
+from ifrfit.inference.estimators import Profile
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.profile.objective import limit
@@ -44,7 +44,7 @@ def profiled_estimates(
     problem: Problem, fit: LeastSquaresFit
 ) -> tuple[Any, Any, Mapping[str, ProfileLikelihood]]:
     """Constants, derived quantities and profiles of --method profile."""
-    found = build_result(problem, fit, profile_estimation(problem, fit))
+    found = build_result(problem, fit, Profile().run(problem, fit))
     return found.constants, found.derived, found.profiles
 
 
