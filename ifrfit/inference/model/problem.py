@@ -264,6 +264,16 @@ class Problem:
         """The same question under another noise."""
         return replace(self, noise=noise)
 
+    @cached_property
+    def by_series(self) -> tuple[Problem, ...]:
+        """Each series alone, with constants of its own."""
+        found = []
+        for number in range(len(self.series)):
+            part = self.with_rows(np.flatnonzero(self.rows.series == number))
+            rows = replace(part.rows, series=np.zeros(len(part.rows), dtype=np.intp))
+            found.append(replace(part, rows=rows, parameters=self.parameters.of_series(number)))
+        return tuple(found)
+
     def with_rows(self, rows: Index) -> Problem:
         """The same question of some of the rows."""
         table = self.observations.table.iloc[rows]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -74,22 +73,12 @@ def _alone(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array
     places = problem.parameters.positions
     (series,) = {int(np.flatnonzero(own == i)[0]) for i in at for own in places.values() if i in own}
     mine = [int(own[series]) for own in places.values()]
-    part, part_sigma = series_problem(problem, sigma, series)
+    own_sigma = sigma[problem.rows.series == series]
     theta = start.copy()
-    theta[mine] = _solved(part, part_sigma, {mine.index(i): x for i, x in at.items()}, start[mine])
-    return theta
-
-
-def series_problem(problem: Problem, sigma: Array, series: int) -> tuple[Problem, Array]:
-    """The rows of one series alone, with constants of its own."""
-    rows = np.flatnonzero(problem.rows.series == series)
-    part = problem.with_rows(rows)
-    part = replace(
-        part,
-        parameters=problem.parameters.of_series(series),
-        rows=replace(part.rows, series=np.zeros(rows.size, dtype=np.intp)),
+    theta[mine] = _solved(
+        problem.by_series[series], own_sigma, {mine.index(i): x for i, x in at.items()}, start[mine]
     )
-    return part, sigma[rows]
+    return theta
 
 
 def _constrained(problem: Problem, at: Mapping[int, float]) -> Problem:
