@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.physics.closures import Closure
 
 Array = NDArray[np.float64]
@@ -207,10 +208,10 @@ class ParameterSet:
         for number in range(len(self.series)):
             i_e_n, i_mu = int(self.positions["e_n"][number]), int(self.positions["mu"][number])
             e_n, mu = self.entries[i_e_n], self.entries[i_mu]
-            free = [i for i in (i_mu, i_e_n) if self.entries[i].fixed is None]
-            separate = [self.names[i] for i in free if self.entries[i].separate and len(self.series) > 1]
-            bracket = separate[0].partition("[")[1:] if separate else ()
-            found.append(Kappa("".join(("kappa", *bracket)) if free else "", i_e_n, i_mu, e_n, mu))
+            free = [x for x in (e_n, mu) if x.fixed is None]
+            is_separate = len(self.series) > 1 and any(x.separate for x in free)
+            name = entry_name("kappa", self.series[number] if is_separate else "") if free else ""
+            found.append(Kappa(name, i_e_n, i_mu, e_n, mu))
         return tuple(found)
 
     def bounds(self) -> tuple[Array, Array]:
@@ -258,11 +259,6 @@ class ParameterSet:
             raise KeyError(", ".join(sorted(unknown)))
         fixed = tuple((dict(self.fixed_entries) | entries).items())
         return replace(self.with_parameters(whole), fixed_entries=fixed)
-
-
-def entry_name(name: str, series: str = "") -> str:
-    """Name of the entry that a quantity has in a series: "mu[series]"; "mu" where no series is given."""
-    return f"{name}[{series}]" if series else name
 
 
 def make_parameters(

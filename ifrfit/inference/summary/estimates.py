@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.result.estimation import Unresolved
@@ -121,7 +122,7 @@ def estimates_of(
             found[constant.name] = _estimate(distribution, constant.name, domain, own, reasons)
         else:
             found[constant.name] = {
-                series: _estimate(distribution, f"{constant.name}[{series}]", domain, each, reasons)
+                series: _estimate(distribution, entry_name(constant.name, series), domain, each, reasons)
                 for series, each in own.items()
             }
     kappas = {}
