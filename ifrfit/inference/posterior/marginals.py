@@ -135,7 +135,7 @@ def covariance(density: JointDensity, marginals: Sequence[Marginal]) -> Array:
     means = [float((share * _mean_product(density, q.factors)).sum()) for q in marginals]
     found = np.zeros((len(marginals), len(marginals)))
     for i, first in enumerate(marginals):
-        for j, second in enumerate(marginals[: i + 1]):
+        for j, second in enumerate(marginals[:i]):
             product = _mean_product(density, (*first.factors, *second.factors))
             found[i, j] = found[j, i] = float((share * product).sum()) - means[i] * means[j]
         found[i, i] = first.moments(0)[1] ** 2
