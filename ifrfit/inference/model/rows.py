@@ -84,6 +84,10 @@ class Rows:
         )
         return rows, series
 
+    def __getstate__(self) -> dict[str, object]:
+        """The fields alone, for workers: observables are looked up again where they are needed."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
     def __len__(self) -> int:
         return int(self.tau.size)
 
