@@ -134,6 +134,8 @@ def bootstrap(
     """
     if not _FEWEST <= replicates <= _MOST:
         raise UsageError(f"--replicates {replicates}: choose from {_FEWEST} to {_MOST:,}.")
+    if workers < 1:
+        raise UsageError(f"--workers {workers}: at least one.")
     chosen = make_scheme(scheme, problem, found) if isinstance(scheme, str) else scheme
     solver = BatchedSolver.of(problem, found) or SequentialSolver.of(problem, found)
     together = isinstance(solver, BatchedSolver)
