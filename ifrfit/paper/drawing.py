@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ifrfit.paper.legend_entries import entries_of
-from ifrfit.paper.regime_marks import draw_strip, shade
 from ifrfit.paper.scene import Band, Curve, Points, Scene
 from ifrfit.report import style
 from ifrfit.report.figures import NON_BREAKING
 from ifrfit.report.legend import LINE, Legend
+from ifrfit.report.shading import draw_strip, shade
 from ifrfit.report.style import GREY, RESIDUAL_DASHES
 
 if TYPE_CHECKING:

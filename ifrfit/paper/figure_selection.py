@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from ifrfit.data.catalogue import dataset_names, load_dataset
 from ifrfit.errors import UsageError
 from ifrfit.paper.cases import CASES
-from ifrfit.paper.figure import PaperFigure
-from ifrfit.paper.figures import FIGURES
+from ifrfit.paper.figures import FIGURES, PaperFigure
 from ifrfit.report.provenance import STAND_IN
 
 REAL = ("digitised", "measured")

@@ -20,9 +20,8 @@ from ifrfit.paper.build_scene import (
     estimates_words,
     provenance_label,
     recovered_curve,
-    regimes_of,
 )
-from ifrfit.paper.figure import PaperFigure
+from ifrfit.paper.figures import PaperFigure
 from ifrfit.paper.observable_conversion import convert_observable
 from ifrfit.paper.scene import Curve, Pen, Points, Scene
 from ifrfit.physics import OBSERVABLES
@@ -32,6 +31,7 @@ from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import transitions
 from ifrfit.report.rounding import value_text
+from ifrfit.report.shading import regimes_of
 from ifrfit.report.style import COLOURS, GREY, SeriesStyle, series_styles
 from ifrfit.text import sd_text
 
@@ -82,7 +82,7 @@ def kharaz(figure: PaperFigure, fitted: Fitted) -> Scene:
         y,
         (replace(curve, label=curve.label.replace("recovered", "from 15°")), line),
         tuple(points),
-        regimes_of(result, figure.x, styles),
+        regimes_of(result, styles, figure.x.inside),
         warnings,
         _notes(result, y, e_n),
     )
