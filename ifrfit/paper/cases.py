@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
+from typing import Any
 
 from ifrfit.data import Observations
 from ifrfit.data.catalogue import load_dataset, printed_constants
@@ -56,10 +57,14 @@ class Case:
     readings: tuple[str, ...] = ()
 
 
-CASES = tuple(
-    Case(**{key: tuple(value) if isinstance(value, list) else value for key, value in case.items()})
-    for case in tomllib.loads(files("ifrfit.paper").joinpath("cases.toml").read_text("utf-8"))["case"]
-)
+def _case(table: dict[str, Any]) -> Case:
+    """A case from its table in ``cases.toml``."""
+    own: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
+    return Case(**own)
+
+
+_TEXT = files("ifrfit.paper").joinpath("cases.toml").read_text("utf-8")
+CASES = tuple(_case(table) for table in tomllib.loads(_TEXT)["case"])
 
 
 def case_named(name: str) -> Case:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,22 +12,18 @@ from ifrfit.paper.scene import Band, Curve, Points, Scene
 from ifrfit.report import style
 from ifrfit.report.figures import NON_BREAKING
 from ifrfit.report.legend import LINE, Legend
+from ifrfit.report.markers import draw_markers, draw_residual_axis, ring_outliers
 from ifrfit.report.shading import draw_strip, shade
-from ifrfit.report.style import GREY, RESIDUAL_DASHES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH = style.PANEL_WIDTH_MM / style.MM_PER_INCH
 _TITLE_CHARACTERS = 52
 
 
 def draw(scene: Scene) -> Figure:
     """Figure of a scene, 85 mm wide, not known to pyplot."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     residuals = any(points.residual is not None for points in scene.points)
     strips = len(scene.regimes) if len(scene.regimes) > 1 else 0
     with style.drawing():
@@ -37,8 +33,7 @@ def draw(scene: Scene) -> Figure:
         title = _title(scene)
         panel = 2.25 + (0.75 if residuals else 0.0) + 0.15 * strips
         height = panel + legend.height + 0.15 * (title.count("\n") + 1)
-        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = style.new_figure(style.PANEL_WIDTH_MM, height, "constrained")
         figure.get_layout_engine().set(w_pad=0.03, h_pad=0.025, hspace=0.02)  # type: ignore[union-attr, call-arg]
         figure.suptitle(title, fontsize=7.4, weight="bold", linespacing=1.25)
         ratios = [0.15 * strips, 2.0, 0.7 if residuals else 0.0]
@@ -134,46 +129,16 @@ def _draw_points(axes: Axes, points: Points) -> None:
 
 def _markers(axes: Axes, points: Points, y: np.ndarray, size: float) -> None:
     sticking = np.zeros(points.x.size, dtype=bool) if points.sticking is None else points.sticking
-    for chosen, face in ((sticking, "white"), (~sticking, points.series_style.colour)):
-        if chosen.any():
-            axes.plot(
-                points.x[chosen],
-                y[chosen],
-                ls="none",
-                marker=points.series_style.marker,
-                ms=size,
-                mfc=face,
-                mec=points.series_style.colour,
-                mew=0.8,
-                zorder=5,
-            )
-    if points.is_outlier is not None and points.is_outlier.any():
-        ring: dict[str, Any] = {
-            "ls": "none",
-            "marker": "o",
-            "ms": 8.5,
-            "mfc": "none",
-            "mec": "black",
-            "mew": 0.9,
-        }
-        axes.plot(points.x[points.is_outlier], y[points.is_outlier], zorder=6, clip_on=False, **ring)
+    draw_markers(axes, points.x, y, sticking, points.series_style, size)
+    if points.is_outlier is not None:
+        ring_outliers(axes, points.x, y, points.is_outlier, size=8.5)
 
 
 def _draw_residuals(axes: Axes, scene: Scene) -> None:
-    axes.axhline(0.0, color=GREY, lw=0.7, zorder=1)
-    for level in (-2.0, 2.0):
-        axes.axhline(level, color=GREY, lw=0.7, ls=RESIDUAL_DASHES, zorder=1)
-    top = 3.5
-    for points in scene.points:
-        if points.residual is None:
-            continue
-        _markers(axes, points, points.residual, 3.2)
-        finite = np.abs(points.residual[np.isfinite(points.residual)])
-        top = max(top, 1.2 * float(finite.max())) if finite.size else top
-    axes.set_ylim(-top, top)
-    if top < 6.0:
-        axes.set_yticks([-2.0, 0.0, 2.0])
-    axes.set_ylabel("residual (σ)")
+    fitted = [(points, points.residual) for points in scene.points if points.residual is not None]
+    for points, residual in fitted:
+        _markers(axes, points, residual, 3.2)
+    draw_residual_axis(axes, np.concatenate([residual for _, residual in fitted]))
     axes.set_xlabel(scene.x.label)
     if len(scene.regimes) == 1:
         shade(axes, scene.regimes[0], words=False)

@@ -7,6 +7,7 @@ from typing import Any
 
 from ifrfit.paper.scene import Scene
 from ifrfit.report.figures import NON_BREAKING
+from ifrfit.report.markers import handle
 from ifrfit.report.style import GREY
 
 LONGEST = 60  # characters of a line at column width
@@ -34,23 +35,12 @@ def _wrapped(label: str) -> str:
 
 
 def _points(scene: Scene) -> list[tuple[Any, str]]:
-    from matplotlib.lines import Line2D
-
-    return [
-        (
-            Line2D(
-                [],
-                [],
-                ls="none",
-                marker=p.series_style.marker,
-                ms=3.8,
-                mfc="white" if p.sticking is not None and p.sticking.all() else p.series_style.colour,
-                mec=p.series_style.colour,
-            ),
-            p.label,
-        )
-        for p in scene.points
-    ]
+    entries: list[tuple[Any, str]] = []
+    for points in scene.points:
+        own, open_all = points.series_style, points.sticking is not None and points.sticking.all()
+        mark = handle(own.marker, 3.8, "white" if open_all else own.colour, own.colour)
+        entries.append((mark, points.label))
+    return entries
 
 
 def _curves(scene: Scene) -> list[tuple[Any, str]]:
@@ -75,15 +65,11 @@ def _curves(scene: Scene) -> list[tuple[Any, str]]:
 
 
 def _marks(scene: Scene) -> list[tuple[Any, str]]:
-    from matplotlib.lines import Line2D
-
     entries: list[tuple[Any, str]] = []
     sticking = [bool(s) for p in scene.points if p.sticking is not None for s in p.sticking]
-    if sticking and any(sticking) and not all(sticking):
-        stick = Line2D([], [], ls="none", marker="o", ms=3.8, mfc="white", mec=GREY)
-        slide = Line2D([], [], ls="none", marker="o", ms=3.8, mfc=GREY, mec=GREY)
-        entries.append(((stick, slide), "open: sticks; filled: slides"))
+    if any(sticking) and not all(sticking):
+        open_and_filled = handle("o", 3.8, "white"), handle("o", 3.8, GREY)
+        entries.append((open_and_filled, "open: sticks; filled: slides"))
     if any(p.is_outlier is not None and p.is_outlier.any() for p in scene.points):
-        ring = Line2D([], [], ls="none", marker="o", ms=8.0, mfc="none", mec="black")
-        entries.append((ring, "ringed: outlier"))
+        entries.append((handle("o", 8.0, "none", "black"), "ringed: outlier"))
     return entries

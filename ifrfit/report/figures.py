@@ -42,16 +42,14 @@ def plot(result: FitResult) -> Figure:
     UsageError
         If the result holds no points.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if not len(result.points):
         raise UsageError("This result holds no points, so there is nothing to draw. Fit the data again.")
     observables = [str(name) for name in result.points["observable"].unique()]
     styles = style.series_styles([str(name) for name in result.points["series"].unique()])
     columns = min(len(observables), MOST_COLUMNS)
     lines = math.ceil(len(observables) / columns)
-    width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
+    width_mm = columns * style.PANEL_WIDTH_MM
+    width = width_mm / style.MM_PER_INCH
     with style.drawing():
         legend = Legend.of(result, styles, width)
         title = _title(result, width)
@@ -60,8 +58,7 @@ def plot(result: FitResult) -> Figure:
         strip = max(count if count > 1 else 0 for count in bars)
         panel = 3.1 + 0.16 * strip
         height = lines * panel + legend.height + 0.17 * (title.count("\n") + 1 if title else 0)
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = style.new_figure(width_mm, height, "constrained")
         figure.get_layout_engine().set(w_pad=0.04, h_pad=0.03, hspace=0.02, wspace=0.03)  # type: ignore[union-attr, call-arg]
         grid = figure.add_gridspec(lines, columns)
         for number, observable in enumerate(observables):

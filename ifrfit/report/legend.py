@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.report.markers import handle
 from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import does, regime_name
@@ -102,15 +103,12 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    def mark(marker: str, size: float, face: str, edge: str = GREY) -> Line2D:
-        return Line2D([], [], ls="none", marker=marker, ms=size, mfc=face, mec=edge)
-
     points = result.points
     angled = points["gamma_deg"].notna()
     keys = [regime_key(result, str(name)) for name in points["series"][angled].unique()]
     entries: list[tuple[Any, str]] = []
     sticking = points["sticking"][angled].map(bool).astype(bool)
-    stick, slide = mark("o", 4.2, "white"), mark("o", 4.2, GREY)
+    stick, slide = handle("o", 4.2, "white"), handle("o", 4.2, GREY)
     if sticking.any() and not sticking.all():
         entries += [
             (stick, f"open: {regime_name(result, 'sticking')}"),
@@ -124,10 +122,10 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
     entries.append(((light, dark, light), f"68, 95 % {_bands(result)}"))
     if any(isinstance(key, tuple) for key in keys):
         shade = Patch(fc="0.5", alpha=0.3, lw=0)
-        entries.append(((shade, mark("|", 8.0, GREY), shade), "transition, 95 % interval"))
+        entries.append(((shade, handle("|", 8.0, GREY), shade), "transition, 95 % interval"))
     entries.append((Line2D([], [], color=GREY, lw=0.7, ls=RESIDUAL_DASHES), "residuals of ±2 σ"))
     if is_outlier(result, points).any():
-        entries.append((mark("o", 8.0, "none", "black"), "ringed: outlier"))
+        entries.append((handle("o", 8.0, "none", "black"), "ringed: outlier"))
     return entries
 
 

@@ -40,23 +40,19 @@ def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
     matplotlib.figure.Figure
         85 mm wide an observable (at most three; those that depend on the angle), not known to pyplot.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     observables = observables_over_angle(comparison)
     columns = max(1, len(observables))
     count = len(comparison.entries)
-    width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
+    width_mm = columns * style.PANEL_WIDTH_MM
     styles = style.series_styles(list(comparison.entries))
-    heading = textwrap.fill(comparison.verdict.says, int(_LETTERS * width)) if titled else ""
+    heading = style.filled(comparison.verdict.says, width_mm, _LETTERS) if titled else ""
     body = (_DATA + count * _STRIP) if observables else 0.0
     bars = 0.2 + count * _BAR
     with style.drawing():
         legend = _legend(comparison, styles, observables)
         lines = math.ceil(len(legend) / (2 * columns))
         height = body + bars + 0.16 * len(heading.splitlines()) + 0.15 * lines + 0.7
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = style.new_figure(width_mm, height, "constrained")
         figure.get_layout_engine().set(w_pad=0.05, h_pad=0.03)  # type: ignore[union-attr, call-arg]
         grid = figure.add_gridspec(2, columns, height_ratios=[max(body, 1e-3), bars])
         for number, observable in enumerate(observables):

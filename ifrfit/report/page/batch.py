@@ -14,7 +14,7 @@ from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page.assembly import title
 from ifrfit.report.page.blocks import Picture
-from ifrfit.report.page.drawings.forest import draw_forest
+from ifrfit.report.page.drawings.intervals import draw_forest
 from ifrfit.report.page.html import asset, fill
 from ifrfit.report.page.verdict import verdict
 from ifrfit.report.page.writing import check_free, put, report_files
