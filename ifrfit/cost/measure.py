@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Unpack
 
-from ifrfit.cost.conditions import Setting, setting_of
+from ifrfit.cost.conditions import Setting, beginning, setting_of
 from ifrfit.cost.inference_costs import FULL, QUICK, Reference, inference_costs
 from ifrfit.cost.result import Costs
-from ifrfit.cost.starting_optimum import beginning
 from ifrfit.cost.timing import KINDS, Cost, Kind
 from ifrfit.errors import UsageError
 from ifrfit.inference.fit import Data, make_question

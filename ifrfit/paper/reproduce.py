@@ -18,16 +18,15 @@ from ifrfit.paper.figures import FIGURES
 from ifrfit.paper.make_figure import DrawnFigure, make_figure
 from ifrfit.paper.recovered_constants import COLUMNS, FittedCase
 from ifrfit.paper.scene import write_rows
-from ifrfit.report.style import save_figure
+from ifrfit.report.style import SUFFIXES, save_both
 
 TABLE = "constants.csv"
-DRAWN = ("svg", "png")
-FORMATS = (*DRAWN, "csv")
+FORMATS = (*SUFFIXES, "csv")
 # figures of earlier versions, one a fit
 _EARLIER = tuple(
     f"{name}.{suffix}"
     for name in (*(case.name for case in CASES), "cross-2019-spin-0-225", "cross-2019-spin-0-833")
-    for suffix in DRAWN
+    for suffix in SUFFIXES
 )
 
 
@@ -114,8 +113,7 @@ def _run(folder: Path, choice: Choice, whole: bool, progress: bool) -> dict[str,
 
 
 def _save(drawn: DrawnFigure, folder: Path) -> None:
-    for suffix in DRAWN:
-        save_figure(drawn.figure, folder / f"{drawn.stem}.{suffix}")
+    save_both(drawn.figure, folder, drawn.stem)
     write_rows(drawn.rows, folder / f"{drawn.stem}.csv")
 
 

@@ -15,7 +15,7 @@ from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.figures import plot
 from ifrfit.report.page.writing import page
-from ifrfit.report.style import save_figure
+from ifrfit.report.style import save_both
 
 FIGURES = ("fit.svg", "fit.png")
 
@@ -141,9 +141,7 @@ def _fill(result: FitResult, appraisal: Appraisal | None, folder: Path) -> list[
     names = [RESULT]
     if appraisal is not None and len(result.points):
         figure = plot(result)
-        for name in FIGURES:
-            save_figure(figure, folder / name)
-            names.append(name)
+        names += save_both(figure, folder, "fit")
         (folder / REPORT).write_text(page(result, appraisal, figure), encoding="utf-8", newline="\n")
         names.append(REPORT)
     for name, own in result.files.items():

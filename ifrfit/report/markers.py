@@ -46,8 +46,8 @@ def draw_markers(
     """
     for chosen, face in ((sticking, "white"), (~sticking, own.colour)):
         if chosen.any():
-            look: dict[str, Any] = {"ms": size, "mfc": face, "mec": own.colour, "mew": 0.8, "zorder": 5} | more
-            axes.plot(x[chosen], y[chosen], ls="none", marker=own.marker, **look)
+            look: dict[str, Any] = {"mfc": face, "mec": own.colour, "mew": 0.8, "zorder": 5} | more
+            axes.plot(x[chosen], y[chosen], ls="none", marker=own.marker, ms=size, **look)
 
 
 def ring_outliers(axes: Axes, x: Array, y: Array, out: Mask, *, size: float = 10.0) -> None:

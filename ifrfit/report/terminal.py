@@ -84,6 +84,23 @@ def wrapped(sentence: str, hang: int, width: int = WIDTH) -> list[str]:
     return textwrap.wrap(sentence, width, subsequent_indent=" " * hang, break_on_hyphens=False)
 
 
+def aligned(rows: Sequence[Sequence[str]], sides: str, gap: str = "  ", indent: str = "  ") -> list[str]:
+    """Rows as lines whose columns line up.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of str
+        All of one length; the heads come first.
+    sides : str
+        "<" or ">" for each column.
+    gap, indent : str
+        Between columns, and before the first.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    each = [list(zip(row, sides, widths, strict=True)) for row in rows]
+    return [indent + gap.join(f"{cell:{side}{width}}" for cell, side, width in row).rstrip() for row in each]
+
+
 def source_lines(result: FitResult) -> list[str]:
     """Each source with its contents; a stand-in says so before anything else."""
     indent = min(max((len(source.name) for source in result.inputs), default=0), 30) + 3

@@ -260,12 +260,12 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
 
 
 def test_what_cannot_be_written_leaves_the_folder_as_it_was(tmp_path, monkeypatch):
-    def full(figure, path):
-        path.write_bytes(b"half")
+    def full(figure, folder, stem):
+        (folder / f"{stem}.svg").write_bytes(b"half")
         raise OSError(28, "No space left on device")
 
     (tmp_path / "notes.txt").write_text("mine")
-    monkeypatch.setattr(reproduce, "save_figure", full)
+    monkeypatch.setattr(reproduce, "save_both", full)
     with pytest.raises(UsageError, match=r"cannot be written \(No space left on device\)\. Choose another"):
         reproduce.reproduce(tmp_path, figures=("2",))
     assert contents(tmp_path) == {"notes.txt": b"mine"}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STAND_IN = "STAND-IN"
+WIDTH_MM = 110.0
 FRONT_LABEL = "Pareto front"
 ASIDE = "† asks another question: its distance from the posterior is no error of arithmetic"
 _Y_LABELS = {
@@ -33,7 +33,6 @@ _X_LABELS = {
     "physics": "time an impact (s)",
     "arithmetic": "time an impact (s)",
 }
-_LETTERS = 15.0  # of a title to an inch
 _SHORT = 18  # letters of a setting that is written beside its marker
 _LOST = 1e-5  # error in arithmetic from which on impacts are named
 _LEAST = 1e-17  # smaller errors are drawn here, with their number
@@ -56,21 +55,16 @@ def plot(costs: Costs, kind: Kind) -> Figure:
     UsageError
         If that kind was not measured.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     choices = [choice for choice in costs.of(kind) if not math.isnan(choice.error)]
     if not choices:
         raise UsageError(f"Nothing of the kind {kind} was measured.")
     methods = list(dict.fromkeys(choice.method for choice in choices))
     series_styles = style.series_styles(methods)
-    width = 110.0 / style.MM_PER_INCH
-    title = _title(costs, kind, width)
+    title = _title(costs, kind)
     rows = 1 + math.ceil((len(methods) + 2) / 3)
     with style.drawing():
         height = 2.7 + 0.15 * (title.count("\n") + 1) + 0.16 * rows
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = style.new_figure(WIDTH_MM, height, "constrained")
         axes = figure.add_subplot()
         middle = math.sqrt(min(c.time.median for c in choices) * max(c.time.median for c in choices))
         if kind == "arithmetic":
@@ -100,14 +94,14 @@ def plot(costs: Costs, kind: Kind) -> Figure:
     return figure
 
 
-def _title(costs: Costs, kind: Kind, width: float) -> str:
+def _title(costs: Costs, kind: Kind) -> str:
     fit = costs.fit
     names = ", ".join(f"{s.name} ({provenance_words(kinds_of(fit, s))})" for s in fit.inputs)
     about = costs.about.get(kind, "")
     text = f"{names}: what accuracy costs, {kind}" + (f"; {about}" if about else "")
     if is_stand_in(fit):
         text = f"{STAND_IN} data. {text}"
-    return textwrap.fill(text, int(_LETTERS * width)).replace("$", r"\$")
+    return style.filled(text, WIDTH_MM)
 
 
 def _front(axes: Axes, choices: Sequence[Choice]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ifrfit.report.folder import Contents, check_free, deliver
 from ifrfit.report.simulation.figure import drawable, plot
 from ifrfit.report.simulation.supplement import Supplement
-from ifrfit.report.style import save_figure
+from ifrfit.report.style import save_both
 
 if TYPE_CHECKING:
     from ifrfit.simulation.result import Simulation
@@ -71,8 +71,5 @@ def _fill(simulation: Simulation, folder: Path, supplement: Supplement | None) -
         table.to_csv(folder / name, index=False, lineterminator="\n")
     names = [SIMULATION.record, *TABLES]
     if drawable(simulation):
-        figure = plot(simulation)
-        for name in FIGURES:
-            save_figure(figure, folder / name)
-            names.append(name)
+        names += save_both(plot(simulation), folder, "simulation")
     return names if supplement is None else [*names, *supplement.write(folder)]
