@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from ifrfit.cli.output import Quiet
 from ifrfit.errors import UsageError
 
 
@@ -27,7 +28,7 @@ def report(
         typer.Option("--format", help="html, md or pdf; by default as FILE ends.", show_default=False),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace files that are no reports, too.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Uncertainty report of a result: one self-contained page; of several results with an index."""
     if form is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from ifrfit.paper.figures import FIGURES
 from ifrfit.paper.make_figure import DrawnFigure, make_figure
 from ifrfit.paper.recovered_constants import COLUMNS, FittedCase
 from ifrfit.paper.scene import write_rows
+from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.style import SUFFIXES, save_both
 
 TABLE = "constants.csv"
@@ -63,16 +63,18 @@ def reproduce(
     choice = select_figures(figures, digitised_only)
     whole = not figures
     _check_free(out, whole)
-    existing = next(place for place in (out, *out.absolute().parents) if place.exists())
-    try:
-        with tempfile.TemporaryDirectory(dir=existing, prefix=".ifrfit-") as scratch:
-            done = _run(Path(scratch), choice, whole, progress)
-            out.mkdir(parents=True, exist_ok=True)
-            written = _move(Path(scratch), out, choice, whole)
-    except OSError as error:
-        raise UsageError(
-            f"{out}: cannot be written ({error.strerror or error}). Choose another folder with --out."
-        ) from None
+    done: dict[str, FittedCase] = {}
+
+    def fill(folder: Path) -> list[str]:
+        done.update(_run(folder, choice, whole, progress))
+        return [path.name for path in folder.iterdir()]
+
+    ours = [
+        f"{figure.stem}.{suffix}" for figure in (FIGURES if whole else choice.figures) for suffix in FORMATS
+    ]
+    # the table is in place last; what an earlier run left without a successor goes
+    record, *others = [TABLE, *_EARLIER, *ours] if whole else ours
+    written = deliver(fill, out, Contents(record, tuple(others), "reproduction"), force=True)
     count = sum(name != TABLE for name in written) // len(FORMATS)
     named = [f"{count} figure{'s' if count != 1 else ''} (svg, png and csv)"]
     text = table_text(list(done.values()), _answers(done))
@@ -135,18 +137,6 @@ def _write_table(path: Path, done: Sequence[FittedCase]) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)
         writer.writerows(line.cells() for d in done for line in d.lines)
-
-
-def _move(scratch: Path, out: Path, choice: Choice, whole: bool) -> list[str]:
-    """Put the files in place, the table last; what an earlier run left without a successor goes."""
-    names = sorted((path.name for path in scratch.iterdir()), key=lambda name: (name == TABLE, name))
-    for name in names:
-        (scratch / name).replace(out / name)
-    ours = FIGURES if whole else choice.figures
-    stale = {f"{figure.stem}.{suffix}" for figure in ours for suffix in FORMATS} - set(names)
-    for name in sorted(stale.union(_EARLIER if whole else ())):
-        (out / name).unlink(missing_ok=True)
-    return names
 
 
 def _answers(done: dict[str, FittedCase]) -> list[Answer]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import KINDS
-from ifrfit.report.folder import Contents, deliver
+from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.style import SUFFIXES, save_both
 
 FIGURES = tuple(f"cost-{kind}.{suffix}" for kind in KINDS for suffix in SUFFIXES)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ifrfit.inference.comparison import Comparison
-from ifrfit.report.folder import Contents, deliver
+from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.style import save_both
 
 COMPARISON = Contents("compare.json", ("compare.svg", "compare.png"), "comparison")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ifrfit.report.folder import Contents, check_free, deliver
+from ifrfit.inference.io import json_text
+from ifrfit.report.atomic_folder import Contents, check_free, deliver
 from ifrfit.report.simulation.figure import drawable, plot
 from ifrfit.report.simulation.supplement import Supplement
 from ifrfit.report.style import save_both
@@ -61,7 +61,7 @@ def write_simulation(
 def dumps(simulation: Simulation, supplement: Supplement | None = None) -> str:
     """simulation.json as text, with the content of the supplement."""
     content = simulation.to_dict() | dict({} if supplement is None else supplement.content)
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text.dumps(content)
 
 
 def _fill(simulation: Simulation, folder: Path, supplement: Supplement | None) -> list[str]:
