@@ -6,19 +6,10 @@ from html import escape
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.constants_rows import Row, constant_symbols, table_rows
-from ifrfit.report.provenance import (
-    contents,
-    is_stand_in,
-    kinds_of,
-    left_out,
-    provenance_sentences,
-    provenance_words,
-    reference,
-)
+from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words, source_sentences
 from ifrfit.report.regimes import regime_lines
-from ifrfit.report.rounding import places_of, value_text
+from ifrfit.report.rounding import plus_minus, span_text
 from ifrfit.report.sentences import findings, headline, misfit_line, model_line
-from ifrfit.text import interval_text, sd_text
 
 _LATEX_NAMES = {
     "e_n": "$e_n$",
@@ -105,16 +96,11 @@ def html(result: FitResult) -> str:
 
 
 def _plus_minus(row: Row, sign: str) -> str:
-    if row.estimate is None:
-        return row.plain
-    value, sd = value_text(row.estimate), row.estimate.stderr
-    return value if sd is None or row.estimate.value is None else f"{value} {sign} {sd_text(sd)}"
+    return row.plain if row.estimate is None else plus_minus(row.estimate, sign)
 
 
 def _interval(row: Row) -> str:
-    if row.estimate is None or row.estimate.status == "fixed":
-        return ""
-    return interval_text(row.estimate.interval95, places_of(row.estimate))
+    return "" if row.estimate is None or row.estimate.status == "fixed" else span_text(row.estimate)
 
 
 def _latex_interval(row: Row) -> str:
@@ -123,16 +109,7 @@ def _latex_interval(row: Row) -> str:
 
 
 def _provenance(result: FitResult) -> list[str]:
-    lines = []
-    for source in result.inputs:
-        parts = [
-            f"{source.name}: {contents(result, source)}.",
-            *provenance_sentences(result, source),
-            reference(source, full=True),
-            left_out(source),
-        ]
-        lines.append(" ".join(part for part in parts if part))
-    return lines
+    return [" ".join(source_sentences(result, source, full=True)) for source in result.inputs]
 
 
 def _regimes(result: FitResult, sign: str) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
+from ifrfit.report.rounding import by_series
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,10 +42,9 @@ class ReportInput:
     @cached_property
     def kappas(self) -> dict[str, Estimate]:
         """kappa by label, where it is not fixed."""
-        kappa = self.result.derived.get("kappa")
-        found = kappa if isinstance(kappa, Mapping) else {"": kappa}
+        kappa = by_series(self.result.derived.get("kappa"))
         return {
             f"kappa[{series}]" if series else "kappa": each
-            for series, each in found.items()
-            if isinstance(each, Estimate) and each.status != "fixed"
+            for series, each in kappa.items()
+            if each.status != "fixed"
         }
