@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +86,11 @@ class Setting:
     def grid(self) -> Array:
         """Angles from the least to the largest of the data, degrees."""
         return np.linspace(self.gamma.min(), self.gamma.max(), _ANGLES)
+
+    def contact(self) -> dict[str, Any]:
+        """Arguments of `ifrfit.cost.physics_costs` for the angles of the data at their median spin."""
+        own = {name: self.constants[name] for name in ("e_n", "mu", "chi")}
+        return {"gamma_deg": self.grid(), "spin_y": self.spin, **own}
 
     @property
     def spin(self) -> float:

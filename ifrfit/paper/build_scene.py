@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate
-from ifrfit.paper.axes import Abscissa, Ordinate
+from ifrfit.paper.axes import INCIDENCE, Abscissa, Ordinate
 from ifrfit.paper.figures import PaperFigure
 from ifrfit.paper.scene import Band, Curve, Pen, Points, Scene
 from ifrfit.physics.angles import Array
 from ifrfit.report.figures import NON_BREAKING, contradiction
+from ifrfit.report.markers import numbers, sticks
 from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import STAND_IN, is_stand_in, provenance_words
 from ifrfit.report.regimes import transition_is_open, transitions
-from ifrfit.report.rounding import places_of, value_text
+from ifrfit.report.rounding import span_text, value_text
 from ifrfit.report.shading import Mark, Regimes, regimes_of, spans
 from ifrfit.report.style import COLOURS, SeriesStyle, series_styles
-from ifrfit.text import interval_text, sd_text
+from ifrfit.text import sd_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,9 +83,11 @@ def with_points(figure: PaperFigure, fitted: Fitted) -> Scene:
     rows = result.points[result.points["observable"] == _observable(figure, result)]
     x = figure.x.with_points(figure.x.of_gamma(rows["gamma_deg"].to_numpy(dtype=float)))
     styles = series_styles([str(name) for name in rows["series"].unique()])
-    points = tuple(
-        _points(result, rows[rows["series"] == series], series, x, y, own) for series, own in styles.items()
-    )
+    points = []
+    for series, own in styles.items():
+        part = rows[rows["series"] == series]
+        value, sigma, residual = numbers(part, "value", "sigma_used", "standardised")
+        points.append(points_of(result, part, series, y.sign * value, sigma, y.sign * residual, own, x))
     shown_observable = _observable(figure, result)
     curves = [
         recovered_curve(result, shown_observable, rows[rows["series"] == s], s, x, y, own)
@@ -109,7 +111,7 @@ def with_points(figure: PaperFigure, fitted: Fitted) -> Scene:
         x,
         y,
         tuple(curves),
-        points,
+        tuple(points),
         regimes,
         warnings_of(result),
         _transition_notes(figure, result),
@@ -155,16 +157,11 @@ def estimates_words(result: FitResult) -> str:
         elif found.value is None:
             words.append(f"{symbol} open")
         elif found.status == "one_sided":
-            words.append(f"{symbol} {_one_sided_words(found)}")
+            words.append(f"{symbol} in {span_text(found)}")
         else:
             words.append(f"{symbol} {value_text(found)}±{sd_text(found.stderr or 0.0)}")
     # a value stays with its symbol where a line is broken
     return ", ".join(word.replace(" ", NON_BREAKING) for word in words).replace("-", "−")
-
-
-def _one_sided_words(found: Estimate) -> str:
-    """A constant that the data bound on one side: its 95 % interval."""
-    return f"in {interval_text(found.interval95, places_of(found))}"
 
 
 def _own(printed: Sequence[Mark], part: Regimes, every: Sequence[Regimes]) -> tuple[Mark, ...]:
@@ -184,26 +181,41 @@ def warnings_of(result: FitResult) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def provenance_label(series: str, kinds: tuple[str, ...]) -> str:
-    """A series in the legend."""
-    words = "STAND-IN, not measured" if STAND_IN in kinds else provenance_words(kinds)
-    return f"{series} ({words})" if series else words
-
-
-def _points(
-    result: FitResult, rows: pd.DataFrame, series: str, x: Abscissa, y: Ordinate, series_style: SeriesStyle
+def points_of(
+    result: FitResult,
+    rows: pd.DataFrame,
+    name: str,
+    value: Array,
+    sigma: Array,
+    residual: Array,
+    own: SeriesStyle,
+    x: Abscissa = INCIDENCE,
 ) -> Points:
+    """Observations in a figure.
+
+    Parameters
+    ----------
+    result : FitResult
+    rows : DataFrame
+        Of its points.
+    name : str
+        In the legend, beside their provenance.
+    value, sigma, residual : ndarray, (n,)
+        As the figure shows them; where sigma is not finite there is no error bar.
+    own : SeriesStyle
+    x : Abscissa
+    """
     kinds = tuple(str(kind) for kind in rows["provenance"].unique())
-    sigma = rows["sigma_used"].to_numpy(dtype=float)
+    words = "STAND-IN, not measured" if STAND_IN in kinds else provenance_words(kinds)
     return Points(
-        provenance_label(series, kinds),
+        f"{name} ({words})" if name else words,
         x.of_gamma(rows["gamma_deg"].to_numpy(dtype=float)),
-        y.sign * rows["value"].to_numpy(dtype=float),
+        value,
         np.where(np.isfinite(sigma), sigma, 0.0),
-        series_style,
+        own,
         ", ".join(kinds),
-        rows["sticking"].map(bool).to_numpy(dtype=bool),
-        y.sign * rows["standardised"].to_numpy(dtype=float),
+        sticks(rows),
+        residual,
         is_outlier(result, rows),
     )
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ifrfit.paper.legend_entries import entries_of
-from ifrfit.paper.scene import Band, Curve, Points, Scene
+from ifrfit.paper.scene import Curve, Points, Scene
 from ifrfit.report import style
 from ifrfit.report.figures import NON_BREAKING
 from ifrfit.report.legend import LINE, Legend
@@ -99,18 +99,11 @@ def _draw_curve(axes: Axes, curve: Curve) -> None:
         for end in (curve.predictive.lo95, curve.predictive.hi95):
             axes.plot(curve.x, end, color=pen.colour, lw=0.6, ls=(0, (1, 1.5)), alpha=0.8, zorder=2.5)
     if curve.credible is not None:
-        for (low, high), alpha in ((_outer(curve.credible), 0.18), (_inner(curve.credible), 0.26)):
+        band = curve.credible
+        for low, high, alpha in ((band.lo95, band.hi95, 0.18), (band.lo68, band.hi68, 0.26)):
             axes.fill_between(curve.x, low, high, color=pen.colour, alpha=alpha, lw=0.0, zorder=2)
     front = 3.0 if curve.kind == "recovered" else 3.5
     axes.plot(curve.x, curve.y, color=pen.colour, ls=pen.dashes, lw=pen.width, zorder=front)
-
-
-def _outer(band: Band) -> tuple[np.ndarray, np.ndarray]:
-    return band.lo95, band.hi95
-
-
-def _inner(band: Band) -> tuple[np.ndarray, np.ndarray]:
-    return band.lo68, band.hi68
 
 
 def _draw_points(axes: Axes, points: Points) -> None:

@@ -38,8 +38,9 @@ def select_figures(names: Sequence[str], digitised_only: bool) -> Choice:
     of_case = {case.name: case.dataset for case in CASES}
     selected = tuple(figure for figure in requested if of_case.get(figure.case, "") in real)
     if not selected:
+        listed = ", ".join(figure.stem for figure in requested)
         raise UsageError(
-            f"--digitised-only: nothing of {_listed(requested)} rests on points that were digitised or "
+            f"--digitised-only: nothing of {listed} rests on points that were digitised or "
             "measured. Put yours in with 'ifrfit datasets install NAME FILE'."
         )
     left_out = tuple(figure.stem for figure in requested if figure not in selected)
@@ -74,7 +75,3 @@ def _part(figure: PaperFigure, requested: str) -> bool:
 def _is_real(dataset: str) -> bool:
     kinds = set(load_dataset(dataset).provenance)
     return STAND_IN not in kinds and bool(kinds & set(REAL))
-
-
-def _listed(figures: Sequence[PaperFigure]) -> str:
-    return ", ".join(figure.stem for figure in figures)

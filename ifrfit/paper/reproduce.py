@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ifrfit.errors import UsageError
@@ -14,7 +13,7 @@ from ifrfit.paper.claims import Answer, across_regimes, across_spins, reading
 from ifrfit.paper.constants_table import table_text
 from ifrfit.paper.figure_selection import Choice, select_figures
 from ifrfit.paper.figures import FIGURES
-from ifrfit.paper.make_figure import DrawnFigure, make_figure
+from ifrfit.paper.make_figure import make_figure
 from ifrfit.paper.recovered_constants import COLUMNS, FittedCase
 from ifrfit.paper.scene import write_rows
 from ifrfit.report.atomic_folder import Contents, deliver
@@ -31,7 +30,11 @@ _EARLIER = tuple(
 
 
 def reproduce(
-    out: Path, *, figures: Sequence[str] = (), digitised_only: bool = False, progress: bool = False
+    out: Path,
+    *,
+    figures: Sequence[str] = (),
+    digitised_only: bool = False,
+    progress: Callable[[str], object] = lambda line: None,
 ) -> str:
     """Redraw the figures of the paper and of the bundled real data, and tabulate the constants behind them.
 
@@ -45,8 +48,8 @@ def reproduce(
         is left as it is where some are named.
     digitised_only : bool
         Leave out whatever does not rest on points that were digitised or measured.
-    progress : bool
-        Write a line per figure to standard error.
+    progress : callable
+        Told a line per figure.
 
     Returns
     -------
@@ -93,43 +96,27 @@ def _check_free(out: Path, whole: bool) -> None:
             raise UsageError(f"{table} is not a table of this command. Choose another folder with --out.")
 
 
-def _run(folder: Path, choice: Choice, whole: bool, progress: bool) -> dict[str, FittedCase]:
+def _run(
+    folder: Path, choice: Choice, whole: bool, progress: Callable[[str], object]
+) -> dict[str, FittedCase]:
     """Fit, draw and write into a folder; the fits by the names of their cases."""
     done: dict[str, FittedCase] = {}
-    with _progress_reporter(progress) as tell:
-        for figure in choice.figures:
-            started = time.monotonic()
-            drawn = make_figure(figure, done)
-            if drawn is not None:
-                _save(drawn, folder)
-            how = f"{time.monotonic() - started:.1f} s" if drawn is not None else "not drawn, see the table"
-            plain = figure.title.replace("$", "").replace("\\", "")
-            tell(f"{figure.stem:<17} {plain}, {how}")
-        for case in CASES if whole else ():
-            if case.name not in done and case.dataset in choice.datasets:
-                done[case.name] = fit_case(case)
+    for figure in choice.figures:
+        started = time.monotonic()
+        drawn = make_figure(figure, done)
+        if drawn is not None:
+            save_both(drawn.figure, folder, drawn.stem)
+            write_rows(drawn.rows, folder / f"{drawn.stem}.csv")
+        how = f"{time.monotonic() - started:.1f} s" if drawn is not None else "not drawn, see the table"
+        plain = figure.title.replace("$", "").replace("\\", "")
+        progress(f"{figure.stem:<17} {plain}, {how}")
+    for case in CASES if whole else ():
+        if case.name not in done and case.dataset in choice.datasets:
+            done[case.name] = fit_case(case)
     done = {case.name: done[case.name] for case in CASES if case.name in done}
     if whole:
         _write_table(folder / TABLE, list(done.values()))
     return done
-
-
-def _save(drawn: DrawnFigure, folder: Path) -> None:
-    save_both(drawn.figure, folder, drawn.stem)
-    write_rows(drawn.rows, folder / f"{drawn.stem}.csv")
-
-
-@contextmanager
-def _progress_reporter(progress: bool) -> Iterator[Callable[[str], object]]:
-    """Say that a figure is done, on standard error."""
-    if not progress:
-        yield lambda line: None
-        return
-    from rich.console import Console
-
-    console = Console(stderr=True, highlight=False)
-    with console.status("fitting and drawing"):
-        yield console.print
 
 
 def _write_table(path: Path, done: Sequence[FittedCase]) -> None:
@@ -141,12 +128,12 @@ def _write_table(path: Path, done: Sequence[FittedCase]) -> None:
 
 def _answers(done: dict[str, FittedCase]) -> list[Answer]:
     """What the data say to the paper's questions: one set in both regimes, one mu, which beta."""
-    answers = [across_regimes(d) for d in done.values() if not d.repeats_data and _has_angles(d)]
+    answers = [
+        across_regimes(d)
+        for d in done.values()
+        if not d.repeats_data and d.result is not None and d.result.points["gamma_deg"].notna().any()
+    ]
     answers.append(across_spins(done))
     if "buck-2017" in done:
         answers.append(reading(done["buck-2017"]))
     return [answer for answer in answers if answer is not None]
-
-
-def _has_angles(done: FittedCase) -> bool:
-    return done.result is not None and bool(done.result.points["gamma_deg"].notna().any())

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
-from ifrfit.report.terminal import aligned, finding_lines
-from ifrfit.text import decimals, interval_ends, interval_text
+from ifrfit.report.terminal import aligned, finding_lines, interval_column
+from ifrfit.text import decimals
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,9 +45,7 @@ def _column(table: pd.DataFrame, method: str) -> list[str]:
     """Intervals of one method, with the digits that the exact one deserves and their ends aligned."""
     low, high = (table[f"{method}_{end}"].to_numpy(dtype=float).tolist() for end in ("low", "high"))
     places = [_places(table, i) for i in range(len(table))]
-    ends = [interval_ends((a, b), p) for a, b, p in zip(low, high, places, strict=True)]
-    width = max((len(end) for pair in ends if all(pair) for end in pair), default=0)
-    return [interval_text((a, b), p, width) for a, b, p in zip(low, high, places, strict=True)]
+    return interval_column(list(zip(low, high, strict=True)), places)
 
 
 def _places(table: pd.DataFrame, row: int) -> int | None:

@@ -18,6 +18,7 @@ from ifrfit.report.shading import regime_key
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 FONT_SIZE = 6.6
@@ -90,13 +91,17 @@ def _series(result: FitResult, styles: dict[str, SeriesStyle]) -> list[tuple[Any
 
     entries = []
     for name, own in styles.items():
-        kinds = result.points["provenance"][result.points["series"] == name].unique()
-        provenance = provenance_words(tuple(str(kind) for kind in kinds))
-        label = textwrap.fill(f"{name} ({provenance})", LONGEST)
-        # a leading underscore would hide the entry, dollars would be read as mathematics
-        label = (f" {label}" if label.startswith("_") else label).replace("$", r"\$")
-        entries.append((Line2D([], [], color=own.colour, ls=own.line, marker=own.marker, ms=4.2), label))
+        line = Line2D([], [], color=own.colour, ls=own.line, marker=own.marker, ms=4.2)
+        entries.append((line, series_label(result.points, name, LONGEST)))
     return entries
+
+
+def series_label(points: pd.DataFrame, name: str, longest: int) -> str:
+    """A series with its provenance, wrapped."""
+    kinds = points["provenance"][points["series"] == name].unique()
+    label = textwrap.fill(f"{name} ({provenance_words(tuple(str(kind) for kind in kinds))})", longest)
+    # a leading underscore would hide the entry, dollars would be read as mathematics
+    return (f" {label}" if label.startswith("_") else label).replace("$", r"\$")
 
 
 def _marks(result: FitResult) -> list[tuple[Any, str]]:

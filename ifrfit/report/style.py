@@ -6,8 +6,9 @@ import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 
 PANEL_WIDTH_MM = 85.0
 MM_PER_INCH = 25.4
-PNG_DPI = 200
 SUFFIXES = ("svg", "png")
 
 # Okabe & Ito (2008), without the yellow that vanishes on white
@@ -25,31 +25,6 @@ LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 STICKING_SHADE = "#0000000D"
 GREY = "0.35"
 RESIDUAL_DASHES = (0, (4, 3))
-
-_STYLE = {
-    "font.family": "DejaVu Sans",
-    "font.size": 7.5,
-    "axes.labelsize": 8.0,
-    "axes.titlesize": 8.0,
-    "axes.linewidth": 0.7,
-    "axes.unicode_minus": True,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
-    "xtick.direction": "in",
-    "ytick.direction": "in",
-    "xtick.top": True,
-    "ytick.right": True,
-    "legend.fontsize": 7.0,
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-    "mathtext.fontset": "dejavusans",
-    "figure.dpi": 100,
-    "savefig.dpi": PNG_DPI,
-    "svg.fonttype": "none",
-    # ids in the file come from this instead of from chance
-    "svg.hashsalt": "ifrfit",
-}
-
 
 @dataclass(frozen=True)
 class SeriesStyle:
@@ -97,8 +72,16 @@ def drawing() -> Iterator[None]:
     """Draw in our style whatever the user's matplotlibrc says, and leave no trace of it."""
     from matplotlib import style
 
-    with style.context(["default", _STYLE]):
+    with style.context(["default", _own()]):
         yield
+
+
+@cache
+def _own() -> dict[str, Any]:
+    from matplotlib import rc_params_from_file
+
+    path = Path(__file__).with_name("figures.mplstyle")
+    return dict(rc_params_from_file(path, use_default_template=False))
 
 
 def write_watermark(axes: Axes, word: str, *, size: float, height: float = 0.5) -> None:

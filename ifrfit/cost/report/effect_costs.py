@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ifrfit.cost.effect_costs import EffectCosts
+from ifrfit.cost.report.figure import draw_choice
 from ifrfit.cost.timing import Cost, Timing, table_of
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.report import style
@@ -15,7 +16,6 @@ from ifrfit.report.simulation.supplement import Supplement
 from ifrfit.report.terminal import aligned
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ifrfit.simulation.result import Simulation
@@ -118,8 +118,13 @@ def plot_costs(measured: EffectCosts, accuracy: float, title: str) -> Figure:
             "accuracy asked for", (0.01, accuracy), xycoords=("axes fraction", "data"), xytext=(0, 2),
             textcoords="offset points", fontsize=6.0, color=style.GREY,
         )  # fmt: skip
-        for cost, styles in zip(shown, style.series_styles([c.method for c in shown]).values(), strict=True):
-            _draw(axes, cost, styles, min(max(cost.error, low), high))
+        for cost, own in zip(shown, style.series_styles([c.method for c in shown]).values(), strict=True):
+            median, least, most = (
+                max(_NS * t, _LEAST_NS) for t in (cost.time.median, cost.time.low, cost.time.high)
+            )
+            label = f"{EFFECTS[cost.method].title}, {_SHOWN[cost.setting]}: {change_text(cost)}"
+            y = min(max(cost.error, low), high)
+            draw_choice(axes, (median, least, most), y, own, filled=cost.setting == "on", label=label)
         axes.set_ylim(0.4 * low, 2.5 * high)
         axes.margins(x=0.1)
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -131,18 +136,6 @@ def plot_costs(measured: EffectCosts, accuracy: float, title: str) -> Figure:
         figure.legend(loc="outside lower center", ncols=2, fontsize=6.6)
         style.fix_layout(figure)
     return figure
-
-
-def _draw(axes: Axes, cost: Cost, series_style: style.SeriesStyle, y: float) -> None:
-    x, left, right = (max(_NS * t, _LEAST_NS) for t in (cost.time.median, cost.time.low, cost.time.high))
-    face = series_style.colour if cost.setting == "on" else "white"
-    axes.errorbar(
-        [x], [y], xerr=[[x - left], [right - x]], fmt="none", ecolor=series_style.colour, elinewidth=0.8
-    )
-    axes.plot(
-        [x], [y], ls="none", marker=series_style.marker, ms=5.0, mfc=face, mec=series_style.colour, mew=0.9,
-        label=f"{EFFECTS[cost.method].title}, {_SHOWN[cost.setting]}: {change_text(cost)}",
-    )  # fmt: skip
 
 
 def _ns(seconds: float) -> str:

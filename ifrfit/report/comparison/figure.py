@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,8 @@ from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import INDIFFERENT, title
 from ifrfit.report import panels, style
 from ifrfit.report.figures import MOST_COLUMNS
+from ifrfit.report.legend import series_label
+from ifrfit.report.markers import handle
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import has_angle
 from ifrfit.report.style import GREY
@@ -67,7 +68,7 @@ def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
             weight = "bold" if is_stand_in(comparison.best) else "normal"
             figure.suptitle(heading, fontsize=7.5, weight=weight)
         figure.legend(
-            handles=[handle for handle, _ in legend],
+            handles=[mark for mark, _ in legend],
             labels=[label for _, label in legend],
             loc="outside lower center",
             ncols=2 * columns,
@@ -192,11 +193,7 @@ def _legend(
     markers = style.series_styles([str(name) for name in points["series"].unique()])
     shown = points["series"][points["observable"].isin(observables)].unique()
     for name in map(str, shown):
-        kinds = ", ".join(dict.fromkeys(points["provenance"][points["series"] == name]))
-        mark = Line2D([], [], ls="none", marker=markers[name].marker, ms=4.2, mfc="white", mec="black")
-        # a leading underscore would hide the entry, dollars would be read as mathematics
-        label = textwrap.fill(f"{name} ({kinds or 'provenance not stated'})", 40).replace("$", r"\$")
-        entries.append((mark, f" {label}" if label.startswith("_") else label))
+        entries.append((handle(markers[name].marker, 4.2, "white", "black"), series_label(points, name, 40)))
     return entries
 
 
