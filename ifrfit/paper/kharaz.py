@@ -124,7 +124,7 @@ def _converted(
 def _converted_values(
     rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows as the observable shown, with its sigma, and 1 or -1 as it rises or falls with what was measured."""
+    """Rows as the observable shown, with its sigma; 1 or -1 as it rises or falls with what was measured."""
     incidence = Incidence.of(rows["gamma_deg"], rows["spin_x"], rows["spin_y"], degrees=True)
     value, sigma = (rows[name].to_numpy(dtype=float) for name in ("value", "sigma_used"))
     (here, spread), (there, _) = (

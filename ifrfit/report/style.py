@@ -6,9 +6,8 @@ import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
 PANEL_WIDTH_MM = 85.0
 MM_PER_INCH = 25.4
 SUFFIXES = ("svg", "png")
+_LOOKS = Path(__file__).with_name("figures.mplstyle")
 
 # Okabe & Ito (2008), without the yellow that vanishes on white
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -72,16 +72,8 @@ def drawing() -> Iterator[None]:
     """Draw in our style whatever the user's matplotlibrc says, and leave no trace of it."""
     from matplotlib import style
 
-    with style.context(["default", _own()]):
+    with style.context(["default", _LOOKS]):
         yield
-
-
-@cache
-def _own() -> dict[str, Any]:
-    from matplotlib import rc_params_from_file
-
-    path = Path(__file__).with_name("figures.mplstyle")
-    return dict(rc_params_from_file(path, use_default_template=False))
 
 
 def write_watermark(axes: Axes, word: str, *, size: float, height: float = 0.5) -> None:
