@@ -26,6 +26,7 @@ STICKING_SHADE = "#0000000D"
 GREY = "0.35"
 RESIDUAL_DASHES = (0, (4, 3))
 
+
 @dataclass(frozen=True)
 class SeriesStyle:
     """Colour, marker and line of one series; each of the three tells it from the next ones."""
