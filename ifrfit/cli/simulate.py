@@ -44,9 +44,10 @@ def simulate(
     from ifrfit.simulation.simulate import simulate as run
 
     if out is not None and not force:
-        from ifrfit.report.simulation.folder import check_simulation_folder
+        from ifrfit.report.atomic_folder import check_free
+        from ifrfit.report.simulation.folder import SIMULATION
 
-        check_simulation_folder(out)
+        check_free(out, force=False, of=SIMULATION)
     costs: Supplement | None = None
     written: list[str] = []
     with working(quiet or as_json, "simulating"):

@@ -110,18 +110,19 @@ def in_turns(
         first = time.perf_counter() - start
         found[name] = given, Timing.of([first])
         if first <= most:
-            numbers[name] = max(1, round(enough / max(_seconds(call, 1), 1e-9)))
+            numbers[name] = max(1, round(enough / max(seconds_of(call), 1e-9)))
     seconds: dict[K, list[float]] = {name: [] for name in numbers}
     for _ in range(repeats):
         for name, number in numbers.items():
-            seconds[name].append(_seconds(calls[name], number))
+            seconds[name].append(seconds_of(calls[name], number))
     return {
         name: (given, Timing.of(seconds[name]) if name in seconds else once)
         for name, (given, once) in found.items()
     }
 
 
-def _seconds(call: Callable[[], object], number: int) -> float:
+def seconds_of(call: Callable[[], object], number: int = 1) -> float:
+    """Wall time of a call, on average over so many."""
     start = time.perf_counter()
     for _ in range(number):
         call()

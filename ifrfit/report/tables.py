@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.constants_rows import Row, constant_symbols, table_rows
+from ifrfit.report.page.html import environment
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words, source_sentences
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.rounding import plus_minus, span_text
@@ -35,8 +34,7 @@ def markdown(result: FitResult) -> str:
     """A Markdown table, with provenance and notes under it."""
     lines = ["| constant | value | 95 % interval | status |", "|---|---|---|---|"]
     for row in table_rows(result):
-        cells = (row.label, _plus_minus(row, "±"), _interval(row), row.remark)
-        lines.append("| " + " | ".join(_markdown(cell) for cell in cells) + " |")
+        lines.append("| " + " | ".join(_markdown(cell) for cell in _cells(row)) + " |")
     notes = [f"{model_line(result)}.", *_provenance(result), *_regimes(result, "±"), *_notes(result)]
     lines += ["", *(f"- {_markdown(note)}" for note in notes)]
     alarm = headline(result)
@@ -76,23 +74,22 @@ def html(result: FitResult) -> str:
 
     Everything that comes from data is escaped; nothing is loaded from elsewhere.
     """
-    alarm = headline(result)
-    parts = ['<div class="ifrfit-result">']
-    if alarm:
-        parts.append(f"<p><strong>LOOK: {escape(alarm)}.</strong></p>")
-    tag = "strong" if is_stand_in(result) else "span"
-    parts += [f"<p><{tag}>{escape(line)}</{tag}></p>" for line in _provenance(result)]
-    parts.append(f"<p>{escape(model_line(result))}</p>")
-    parts.append("<table><thead><tr>")
-    parts += [f"<th>{name}</th>" for name in ("constant", "value", "95&nbsp;% interval", "status")]
-    parts.append("</tr></thead><tbody>")
-    for row in table_rows(result):
-        cells = (row.label, _plus_minus(row, "±"), _interval(row), row.remark)
-        parts.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
-    parts.append("</tbody></table>")
-    notes = [*_regimes(result, "±"), *(f"{kind}: {says}" for kind, says in findings(result))]
-    parts.append("<ul>" + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul></div>")
-    return "".join(parts)
+    return (
+        environment()
+        .get_template("result.html.j2")
+        .render(
+            alarm=headline(result),
+            tag="strong" if is_stand_in(result) else "span",
+            provenance=_provenance(result),
+            model=model_line(result),
+            rows=[_cells(row) for row in table_rows(result)],
+            notes=[*_regimes(result, "±"), *(f"{kind}: {says}" for kind, says in findings(result))],
+        )
+    )
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    return row.label, _plus_minus(row, "±"), _interval(row), row.remark
 
 
 def _plus_minus(row: Row, sign: str) -> str:

@@ -11,8 +11,9 @@ import pytest
 from ifrfit.errors import UsageError
 from ifrfit.physics.effects import Criterion, PlanLine
 from ifrfit.physics.scenes import Quantity
+from ifrfit.report.atomic_folder import check_free
 from ifrfit.report.simulation.figure import plot
-from ifrfit.report.simulation.folder import SIMULATION, check_simulation_folder, write_simulation
+from ifrfit.report.simulation.folder import SIMULATION, write_simulation
 from ifrfit.report.simulation.text import plan_text, quantity_text
 from ifrfit.simulation.simulate import simulate
 
@@ -193,7 +194,7 @@ def test_an_earlier_one_is_kept_without_force(found, tmp_path):
     write_simulation(simulation, tmp_path / "a", force=False)
     (tmp_path / "a" / "mine.txt").write_text("mine")
     with pytest.raises(UsageError, match="add --force"):
-        check_simulation_folder(tmp_path / "a")
+        check_free(tmp_path / "a", force=False, of=SIMULATION)
     write_simulation(simulation, tmp_path / "a", force=True)
     assert (tmp_path / "a" / "mine.txt").read_text() == "mine"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.io import json_text
-from ifrfit.report.atomic_folder import Contents, check_free, deliver
+from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.simulation.figure import drawable, plot
 from ifrfit.report.simulation.supplement import Supplement
 from ifrfit.report.style import save_both
@@ -18,17 +18,6 @@ TABLES = ("rebounds.csv", "impacts.csv")
 FIGURES = ("simulation.svg", "simulation.png")
 SUPPLEMENTS = ("cost.csv", "cost.svg", "cost.png")  # of an earlier run: they go with what they belong to
 SIMULATION = Contents("simulation.json", (*TABLES, *FIGURES, *SUPPLEMENTS), "simulation")
-
-
-def check_simulation_folder(out: Path) -> None:
-    """Refuse a folder that holds an earlier simulation, before anything is computed.
-
-    Raises
-    ------
-    UsageError
-        As `ifrfit.report.folder.check_free`.
-    """
-    check_free(out, force=False, of=SIMULATION)
 
 
 def write_simulation(
