@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.report import style
@@ -148,7 +149,7 @@ def _numbers(column: Array) -> list[float | None]:
 
 def _groups(result: FitResult, series: list[str]) -> list[dict[str, Any]]:
     """One group of constants, or one a series where any of them is separate."""
-    separate = any("[" in name for name in result.state.names)
+    separate = any(split_name(name)[1] for name in result.state.names)
     found = []
     for label in series if separate else [None]:
         names, best, covariance, free = coordinates(result, label)
@@ -156,7 +157,7 @@ def _groups(result: FitResult, series: list[str]) -> list[dict[str, Any]]:
             {
                 "series": [series.index(label)] if label is not None else list(range(len(series))),
                 "best": values_of(names, best),
-                "coordinates": [name.partition("[")[0] for name in names],
+                "coordinates": [quantity_of(name) for name in names],
                 "at": [float(x) for x in best],
                 "free": [bool(x) for x in free],
                 "precision": _precision(covariance, free),
@@ -188,7 +189,7 @@ def coordinates(
         Which of them have any spread.
     """
     state = result.state
-    own = [i for i, name in enumerate(state.names) if "[" not in name or name.endswith(f"[{series}]")]
+    own = [i for i, name in enumerate(state.names) if split_name(name)[1] in ("", series)]
     if state.sample is None:
         covariance = np.array(state.covariance[np.ix_(own, own)])
     else:
@@ -199,7 +200,7 @@ def coordinates(
 
 def values_of(names: tuple[str, ...], point: Array) -> dict[str, float]:
     """(e_n, closure constant, mu) at a point of the coordinates, by name without the series."""
-    values = {name.partition("[")[0]: float(value) for name, value in zip(names, point, strict=True)}
+    values = {quantity_of(name): float(value) for name, value in zip(names, point, strict=True)}
     kappa = values.pop("kappa", None)
     if kappa is not None:
         values["mu"] = kappa / (1.0 + values["e_n"])

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.appraisal import Appraisal
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.report.rounding import by_series
@@ -44,7 +45,7 @@ class ReportInput:
         """kappa by label, where it is not fixed."""
         kappa = by_series(self.result.derived.get("kappa"))
         return {
-            f"kappa[{series}]" if series else "kappa": each
+            entry_name("kappa", series): each
             for series, each in kappa.items()
             if each.status != "fixed"
         }
