@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from ifrfit.cost.inference_costs import Reference
 from ifrfit.cost.pareto_front import Choice, choices_of
@@ -95,4 +94,4 @@ class Costs(Display):
         return names
 
     def _renderer(self) -> ModuleType:
-        return import_module(self.drawn_by)
+        return cast("ModuleType", super()._renderer())

@@ -19,7 +19,7 @@ from ifrfit.paper.recovered_constants import COLUMNS, FittedCase
 from ifrfit.paper.scene import write_rows
 from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.provenance import STAND_IN
-from ifrfit.report.style import SUFFIXES, save_both
+from ifrfit.report.style import SUFFIXES, save_svg_and_png
 
 TABLE = "constants.csv"
 FORMATS = (*SUFFIXES, "csv")
@@ -111,7 +111,7 @@ def _run(
         started = time.monotonic()
         drawn = make_figure(figure, done)
         if drawn is not None:
-            save_both(drawn.figure, folder, drawn.stem)
+            save_svg_and_png(drawn.figure, folder, drawn.stem)
             write_rows(drawn.rows, folder / f"{drawn.stem}.csv")
         how = f"{time.monotonic() - started:.1f} s" if drawn is not None else "not drawn, see the table"
         plain = figure.title.replace("$", "").replace("\\", "")

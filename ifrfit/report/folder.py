@@ -9,7 +9,7 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.figures import plot
 from ifrfit.report.page.writing import page
-from ifrfit.report.style import save_both
+from ifrfit.report.style import save_svg_and_png
 
 FIGURES = ("fit.svg", "fit.png")
 CHAINS = "chains.npz"
@@ -49,7 +49,7 @@ def _fill(result: FitResult, appraisal: Appraisal | None, folder: Path) -> list[
     names = [RESULT]
     if appraisal is not None and len(result.points):
         figure = plot(result)
-        names += save_both(figure, folder, "fit")
+        names += save_svg_and_png(figure, folder, "fit")
         (folder / REPORT).write_text(page(result, appraisal, figure), encoding="utf-8", newline="\n")
         names.append(REPORT)
     for name, own in result.files.items():

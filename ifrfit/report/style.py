@@ -103,7 +103,7 @@ def fix_layout(figure: Figure) -> None:
         axes.set_position(tuple(round(x, 6) for x in axes.get_position().bounds))
 
 
-def save_both(figure: Figure, folder: Path, stem: str) -> list[str]:
+def save_svg_and_png(figure: Figure, folder: Path, stem: str) -> list[str]:
     """Write a figure as svg and as png.
 
     Returns

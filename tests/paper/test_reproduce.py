@@ -264,7 +264,7 @@ def test_what_cannot_be_written_leaves_the_folder_as_it_was(tmp_path, monkeypatc
         raise OSError(28, "No space left on device")
 
     (tmp_path / "notes.txt").write_text("mine")
-    monkeypatch.setattr(reproduce, "save_both", full)
+    monkeypatch.setattr(reproduce, "save_svg_and_png", full)
     with pytest.raises(UsageError, match=r"cannot be written \(No space left on device\)\. Choose another"):
         reproduce.reproduce(tmp_path, figures=("2",))
     assert contents(tmp_path) == {"notes.txt": b"mine"}

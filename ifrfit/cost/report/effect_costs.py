@@ -41,7 +41,7 @@ def supplement(measured: EffectCosts, simulation: Simulation) -> Supplement:
         table.to_csv(folder / SUPPLEMENTS[0], index=False, lineterminator="\n", float_format="%.6g")
         title = f"{simulation.scene.title}: what each effect changes and costs"
         figure = plot_costs(measured, simulation.plan.accuracy, title)
-        return [SUPPLEMENTS[0], *style.save_both(figure, folder, "cost")]
+        return [SUPPLEMENTS[0], *style.save_svg_and_png(figure, folder, "cost")]
 
     return Supplement(cost_lines(measured), {"cost": cost_dict(measured)}, write)
 

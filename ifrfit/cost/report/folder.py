@@ -7,7 +7,7 @@ from pathlib import Path
 from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import KINDS
 from ifrfit.report.atomic_folder import Contents, deliver
-from ifrfit.report.style import SUFFIXES, save_both
+from ifrfit.report.style import SUFFIXES, save_svg_and_png
 
 FIGURES = tuple(f"cost-{kind}.{suffix}" for kind in KINDS for suffix in SUFFIXES)
 COSTS = Contents("cost.csv", FIGURES, "measurement of costs")
@@ -31,7 +31,7 @@ def write_costs(costs: Costs, out: Path, *, force: bool) -> list[str]:
         costs.table().to_csv(folder / COSTS.record, index=False, lineterminator="\n", float_format="%.6g")
         names = [COSTS.record]
         for kind in costs.kinds:
-            names += save_both(costs.plot(kind), folder, f"cost-{kind}")
+            names += save_svg_and_png(costs.plot(kind), folder, f"cost-{kind}")
         return names
 
     return deliver(fill, out, COSTS, force=force)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ifrfit.inference.comparison import Comparison
 from ifrfit.report.atomic_folder import Contents, deliver
-from ifrfit.report.style import save_both
+from ifrfit.report.style import save_svg_and_png
 
 COMPARISON = Contents("compare.json", ("compare.svg", "compare.png"), "comparison")
 
@@ -22,6 +22,6 @@ def write_comparison(comparison: Comparison, out: Path, *, force: bool) -> list[
 
     def fill(folder: Path) -> list[str]:
         comparison.save(folder / COMPARISON.record)
-        return [COMPARISON.record, *save_both(comparison.plot(), folder, "compare")]
+        return [COMPARISON.record, *save_svg_and_png(comparison.plot(), folder, "compare")]
 
     return deliver(fill, Path(out), COMPARISON, force=force)

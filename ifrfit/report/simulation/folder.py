@@ -9,7 +9,7 @@ from ifrfit.inference.io import json_text
 from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.simulation.figure import drawable, plot
 from ifrfit.report.simulation.supplement import Supplement
-from ifrfit.report.style import save_both
+from ifrfit.report.style import save_svg_and_png
 
 if TYPE_CHECKING:
     from ifrfit.simulation.result import Simulation
@@ -60,5 +60,5 @@ def _fill(simulation: Simulation, folder: Path, supplement: Supplement | None) -
         table.to_csv(folder / name, index=False, lineterminator="\n")
     names = [SIMULATION.record, *TABLES]
     if drawable(simulation):
-        names += save_both(plot(simulation), folder, "simulation")
+        names += save_svg_and_png(plot(simulation), folder, "simulation")
     return names if supplement is None else [*names, *supplement.write(folder)]
