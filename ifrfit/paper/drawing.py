@@ -125,7 +125,7 @@ def _markers(axes: Axes, points: Points, y: np.ndarray, size: float) -> None:
     sticking = np.zeros(points.x.size, dtype=bool) if points.sticking is None else points.sticking
     draw_markers(axes, points.x, y, sticking, points.series_style, size)
     if points.is_outlier is not None:
-        ring_outliers(axes, points.x, y, points.is_outlier, size=8.5)
+        ring_outliers(axes, points.x, y, points.is_outlier, size=8.5, edge=0.9)
 
 
 def _draw_residuals(axes: Axes, scene: Scene) -> None:

@@ -50,10 +50,12 @@ def draw_markers(
             axes.plot(x[chosen], y[chosen], ls="none", marker=own.marker, ms=size, **look)
 
 
-def ring_outliers(axes: Axes, x: Array, y: Array, out: Mask, *, size: float = 10.0) -> None:
+def ring_outliers(
+    axes: Axes, x: Array, y: Array, out: Mask, *, size: float = 10.0, edge: float = 1.1
+) -> None:
     """Draw a ring around each outlier."""
     if out.any():
-        look: dict[str, Any] = {"mfc": "none", "mec": "black", "mew": 0.11 * size, "zorder": 6}
+        look: dict[str, Any] = {"mfc": "none", "mec": "black", "mew": edge, "zorder": 6}
         axes.plot(x[out], y[out], ls="none", marker="o", ms=size, clip_on=False, **look)
 
 
