@@ -183,9 +183,14 @@ def test_the_folder_appears_whole_and_the_same_bytes_each_time(found, tmp_path):
 def blank(monkeypatch):
     """Figures without ink: drawing is tested elsewhere."""
     monkeypatch.setattr("ifrfit.report.simulation.folder.plot", lambda simulation: None)
-    monkeypatch.setattr(
-        "ifrfit.report.simulation.folder.save_figure", lambda figure, path: path.write_text("blank")
-    )
+
+    def save(figure, folder, stem):
+        names = [f"{stem}.svg", f"{stem}.png"]
+        for name in names:
+            (folder / name).write_text("blank")
+        return names
+
+    monkeypatch.setattr("ifrfit.report.simulation.folder.save_svg_and_png", save)
 
 
 @pytest.mark.usefixtures("blank")
@@ -204,7 +209,7 @@ def test_nothing_is_left_where_writing_fails(found, tmp_path, monkeypatch):
     def fail(*_arguments: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("ifrfit.report.simulation.folder.save_figure", fail)
+    monkeypatch.setattr("ifrfit.report.simulation.folder.save_svg_and_png", fail)
     with pytest.raises(UsageError, match="No space left"):
         write_simulation(found("lateral-spin"), tmp_path / "a" / "b", force=False)
     assert list(tmp_path.iterdir()) == []
