@@ -12,7 +12,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.inference.posterior.convergence import largest_error, panel_errors, quantiles_at_levels
+from ifrfit.inference.posterior.convergence import largest_error, quantiles_at_levels
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.layout_marginals import kappa_marginals, marginals_of
@@ -254,11 +254,10 @@ class Refinement:
             self._allowed *= 0.1
         everywhere = not helps or self.density.size() <= _SMALL
         marginals = self.marginals if self.evidence_error <= self.tolerance else {}
-        errors = panel_errors(marginals, self.tolerance)
 
         def split() -> bool:
             allowed = self._allowed if everywhere else self.tolerance
-            return self._integral.refine(self.density, allowed, errors, self._allowed)
+            return self._integral.refine(self.density, allowed, self._allowed)
 
         changed = split()
         for marginal in marginals.values():

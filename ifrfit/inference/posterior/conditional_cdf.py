@@ -79,23 +79,6 @@ class ConditionalCdf:
                     found[level, some] += below[level] @ self._weight[level, part]
         return np.asarray(found / self._whole[:levels, None])
 
-    def error_along_c(self, t: Array) -> Array:
-        """Change of the probability by the coarse rule along the closure constant alone, (n,)."""
-        found = np.zeros(t.size)
-        for start in range(0, self._at.size, _AT_ONCE // t.size):
-            part = slice(start, start + _AT_ONCE // t.size)
-            below = self._below(t, part, 2)
-            found += (below[1] - below[0]) @ self._weight[0, part]
-        return np.asarray(np.abs(found) / self._whole[0])
-
-    def density_below(self, t: float) -> Array:
-        """Density of what lies below a threshold at each (outer node, e_n, transition), by the rules."""
-        found = np.zeros(math.prod(self._shape))
-        for start in range(0, self._at.size, _AT_ONCE):
-            part = slice(start, start + _AT_ONCE)
-            found[self._at[part]] = self._below(np.array([t]), part, 1)[0, 0]
-        return np.asarray(found.reshape(self._shape))
-
     def _below(self, t: Array, part: slice, levels: int) -> Array:
         """Integrals up to the thresholds at some nodes, (levels, n, k)."""
         node = self._node[part]

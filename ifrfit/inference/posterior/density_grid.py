@@ -201,40 +201,11 @@ class DensityGrid:
         negligible = math.exp(-self.series.tail)
         return TwoSidedIntegrals.of(self.f, mass, self.coordinate, self.series.c_order, negligible)
 
-    def x_density_of(self, part: Array, share: Array) -> Array:
-        """Density along the transition of a part of f's integral at each node, (rows, panels, nodes)."""
-        across = self.outer(share)[0] * self.e_weight[0][:, None]
-        return np.asarray(part * self.factor * across).reshape(-1, *self._x_axis.shape)
-
-    def e_density_of(self, part: Array, share: Array) -> Array:
-        """Density along e_n of a part of f's integral at each node, (rows, panels, nodes)."""
-        inner = (part * self.factor * self.x_weight[0]).sum(axis=-1)
-        return np.asarray((inner * self.outer(share)[0, ..., 0]).reshape(-1, *self._e_axis.shape))
-
-    def e_density_below(self, x: Array, share: Array) -> Array:
-        """Density along e_n of what lies below a transition x, (m, n_e), as (rows, panels, nodes)."""
-        axis = self._x_axis
-        m, n_e, _ = self.g.shape[1:]
-        panels = PanelCdf.of(axis.low[None], axis.width[None], self.g[0].reshape(m * n_e, *axis.shape))
-        t = np.broadcast_to(self.series.to_t(x), (m, n_e))
-        start: Array | float = 0.0
-        if self.limits is not None:
-            least, most = (np.broadcast_to(end, (m, n_e)) for end in self.limits)
-            t, start = np.clip(t, least, most), panels.below(least.reshape(-1))
-        below = np.asarray((panels.below(t.reshape(-1)) - start).reshape(m, n_e))
-        return np.asarray((below * self.outer(share)[0, ..., 0]).reshape(-1, *self._e_axis.shape))
-
     @property
     def _x_axis(self) -> QuadratureAxis:
         if self.series.x_axis is None:
             raise ValueError("the transition of this series is not integrated over")
         return self.series.x_axis
-
-    @property
-    def _e_axis(self) -> QuadratureAxis:
-        if self.series.e_axis is None:
-            raise ValueError("e_n of this series is not integrated over")
-        return self.series.e_axis
 
     def discrete_law(self, value: Array, share: Array) -> tuple[Array, Array]:
         """A value at all nodes, (n,), with its probabilities, (2, n); without nodes of no probability."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,6 @@ _COARSE = 4  # order of a first look
 _LARGEST_C_ORDER = 128
 _REHEARSALS = 16  # rounds at most
 _DOMINANT = 0.25  # share of the largest error from which on an axis is among those that carry it
-
-# Errors of the panels of an axis, (panels,), or of the closure constant of a series, (1,)
-PanelErrors = Sequence[tuple[QuadratureAxis | SeriesIntegral, Array]]
 
 
 @dataclass(frozen=True)
@@ -188,7 +185,6 @@ class JointIntegral:
         self,
         density: JointDensity,
         allowed: float,
-        more: PanelErrors = (),
         dominant_allowed: float = math.inf,
     ) -> bool:
         """Halve panels whose error is above its part of what is allowed; whether anything changed.
@@ -197,13 +193,11 @@ class JointIntegral:
         ----------
         density : JointDensity
         allowed : float
-        more : sequence
-            Errors found otherwise.
         dominant_allowed : float
             What is allowed, if less, along the axes that carry most of the error.
         """
         changed = False
-        sources = self._error_sources(density, more)
+        sources = self._error_sources(density)
         most = max((float(found.error.sum()) for found in sources), default=0.0)
         for found in sources:
             is_dominant = found.error.sum() >= _DOMINANT * most
@@ -219,18 +213,13 @@ class JointIntegral:
                 changed = True
         return changed
 
-    def _error_sources(self, density: JointDensity, more: PanelErrors = ()) -> list[ErrorSource]:
+    def _error_sources(self, density: JointDensity) -> list[ErrorSource]:
         """Masses and errors of the panels of all axes, and of the closure constants."""
         sources = []
         for number, one in enumerate(self.shared):
             sources.append(ErrorSource(None, one.axis, *density.outer_errors(number)))
         for series, grid in zip(self.series, density.grids, strict=True):
             sources += [ErrorSource(series, *found) for found in grid.panel_errors(density.share)]
-        for number, found in enumerate(sources):
-            place = found.series if found.axis is None else found.axis
-            own = [error for at, error in more if at is place]
-            if own:
-                sources[number] = replace(found, error=np.max([found.error, *own], axis=0))
         return sources
 
 

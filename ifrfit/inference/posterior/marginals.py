@@ -13,7 +13,7 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.joint_grid import JointDensity, PanelErrors
+from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
 Array = NDArray[np.float64]
@@ -44,10 +44,6 @@ class Marginal:
     kinks : callable or None
         From quantiles to an axis and where on it they put kinks into the integrand of the distribution
         function, so that panels are to be split there.
-    errors : callable or None
-        From thresholds, and factors of what is found there, to the largest errors that only distribution
-        functions show: in each panel of an axis over which conditional ones are averaged, which can be steps
-        where the densities themselves are smooth, and of the closure constant.
     """
 
     name: str
@@ -57,7 +53,6 @@ class Marginal:
     cdf: Cdf
     factors: tuple[tuple[int, Array], ...] = ()
     kinks: Callable[[Array], tuple[QuadratureAxis, Array]] | None = None
-    errors: Callable[[Array, Array], PanelErrors] | None = None
 
     def mass_above(self, value: float) -> float:
         """Probability above a value."""

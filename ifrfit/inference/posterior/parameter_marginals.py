@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.posterior.conditional_cdf import ConditionalCdf
 from ifrfit.inference.posterior.density_grid import DensityGrid
-from ifrfit.inference.posterior.joint_grid import JointDensity, PanelErrors
+from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import Cdf, Marginal, Moments, moments_of
 from ifrfit.inference.posterior.panel_cdf import PanelCdf
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
-from ifrfit.inference.posterior.series_integral import SeriesIntegral
 from ifrfit.inference.posterior.transition_roles import ClosureConstantFree, RestitutionFree, sticking_bound
 
 Array = NDArray[np.float64]
-
-ErrorsAt = Callable[[Array, Array], PanelErrors]
 
 _TINY = 1e-300
 
@@ -89,29 +86,12 @@ def _c(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParam
 
         return Marginal(name, parameter.lower, parameter.upper, moments, cdf)
     by_c = ConditionalCdf(grid, density.share, np.zeros((1, 1, 1)), lambda t, zero: t + zero)
-    errors = _errors_by_c(density, grid, by_c)
-    return Marginal(name, parameter.lower, parameter.upper, moments, by_c.probability, errors=errors)
+    return Marginal(name, parameter.lower, parameter.upper, moments, by_c.probability)
 
 
 def _mu(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParameter) -> Marginal:
-    cdf, errors = _friction(density, grid, 1.0 + grid.nodes.e_n)
-    moments = _moments(density, grid, grid.nodes.mu)
-    return Marginal(name, parameter.lower, parameter.upper, moments, cdf, errors=errors)
-
-
-def _friction(density: JointDensity, grid: DensityGrid, divisor: Array) -> tuple[Cdf, ErrorsAt]:
-    """Distribution function of x b(c)/divisor, and the errors of panels over which it is averaged."""
-    if grid.series.is_unbounded and grid.series.integrates_c:
-        by_c = _friction_by_c(grid, divisor, density.share)
-        return by_c.probability, _errors_by_c(density, grid, by_c)
-    return friction_cdf(grid, divisor, density.share), _errors_by_x(density, grid, divisor)
-
-
-def _friction_by_c(grid: DensityGrid, divisor: Array, share: Array) -> ConditionalCdf:
-    """Where x b(c)/divisor is below a value, by the closure constant."""
-    k = grid.series.squares.coefficients
-    per_x = divisor / np.maximum(grid.nodes.x, _TINY)
-    return ConditionalCdf(grid, share, per_x, lambda t, own: (t * own - k.b0) / k.b1, falls=k.b1 < 0.0)
+    cdf = friction_cdf(grid, 1.0 + grid.nodes.e_n, density.share)
+    return Marginal(name, parameter.lower, parameter.upper, _moments(density, grid, grid.nodes.mu), cdf)
 
 
 def friction_cdf(grid: DensityGrid, divisor: Array, share: Array) -> Cdf:
@@ -125,45 +105,14 @@ def friction_cdf(grid: DensityGrid, divisor: Array, share: Array) -> Cdf:
         Probabilities of the outer nodes.
     """
     if grid.series.is_unbounded and grid.series.integrates_c:
-        return _friction_by_c(grid, divisor, share).probability
-    ratio = _x_per_friction(grid, divisor)
+        k = grid.series.squares.coefficients
+        per_x = divisor / np.maximum(grid.nodes.x, _TINY)
+        return ConditionalCdf(
+            grid, share, per_x, lambda t, own: (t * own - k.b0) / k.b1, falls=k.b1 < 0.0
+        ).probability
+    ratio = (divisor / _bound(grid))[..., 0]  # of the transition to the quantity, (m, n_e)
     below = grid.x_cdf(share)
     return lambda t, levels: below(t[:, None, None] * ratio, levels)
-
-
-def _errors_by_c(density: JointDensity, grid: DensityGrid, by_c: ConditionalCdf) -> ErrorsAt:
-    """Errors of panels over which conditional distribution functions of the closure constant are averaged."""
-
-    def errors(at: Array, per: Array) -> PanelErrors:
-        share, series = density.share, grid.series
-        parts = [by_c.density_below(float(t)) for t in at]
-        found: list[tuple[QuadratureAxis | SeriesIntegral, Array]] = [
-            (series, np.array([float((by_c.error_along_c(at) * per).max())]))
-        ]
-        for axis, density_of in ((series.x_axis, grid.x_density_of), (series.e_axis, grid.e_density_of)):
-            if axis is not None:
-                each = [
-                    axis.errors(density_of(part, share)) * one for part, one in zip(parts, per, strict=True)
-                ]
-                found.append((axis, np.asarray(np.max(each, axis=0))))
-        return found
-
-    return errors
-
-
-def _errors_by_x(density: JointDensity, grid: DensityGrid, divisor: Array) -> ErrorsAt:
-    """Errors of panels over which the distribution function of x b/divisor is averaged."""
-
-    def errors(at: Array, per: Array) -> PanelErrors:
-        axis = grid.series.e_axis
-        if axis is None or grid.series.x_axis is None:
-            return []
-        ratio = _x_per_friction(grid, divisor)
-        below = [grid.e_density_below(t * ratio, density.share) for t in at]
-        each = [axis.errors(part) * one for part, one in zip(below, per, strict=True)]
-        return [(axis, np.max(each, axis=0))]
-
-    return errors
 
 
 def _bound(grid: DensityGrid) -> Array:
@@ -171,11 +120,6 @@ def _bound(grid: DensityGrid) -> Array:
     k = grid.series.squares.coefficients
     b = np.asarray(sticking_bound(k, grid.nodes.c[..., 0] if k.b1 else 0.0))
     return b.reshape((1, 1, 1)) if b.ndim == 0 else b
-
-
-def _x_per_friction(grid: DensityGrid, divisor: Array) -> Array:
-    """The transition over x b(c)/divisor, (m, n_e)."""
-    return np.asarray((divisor / _bound(grid))[..., 0])
 
 
 def kappa_marginal(density: JointDensity, number: int, name: str) -> Marginal:
@@ -189,8 +133,8 @@ def kappa_marginal(density: JointDensity, number: int, name: str) -> Marginal:
         mu = float(nodes.mu.reshape(-1)[0])  # it is given, so e_n alone moves kappa
         e_n = _e_n(density, grid, name, series.e_n)
         return Marginal(name, low, high, moments, lambda t, levels: e_n.cdf(t / mu - 1.0, levels))
-    cdf, errors = _friction(density, grid, np.ones((1, 1, 1)))
-    return Marginal(name, low, high, moments, cdf, kinks=_kappa_kinks(density, grid), errors=errors)
+    cdf = friction_cdf(grid, np.ones((1, 1, 1)), density.share)
+    return Marginal(name, low, high, moments, cdf, kinks=_kappa_kinks(density, grid))
 
 
 def _ends(known: FreeParameter | float | None, at: Array) -> tuple[float, float]:
