@@ -192,10 +192,10 @@ class Refinement:
                     return Outcome.LIMITED
                 if self._is_stalled():
                     return Outcome.STALLED
-            panels = self._integral.panels()
+            restore = self._integral.remembered()
             self._refine()
             if self._integral.size() > _MEMORY:
-                self._integral.restore(panels)
+                restore()
                 self.marginals = self._marginals_of(self.layout, self.density)
                 self._estimate_error()
                 return Outcome.LIMITED

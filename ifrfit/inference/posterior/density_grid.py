@@ -20,6 +20,9 @@ from ifrfit.inference.posterior.two_sided_integrals import TwoSidedIntegrals
 
 Array = NDArray[np.float64]
 
+# An axis with the masses and errors of its panels, (panels,); a series for its closure constant, (1,)
+PanelErrors = tuple[QuadratureAxis | SeriesIntegral, Array, Array]
+
 _SINGLE = np.ones((2, 1))  # weights of a single node
 _TINY = 1e-300
 _NEGLIGIBLE = 1e-14  # probability of a node that is left out of a discrete law
@@ -164,15 +167,12 @@ class DensityGrid:
     def x_cdf(self, share: Array) -> Callable[[Array, int], Array]:
         """Posterior probability of a transition below x, as a function of x, (..., m, n_e), and of levels."""
         axis, to_t = self._x_axis, self.series.to_t
-        low, width = axis.low[None], axis.width[None]
         m, n_e, _ = self.g.shape[1:]
         weight = (self.outer(share)[..., 0] * self.e_weight[:, None]).reshape(2, 1, -1)
         if self.limits is None:
             total = weight @ self.g.reshape(2, m * n_e, -1)
-            summed = PanelCdf.of_levels(low, width, total.reshape(2, *axis.shape))
-        rows_at = cache(
-            lambda level: PanelCdf.of(low, width, self.g[level].reshape(m * n_e, *axis.shape), level)
-        )
+            summed = PanelCdf.of_levels(axis, total)
+        rows_at = cache(lambda level: PanelCdf.of(axis, self.g[level], level))
 
         def below(x: Array, levels: int) -> Array:
             t = to_t(x)
@@ -253,12 +253,12 @@ class DensityGrid:
                 found.append((axis, probability.sum(axis=others).reshape(axis.shape).sum(axis=-1)))
         return found
 
-    def panel_errors(self, share: Array) -> list[tuple[QuadratureAxis | None, Array, Array]]:
-        """Axis, masses and errors of its panels; None for the closure constant, which has one of each."""
+    def panel_errors(self, share: Array) -> list[PanelErrors]:
+        """Masses and errors of the panels, and one of each for the closure constant."""
         outer = self.outer(share)[0]
         g, x_weight = self.g[0], self.x_weight[0]
         across = outer * self.e_weight[0][:, None]
-        found: list[tuple[QuadratureAxis | None, Array, Array]] = []
+        found: list[PanelErrors] = []
         for axis, mass in self.panel_masses(share):
             along = g * across if axis is self.series.x_axis else (g * x_weight).sum(axis=-1) * outer[..., 0]
             found.append((axis, mass, axis.errors(along.reshape(-1, *axis.shape))))
@@ -268,5 +268,5 @@ class DensityGrid:
             if sides.shape[0] == sides.shape[1] == 1:
                 part = part.sum(axis=(0, 1), keepdims=True)
             error = (np.abs(sides).sum(axis=-2) * part[..., None]).sum(axis=(0, 1, 2)).max()
-            found.append((None, np.ones(1), np.array([error])))
+            found.append((self.series, np.ones(1), np.array([error])))
         return found

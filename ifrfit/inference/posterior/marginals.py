@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.panel_cdf import PanelCdf
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
 Array = NDArray[np.float64]
@@ -95,7 +96,9 @@ def shared_marginal(density: JointDensity, number: int, name: str) -> Marginal:
 def shared_kappa_marginal(density: JointDensity, e_number: int, mu_number: int, name: str) -> Marginal:
     """kappa = mu (1 + e_n) where both are shared."""
     e, mu = density.integral.shared[e_number], density.integral.shared[mu_number]
-    rows = [density.outer_conditional(mu_number, e_number, level) for level in (0, 1)]
+    rows = [
+        PanelCdf.of(mu.axis, density.outer_density(level, e_number, mu_number), level) for level in (0, 1)
+    ]
     factor = 1.0 + e.values()
 
     def cdf(t: Array, levels: int) -> Array:

@@ -64,9 +64,7 @@ def _e_n(density: JointDensity, grid: DensityGrid, name: str, parameter: FreePar
             return below((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
 
         return Marginal(name, parameter.lower, parameter.upper, moments, cdf)
-    axis = series.e_axis
-    values = grid.e_density(density.share).reshape(2, *axis.shape)
-    rows = PanelCdf.of_levels(axis.low[None], axis.width[None], values)
+    rows = PanelCdf.of_levels(series.e_axis, grid.e_density(density.share))
     return Marginal(name, parameter.lower, parameter.upper, moments, rows.below_in_all)
 
 
