@@ -12,7 +12,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.inference.posterior.convergence import largest_error, quantiles_at_levels
+from ifrfit.inference.posterior.convergence import errors_of_quantiles, largest_error, quantiles_at_levels
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.layout_marginals import kappa_marginals, marginals_of
@@ -219,8 +219,6 @@ class Refinement:
 
     def _lay_first_grid(self) -> None:
         self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
-        if self._integral.size() > _SMALL and self._is_unbounded:
-            self._integral.refine_transitions(self.tolerance)
         if self._is_over():
             raise TimeoutError
         size = self._integral.size()
@@ -254,10 +252,11 @@ class Refinement:
             self._allowed *= 0.1
         everywhere = not helps or self.density.size() <= _SMALL
         marginals = self.marginals if self.evidence_error <= self.tolerance else {}
+        errors = errors_of_quantiles(marginals, self.tolerance)
 
         def split() -> bool:
             allowed = self._allowed if everywhere else self.tolerance
-            return self._integral.refine(self.density, allowed, self._allowed)
+            return self._integral.refine(self.density, allowed, errors, self._allowed)
 
         changed = split()
         for marginal in marginals.values():

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.inference.posterior.density_grid import PanelErrors
 from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.panel_cdf import quantiles
 
@@ -66,7 +67,7 @@ def _quantile_error_if_normal(own: Marginal, mean: float, sd: float) -> tuple[fl
 def _quantile_error(own: Marginal, sd: float, tolerance: float) -> float:
     """Largest change of the quantiles, in sd, with the density there."""
     # where panels are refined for the quantiles themselves, a place beside them says nothing
-    accuracy = tolerance if own.kinks is not None else _BESIDE
+    accuracy = tolerance if own.kinks is not None or own.errors is not None else _BESIDE
     at, density = quantiles_at_levels(own, accuracy)
     fine, coarse = own.cdf(at, 2)
     return float((np.abs(coarse - fine) / np.maximum(density, 1e-4 / sd)).max()) / sd
@@ -82,6 +83,17 @@ def quantiles_at_levels(own: Marginal, accuracy: float) -> tuple[Array, Array]:
         below = own.cdf(around.reshape(-1), 1)[0].reshape(around.shape)
         own.known_quantiles[accuracy] = at, (below[1] - below[0]) / (around[1] - around[0])
     return own.known_quantiles[accuracy]
+
+
+def errors_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> list[PanelErrors]:
+    """Errors of panels that only distribution functions show, in sd of the quantiles that people ask for."""
+    found: list[PanelErrors] = []
+    for own in marginals.values():
+        sd = own.moments(0)[1]
+        if own.errors is not None and sd > 0.0:
+            at, density = quantiles_at_levels(own, tolerance)
+            found += own.errors(at, 1.0 / np.maximum(density * sd, 1e-4))
+    return found
 
 
 def quantiles_of(own: Marginal, p: Array, tolerance: float) -> Array:

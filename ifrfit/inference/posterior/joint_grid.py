@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +20,6 @@ Array = NDArray[np.float64]
 
 _COARSE = 4  # order of a first look
 _LARGEST_C_ORDER = 128
-_REHEARSALS = 16  # rounds at most
 _DOMINANT = 0.25  # share of the largest error from which on an axis is among those that carry it
 
 
@@ -113,50 +111,26 @@ class JointIntegral:
 
     def drop_empty_panels(self, negligible: float) -> None:
         """Drop the panels in which a look at a low order finds no more than a share of the mass."""
-        with self._low_order(self.axes):
-            density = self.evaluate()
-            masses = [(one.axis, density.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
-            for grid in density.grids:
-                masses += grid.panel_masses(density.share)
-            for axis, mass in masses:
-                axis.drop(mass, negligible)
-        for series, grid in zip(self.series, density.grids, strict=True):
-            series.c_independent_axes = tuple(axis for axis in range(3) if grid.f.shape[axis] == 1)
-
-    def refine_transitions(self, allowed: float) -> None:
-        """Refine the transitions as far as a low order along everything else shows their errors.
-
-        Kinks along them take most rounds to resolve, and the other axes have little to do with these.
-        """
-        others = [one.axis for one in self.shared]
-        others += [series.e_axis for series in self.series if series.e_axis is not None]
-        with self._low_order(others):
-            for _ in range(_REHEARSALS):
-                changed = False
-                for place, mass, error in self._error_sources(self.evaluate()):
-                    if isinstance(place, QuadratureAxis) and not any(place is axis for axis in others):
-                        changed |= place.refine(mass, error, allowed)
-                if not changed:
-                    break
-
-    @contextmanager
-    def _low_order(self, axes: Sequence[QuadratureAxis]) -> Iterator[None]:
-        """Some axes at a low order for a while, the closure constants at twice that."""
-        orders = [axis.order for axis in axes], [series.c_order for series in self.series]
-        for axis in axes:
-            axis.order = _COARSE
+        restore = self.remembered()
+        for one_axis in self.axes:
+            one_axis.order = _COARSE
         for series in self.series:
             series.c_order = 2 * _COARSE
-        yield
-        for axis, own in zip(axes, orders[0], strict=True):
-            axis.order = own
-        for series, own in zip(self.series, orders[1], strict=True):
-            series.c_order = own
+        density = self.evaluate()
+        masses = [(one.axis, density.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
+        for grid in density.grids:
+            masses += grid.panel_masses(density.share)
+        restore()
+        for axis, mass in masses:
+            axis.drop(mass, negligible)
+        for series, grid in zip(self.series, density.grids, strict=True):
+            series.c_independent_axes = tuple(axis for axis in range(3) if grid.f.shape[axis] == 1)
 
     def refine(
         self,
         density: JointDensity,
         allowed: float,
+        more: Sequence[PanelErrors] = (),
         dominant_allowed: float = math.inf,
     ) -> bool:
         """Halve panels whose error is above its part of what is allowed; whether anything changed.
@@ -165,11 +139,13 @@ class JointIntegral:
         ----------
         density : JointDensity
         allowed : float
+        more : sequence of (axis or series, masses, errors)
+            Errors found otherwise.
         dominant_allowed : float
             What is allowed, if less, along the axes that carry most of the error.
         """
         changed = False
-        sources = self._error_sources(density)
+        sources = self._error_sources(density, more)
         most = max((float(error.sum()) for _, _, error in sources), default=0.0)
         for place, mass, error in sources:
             bound = min(allowed, dominant_allowed) if error.sum() >= _DOMINANT * most else allowed
@@ -180,14 +156,17 @@ class JointIntegral:
                 changed = True
         return changed
 
-    def _error_sources(self, density: JointDensity) -> list[PanelErrors]:
+    def _error_sources(self, density: JointDensity, more: Sequence[PanelErrors]) -> list[PanelErrors]:
         """Masses and errors of the panels of all axes, and of the closure constants."""
         found: list[PanelErrors] = [
             (one.axis, *density.outer_errors(number)) for number, one in enumerate(self.shared)
         ]
         for grid in density.grids:
             found += grid.panel_errors(density.share)
-        return found
+        return [
+            (place, mass, np.max([error, *(e for p, _, e in more if p is place)], axis=0))
+            for place, mass, error in found
+        ]
 
 
 def _crossed(parts: Iterable[Array]) -> list[Array]:

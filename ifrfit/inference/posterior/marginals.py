@@ -13,6 +13,7 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.posterior.density_grid import PanelErrors
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.panel_cdf import PanelCdf
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
@@ -45,6 +46,9 @@ class Marginal:
     kinks : callable or None
         From quantiles to an axis and where on it they put kinks into the integrand of the distribution
         function, so that panels are to be split there.
+    errors : callable or None
+        From thresholds, and factors of what is found there, to the largest errors that only distribution
+        functions show: conditional ones may be steps where the densities themselves are smooth.
     """
 
     name: str
@@ -54,6 +58,7 @@ class Marginal:
     cdf: Cdf
     factors: tuple[tuple[int, Array], ...] = ()
     kinks: Callable[[Array], tuple[QuadratureAxis, Array]] | None = None
+    errors: Callable[[Array, Array], list[PanelErrors]] | None = None
 
     def mass_above(self, value: float) -> float:
         """Probability above a value."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.posterior.conditional_cdf import ConditionalCdf
-from ifrfit.inference.posterior.density_grid import DensityGrid
+from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import Cdf, Marginal, Moments, moments_of
 from ifrfit.inference.posterior.panel_cdf import PanelCdf
@@ -18,6 +18,8 @@ from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 from ifrfit.inference.posterior.transition_roles import ClosureConstantFree, RestitutionFree, sticking_bound
 
 Array = NDArray[np.float64]
+
+Errors = Callable[[Array, Array], list[PanelErrors]]
 
 _TINY = 1e-300
 
@@ -84,12 +86,31 @@ def _c(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParam
 
         return Marginal(name, parameter.lower, parameter.upper, moments, cdf)
     by_c = ConditionalCdf(grid, density.share, np.zeros((1, 1, 1)), lambda t, zero: t + zero)
-    return Marginal(name, parameter.lower, parameter.upper, moments, by_c.probability)
+    errors = _errors_by_c(density, grid, by_c)
+    return Marginal(name, parameter.lower, parameter.upper, moments, by_c.probability, errors=errors)
 
 
 def _mu(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParameter) -> Marginal:
-    cdf = friction_cdf(grid, 1.0 + grid.nodes.e_n, density.share)
-    return Marginal(name, parameter.lower, parameter.upper, _moments(density, grid, grid.nodes.mu), cdf)
+    cdf, errors = _friction(density, grid, 1.0 + grid.nodes.e_n)
+    moments = _moments(density, grid, grid.nodes.mu)
+    return Marginal(name, parameter.lower, parameter.upper, moments, cdf, errors=errors)
+
+
+def _friction(density: JointDensity, grid: DensityGrid, divisor: Array) -> tuple[Cdf, Errors]:
+    """Distribution function of x b(c)/divisor, and the errors of panels over which it is averaged."""
+    if grid.series.is_unbounded and grid.series.integrates_c:
+        by_c = _friction_by_c(grid, divisor, density.share)
+        return by_c.probability, _errors_by_c(density, grid, by_c)
+    ratio, axis = _x_per_friction(grid, divisor), grid.series.e_axis
+
+    def errors(at: Array, per: Array) -> list[PanelErrors]:
+        if axis is None or grid.series.x_axis is None:
+            return []
+        outer = grid.outer(density.share)[0, ..., 0]
+        below = [grid.mass_below(t * ratio, 0).reshape(grid.g.shape[1:3]) * outer for t in at]
+        return [_largest(axis, below, per)]
+
+    return friction_cdf(grid, divisor, density.share), errors
 
 
 def friction_cdf(grid: DensityGrid, divisor: Array, share: Array) -> Cdf:
@@ -103,14 +124,41 @@ def friction_cdf(grid: DensityGrid, divisor: Array, share: Array) -> Cdf:
         Probabilities of the outer nodes.
     """
     if grid.series.is_unbounded and grid.series.integrates_c:
-        k = grid.series.squares.coefficients
-        per_x = divisor / np.maximum(grid.nodes.x, _TINY)
-        return ConditionalCdf(
-            grid, share, per_x, lambda t, own: (t * own - k.b0) / k.b1, falls=k.b1 < 0.0
-        ).probability
-    ratio = (divisor / _bound(grid))[..., 0]  # of the transition to the quantity, (m, n_e)
+        return _friction_by_c(grid, divisor, share).probability
+    ratio = _x_per_friction(grid, divisor)
     below = grid.x_cdf(share)
     return lambda t, levels: below(t[:, None, None] * ratio, levels)
+
+
+def _friction_by_c(grid: DensityGrid, divisor: Array, share: Array) -> ConditionalCdf:
+    """Where x b(c)/divisor is below a value, by the closure constant."""
+    k = grid.series.squares.coefficients
+    per_x = divisor / np.maximum(grid.nodes.x, _TINY)
+    return ConditionalCdf(grid, share, per_x, lambda t, own: (t * own - k.b0) / k.b1, falls=k.b1 < 0.0)
+
+
+def _errors_by_c(density: JointDensity, grid: DensityGrid, by_c: ConditionalCdf) -> Errors:
+    """Errors of panels over which conditional distribution functions of the closure constant are averaged."""
+
+    def errors(at: Array, per: Array) -> list[PanelErrors]:
+        inner = [by_c.density_below(float(t)) * grid.factor for t in at]
+        along_c = np.array([float((by_c.error_along_c(at) * per).max())])
+        found: list[PanelErrors] = [(grid.series, np.ones(1), along_c)]
+        for axis in grid.series.axes:
+            found.append(
+                _largest(axis, [grid.density_along(axis, part, density.share) for part in inner], per)
+            )
+        return found
+
+    return errors
+
+
+def _largest(axis: QuadratureAxis, densities: Sequence[Array], per: Array) -> PanelErrors:
+    """Largest errors of several densities along an axis, each times its factor."""
+    each = [
+        axis.errors(one.reshape(-1, *axis.shape)) * factor for one, factor in zip(densities, per, strict=True)
+    ]
+    return axis, np.ones(axis.shape[0]), np.max(each, axis=0)
 
 
 def _bound(grid: DensityGrid) -> Array:
@@ -118,6 +166,11 @@ def _bound(grid: DensityGrid) -> Array:
     k = grid.series.squares.coefficients
     b = np.asarray(sticking_bound(k, grid.nodes.c[..., 0] if k.b1 else 0.0))
     return b.reshape((1, 1, 1)) if b.ndim == 0 else b
+
+
+def _x_per_friction(grid: DensityGrid, divisor: Array) -> Array:
+    """The transition over x b(c)/divisor, (m, n_e)."""
+    return np.asarray((divisor / _bound(grid))[..., 0])
 
 
 def kappa_marginal(density: JointDensity, number: int, name: str) -> Marginal:
@@ -131,8 +184,8 @@ def kappa_marginal(density: JointDensity, number: int, name: str) -> Marginal:
         mu = float(nodes.mu.reshape(-1)[0])  # it is given, so e_n alone moves kappa
         e_n = _e_n(density, grid, name, series.e_n)
         return Marginal(name, low, high, moments, lambda t, levels: e_n.cdf(t / mu - 1.0, levels))
-    cdf = friction_cdf(grid, np.ones((1, 1, 1)), density.share)
-    return Marginal(name, low, high, moments, cdf, kinks=_kappa_kinks(density, grid))
+    cdf, errors = _friction(density, grid, np.ones((1, 1, 1)))
+    return Marginal(name, low, high, moments, cdf, kinks=_kappa_kinks(density, grid), errors=errors)
 
 
 def _ends(known: FreeParameter | float | None, at: Array) -> tuple[float, float]:
