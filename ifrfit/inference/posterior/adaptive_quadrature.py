@@ -6,7 +6,6 @@ Eq. (7) of ``docs/theory/posterior.md`` is the error estimate that every refinem
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from enum import Enum
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
@@ -31,20 +30,10 @@ _PATIENCE_LARGE, _PATIENCE = 2, 8  # rounds in which the error must halve, on la
 _HELPFUL = 0.7  # largest share of its error that a round may leave, if the next one is to be like it
 _NEGLIGIBLE = 1e-7  # share of the mass, times the tolerance, that panels of the first grid may lack
 _SMALLEST_ALLOWED = 1e-15
-# Mass of kappa at the end of its domain beyond which e_n does not separate: of a result, and of any grid
-_NO_MASS, _SOME_MASS = 1e-12, 1e-6
+_NO_MASS = 1e-12  # of kappa at the end of its domain, beyond which e_n does not separate
 _NEAR_END = 0.999  # share of kappa's domain at which its end begins
 
 MarginalsOf = Callable[[IntegralLayout, JointDensity], Mapping[str, Marginal]]
-
-
-class Outcome(Enum):
-    """How a refinement ended."""
-
-    CONVERGED = "the evidence and all marginals are within the tolerance"
-    STALLED = "further panels do not make the error smaller"
-    LIMITED = "the next grid would be too large, or there is no time for it"
-    NOT_SEPARABLE = "kappa reaches the end of its domain, where the bound of mu ties it to e_n"
 
 
 def integrate(
@@ -125,8 +114,8 @@ def _refined(
     for separate_e_n in (True, False):
         layout = make_layout(problem, start, tolerance, separate_e_n=separate_e_n)
         refinement = Refinement(layout, tolerance, marginals, over)
-        outcome = refinement.run()
-        if outcome is not Outcome.NOT_SEPARABLE and not refinement.kappa_reaches_end(_NO_MASS):
+        refinement.run()
+        if not refinement.kappa_reaches_end():
             break
     return refinement
 
@@ -163,12 +152,11 @@ class Refinement:
         self.layout, self.tolerance = layout, tolerance
         self._integral, self._marginals_of = layout.integral, marginals
         self._is_over = over if over is not None else lambda: False
-        self._is_unbounded = any(series.is_unbounded for series in self._integral.series)
         self._errors: list[float] = []  # of the marginals, round by round
         self._allowed = tolerance  # error of the panels along the dominant axes
 
-    def run(self) -> Outcome:
-        """Refine to the end.
+    def run(self) -> None:
+        """Refine until all is within the tolerance, panels no longer help, or the next grid is too large.
 
         Raises
         ------
@@ -183,38 +171,32 @@ class Refinement:
             is_last = round_ == _ROUNDS - 1 or self.density.size() > _LAST or self._is_over()
             if self.evidence_error <= self.tolerance or is_last:
                 self.marginals = self._marginals_of(self.layout, self.density)
-                if self._is_unbounded and self.kappa_reaches_end(_SOME_MASS):
-                    return Outcome.NOT_SEPARABLE
                 self._estimate_error()
-                if max(self.error, self.evidence_error) <= self.tolerance:
-                    return Outcome.CONVERGED
-                if is_last:
-                    return Outcome.LIMITED
-                if self._is_stalled():
-                    return Outcome.STALLED
+                if max(self.error, self.evidence_error) <= self.tolerance or is_last or self._is_stalled():
+                    return
             restore = self._integral.remembered()
             self._refine()
             if self._integral.size() > _MEMORY:
                 restore()
                 self.marginals = self._marginals_of(self.layout, self.density)
                 self._estimate_error()
-                return Outcome.LIMITED
-        return Outcome.LIMITED
+                return
 
-    def kappa_reaches_end(self, mass: float) -> bool:
-        """Whether a separated kappa has that mass where the bound of mu ties it to e_n, eq. (8)."""
+    def kappa_reaches_end(self) -> bool:
+        """Whether a separated kappa has mass where the bound of mu ties it to e_n, eq. (8)."""
         if not self.layout.separable:
             return False
-        kappas = kappa_marginals(self.layout, self.density).values()
-        for number in set(self.layout.oblique_series):
-            domain = self._integral.series[number].mu
+        kappas = kappa_marginals(self.layout, self.density)
+        for block, name in enumerate(self.layout.kappa_names):
+            domain = self._integral.series[block].mu
             shared = self._integral.number_of("mu")
             if shared is not None:
                 domain = self._integral.shared[shared].parameter
-            if isinstance(domain, FreeParameter):
-                end = _NEAR_END * domain.upper
-                if any(kappa.mass_above(end) > mass for kappa in kappas):
-                    return True
+            if (
+                isinstance(domain, FreeParameter)
+                and kappas[name].mass_above(_NEAR_END * domain.upper) > _NO_MASS
+            ):
+                return True
         return False
 
     def _lay_first_grid(self) -> None:

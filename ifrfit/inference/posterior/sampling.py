@@ -42,10 +42,8 @@ def draw(
     outer, shared = _shared(density, n, rng)
     parts = [_series(grid, outer, shared, n, rng) for grid in density.grids]
     found: dict[str, Array] = {}
-    kappas: dict[str, Array] = {}
-    kappa_names = [name for name in names if name.startswith("kappa")]
     for block in range(len(layout.blocks)):
-        own = parts[layout.oblique_series[block]]
+        own = parts[block]
         e_n, mu = own["e_n"], own["mu"]
         if layout.separable:  # kappa stands in the place of mu
             e_n = parts[layout.restitution_series[block]]["e_n"]
@@ -54,9 +52,8 @@ def draw(
             parameter = layout.parameters[kind, block]
             if isinstance(parameter, FreeParameter):
                 found[parameter.name] = np.clip(values, parameter.lower, parameter.upper)
-        if kappa_names:
-            kappas[kappa_names[min(block, len(kappa_names) - 1)]] = mu * (1.0 + e_n)
-    found |= kappas
+        if layout.kappa_names[block]:
+            found[layout.kappa_names[block]] = mu * (1.0 + e_n)
     if "noise" in shared:
         found["noise"] = shared["noise"]
     for grid, groups, own in zip(density.grids, layout.noise_groups, parts, strict=True):
