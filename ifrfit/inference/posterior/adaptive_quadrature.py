@@ -22,7 +22,6 @@ TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
 
 _ROUNDS = 30
 # Sizes of grids, in values of the density
-_SMALL = 200_000  # up to which a grid is refined as a whole
 _LARGE = 1_500_000  # beyond which a round is expensive
 _LAST = 6_000_000  # after which no finer grid is begun
 _MEMORY = 25_000_000  # that would fill the memory (some 4 GB)
@@ -153,7 +152,7 @@ class Refinement:
         self._integral, self._marginals_of = layout.integral, marginals
         self._is_over = over if over is not None else lambda: False
         self._errors: list[float] = []  # of the marginals, round by round
-        self._allowed = tolerance  # error of the panels along the dominant axes
+        self._allowed = tolerance  # error of all panels of an axis
 
     def run(self) -> None:
         """Refine until all is within the tolerance, panels no longer help, or the next grid is too large.
@@ -224,27 +223,16 @@ class Refinement:
         return len(self._errors) > patience and self.error > 0.5 * self._errors[-1 - patience]
 
     def _refine(self) -> None:
-        """Split the panels that carry the error, with as little allowed as changes anything.
-
-        Small grids are refined everywhere. On others only the dominant axes are refined beyond the tolerance,
-        as long as that helps.
-        """
-        helps = len(self._errors) < 2 or self._errors[-1] <= _HELPFUL * self._errors[-2]
-        if not helps:
+        """Split the panels that carry the error, with as little allowed as changes anything."""
+        if len(self._errors) > 1 and self._errors[-1] > _HELPFUL * self._errors[-2]:
             self._allowed *= 0.1
-        everywhere = not helps or self.density.size() <= _SMALL
         marginals = self.marginals if self.evidence_error <= self.tolerance else {}
         errors = errors_of_quantiles(marginals, self.tolerance)
-
-        def split() -> bool:
-            allowed = self._allowed if everywhere else self.tolerance
-            return self._integral.refine(self.density, allowed, errors, self._allowed)
-
-        changed = split()
+        changed = self._integral.refine(self.density, self._allowed, errors)
         for marginal in marginals.values():
             if marginal.kinks is not None:
                 axis, places = marginal.kinks(quantiles_at_levels(marginal, self.tolerance)[0])
                 changed |= axis.split(places)
         while not changed and self._allowed > _SMALLEST_ALLOWED:
             self._allowed *= 0.1
-            changed = split()
+            changed = self._integral.refine(self.density, self._allowed, errors)

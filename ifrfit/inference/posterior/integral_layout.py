@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.inference.distributions.draws import kappa_name
 from ifrfit.inference.model.free_parameter import FreeParameter
+from ifrfit.inference.model.observable_values import ties_e_n
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -21,7 +22,6 @@ from ifrfit.inference.posterior.initial_panels import Known, make_series, thinne
 from ifrfit.inference.posterior.joint_grid import JointIntegral, SharedParameter
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 from ifrfit.inference.posterior.series_integral import SeriesIntegral
-from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 
@@ -91,12 +91,14 @@ def make_layout(
         if has_separate and constant.fixed is None and not constant.separate:
             shared_kinds.append(kind)
     _refuse_negative_bound(settings)
-    is_normal = _normal_rows(settings)
+    is_normal = problem.rows.of_kind("normal")
     separated = separate_e_n and e_n_is_separable(settings)
     # a common factor of the noise is integrated in closed form where one series has all rows, and e_n has no
     # rows of its own or meets kappa in a row or, where b depends on c, in the domain of mu
     e_n_is_fixed = settings.parameter("e_n").fixed is not None
-    tied = not separated and (e_n_is_fixed or _some_row_ties_e_n(settings) or _bound_varies(settings))
+    tied = not separated and (
+        e_n_is_fixed or any(map(ties_e_n, problem.rows.observables)) or _bound_varies(settings)
+    )
     holds_all_rows = len(blocks) == 1 and (tied or not is_normal.any()) and problem.error_model.is_plain
     if separated:
         shared_kinds = [kind for kind in shared_kinds if kind != "e_n"]
@@ -175,10 +177,9 @@ def e_n_is_separable(settings: GridSettings) -> bool:
         return False
     if e_n.separate and not mu.separate:
         return False
-    kinds = {OBSERVABLES[name].kind for name in problem.rows.names}
-    if not kinds & {"tangential", "curved"} or "friction" in kinds:
+    if not problem.has_oblique or problem.rows.has_kind("friction"):
         return False
-    return not (_some_row_ties_e_n(settings) or _noise_is_closed_with_e_n(settings))
+    return not (any(map(ties_e_n, problem.rows.observables)) or _noise_is_closed_with_e_n(settings))
 
 
 def _noise_is_closed_with_e_n(settings: GridSettings) -> bool:
@@ -190,28 +191,13 @@ def _noise_is_closed_with_e_n(settings: GridSettings) -> bool:
     problem = settings.problem
     one_block = len(problem.series) == 1 or not any(c.separate for c in problem.parameters)
     one_factor = problem.noise.is_scaled and problem.error_model.is_plain and one_block
-    return one_factor and _bound_varies(settings) and bool(_normal_rows(settings).any())
+    return one_factor and _bound_varies(settings) and bool(problem.rows.of_kind("normal").any())
 
 
 def _bound_varies(settings: GridSettings) -> bool:
     """Whether b depends on the closure constant."""
     closure = settings.problem.closure
     return closure.bilinear and closure.coefficients(settings.problem.inertia_factor).b1 != 0.0
-
-
-def _some_row_ties_e_n(settings: GridSettings) -> bool:
-    """Whether a row sees e_n together with the impulse."""
-    for name in settings.problem.rows.names:
-        o = OBSERVABLES[name]
-        if (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n):
-            return True
-    return False
-
-
-def _normal_rows(settings: GridSettings) -> NDArray[np.bool_]:
-    """Rows that see e_n alone."""
-    rows = settings.problem.rows
-    return np.array([OBSERVABLES[name].kind == "normal" for name in rows.names])[rows.which]
 
 
 def _kappa(parameters: Mapping[tuple[str, int], FreeParameter | float], block: int) -> FreeParameter | float:

@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 
 _COARSE = 4  # order of a first look
 _LARGEST_C_ORDER = 128
-_DOMINANT = 0.25  # share of the largest error from which on an axis is among those that carry it
 
 
 @dataclass
@@ -131,7 +130,6 @@ class JointIntegral:
         density: JointDensity,
         allowed: float,
         more: Sequence[PanelErrors] = (),
-        dominant_allowed: float = math.inf,
     ) -> bool:
         """Halve panels whose error is above its part of what is allowed; whether anything changed.
 
@@ -141,17 +139,12 @@ class JointIntegral:
         allowed : float
         more : sequence of (axis or series, masses, errors)
             Errors found otherwise.
-        dominant_allowed : float
-            What is allowed, if less, along the axes that carry most of the error.
         """
         changed = False
-        sources = self._error_sources(density, more)
-        most = max((float(error.sum()) for _, _, error in sources), default=0.0)
-        for place, mass, error in sources:
-            bound = min(allowed, dominant_allowed) if error.sum() >= _DOMINANT * most else allowed
+        for place, mass, error in self._error_sources(density, more):
             if isinstance(place, QuadratureAxis):
-                changed |= place.refine(mass, error, bound)
-            elif error[0] > bound and place.c_order < _LARGEST_C_ORDER:
+                changed |= place.refine(mass, error, allowed)
+            elif error[0] > allowed and place.c_order < _LARGEST_C_ORDER:
                 place.c_order += 2 * (place.c_order // 4)
                 changed = True
         return changed
