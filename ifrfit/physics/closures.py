@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib import import_module
 
 import numpy as np
 
@@ -135,9 +134,9 @@ class Closure:
         """Passive range of the constant; (0, 0) without one."""
         return (0.0, 0.0) if self.own is None else self.own.domain(inertia_factor)
 
-    def __reduce__(self) -> tuple[Callable[[str, str], Closure], tuple[str, str]]:
-        # to other processes by its name and the module that defines it: its functions cannot go there
-        return _imported, (self.name, self.law.__module__)
+    def __reduce__(self) -> tuple[Callable[[str], Closure], tuple[str]]:
+        # to other processes by its name: its functions cannot go there
+        return get_closure, (self.name,)
 
     @property
     def bilinear(self) -> bool:
@@ -223,13 +222,6 @@ def _check_passive(closure: Closure, law: Law, c: float, j: float) -> None:
             f"Closure {closure.title} creates kinetic energy{at}, inertia factor {j:.3g}: the contact point "
             f"leaves with {np.max(np.abs(beta)):.3g} times its velocity. Correct the domain or the law."
         )
-
-
-def _imported(name: str, module: str) -> Closure:
-    """A closure by its name; a module that registers it when it is imported is imported first."""
-    if name not in CLOSURES:
-        import_module(module)
-    return CLOSURES[name]
 
 
 def rotational_share(inertia_factor: float) -> float:

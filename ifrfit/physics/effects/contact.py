@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -167,10 +167,6 @@ class Impacts:
 
     def take(self, rows: NDArray[np.intp]) -> Impacts:
         """These impacts only; arrays must have one dimension."""
-        parts: dict[str, Any] = {
-            field.name: getattr(self, field.name)[rows]
-            for field in fields(self)
-            if isinstance(getattr(self, field.name), np.ndarray)
-        }
-        incidence = Incidence(*(getattr(self.incidence, field.name)[rows] for field in fields(Incidence)))
-        return replace(self, incidence=incidence, **parts)
+        own: dict[str, Any] = {n: a[rows] for n, a in vars(self).items() if isinstance(a, np.ndarray)}
+        incidence = Incidence(**{name: array[rows] for name, array in vars(self.incidence).items()})
+        return replace(self, incidence=incidence, **own)
