@@ -22,6 +22,7 @@ TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
 
 _ROUNDS = 30
 # Sizes of grids, in values of the density
+_SMALL = 200_000  # up to which a round is cheap
 _LARGE = 1_500_000  # beyond which a round is expensive
 _LAST = 6_000_000  # after which no finer grid is begun
 _MEMORY = 25_000_000  # that would fill the memory (some 4 GB)
@@ -200,6 +201,9 @@ class Refinement:
 
     def _lay_first_grid(self) -> None:
         self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
+        is_unbounded = any(series.is_unbounded for series in self._integral.series)
+        if is_unbounded and self._integral.size() > _SMALL:
+            self._integral.refine_transitions(self.tolerance)
         if self._is_over():
             raise TimeoutError
         size = self._integral.size()
