@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.distributions.draws import kappa_name
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.observable_values import ties_e_n
 from ifrfit.inference.model.problem import Problem
@@ -131,7 +130,7 @@ def make_layout(
         restitution,
         parameters,
         blocks,
-        tuple(kappa_name(problem, block) for block in range(len(blocks))),
+        tuple(kappa.name for kappa in problem.parameters.kappas[: len(blocks)]),
         tuple(names for _, names in made),
     )
 
