@@ -105,39 +105,3 @@ def chains_estimation(
         files={CHAINS: sample},
     )
     return estimation, sample
-
-
-def bootstrap_estimation(
-    problem: Problem,
-    optimum: LeastSquaresFit,
-    *,
-    seed: int,
-    scheme: str | None = None,
-    replicates: int | None = None,
-    workers: int = 1,
-    progress: Progress | None = None,
-) -> Estimation:
-    """Fits of experiments drawn anew."""
-    from ifrfit.inference.bootstrap import REPLICATES, bootstrap
-    from ifrfit.inference.bootstrap.summary import estimation_of
-
-    found = bootstrap(
-        problem,
-        optimum,
-        scheme="cases" if scheme is None else scheme,
-        replicates=REPLICATES if replicates is None else replicates,
-        seed=seed,
-        workers=workers,
-        progress=progress,
-    )
-    return estimation_of(found, optimum)
-
-
-def profile_estimation(problem: Problem, optimum: LeastSquaresFit) -> Estimation:
-    """Profile likelihoods of every quantity."""
-    from ifrfit.inference.profile.convergence_fact import profile_converged
-    from ifrfit.inference.profile.profile_all import profile_all
-
-    profiles = profile_all(problem, optimum)
-    converged = profile_converged(profiles, noise_converged(optimum))
-    return Estimation("profile", None, {"converged": converged}, profiles=profiles)

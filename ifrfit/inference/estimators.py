@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypedDict, Unpack, runtime_checkable
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import check_request, make_request
@@ -90,6 +90,37 @@ class Estimator(Protocol):
         """
 
 
+class RunKeywords(TypedDict, total=False):
+    """Keywords of `Estimator.run`."""
+
+    seed: int
+    progress: Progress | None
+    started: float | None
+
+
+class Method(Options):
+    """Base of the package's own methods: does every problem, as long as it does not say otherwise."""
+
+    def refuses(self, problem: Problem) -> str:
+        """Why the method cannot do a problem; empty where it can."""
+        return ""
+
+
+class PlainErrors(Method):
+    """Base of methods that know independent Gaussian errors of the values only."""
+
+    name: ClassVar[str]
+
+    def refuses(self, problem: Problem) -> str:
+        """Why not: errors of angles, or heavy tails."""
+        if problem.error_model.is_plain:
+            return ""
+        return (
+            f"--method {self.name} knows independent Gaussian errors of the values only: use --method exact "
+            f"or mcmc with {problem.error_model.option}."
+        )
+
+
 def _accuracy() -> Any:
     return option(
         None,
@@ -108,7 +139,7 @@ def _workers() -> Any:
 
 
 @dataclass(frozen=True, repr=False)
-class Exact(Options):
+class Exact(Method):
     """The posterior by deterministic quadrature.
 
     Attributes
@@ -143,26 +174,20 @@ class Exact(Options):
             "the tangential constants, which the quadrature does not take on. Use --method mcmc, or fix e_n."
         )
 
-    def run(
-        self,
-        problem: Problem,
-        optimum: LeastSquaresFit,
-        *,
-        seed: int = 0,
-        progress: Progress | None = None,
-        started: float | None = None,
-    ) -> Estimation:
+    def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Integrate the posterior."""
         from ifrfit.inference.accuracy.select_method import exact_as_requested
         from ifrfit.inference.estimations import exact_estimation
 
         if self.accuracy is None and self.budget is None:
             return exact_estimation(problem, optimum)
-        return exact_as_requested(problem, optimum, make_request(self.accuracy, self.budget, started))
+        return exact_as_requested(
+            problem, optimum, make_request(self.accuracy, self.budget, asked.get("started"))
+        )
 
 
 @dataclass(frozen=True, repr=False)
-class LeastSquares(Options):
+class LeastSquares(Method):
     """Least squares with a certificate of the global optimum, and the Gaussian approximation about it."""
 
     name: ClassVar[str] = "lsq"
@@ -179,32 +204,15 @@ class LeastSquares(Options):
             f"{problem.error_model.option}, or --angle-errors effective."
         )
 
-    def run(
-        self,
-        problem: Problem,
-        optimum: LeastSquaresFit,
-        *,
-        seed: int = 0,
-        progress: Progress | None = None,
-        started: float | None = None,
-    ) -> Estimation:
+    def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """The optimum is the answer."""
         from ifrfit.inference.estimations import least_squares_estimation
 
         return least_squares_estimation(optimum)
 
 
-def _only_plain(name: str, problem: Problem) -> str:
-    if problem.error_model.is_plain:
-        return ""
-    return (
-        f"--method {name} knows independent Gaussian errors of the values only: use --method exact or mcmc "
-        f"with {problem.error_model.option}."
-    )
-
-
 @dataclass(frozen=True, repr=False)
-class Profile(Options):
+class Profile(PlainErrors):
     """The profile likelihood of each constant."""
 
     name: ClassVar[str] = "profile"
@@ -212,27 +220,20 @@ class Profile(Options):
     label: ClassVar[str] = "profile"
     summary: ClassVar[str] = "profile likelihood"
 
-    def refuses(self, problem: Problem) -> str:
-        """Why not: errors of angles, or heavy tails."""
-        return _only_plain(self.name, problem)
-
-    def run(
-        self,
-        problem: Problem,
-        optimum: LeastSquaresFit,
-        *,
-        seed: int = 0,
-        progress: Progress | None = None,
-        started: float | None = None,
-    ) -> Estimation:
+    def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Profile every quantity."""
-        from ifrfit.inference.estimations import profile_estimation
+        from ifrfit.inference.diagnostics.collect import noise_converged
+        from ifrfit.inference.profile.convergence_fact import profile_converged
+        from ifrfit.inference.profile.profile_all import profile_all
+        from ifrfit.inference.result.estimation import Estimation
 
-        return profile_estimation(problem, optimum)
+        profiles = profile_all(problem, optimum)
+        converged = profile_converged(profiles, noise_converged(optimum))
+        return Estimation(self.name, None, {"converged": converged}, profiles=profiles)
 
 
 @dataclass(frozen=True, repr=False)
-class MCMC(Options):
+class MCMC(Method):
     """The posterior by Markov chains that stop when their diagnostics suffice.
 
     Attributes
@@ -280,19 +281,7 @@ class MCMC(Options):
             if getattr(self, name) is not None:
                 raise UsageError(_picked(name))
 
-    def refuses(self, problem: Problem) -> str:
-        """Nothing: chains need a density only."""
-        return ""
-
-    def run(
-        self,
-        problem: Problem,
-        optimum: LeastSquaresFit,
-        *,
-        seed: int = 0,
-        progress: Progress | None = None,
-        started: float | None = None,
-    ) -> Estimation:
+    def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Sample the posterior."""
         from ifrfit.inference.accuracy.select_method import chains_as_requested
         from ifrfit.inference.estimations import chains_estimation
@@ -301,21 +290,26 @@ class MCMC(Options):
             estimation, _ = chains_estimation(
                 problem,
                 optimum,
-                seed=seed,
+                seed=asked.get("seed", 0),
                 max_steps=self.max_steps,
                 workers=self.workers,
                 resume=None if self.resume is None else Path(self.resume),
-                progress=progress,
+                progress=asked.get("progress"),
             )
             return estimation
-        request = make_request(self.accuracy, self.budget, started)
+        request = make_request(self.accuracy, self.budget, asked.get("started"))
         return chains_as_requested(
-            problem, optimum, request, seed=seed, workers=self.workers, progress=progress
+            problem,
+            optimum,
+            request,
+            seed=asked.get("seed", 0),
+            workers=self.workers,
+            progress=asked.get("progress"),
         )
 
 
 @dataclass(frozen=True, repr=False)
-class Bootstrap(Options):
+class Bootstrap(PlainErrors):
     """Fits of experiments drawn anew.
 
     Attributes
@@ -347,35 +341,25 @@ class Bootstrap(Options):
     def __post_init__(self) -> None:
         _check_workers(self.workers)
 
-    def refuses(self, problem: Problem) -> str:
-        """Why not: errors of angles, or heavy tails."""
-        return _only_plain(self.name, problem)
-
-    def run(
-        self,
-        problem: Problem,
-        optimum: LeastSquaresFit,
-        *,
-        seed: int = 0,
-        progress: Progress | None = None,
-        started: float | None = None,
-    ) -> Estimation:
+    def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Draw experiments anew, and fit each."""
-        from ifrfit.inference.estimations import bootstrap_estimation
+        from ifrfit.inference.bootstrap import REPLICATES, bootstrap
+        from ifrfit.inference.bootstrap.summary import estimation_of
 
-        return bootstrap_estimation(
+        found = bootstrap(
             problem,
             optimum,
-            seed=seed,
-            scheme=self.scheme,
-            replicates=self.replicates,
+            scheme=self.scheme or "cases",
+            replicates=REPLICATES if self.replicates is None else self.replicates,
+            seed=asked.get("seed", 0),
             workers=self.workers,
-            progress=progress,
+            progress=asked.get("progress"),
         )
+        return estimation_of(found, optimum)
 
 
 @dataclass(frozen=True, repr=False)
-class Automatic(Options):
+class Automatic(Method):
     """The posterior by whichever method reaches an accuracy, or comes closest within a time.
 
     Exact where it can do the problem, else Markov chains; least squares as they are where the budget is too
@@ -403,30 +387,18 @@ class Automatic(Options):
         _check_workers(self.workers)
         check_request(self.accuracy, self.budget)
 
-    def refuses(self, problem: Problem) -> str:
-        """Nothing: what the exact posterior refuses goes to chains."""
-        return ""
-
-    def run(
-        self,
-        problem: Problem,
-        optimum: LeastSquaresFit,
-        *,
-        seed: int = 0,
-        progress: Progress | None = None,
-        started: float | None = None,
-    ) -> Estimation:
+    def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Pick a method, and run it."""
         from ifrfit.inference.accuracy.select_method import picked_as_requested
 
         return picked_as_requested(
             problem,
             optimum,
-            make_request(self.accuracy, self.budget, started),
+            make_request(self.accuracy, self.budget, asked.get("started")),
             Exact().refuses(problem),
-            seed=seed,
+            seed=asked.get("seed", 0),
             workers=self.workers,
-            progress=progress,
+            progress=asked.get("progress"),
         )
 
 

@@ -47,7 +47,7 @@ class BootstrapDraws:
     replicates : int
     reasons : mapping of str to int
         Why replicates have no answer, and how many.
-    open : mapping of str to mapping
+    undetermined : mapping of str to mapping
         Entry of theta to how many replicates leave it open although the data do not, by reason.
     certified : int
         Replicates with an answer whose optimum is proven to be global.
@@ -61,7 +61,7 @@ class BootstrapDraws:
     draws: Mapping[str, Array] = field(repr=False)
     replicates: int
     reasons: Mapping[str, int]
-    open: Mapping[str, Mapping[str, int]]
+    undetermined: Mapping[str, Mapping[str, int]]
     certified: int
     splits_impacts: bool
 
@@ -187,7 +187,7 @@ def _collect(problem: Problem, chosen: Scheme, solved: ReplicateFits, seed: int)
         draws |= {noise_name(group): column for group, column in noises}
     is_undetermined: dict[str, Counter[str]] = {}
     for number in np.flatnonzero(~answered):
-        for place in np.flatnonzero(solved.open[number]):
+        for place in np.flatnonzero(solved.undetermined[number]):
             is_undetermined.setdefault(problem.parameters.names[place], Counter())[solved.reason[number]] += 1
     return BootstrapDraws(
         problem,

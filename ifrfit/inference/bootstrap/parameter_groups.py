@@ -58,7 +58,7 @@ class BatchedGroup:
     @property
     def normal(self) -> Index:
         """The problem's rows that measure e_n, where e_n is found on its own."""
-        return self.rows[self.group.of_kind("normal")] if self.fixed_e_n is not None else self.rows[:0]
+        return self.rows[self.group.rows.of_kind("normal")] if self.fixed_e_n is not None else self.rows[:0]
 
 
 @dataclass(frozen=True)
@@ -83,12 +83,12 @@ def make_batched_group(group: ParameterGroup, rows: Index, sigma: Array) -> Batc
         Of each row of the problem, as the data have it.
     """
     group = replace(group, weight=np.ones(rows.size))
-    if group.of_kind("curved").any():
+    if group.rows.of_kind("curved").any():
         return None
     fixed_e_n, rest, own = None, group, rows
     if group.e_n.fixed is None and is_separable(group):
         fixed_e_n = 0.5 * (group.e_n.lower + group.e_n.upper)
-        rest, own = without_normal_rows(group, fixed_e_n), rows[~group.of_kind("normal")]
+        rest, own = without_normal_rows(group, fixed_e_n), rows[~group.rows.of_kind("normal")]
     form = linear_form(rest)
     if form is None:
         return None
@@ -165,7 +165,7 @@ def _restitution(
     group = batched.group
     at = batched.normal
     factor = _restitution_factor(batched)
-    value = group.rows.value[group.of_kind("normal")] + (0.0 if shift is None else shift[:, at])
+    value = group.rows.value[group.rows.of_kind("normal")] + (0.0 if shift is None else shift[:, at])
     total, product = weight[:, at] @ factor**2, (weight[:, at] * value) @ factor
     if group.e_n.prior is not None:
         total, product = total + group.e_n.prior[1] ** -2, product + mean * group.e_n.prior[1] ** -2
@@ -178,7 +178,7 @@ def _restitution(
 
 def _restitution_factor(batched: BatchedGroup) -> Array:
     """What e_n is multiplied with in each row that measures it."""
-    return batched.group.rows.normal_factor(batched.group.of_kind("normal"))
+    return batched.group.rows.normal_factor(batched.group.rows.of_kind("normal"))
 
 
 def leverage_of(batched: BatchedGroup, weight: Array, solved: GroupFits) -> Array:

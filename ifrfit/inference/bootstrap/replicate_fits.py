@@ -32,7 +32,7 @@ class ReplicateFits:
         Sigma of each group where it is unknown, the common factor where it is scaled; no columns where known.
     reason : tuple of str
         Why a replicate has no answer; empty where it has one.
-    open : ndarray of bool, (m, p)
+    undetermined : ndarray of bool, (m, p)
         Which entries it leaves open although the data do not.
     certified : ndarray of bool, (m,)
         Whether its optimum is proven to be global.
@@ -41,7 +41,7 @@ class ReplicateFits:
     theta: Array
     noise: Array
     reason: tuple[str, ...]
-    open: Bool
+    undetermined: Bool
     certified: Bool
 
 
@@ -51,6 +51,6 @@ def concatenate_fits(parts: Sequence[ReplicateFits]) -> ReplicateFits:
         np.concatenate([part.theta for part in parts]),
         np.concatenate([part.noise for part in parts]),
         tuple(reason for part in parts for reason in part.reason),
-        np.concatenate([part.open for part in parts]),
+        np.concatenate([part.undetermined for part in parts]),
         np.concatenate([part.certified for part in parts]),
     )

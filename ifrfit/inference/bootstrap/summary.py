@@ -11,7 +11,7 @@ from ifrfit.inference.bootstrap.replicate_fits import NO_E_N, NO_SLIDING
 from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import FACTS, FAILED
-from ifrfit.inference.distributions.draws import Draws, kappa_name
+from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import GaussianApproximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -88,11 +88,10 @@ def _converged(found: BootstrapDraws, noise: Fact) -> Fact:
 def _unresolved(found: BootstrapDraws) -> dict[str, Unresolved]:
     """What too many replicates leave open, by name; kappa is open where mu is, unless only e_n was lost."""
     problem = found.problem
-    reasons = {name: dict(counts) for name, counts in found.open.items()}
-    for number in range(len(problem.series)):
-        mu = problem.parameters.names[int(problem.parameters.positions["mu"][number])]
-        lost = {why: n for why, n in found.open.get(mu, {}).items() if why != NO_E_N}
-        reasons[kappa_name(problem, number)] = lost
+    reasons = {name: dict(counts) for name, counts in found.undetermined.items()}
+    for kappa in problem.parameters.kappas:
+        of_mu = found.undetermined.get(problem.parameters.names[kappa.i_mu], {})
+        reasons[kappa.name] = {why: n for why, n in of_mu.items() if why != NO_E_N}
     draws = {**found.draws, **found.kappas}
     return {
         name: _open(found, counts, draws[name])

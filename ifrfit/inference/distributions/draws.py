@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.protocol import transition_name
-from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
 
 Array = NDArray[np.float64]
@@ -118,27 +117,13 @@ class Draws:
         return {name: values[chosen] for name, values in self.values.items()}
 
 
-def kappa_name(problem: Problem, series: int) -> str:
-    """Name of kappa in a series: kappa, or kappa[SERIES] where e_n or mu is separate.
-
-    Empty where both are fixed. A problem of one series has one kappa, whatever is separate.
-    """
-    places, entries = problem.parameters.positions, problem.parameters.entries
-    free = [i for i in (int(places["mu"][series]), int(places["e_n"][series])) if entries[i].fixed is None]
-    if not free:
-        return ""
-    is_separate = len(problem.series) > 1 and any(entries[i].separate for i in free)
-    return entry_name("kappa", problem.series[series] if is_separate else "")
-
-
 def kappa_draws(problem: Problem, draws: Mapping[str, Array]) -> dict[str, Array]:
-    """kappa = mu (1 + e_n) of each draw, by `kappa_name`; none where both are fixed."""
+    """kappa = mu (1 + e_n) of each draw, by its names; none where both are fixed."""
     found: dict[str, Array] = {}
-    for number in range(len(problem.series)):
-        name = kappa_name(problem, number)
-        if name and name not in found:
+    for number, kappa in enumerate(problem.parameters.kappas):
+        if kappa.name and kappa.name not in found:
             mu, e_n = (_entry_draws(problem, draws, kind, number) for kind in ("mu", "e_n"))
-            found[name] = np.asarray(mu * (1.0 + e_n))
+            found[kappa.name] = np.asarray(mu * (1.0 + e_n))
     return found
 
 

@@ -12,10 +12,10 @@ from ifrfit.errors import DataError
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.error_propagation import propagated_sigma
 from ifrfit.inference.model.noise import NoiseModel, Policy
+from ifrfit.inference.model.observable_values import ties_e_n
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.observables import Observable
 
 
 def with_propagated_sigma(observations: Observations, error_model: ErrorModel) -> Observations:
@@ -85,14 +85,8 @@ def tied_to_e_n(problem: Problem, error_model: ErrorModel) -> list[str]:
     """Observables whose true angle, integrated out, ties a free e_n to the tangential constants."""
     if not error_model.integrates or problem.parameters["e_n"].fixed is not None:
         return []
-    return [o.name for o in problem.rows.observables if _couples(o)]
-
-
-def _couples(o: Observable) -> bool:
-    """Whether a row sees e_n together with the true angle."""
-    if o.kind == "normal":
-        return o.has_angle
-    return (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n)
+    seen = problem.rows.observables
+    return [o.name for o in seen if ties_e_n(o) or (o.kind == "normal" and o.has_angle)]
 
 
 def _check_errors_of_angles(problem: Problem, error_model: ErrorModel) -> None:

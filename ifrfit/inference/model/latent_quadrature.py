@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.latent_incidence import Latent
+from ifrfit.inference.model.observable_values import by_impulse
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import OBSERVABLES
@@ -206,21 +207,13 @@ def _values(law: LatentRows, rows: Index, i: Incidence, at: At) -> Array:
 def _value(law: LatentRows, name: str, i: Incidence, k: Array, at: At) -> Array:
     observable = OBSERVABLES[name]
     e_n, mu = at.e_n[..., None, None], at.mu[..., None, None]
-    if observable.kind == "tangential":
-        assert observable.linear is not None
-        offset, slope = (part[:, None] for part in observable.linear(i, law.inertia_factor))
-        value = offset + slope * k
-        if observable.scale == "impulse":
-            return np.asarray(value / (1.0 + e_n))
-        return np.asarray(value / np.maximum(e_n, 1e-300)) if observable.scale == "rebound" else value
     if observable.kind == "normal":
         assert observable.by_e_n is not None
         return np.asarray(e_n * observable.by_e_n(i)[:, None])
     if observable.kind == "friction":
         return np.asarray(mu)
-    assert observable.by_impulse is not None
     lifted = Incidence(*(part[:, None] for part in _parts(i)))
-    return observable.by_impulse(lifted, k, e_n, law.inertia_factor)
+    return by_impulse(observable, lifted, k, e_n, law.inertia_factor)
 
 
 def _restated(law: LatentRows, name: str, rows: Index, i: Incidence, value: Array) -> Array:

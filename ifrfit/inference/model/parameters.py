@@ -25,8 +25,34 @@ _PRIOR_MU = 2.0  # upper end of the default prior of mu; matters only where the 
 
 
 @dataclass(frozen=True)
+class Domain:
+    """Values that a quantity may have, and how far its default prior reaches.
+
+    Attributes
+    ----------
+    lower, upper : float
+        The upper end may be infinite.
+    prior_upper : float
+        Upper end of the default prior, uniform from `lower` on; finite.
+    passive_sd : float or None
+        Standard deviation of the default prior over the passive domain, where bounds of the user stand in its
+        place.
+    """
+
+    lower: float
+    upper: float
+    prior_upper: float
+    passive_sd: float | None = None
+
+    @property
+    def prior_sd(self) -> float:
+        """Standard deviation of the default prior."""
+        return (self.prior_upper - self.lower) / math.sqrt(12.0)
+
+
+@dataclass(frozen=True)
 class Parameter:
-    """One parameter of a fit: a constant of the closure, or a quantity derived from them.
+    """One parameter of a fit: a constant of the closure.
 
     Attributes
     ----------
@@ -64,7 +90,48 @@ class Parameter:
     @property
     def prior_sd(self) -> float:
         """Standard deviation of the default prior, uniform over the domain."""
-        return (self.prior_upper - self.lower) / math.sqrt(12.0)
+        return self.domain.prior_sd
+
+    @property
+    def domain(self) -> Domain:
+        """Values that it may have, a fixed value aside."""
+        return Domain(self.lower, self.upper, self.prior_upper, self.passive_sd)
+
+
+@dataclass(frozen=True)
+class Kappa:
+    """kappa = mu (1 + e_n) of a series: what tangential data determine, whatever e_n is.
+
+    Attributes
+    ----------
+    name : str
+        "kappa", or "kappa[SERIES]" where e_n or mu is separate; a set of one series has one kappa. Empty
+        where both are fixed.
+    i_e_n, i_mu : int
+        Places in theta of its e_n and mu.
+    e_n, mu : Parameter
+        What stands there.
+    """
+
+    name: str
+    i_e_n: int
+    i_mu: int
+    e_n: Parameter
+    mu: Parameter
+
+    def value(self, theta: Array) -> float:
+        """kappa at theta, (p,)."""
+        return float(theta[self.i_mu] * (1.0 + theta[self.i_e_n]))
+
+    @property
+    def domain(self) -> Domain:
+        """Its domain: kappa rises with both."""
+        e_n, mu = self.e_n, self.mu
+        low_e, high_e = (e_n.lower, e_n.upper) if e_n.fixed is None else (e_n.fixed, e_n.fixed)
+        low, high, prior = mu.lower, mu.upper, mu.prior_upper
+        if mu.fixed is not None:
+            low = high = prior = mu.fixed
+        return Domain(low * (1.0 + low_e), high * (1.0 + high_e), prior * (1.0 + high_e))
 
     @property
     def passive_sd(self) -> float:
@@ -160,6 +227,19 @@ class ParameterSet:
             places[p.name] = own
             start += n if p.separate else 1
         return places
+
+    @cached_property
+    def kappas(self) -> tuple[Kappa, ...]:
+        """kappa of each series."""
+        found = []
+        for number in range(len(self.series)):
+            i_e_n, i_mu = int(self.positions["e_n"][number]), int(self.positions["mu"][number])
+            e_n, mu = self.entries[i_e_n], self.entries[i_mu]
+            free = [x for x in (e_n, mu) if x.fixed is None]
+            is_separate = len(self.series) > 1 and any(x.separate for x in free)
+            name = entry_name("kappa", self.series[number] if is_separate else "") if free else ""
+            found.append(Kappa(name, i_e_n, i_mu, e_n, mu))
+        return tuple(found)
 
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the entries of theta, (p,) each."""

@@ -90,20 +90,19 @@ class Problem:
         -------
         ndarray, (..., n)
         """
-        flat = theta.reshape(-1, theta.shape[-1])
-        e_n, c, mu = self._columns(flat)
+        e_n, c, mu = self._columns(theta)
         law = self.closure.law(self.inertia_factor)
         k, _ = law.impulse(self.rows.incidence, c, mu * (1.0 + e_n))
-        return self.values_with(k, e_n, mu).reshape(*theta.shape[:-1], len(self.rows))
+        return self.values_with(k, e_n, mu)
 
     def _columns(self, theta: Array) -> tuple[Array, Array, Array]:
-        """(e_n, closure constant, mu), each (m, n), or (m, 1) where all rows share it."""
+        """(e_n, closure constant, mu), each (..., n), or (..., 1) where all rows share it."""
         places = self.parameters.positions
 
         def column(name: str | None) -> Array:
             if name is None:
-                return np.zeros((theta.shape[0], 1))
-            return theta[:, places[name][self.rows.series if self.parameters[name].separate else [0]]]
+                return np.zeros((*theta.shape[:-1], 1))
+            return theta[..., places[name][self.rows.series if self.parameters[name].separate else [0]]]
 
         return column("e_n"), column(self.closure.constant), column("mu")
 
@@ -118,11 +117,9 @@ class Problem:
         k = np.broadcast_to(k, (*k.shape[:-1], len(self.rows)))
         out = np.empty(k.shape)
         free = np.zeros(1, dtype=bool)  # whether a row sticks does not matter once k is known
-        for name, observable in zip(self.rows.names, self.rows.observables, strict=True):
-            at = self.rows.rows_of(name)
-            part = self.rows.take(at)
+        for observable, at, incidence in self.rows.by_observable:
             own_e_n, own_mu = (x if x.shape[-1] == 1 else x[..., at] for x in (e_n, mu))
-            state = rebound_with(part.incidence, k[..., at], free, own_e_n, self.inertia_factor)
+            state = rebound_with(incidence, k[..., at], free, own_e_n, self.inertia_factor)
             out[..., at] = observable.value(state, own_mu)
         return out
 
@@ -130,8 +127,13 @@ class Problem:
         """Derivative of each row's value by each entry of theta, in the regimes at theta, (n, p)."""
         e_n, c, mu = self.per_row(theta)
         k, _ = self.impulse(e_n, c, mu)
-        by_k = self._difference(k, e_n, mu, 1.0, 0.0)
-        by_e = self._difference(k, e_n, mu, 0.0, 1.0)
+        shift = _STEP * np.array([[1.0], [-1.0]])
+        up_k, down_k, up_e, down_e = self.values_with(
+            np.concatenate((k + shift, np.stack((k, k)))),
+            np.concatenate((np.stack((e_n, e_n)), e_n + shift)),
+            mu,
+        )
+        by_k, by_e = (up_k - down_k) / (2.0 * _STEP), (up_e - down_e) / (2.0 * _STEP)
         law = self.closure.law(self.inertia_factor)
         by_c, by_kappa = law.slopes(self.rows.incidence, c, mu * (1.0 + e_n))
         columns = {
@@ -144,11 +146,6 @@ class Problem:
         for name, places in self.parameters.positions.items():
             out[np.arange(k.size), places[self.rows.series]] += columns[name]
         return out
-
-    def _difference(self, k: Array, e_n: Array, mu: Array, dk: float, de: float) -> Array:
-        up = self.values_with(k + _STEP * dk, e_n + _STEP * de, mu)
-        down = self.values_with(k - _STEP * dk, e_n - _STEP * de, mu)
-        return (up - down) / (2.0 * _STEP)
 
     @cached_property
     def free_parameters(self) -> tuple[FreeParameter, ...]:
@@ -266,6 +263,16 @@ class Problem:
     def with_noise(self, noise: NoiseModel) -> Problem:
         """The same question under another noise."""
         return replace(self, noise=noise)
+
+    @cached_property
+    def by_series(self) -> tuple[Problem, ...]:
+        """Each series alone, with constants of its own."""
+        found = []
+        for number in range(len(self.series)):
+            part = self.with_rows(np.flatnonzero(self.rows.series == number))
+            rows = replace(part.rows, series=np.zeros(len(part.rows), dtype=np.intp))
+            found.append(replace(part, rows=rows, parameters=self.parameters.of_series(number)))
+        return tuple(found)
 
     def with_rows(self, rows: Index) -> Problem:
         """The same question of some of the rows."""

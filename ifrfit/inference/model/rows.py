@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -84,13 +84,33 @@ class Rows:
         )
         return rows, series
 
+    def __getstate__(self) -> dict[str, object]:
+        """The fields alone, for workers: observables are looked up again where they are needed."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
     def __len__(self) -> int:
         return int(self.tau.size)
 
-    @property
+    @cached_property
     def observables(self) -> tuple[Observable, ...]:
         """The observables that occur, in the order of `names`."""
         return tuple(OBSERVABLES[name] for name in self.names)
+
+    @cached_property
+    def by_observable(self) -> tuple[tuple[Observable, Index, Incidence], ...]:
+        """The observables that occur, each with its rows and the incidence of those."""
+        at = [self.rows_of(name) for name in self.names]
+        return tuple(
+            (o, rows, self.take(rows).incidence) for o, rows in zip(self.observables, at, strict=True)
+        )
+
+    def linear_parts(self, inertia_factor: float) -> tuple[Array, Array]:
+        """Offset and slope in the impulse factor of each tangential row, (n,); zero for the others."""
+        offset, slope = np.zeros(len(self)), np.zeros(len(self))
+        for observable, at, incidence in self.by_observable:
+            if observable.linear is not None:
+                offset[at], slope[at] = observable.linear(incidence, inertia_factor)
+        return offset, slope
 
     def rows_of(self, name: str) -> Index:
         """Rows of one observable."""
@@ -158,11 +178,10 @@ class Rows:
         incidence = Incidence(
             i.sine[rows], i.cosine[rows], i.spin_x[rows], i.spin_y[rows], i.slip_x[rows], i.slip_y[rows]
         )
-        columns = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name not in _WHOLE}
-        return replace(self, incidence=incidence, **columns)
+        return Rows(incidence, names=self.names, **{name: getattr(self, name)[rows] for name in _BY_ROW})
 
 
-_WHOLE = ("incidence", "names")  # fields that are not one number a row
+_BY_ROW = tuple(f.name for f in fields(Rows) if f.name not in ("incidence", "names"))  # one number a row
 
 
 def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:
@@ -172,7 +191,10 @@ def _codes(column: pd.Series) -> tuple[tuple[str, ...], Index]:
 
 def _impacts(table: pd.DataFrame) -> Index:
     """Impact of each row, numbered as they first occur; a row without an impact_id is its own."""
-    alone = pd.Series([f"row {i}" for i in range(len(table))], index=table.index)
-    named = table["source"].astype(str) + "/" + table["impact_id"].astype(str)
-    _, codes = _codes(named.where(table["impact_id"] != "", alone))
-    return codes
+    source, _ = pd.factorize(table["source"], use_na_sentinel=False)
+    impact, labels = pd.factorize(table["impact_id"], use_na_sentinel=False)
+    number = source * len(labels) + impact
+    alone = (table["impact_id"] == "").to_numpy(dtype=bool)
+    number[alone] = -1 - np.flatnonzero(alone)
+    codes, _ = pd.factorize(number)
+    return np.asarray(codes, dtype=np.intp)

@@ -118,14 +118,14 @@ class Forms:
 
     def add_normal(self, unknown: int) -> None:
         """Rows of the normal kind, such as e_n and v_n = e_n cos gamma."""
-        at = self.group.of_kind("normal")
+        at = self.group.rows.of_kind("normal")
         if not at.any():
             return
         self._add(unknown, self.group.rows.normal_factor(at), np.flatnonzero(at))
 
     def add_friction(self, unknown: int, factor: float) -> None:
         """LinearRows of mu."""
-        at = self.group.of_kind("friction")
+        at = self.group.rows.of_kind("friction")
         if at.any():
             self._add(unknown, np.full(int(at.sum()), factor), np.flatnonzero(at))
 

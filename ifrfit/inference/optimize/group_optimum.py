@@ -22,7 +22,7 @@ from ifrfit.inference.optimize.restitution_and_friction import solve_over_e_n
 
 def solve_group(group: ParameterGroup) -> GroupOptimum | None:
     """Optimum of rows that share one set of constants; None where only a search can find it."""
-    if group.of_kind("curved").any():
+    if group.rows.of_kind("curved").any():
         return None
     if group.e_n.fixed is None and is_separable(group):
         e_n, objective = restitution_optimum(group)
@@ -40,7 +40,7 @@ def solve_group(group: ParameterGroup) -> GroupOptimum | None:
 def _extremes(group: ParameterGroup, form: LinearForm, optimum: PiecewiseOptimum) -> tuple[Constants, ...]:
     """Outlying constants that describe the data as well; infinite where no oblique row sets a limit."""
     found = [form.to_constants(t) for t in optimum.extremes]
-    if not group.of_kind("tangential").any():
+    if not group.rows.of_kind("tangential").any():
         return tuple(found)
     e_n, c, mu = form.to_constants(optimum.t)
     if optimum.all_stick and group.mu.fixed is None:
@@ -62,9 +62,9 @@ def center_free_e_n(group: ParameterGroup, constants: Constants) -> Constants:
     touched = (
         group.e_n.fixed is not None
         or group.e_n.prior is not None
-        or group.of_kind("normal", "friction").any()
-        or group.of_scale("impulse").any()
-        or group.of_scale("rebound").any()
+        or group.rows.of_kind("normal", "friction").any()
+        or group.rows.of_scale("impulse").any()
+        or group.rows.of_scale("rebound").any()
         or group.mu.fixed is not None
         or group.mu.prior is not None
     )

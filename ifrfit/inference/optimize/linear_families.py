@@ -29,38 +29,41 @@ _TINY = 1e-300
 LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
 
 
-def linear_form(group: ParameterGroup) -> LinearForm | None:
-    """Restate the group in the family that takes its rows; None if it is not linear in any."""
-    scaled = group.of_scale("impulse"), group.of_scale("rebound")
-    friction = bool(group.of_kind("friction").any()) or group.mu.prior is not None
-    normal = bool(group.of_kind("normal").any()) or group.e_n.prior is not None
-    if group.of_kind("curved").any():
+def linear_form(group: ParameterGroup, kappa: float | None = None) -> LinearForm | None:
+    """Restate the group in the family that takes its rows, at a given kappa if there is one.
+
+    None if it is not linear in any family. A kappa takes the place of a fixed mu, not of a fixed e_n.
+    """
+    scaled = group.rows.of_scale("impulse"), group.rows.of_scale("rebound")
+    friction = bool(group.rows.of_kind("friction").any()) or group.mu.prior is not None
+    normal = bool(group.rows.of_kind("normal").any()) or group.e_n.prior is not None
+    if group.rows.of_kind("curved").any():
         return None
-    if not group.of_kind("tangential").any():
-        return _direct_family(group)
+    if not group.rows.of_kind("tangential").any():
+        return None if kappa is not None else _direct_family(group)
     if group.e_n.fixed is not None or not (scaled[0].any() or scaled[1].any() or friction):
-        return kappa_form(group)
+        return kappa_form(group, kappa)
     if normal or (group.c.prior is not None and (scaled[0].any() or scaled[1].any())):
         return None
     if not (scaled[0].any() or scaled[1].any()):
-        return _friction_family(group)
-    if (scaled[0] | group.of_kind("friction")).all():
-        return _impulse_family(group)
+        return _friction_family(group, kappa)
+    if (scaled[0] | group.rows.of_kind("friction")).all():
+        return _impulse_family(group, kappa)
     if scaled[1].all() and not friction:
-        return _rebound_family(group)
+        return _rebound_family(group, kappa)
     return None
 
 
-def kappa_form(group: ParameterGroup) -> LinearForm:
+def kappa_form(group: ParameterGroup, kappa: float | None = None) -> LinearForm:
     """Restate in e_n, c and kappa: any group without curved rows whose e_n is fixed, and some others."""
     e = group.e_n.fixed
     factor = np.ones(group.rows.tau.size)
     if e is not None:
-        factor[group.of_scale("impulse")] = 1.0 / (1.0 + e)
-        factor[group.of_scale("rebound")] = 1.0 / max(e, _TINY)
-    offset, slope = group.linear_parts()
+        factor[group.rows.of_scale("impulse")] = 1.0 / (1.0 + e)
+        factor[group.rows.of_scale("rebound")] = 1.0 / max(e, _TINY)
+    offset, slope = group.rows.linear_parts(group.inertia_factor)
     k = group.coefficients
-    tangential = group.of_kind("tangential")
+    tangential = group.rows.of_kind("tangential")
     forms = Forms(group, tangential)
     forms.stick[1] = forms.of(slope * factor * (k.a1 + k.b1))
     forms.stick0 = forms.of(factor * (offset + slope * (k.a0 + k.b0)))
@@ -74,7 +77,9 @@ def kappa_form(group: ParameterGroup) -> LinearForm:
     forms.add_prior(group.e_n, 0)
     forms.add_prior(group.c, 1)
     frame = Frame.of(group.e_n, group.c, None)
-    if group.mu.fixed is not None:
+    if kappa is not None:
+        frame.tie(2, kappa, 0, 0.0)
+    elif group.mu.fixed is not None:
         frame.tie(2, group.mu.fixed, 0, group.mu.fixed)  # kappa = mu + mu e_n
     domain = Domain()
     domain.between(0, group.e_n)
@@ -89,11 +94,11 @@ def kappa_form(group: ParameterGroup) -> LinearForm:
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, k.b1, 0.0], k.b0, back)
 
 
-def _friction_family(group: ParameterGroup) -> LinearForm:
+def _friction_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
     """Unknowns mu, c, kappa; e_n = kappa/mu - 1."""
-    offset, slope = group.linear_parts()
+    offset, slope = group.rows.linear_parts(group.inertia_factor)
     k = group.coefficients
-    tangential = group.of_kind("tangential")
+    tangential = group.rows.of_kind("tangential")
     forms = Forms(group, tangential)
     forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
     forms.stick0 = forms.of(offset + slope * (k.a0 + k.b0))
@@ -115,13 +120,15 @@ def _friction_family(group: ParameterGroup) -> LinearForm:
         return min(max(e_n, group.e_n.lower), group.e_n.upper), full[1], full[0]
 
     frame = Frame.of(group.mu, group.c, None)
+    if kappa is not None:
+        frame.tie(2, kappa, 0, 0.0)
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, k.b1, 0.0], k.b0, back)
 
 
-def _impulse_family(group: ParameterGroup) -> LinearForm:
+def _impulse_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
     """Unknowns w = 1/(1 + e_n), c w, mu."""
-    _, slope = group.linear_parts()
-    tangential = group.of_kind("tangential")
+    _, slope = group.rows.linear_parts(group.inertia_factor)
+    tangential = group.rows.of_kind("tangential")
     forms = Forms(group, tangential)
     k = group.coefficients
     forms.stick[0] = forms.of(slope * (k.a0 + k.b0))
@@ -141,14 +148,16 @@ def _impulse_family(group: ParameterGroup) -> LinearForm:
         return 1.0 / full[0] - 1.0, full[1] / full[0], full[2]
 
     frame = Frame.of(None, None, group.mu)
+    if kappa is not None:
+        frame.tie(2, 0.0, 0, kappa)  # mu = kappa w
     if group.c.fixed is not None:
         frame.tie(1, 0.0, 0, group.c.fixed)
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
 
 
-def _rebound_family(group: ParameterGroup) -> LinearForm:
+def _rebound_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
     """Unknowns w = 1/e_n, c w, kappa w."""
-    offset, slope = group.linear_parts()
+    offset, slope = group.rows.linear_parts(group.inertia_factor)
     forms = Forms(group, np.ones(group.rows.tau.size, dtype=bool))
     k = group.coefficients
     forms.stick[0] = _cleared(offset, slope * (k.a0 + k.b0))
@@ -170,7 +179,9 @@ def _rebound_family(group: ParameterGroup) -> LinearForm:
     frame = Frame.of(None, None, None)
     if group.c.fixed is not None:
         frame.tie(1, 0.0, 0, group.c.fixed)
-    if group.mu.fixed is not None:
+    if kappa is not None:
+        frame.tie(2, 0.0, 0, kappa)
+    elif group.mu.fixed is not None:
         frame.tie(2, group.mu.fixed, 0, group.mu.fixed)
     return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.rows import Rows
 from ifrfit.physics.closures import Closure, Coefficients
-from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -31,32 +30,10 @@ class ParameterGroup:
     c: Parameter
     mu: Parameter
 
-    def of_kind(self, *kinds: str) -> Bool:
-        """Rows whose observable is of one of these kinds."""
-        wanted = np.array([OBSERVABLES[n].kind in kinds for n in self.rows.names])
-        return np.asarray(wanted[self.rows.which])
-
-    def of_scale(self, scale: str) -> Bool:
-        """Tangential rows of this scale."""
-        wanted = np.array(
-            [OBSERVABLES[n].kind == "tangential" and OBSERVABLES[n].scale == scale for n in self.rows.names]
-        )
-        return np.asarray(wanted[self.rows.which])
-
     @property
     def coefficients(self) -> Coefficients:
         """(a, b) of the closure."""
         return self.closure.coefficients(self.inertia_factor)
-
-    def linear_parts(self) -> tuple[Array, Array]:
-        """Offset and slope in k of the tangential rows (zero for the others)."""
-        offset, slope = np.zeros(self.rows.tau.size), np.zeros(self.rows.tau.size)
-        for name in self.rows.names:
-            linear = OBSERVABLES[name].linear
-            if linear is not None:
-                at = self.rows.rows_of(name)
-                offset[at], slope[at] = linear(self.rows.take(at).incidence, self.inertia_factor)
-        return offset, slope
 
 
 @dataclass(frozen=True)
@@ -74,7 +51,9 @@ class GroupOptimum:
 def is_separable(group: ParameterGroup) -> bool:
     """Whether e_n can be found apart: nothing ties it to the tangential constants but kappa itself."""
     tied = (
-        group.of_scale("impulse").any() or group.of_scale("rebound").any() or group.of_kind("friction").any()
+        group.rows.of_scale("impulse").any()
+        or group.rows.of_scale("rebound").any()
+        or group.rows.of_kind("friction").any()
     )
     free_mu = group.mu.fixed is None and group.mu.prior is None
     return not tied and free_mu and group.mu.lower == 0.0 and math.isinf(group.mu.upper)
@@ -82,7 +61,7 @@ def is_separable(group: ParameterGroup) -> bool:
 
 def restitution_sums(group: ParameterGroup) -> tuple[float, float, float]:
     """Sums (w, w y, w y^2) of everything that measures e_n directly: rows of e_n and v_n, and its prior."""
-    at = group.of_kind("normal")
+    at = group.rows.of_kind("normal")
     factor = group.rows.normal_factor(at) * group.weight[at]
     value = group.rows.value[at] * group.weight[at]
     if group.e_n.prior is not None:
@@ -96,7 +75,7 @@ def restitution_optimum(group: ParameterGroup) -> tuple[float, float]:
 
     The middle of the domain where nothing measures it.
     """
-    at = group.of_kind("normal")
+    at = group.rows.of_kind("normal")
     weight, product, _ = restitution_sums(group)
     if weight == 0.0:
         return 0.5 * (group.e_n.lower + group.e_n.upper), 0.0
@@ -110,7 +89,7 @@ def restitution_optimum(group: ParameterGroup) -> tuple[float, float]:
 
 def without_normal_rows(group: ParameterGroup, e_n: float) -> ParameterGroup:
     """The group less what measures e_n, with e_n held."""
-    rest = np.flatnonzero(~group.of_kind("normal"))
+    rest = np.flatnonzero(~group.rows.of_kind("normal"))
     held = replace(group.e_n, fixed=e_n, prior=None)
     return replace(group, rows=group.rows.take(rest), weight=group.weight[rest], e_n=held)
 

@@ -43,9 +43,11 @@ def refine(problem: PiecewiseProblem, quadratic: PiecewiseQuadratic, found: Solv
         if not doubtful or len(refined) >= _MOST_REFINED:
             break
         cell = doubtful[0]
+    sure = {c: s for c, s in refined.items() if np.isfinite(s[0])}
+    if not sure:  # a cell that rounding closes where its two kinks meet: the sums know no less
+        return found
     # values that were never confirmed must not pass for the best
     rest = ~np.isin(found.cells, list(refined)) & np.isfinite(found.values)
-    sure = {c: s for c, s in refined.items() if np.isfinite(s[0])}
     values = np.where(found.values >= best, found.values, best + found.errors)[rest]
     return SolvedCells(
         np.concatenate(([value for value, _, _ in sure.values()], values)),

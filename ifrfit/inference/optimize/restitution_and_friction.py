@@ -40,7 +40,7 @@ def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
         return optimum.chi2 + prior, form.to_constants(optimum.t)
 
     # over the outgoing velocity the scale is 1/e_n: small values need a closer look
-    seeds = np.geomspace(low, high, _REBOUND_SEEDS).tolist() if group.of_scale("rebound").any() else []
+    seeds = np.geomspace(low, high, _REBOUND_SEEDS).tolist() if group.rows.of_scale("rebound").any() else []
     found = scalar_minima(lambda e_n: np.array([at(float(e))[0] for e in e_n]), low, high, seeds)
     objective = found[0][0]
     minima = tuple((value, at(e_n)[1]) for value, e_n in found if value <= objective + NEAR)
@@ -52,7 +52,7 @@ def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
 
 def _range_of_e_n(group: ParameterGroup) -> tuple[float, float]:
     lower = group.e_n.lower
-    if group.of_scale("rebound").any():
+    if group.rows.of_scale("rebound").any():
         lower = max(lower, LOWEST)  # tan_psi_out has no value at e_n = 0
     if math.isfinite(group.e_n.upper):
         return lower, group.e_n.upper
@@ -61,10 +61,10 @@ def _range_of_e_n(group: ParameterGroup) -> tuple[float, float]:
 
 def _bound(group: ParameterGroup, constants: Constants) -> float:
     """Lower bound over everything, where the rows split into two sides; -inf where they do not."""
-    impulse, rebound = group.of_scale("impulse"), group.of_scale("rebound")
+    impulse, rebound = group.rows.of_scale("impulse"), group.rows.of_scale("rebound")
     if not (impulse.any() or rebound.any()):
         return _bound_over_kappa(group, constants)
-    others = group.of_kind("tangential") & ~impulse
+    others = group.rows.of_kind("tangential") & ~impulse
     if others.any() or group.c.prior is not None:
         return -math.inf
     return _bound_over_w(group, constants)
@@ -102,7 +102,7 @@ def _bound_over_w(group: ParameterGroup, constants: Constants) -> float:
 
 
 def _of_rows(group: ParameterGroup, *kinds: str) -> ParameterGroup:
-    at = np.flatnonzero(group.of_kind(*kinds))
+    at = np.flatnonzero(group.rows.of_kind(*kinds))
     return replace(group, rows=group.rows.take(at), weight=group.weight[at])
 
 
@@ -121,7 +121,7 @@ class _RestitutionAndFriction:
 
     @classmethod
     def of(cls, group: ParameterGroup) -> _RestitutionAndFriction:
-        at = group.of_kind("friction")
+        at = group.rows.of_kind("friction")
         weight, value = group.weight[at], group.rows.value[at]
         p, q = float(weight @ weight), float((weight * weight) @ value)
         r = float((weight * value) @ (weight * value))

@@ -36,7 +36,7 @@ def solve_shared(problem: Problem, groups: Sequence[ParameterGroup], whole: Para
     whole : ParameterGroup
         All rows, with all priors.
     """
-    if any(group.of_kind("curved").any() for group in groups):
+    if any(group.rows.of_kind("curved").any() for group in groups):
         return None
     fixed = fix_restitution(groups, whole)
     if fixed is None:

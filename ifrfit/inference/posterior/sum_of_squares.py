@@ -18,13 +18,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.observable_values import by_impulse, scale_factor
 from ifrfit.inference.model.rows import OBLIQUE, Index, Rows
 from ifrfit.inference.posterior.chebyshev import on_grid
-from ifrfit.inference.posterior.quadratic_sums import PAIRS, PrefixSums, Quadratic, expand, scale_factor
-from ifrfit.physics.angles import Incidence
+from ifrfit.inference.posterior.quadratic_sums import PAIRS, PrefixSums, Quadratic, expand
 from ifrfit.physics.closures import Closure, Coefficients
 from ifrfit.physics.impulse_laws import Law
-from ifrfit.physics.observables import OBSERVABLES, Observable
+from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 
@@ -40,19 +40,6 @@ class Reference:
     e_n: float
     c: float
     mu: float
-
-
-@dataclass(frozen=True)
-class _DirectRows:
-    """Rows that measure e_n or mu: sums (w f^2, w f r, w r^2)."""
-
-    curvature: float
-    slope: float
-    square: float
-
-    def at(self, d: Array) -> Array:
-        """Sum of squares at a distance from the reference."""
-        return np.asarray(self.square + d * (self.curvature * d - 2.0 * self.slope))
 
 
 class SumOfSquares:
@@ -89,13 +76,11 @@ class SumOfSquares:
         self.coefficients = closure.coefficients(inertia_factor) if self.law is None else _BY_KAPPA
         self.inertia_factor = inertia_factor
         self.reference = reference
-        kinds = [OBSERVABLES[name].kind for name in rows.names]
-        if self.law is not None:
-            kinds = ["curved" if kind == "tangential" else kind for kind in kinds]
         curved, tangential, normal, friction = (
-            np.array([own == kind for own in kinds])[rows.which]
-            for kind in ("curved", "tangential", "normal", "friction")
+            rows.of_kind(kind) for kind in ("curved", "tangential", "normal", "friction")
         )
+        if self.law is not None:
+            curved, tangential = curved | tangential, np.zeros_like(tangential)
         self._oblique = curved | tangential
         self.curved_rows = [group[curved[group]] for group in self.groups]
         self.sums = [self._tangential(group[tangential[group]]) for group in self.groups]
@@ -120,25 +105,13 @@ class SumOfSquares:
         return self.coefficients.b0 + self.coefficients.b1 * c
 
     def _tangential(self, at: Index) -> list[PrefixSums]:
-        found: list[PrefixSums] = []
-        if not at.size:
-            return found
-        for scale in ("one", "impulse", "rebound"):
-            of_scale = np.array([OBSERVABLES[name].scale == scale for name in self.rows.names])
-            rows = at[of_scale[self.rows.which[at]]]
-            if rows.size:
-                found.append(self._summed(rows, scale))
-        return found
+        by_scale = {scale: at[self.rows.of_scale(scale)[at]] for scale in ("one", "impulse", "rebound")}
+        return [self._summed(rows, scale) for scale, rows in by_scale.items() if rows.size]
 
     def _summed(self, at: Index, scale: str) -> PrefixSums:
         at = at[np.argsort(self.rows.tau[at], kind="stable")]
         part = self.rows.take(at)
-        offset, slope = np.zeros(at.size), np.zeros(at.size)
-        for name in part.names:
-            linear = OBSERVABLES[name].linear
-            here = part.rows_of(name)
-            if linear is not None and here.size:
-                offset[here], slope[here] = linear(part.take(here).incidence, self.inertia_factor)
+        offset, slope = part.linear_parts(self.inertia_factor)
         k, ref, w = self.coefficients, self.reference, self.weight[at]
         kappa = ref.mu * (1.0 + ref.e_n)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -160,16 +133,17 @@ class SumOfSquares:
         products[:, :-1] += np.cumsum(slide[:, ::-1], axis=1)[:, ::-1]
         return PrefixSums(scale, part.tau, products)
 
-    def _normal_rows(self, at: Index) -> _DirectRows:
+    def _normal_rows(self, at: Index) -> Quadratic:
+        """Sum of squares of rows of e_n by its distance from the reference."""
         factor = self.rows.normal_factor(at) * self.weight[at]
         left = self.rows.value[at] * self.weight[at] - factor * self.reference.e_n
-        return _DirectRows(float(factor @ factor), float(factor @ left), float(left @ left))
+        return Quadratic(left @ left, factor @ left, factor @ factor)
 
-    def _friction_rows(self, at: Index) -> _DirectRows:
-        left = (self.rows.value[at] - self.reference.mu) * self.weight[at]
-        return _DirectRows(
-            float(self.weight[at] @ self.weight[at]), float(self.weight[at] @ left), float(left @ left)
-        )
+    def _friction_rows(self, at: Index) -> Quadratic:
+        """Sum of squares of rows of mu by its distance from the reference."""
+        weight = self.weight[at]
+        left = (self.rows.value[at] - self.reference.mu) * weight
+        return Quadratic(left @ left, weight @ left, weight @ weight)
 
     def quadratics(self, e_n: Array, x: Array) -> list[Quadratic]:
         """Of each noise group, all rows but the curved ones; under a tilted bound not those of mu either.
@@ -282,13 +256,3 @@ class SumOfSquares:
             residual = self.curved_values(rows, *(y[at] for y in flat), law=law)
             out[at] = np.einsum("ij,ij->i", residual, residual)
         return out.reshape(c.shape)
-
-
-def by_impulse(observable: Observable, i: Incidence, k: Array, e_n: Array, j: float) -> Array:
-    """Value of an oblique observable at many impulse factors."""
-    if observable.by_impulse is not None:
-        return observable.by_impulse(i, k, e_n, j)
-    if observable.linear is None:
-        raise ValueError(f"{observable.name} is no oblique observable")
-    offset, slope = observable.linear(i, j)
-    return np.asarray(scale_factor(observable.scale, e_n) * (offset + slope * k))

@@ -1,17 +1,19 @@
-"""The best of everything else while one entry of theta, or mu through a tie, is held."""
+"""The optimum under a constraint: with entries of theta fixed, at a given kappa, or with mu a function."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.branch_and_bound import minimise
+from ifrfit.inference.optimize.group_optimum import center_free_e_n
+from ifrfit.inference.optimize.linear_families import linear_form
 from ifrfit.inference.optimize.multistart import multistart
-from ifrfit.inference.optimize.optimum import Array, objective_at
+from ifrfit.inference.optimize.optimum import Array, objective_at, theta_of
 from ifrfit.inference.optimize.parameter_group import is_separable, restitution_optimum
 from ifrfit.inference.optimize.scalar_search import minimum_near
 from ifrfit.inference.optimize.solve import series_groups, solve, whole_group
@@ -23,7 +25,7 @@ _GRID = 7  # values over the whole range that are looked at where it is not ther
 _XATOL = 1e-7
 _STARTS = 3  # of a local search
 
-Tie = Callable[[float, float], float]  # e_n and c to mu
+MuFunction = Callable[[float, float], float]  # of e_n and c
 
 
 def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Array) -> Array:
@@ -71,22 +73,12 @@ def _alone(problem: Problem, sigma: Array, at: Mapping[int, float], start: Array
     places = problem.parameters.positions
     (series,) = {int(np.flatnonzero(own == i)[0]) for i in at for own in places.values() if i in own}
     mine = [int(own[series]) for own in places.values()]
-    part, part_sigma = series_problem(problem, sigma, series)
+    own_sigma = sigma[problem.rows.series == series]
     theta = start.copy()
-    theta[mine] = _solved(part, part_sigma, {mine.index(i): x for i, x in at.items()}, start[mine])
-    return theta
-
-
-def series_problem(problem: Problem, sigma: Array, series: int) -> tuple[Problem, Array]:
-    """The rows of one series alone, with constants of its own."""
-    rows = np.flatnonzero(problem.rows.series == series)
-    part = problem.with_rows(rows)
-    part = replace(
-        part,
-        parameters=problem.parameters.of_series(series),
-        rows=replace(part.rows, series=np.zeros(rows.size, dtype=np.intp)),
+    theta[mine] = _solved(
+        problem.by_series[series], own_sigma, {mine.index(i): x for i, x in at.items()}, start[mine]
     )
-    return part, sigma[rows]
+    return theta
 
 
 def _constrained(problem: Problem, at: Mapping[int, float]) -> Problem:
@@ -100,20 +92,26 @@ def separable_e_n(problem: Problem, sigma: Array, series: int) -> float | None:
     if e_n.fixed is not None:
         return e_n.fixed
     whole = whole_group(problem, sigma)
-    if not is_separable(whole) or whole.of_kind("curved").any() or (e_n.separate and not mu.separate):
+    if not is_separable(whole) or whole.rows.of_kind("curved").any() or (e_n.separate and not mu.separate):
         return None
     return restitution_optimum(series_groups(problem, sigma)[series] if e_n.separate else whole)[0]
 
 
-def best_over_e_n(
+def best_at_kappa(
     problem: Problem, sigma: Array, kappa: float, range_of_e_n: tuple[float, float], near: Array
 ) -> Array | None:
-    """theta at a given kappa, for one set of constants: certified at each e_n, with a search over e_n.
+    """theta at a given kappa, for one set of constants.
 
+    One certified solve where the rows are linear at that kappa; else one at each e_n, with a search over e_n.
     None where only a local search can find the rest.
     """
-    if any(c.separate for c in problem.parameters) or whole_group(problem, sigma).of_kind("curved").any():
+    group = whole_group(problem, sigma)
+    if any(c.separate for c in problem.parameters) or group.rows.of_kind("curved").any():
         return None
+    form = linear_form(group, kappa) if problem.closure.bilinear else None
+    if form is not None:
+        constants = center_free_e_n(group, form.to_constants(minimise(form.problem).t))
+        return theta_of(problem, [constants] * len(problem.series))
     e_n = problem.parameters["e_n"]
     i_e, i_mu = 0, len(problem.parameters.names) - 1
     low = min(max(e_n.lower, range_of_e_n[0], lowest_e_n(problem)), e_n.upper)
@@ -134,17 +132,17 @@ def lowest_e_n(problem: Problem) -> float:
     return LOWEST if problem.rows.has_rebound_scale else 0.0
 
 
-def best_tied(
+def local_optimum_with_mu(
     problem: Problem,
     sigma: Array,
     series: int,
-    tie: Tie,
+    mu: MuFunction,
     e_range: tuple[float, float],
     starts: Sequence[Array],
 ) -> Array:
-    """theta with mu of a series tied to e_n and c, everything else at its best: the best of local searches.
+    """theta with mu of a series a function of e_n and c, the rest at its best: the best of local searches.
 
-    A tie that holds the transition leaves every row of the series in its regime, so that nothing bends.
+    A mu that fixes the transition leaves every row of the series in its regime, so that nothing bends.
     """
     from scipy.optimize import least_squares
 
@@ -161,7 +159,7 @@ def best_tied(
         theta = start.copy()
         theta[i_e] = min(max(theta[i_e], lower[i_e]), upper[i_e])
         theta[free] = x
-        theta[i_mu] = tie(theta[i_e], theta[i_c] if i_c >= 0 else 0.0)
+        theta[i_mu] = mu(theta[i_e], theta[i_c] if i_c >= 0 else 0.0)
         return theta
 
     best: tuple[float, Array] | None = None

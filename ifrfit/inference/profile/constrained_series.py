@@ -34,7 +34,7 @@ def best_of_series(problem: Problem, sigma: Array, at: Mapping[int, float], near
         theta nearby.
     """
     whole = whole_group(problem, sigma)
-    if not problem.closure.bilinear or whole.of_kind("curved").any():
+    if not problem.closure.bilinear or whole.rows.of_kind("curved").any():
         return None
     own = series_groups(problem, sigma)
     places = problem.parameters.positions

@@ -9,21 +9,19 @@ import numpy as np
 
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.inference.distributions.draws import kappa_name
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
-from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.parameters import Domain, Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.profile.curve import COARSE
 from ifrfit.inference.profile.intervals import profile_of
 from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, entry, kappa, outlying, profile_curve
 from ifrfit.inference.result.types import Constants, Estimate, Interval
 from ifrfit.inference.summary.estimates import kappa_of_constants, marginal_of_normal
-from ifrfit.inference.summary.gaussian import kappa_domain, prior_reasons
+from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
-from ifrfit.inference.summary.status import ON_BOUNDS, Domain, Known, estimate_of, fixed_estimate
+from ifrfit.inference.summary.status import ON_BOUNDS, Known, estimate_of, fixed_estimate
 
 # times the local 95 % interval; the Gaussian knows nothing of what lies further out
 _BEYOND = 1.25
@@ -54,16 +52,13 @@ def estimates_of_optimum(
 
     kappas: dict[str, Estimate] = {}
     by_name: dict[str, Estimate] = {}
-    for number, series in enumerate(problem.series):
-        name = kappa_name(problem, number)
-        if not _e_n_and_mu_free(problem, number):
+    for number, (series, own) in enumerate(zip(problem.series, problem.parameters.kappas, strict=True)):
+        if own.e_n.fixed is not None or own.mu.fixed is not None:
             continue
-        if name not in by_name:
-            at = [kappa_at_theta(problem, theta, number) for theta in outlying(fit.optimum)]
-            quantity = kappa(problem, fit, number, name)
-            assert quantity is not None  # both are free
-            by_name[name] = free(name, kappa_domain(problem, number), at, quantity)
-        kappas[series] = by_name[name]
+        if own.name not in by_name:
+            at = [own.value(theta) for theta in outlying(fit.optimum)]
+            by_name[own.name] = free(own.name, own.domain, at, kappa(problem, fit, number))
+        kappas[series] = by_name[own.name]
     constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
     places = problem.parameters.positions
     for constant in problem.parameters:
@@ -77,24 +72,13 @@ def estimates_of_optimum(
             elif constant.separate or number == 0:
                 at = [float(theta[place]) for theta in outlying(fit.optimum)]
                 quantity = entry(problem, fit, place)
-                each[series] = free(problem.parameters.names[place], Domain.of(constant), at, quantity)
+                each[series] = free(problem.parameters.names[place], constant.domain, at, quantity)
         constants[constant.name] = each if constant.separate else each[problem.series[0]]
     for number, series in enumerate(problem.series):
         derived = kappa_of_constants(problem, number, constants)
         if derived is not None:
             kappas[series] = derived
     return constants, kappas
-
-
-def kappa_at_theta(problem: Problem, theta: Array, series: int) -> float:
-    """kappa = mu (1 + e_n) of a series at theta."""
-    places = problem.parameters.positions
-    return float(theta[places["mu"][series]] * (1.0 + theta[places["e_n"][series]]))
-
-
-def _e_n_and_mu_free(problem: Problem, series: int) -> bool:
-    places, entries = problem.parameters.positions, problem.parameters.entries
-    return all(entries[int(places[name][series])].fixed is None for name in ("e_n", "mu"))
 
 
 def _profiled(problem: Problem, fit: LeastSquaresFit, quantity: Quantity, known: Known) -> Estimate:

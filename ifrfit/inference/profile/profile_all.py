@@ -20,7 +20,7 @@ from ifrfit.inference.summary.derived import angle_near, constant_bound, median_
 from ifrfit.inference.summary.estimates import kappa_of_constants
 from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
-from ifrfit.inference.summary.status import KAPPA, Domain, Known, fixed_estimate, linear
+from ifrfit.inference.summary.status import KAPPA, Known, fixed_estimate, linear
 from ifrfit.physics.closures import Meaning
 from ifrfit.physics.transition import transition_angles
 
@@ -53,13 +53,13 @@ def profile_all(
     for name, quantity in quantities_of(problem, fit).items():
         sd = math.sqrt(fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd))
         found[name] = _profile(misfit, quantity, known_of(problem, fit, name, sd, reasons), curves)
-    e_n, mu = problem.parameters["e_n"], problem.parameters["mu"]
+    e_n, domain = problem.parameters["e_n"], problem.parameters.kappas[0].domain
     if e_n.fixed is not None:
         factor = 1.0 + e_n.fixed
         for name in [name for name in found if quantity_of(name) == "mu"]:
             label = "kappa" + name.removeprefix("mu")
             scaled = found[name].mapped(label, lambda x: x * factor)
-            same = linear(found[name].estimate(), 0.0, factor, Domain.of_kappa(e_n, mu), KAPPA)
+            same = linear(found[name].estimate(), 0.0, factor, domain, KAPPA)
             found[label] = replace(scaled, reason=same.reason)
     own, meaning = problem.closure.constant, problem.closure.meaning
     if own is not None and meaning is not None:

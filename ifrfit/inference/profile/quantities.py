@@ -8,22 +8,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.parameters import Domain, Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.profile.constrained_fit import (
-    best_over_e_n,
-    best_tied,
+    best_at_kappa,
     best_with,
     kappa_range,
+    local_optimum_with_mu,
     lowest_e_n,
     separable_e_n,
 )
 from ifrfit.inference.profile.curve import FINE, ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
 from ifrfit.inference.summary.gaussian import kappa_at
-from ifrfit.inference.summary.status import Domain
 from ifrfit.physics.observables import OBSERVABLES
 
 _COVERED = 0.997
@@ -72,20 +71,16 @@ def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
         problem.parameters.names[place],
         lambda theta: float(theta[place]),
         lambda x, sigma, near: best_with(problem, sigma, {place: x}, near),
-        replace(Domain.of(constant), lower=lower),
+        replace(constant.domain, lower=lower),
         fit.gaussian.to_theta[place],
         far,
     )
 
 
-def kappa(problem: Problem, fit: LeastSquaresFit, series: int, name: str) -> Quantity | None:
-    """kappa = mu (1 + e_n) of a series; None where both are fixed."""
-    places = problem.parameters.positions
-    i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
-    entries = problem.parameters.entries
-    e_n, mu = entries[i_e], entries[i_mu]
-    if e_n.fixed is not None and mu.fixed is not None:
-        return None
+def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
+    """kappa = mu (1 + e_n) of a series, one of both free."""
+    own = problem.parameters.kappas[series]
+    i_e, i_mu, e_n, mu = own.i_e_n, own.i_mu, own.e_n, own.mu
 
     def constrained(x: float, sigma: Array, near: Array) -> Array:
         if mu.fixed is not None:
@@ -95,11 +90,11 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int, name: str) -> Qua
         if best_e_n is not None:
             at = {i_mu: x / (1.0 + best_e_n)} | ({} if e_n.fixed is not None else {i_e: best_e_n})
             return best_with(problem, sigma, at, near)
-        found = best_over_e_n(problem, sigma, x, kappa_range(x, mu), near)
+        found = best_at_kappa(problem, sigma, x, kappa_range(x, mu), near)
         if found is not None:
             return found
         starts = [near, *(theta for _, theta in fit.optimum.minima)]
-        return best_tied(
+        return local_optimum_with_mu(
             problem, sigma, series, lambda e, c: x / (1.0 + e), kappa_range(x, mu), _distinct(starts)
         )
 
@@ -107,10 +102,10 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int, name: str) -> Qua
     lowest = max(e_n.lower, min(lowest_e_n(problem), e_n.upper))
     far = _level(problem, i_mu)
     return Quantity(
-        name,
-        lambda theta: float(theta[i_mu] * (1.0 + theta[i_e])),
+        own.name,
+        own.value,
         constrained,
-        Domain.of_kappa(replace(e_n, lower=lowest), mu),
+        replace(own, e_n=replace(e_n, lower=lowest)).domain,
         kappa_at(problem, fit, series)[1],
         None if far is None else far * (1.0 + high_e),
     )
@@ -136,8 +131,11 @@ def transition_tau(problem: Problem, fit: LeastSquaresFit, series: int) -> Quant
 
     def constrained(x: float, sigma: Array, near: Array) -> Array:
         starts = [near, *(theta for _, theta in fit.optimum.minima)]
-        tie = lambda e, c: x * float(law.bound(c)) / (1.0 + e)  # noqa: E731
-        return best_tied(problem, sigma, series, tie, (-math.inf, math.inf), _distinct(starts))
+
+        def mu(e: float, c: float) -> float:
+            return x * float(law.bound(c)) / (1.0 + e)
+
+        return local_optimum_with_mu(problem, sigma, series, mu, (-math.inf, math.inf), _distinct(starts))
 
     functional = kappa_at(problem, fit, series)[1] / bound
     slope = float(law.bound_slope(theta[i_c])) / bound
@@ -217,10 +215,7 @@ def quantities_of(problem: Problem, fit: LeastSquaresFit) -> Mapping[str, Quanti
     }
     if problem.parameters["e_n"].fixed is not None:
         return found
-    separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
-    for series, label in enumerate(problem.series if separate else problem.series[:1]):
-        name = f"kappa[{label}]" if separate else "kappa"
-        quantity = kappa(problem, fit, series, name)
-        if quantity is not None:
-            found[name] = quantity
+    for series, own in enumerate(problem.parameters.kappas):
+        if own.name and own.name not in found:
+            found[own.name] = kappa(problem, fit, series)
     return found

@@ -9,19 +9,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.distributions.draws import kappa_name
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.entry_names import entry_name
+from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.result.estimation import Unresolved
 from ifrfit.inference.result.types import Constants, Estimate, Interval, NoiseSummary
-from ifrfit.inference.summary.gaussian import kappa_domain
 from ifrfit.inference.summary.status import (
     AT_BOUND,
     KAPPA,
     ON_BOUNDS,
-    Domain,
     Known,
     Marginal,
     OneSided,
@@ -120,7 +118,7 @@ def estimates_of(
     found: dict[str, Estimate | Mapping[str, Estimate]] = {}
     for constant in problem.parameters:
         own = local[constant.name]
-        domain = Domain.of(constant)
+        domain = constant.domain
         if isinstance(own, Estimate):
             found[constant.name] = _estimate(distribution, constant.name, domain, own, reasons)
         else:
@@ -132,8 +130,8 @@ def estimates_of(
     for number, series in enumerate(problem.series):
         kappas[series] = kappa_of_constants(problem, number, found) or _estimate(
             distribution,
-            kappa_name(problem, number),
-            kappa_domain(problem, number),
+            problem.parameters.kappas[number].name,
+            problem.parameters.kappas[number].domain,
             local_kappas[series],
             reasons,
         )
@@ -182,9 +180,8 @@ def _without_value(domain: Domain, unresolved: Unresolved) -> Estimate:
 
 def kappa_of_constants(problem: Problem, series: int, constants: Constants) -> Estimate | None:
     """kappa of a series where e_n or mu is fixed: the other one times a number; None where both are free."""
-    places, entries = problem.parameters.positions, problem.parameters.entries
-    e_n, mu = (entries[int(places[name][series])] for name in ("e_n", "mu"))
-    domain = Domain.of_kappa(e_n, mu)
+    kappa = problem.parameters.kappas[series]
+    e_n, mu, domain = kappa.e_n, kappa.mu, kappa.domain
     if mu.fixed is not None and (e_n.fixed is not None or mu.fixed == 0.0):
         return fixed_estimate(domain.lower, KAPPA)
     if e_n.fixed is None and mu.fixed is None:

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.inference.distributions.draws import kappa_name
 from ifrfit.inference.distributions.protocol import transition_name
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
+from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.summary.status import Domain, on_bound
+from ifrfit.inference.summary.status import on_bound
 from ifrfit.physics.closures import Coefficients
 
 Array = NDArray[np.float64]
@@ -30,17 +30,16 @@ def truncated_gaussian(problem: Problem, fit: LeastSquaresFit) -> TruncatedGauss
     for place in np.flatnonzero(problem.parameters.free).tolist():
         name, constant = problem.parameters.names[place], problem.parameters.entries[place]
         loadings[name] = local.to_theta[place]
-        domain = Domain.of(constant)
+        domain = constant.domain
         value = float(fit.optimum.theta[place])
         # the width of a prior is known, whatever the noise of the rows
         dof = math.inf if constant.prior is not None and name in reasons else fit.noise_dof
         marginals[name] = _marginal(fit, value, loadings[name], domain, dof, gradient)
-    for number in range(len(problem.series)):
-        name = kappa_name(problem, number)
-        if name and name not in loadings:
-            value, loadings[name] = kappa_at(problem, fit, number)
-            domain = kappa_domain(problem, number)
-            marginals[name] = _marginal(fit, value, loadings[name], domain, fit.noise_dof, gradient)
+    for number, kappa in enumerate(problem.parameters.kappas):
+        if kappa.name and kappa.name not in loadings:
+            value, functional = kappa_at(problem, fit, number)
+            loadings[kappa.name] = functional
+            marginals[kappa.name] = _marginal(fit, value, functional, kappa.domain, fit.noise_dof, gradient)
     for number, series in enumerate(problem.series):
         transition = _transition(problem, fit, number, gradient)
         if transition is not None:
@@ -65,17 +64,11 @@ def _marginal(
 
 def kappa_at(problem: Problem, fit: LeastSquaresFit, series: int) -> tuple[float, Array]:
     """kappa of a series at the optimum, and its derivative by the local coordinates."""
-    places = problem.parameters.positions
-    i_e, i_mu = int(places["e_n"][series]), int(places["mu"][series])
-    e_n, mu = float(fit.optimum.theta[i_e]), float(fit.optimum.theta[i_mu])
+    kappa = problem.parameters.kappas[series]
+    e_n, mu = float(fit.optimum.theta[kappa.i_e_n]), float(fit.optimum.theta[kappa.i_mu])
+    to_theta = fit.gaussian.to_theta
     # the coordinate itself, or by the product rule where mu is the coordinate
-    return mu * (1.0 + e_n), (1.0 + e_n) * fit.gaussian.to_theta[i_mu] + mu * fit.gaussian.to_theta[i_e]
-
-
-def kappa_domain(problem: Problem, series: int) -> Domain:
-    """Domain of kappa in a series."""
-    places, entries = problem.parameters.positions, problem.parameters.entries
-    return Domain.of_kappa(entries[int(places["e_n"][series])], entries[int(places["mu"][series])])
+    return mu * (1.0 + e_n), (1.0 + e_n) * to_theta[kappa.i_mu] + mu * to_theta[kappa.i_e_n]
 
 
 def _transition(
@@ -95,7 +88,7 @@ def _transition(
         functional = functional - tau * float(law.bound_slope(c)) / b * fit.gaussian.to_theta[place]
     bounds = Domain(0.0, math.inf, 1.0)
     if isinstance(law, Coefficients) and law.b1 == 0.0:
-        domain = kappa_domain(problem, series)
+        domain = problem.parameters.kappas[series].domain
         bounds = Domain(domain.lower / b, domain.upper / b, domain.prior_upper / b)
     return _marginal(fit, tau, functional, bounds, fit.noise_dof, gradient)
 
@@ -134,9 +127,9 @@ def prior_reasons(problem: Problem, fit: LeastSquaresFit) -> dict[str, str]:
         )
         for place in np.flatnonzero(problem.parameters.free).tolist()
     }
-    for number in range(len(problem.series)):
-        if name := kappa_name(problem, number):
-            functionals[name] = kappa_at(problem, fit, number)[1], kappa_domain(problem, number).prior_sd
+    for number, kappa in enumerate(problem.parameters.kappas):
+        if kappa.name:
+            functionals[kappa.name] = kappa_at(problem, fit, number)[1], kappa.domain.prior_sd
     reason = f"rests on your prior of {' and '.join(named)}"
     default = bare.covariance(capped=True)
     found = {}

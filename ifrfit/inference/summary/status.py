@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.result.types import Estimate, Interval
 
 AT_BOUND = 1e-9  # distance from a bound, relative where the bound is over 1, that counts as none
@@ -22,46 +22,6 @@ ON_BOUNDS = "rests on your bounds"
 _WIDE = 0.9  # of the domain that the default prior covers: then an upper limit says nothing
 
 Intervals = tuple[Interval, Interval]  # of 68 and 95 %
-
-
-@dataclass(frozen=True)
-class Domain:
-    """Values that a quantity may have, and how far its default prior reaches.
-
-    Attributes
-    ----------
-    lower, upper : float
-        The upper end may be infinite.
-    prior_upper : float
-        Upper end of the default prior, uniform from `lower` on; finite.
-    passive_sd : float or None
-        Standard deviation of the default prior over the passive domain, where bounds of the user stand in its
-        place.
-    """
-
-    lower: float
-    upper: float
-    prior_upper: float
-    passive_sd: float | None = None
-
-    @classmethod
-    def of(cls, parameter: Parameter) -> Domain:
-        """Domain of a parameter."""
-        return cls(parameter.lower, parameter.upper, parameter.prior_upper, parameter.passive_sd)
-
-    @classmethod
-    def of_kappa(cls, e_n: Parameter, mu: Parameter) -> Domain:
-        """Domain of kappa = mu (1 + e_n), which rises with both."""
-        low_e, high_e = (e_n.lower, e_n.upper) if e_n.fixed is None else (e_n.fixed, e_n.fixed)
-        low, high, prior = mu.lower, mu.upper, mu.prior_upper
-        if mu.fixed is not None:
-            low = high = prior = mu.fixed
-        return cls(low * (1.0 + low_e), high * (1.0 + high_e), prior * (1.0 + high_e))
-
-    @property
-    def prior_sd(self) -> float:
-        """Standard deviation of the default prior."""
-        return (self.prior_upper - self.lower) / math.sqrt(12.0)
 
 
 class OneSided(NamedTuple):

@@ -149,7 +149,7 @@ def test_a_replicate_that_leaves_something_open_says_what_and_why(question, only
     assert solved.reason == (reason,)
     assert {
         name
-        for name, is_undetermined in zip(problem.parameters.names, solved.open[0], strict=True)
+        for name, is_undetermined in zip(problem.parameters.names, solved.undetermined[0], strict=True)
         if is_undetermined
     } == left
     alone = SequentialSolver.of(problem, found).solve(lot)

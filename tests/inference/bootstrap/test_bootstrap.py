@@ -140,7 +140,7 @@ def test_replicates_without_an_answer_are_counted_with_their_reasons() -> None:
     assert set(found.reasons) == {NO_SLIDING}
     error = 5.0 * math.sqrt(expected * (1.0 - expected) / 2000)
     assert found.failed / 2000 == pytest.approx(expected, abs=error)
-    assert found.open == {"mu": {NO_SLIDING: found.failed}}
+    assert found.undetermined == {"mu": {NO_SLIDING: found.failed}}
     assert found.draws["mu"].size == found.answered == 2000 - found.failed
     joint = made(scene(9, ("beta", "e_n"), joint=True).with_rows(np.arange(10)), replicates=2000)
     assert set(joint.reasons) == {NO_E_N}

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.parameters import Domain, Kappa, Parameter
 from ifrfit.inference.result.types import Estimate
-from ifrfit.inference.summary.status import Domain, Known, Marginal, OneSided, estimate_of, linear
+from ifrfit.inference.summary.status import Known, Marginal, OneSided, estimate_of, linear
 
 DOMAIN = Domain(0.0, math.inf, 2.0)
 PRIOR_SD = 2.0 / math.sqrt(12.0)
@@ -57,12 +57,16 @@ def test_a_value_far_from_the_bound_is_not_stated() -> None:
     assert (found.value, found.interval95, found.reason) == (None, (0.0, 0.6), "only an upper limit")
 
 
+def _of_kappa(e_n: Parameter, mu: Parameter) -> Domain:
+    return Kappa("kappa", 0, 1, e_n, mu).domain
+
+
 def test_the_domain_of_kappa_follows_from_those_of_mu_and_e_n() -> None:
     e_n, mu = Parameter("e_n", 0.5, 0.9), Parameter("mu", 0.1, 0.2)
-    assert Domain.of_kappa(e_n, mu) == Domain(0.1 * 1.5, 0.2 * 1.9, 0.2 * 1.9)
-    assert Domain.of_kappa(replace(e_n, fixed=0.8), mu) == Domain(0.1 * 1.8, 0.2 * 1.8, 0.2 * 1.8)
-    assert Domain.of_kappa(e_n, replace(mu, fixed=0.1)) == Domain(0.1 * 1.5, 0.1 * 1.9, 0.1 * 1.9)
-    free = Domain.of_kappa(Parameter("e_n", 0.0, 1.0), Parameter("mu", 0.0, math.inf))
+    assert _of_kappa(e_n, mu) == Domain(0.1 * 1.5, 0.2 * 1.9, 0.2 * 1.9)
+    assert _of_kappa(replace(e_n, fixed=0.8), mu) == Domain(0.1 * 1.8, 0.2 * 1.8, 0.2 * 1.8)
+    assert _of_kappa(e_n, replace(mu, fixed=0.1)) == Domain(0.1 * 1.5, 0.1 * 1.9, 0.1 * 1.9)
+    free = _of_kappa(Parameter("e_n", 0.0, 1.0), Parameter("mu", 0.0, math.inf))
     assert (free.lower, free.upper, free.prior_upper) == (0.0, math.inf, 4.0)
 
 

@@ -32,8 +32,7 @@ def computed(problem: Problem, contact: Contact, impacts: Impacts, on: tuple[str
     """
     outcome, mu = compose(contact, impacts, (*on, "lateral-spin")), impacts.mu
     out = np.empty(mu.size)
-    for number, observable in enumerate(problem.rows.observables):
-        at = problem.rows.which == number
+    for observable, at, _ in problem.rows.by_observable:
         out[at] = np.broadcast_to(observable.value(outcome, mu), mu.shape)[at]
     return out
 
