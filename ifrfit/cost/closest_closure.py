@@ -11,7 +11,7 @@ from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.physics.angles import Array, Incidence
-from ifrfit.physics.closures import Closure
+from ifrfit.physics.closure import Closure
 
 
 @dataclass(frozen=True)

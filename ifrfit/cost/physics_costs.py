@@ -15,7 +15,8 @@ from ifrfit.cost.threads import one_thread
 from ifrfit.cost.timing import Cost, Timing, timed
 from ifrfit.errors import UsageError
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.closures import CLOSURES, get_closure, rotational_share
+from ifrfit.physics.closure import rotational_share
+from ifrfit.physics.closures import CLOSURES, get_closure
 from ifrfit.physics.compiling import available
 from ifrfit.physics.compliance import rebound_ratio
 from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI, Compliance

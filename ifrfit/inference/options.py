@@ -13,7 +13,7 @@ from ifrfit.inference.option_fields import Options, nested, option
 
 if TYPE_CHECKING:
     from ifrfit.inference.model.parameters import Parameter
-    from ifrfit.physics.closures import Closure
+    from ifrfit.physics.closure import Closure
 
 POLICIES = ("known", "scaled", "unknown")
 

@@ -13,7 +13,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from ifrfit.physics import CLOSURES, Rebound, rebound, transition_tau
-from ifrfit.physics.closures import check_closure, rotational_share
+from ifrfit.physics.closure import check_closure, rotational_share
 
 gammas = st.one_of(st.floats(0.0, 90.0), st.sampled_from([0.0, 30.0, 60.0, 90.0 - 1e-9, 90.0]))
 spins = st.one_of(st.floats(-2.0, 2.0), st.floats(-1e6, 1e6), st.sampled_from([0.0, -0.5, -1.0]))

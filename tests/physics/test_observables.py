@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.physics import CLOSURES, OBSERVABLES, get_observable, rebound
 from ifrfit.physics.angles import sincos
-from ifrfit.physics.observables import check_observable
+from ifrfit.physics.observable import check_observable
 
 TANGENTIAL = [name for name, observable in OBSERVABLES.items() if observable.kind == "tangential"]
 CONSTANTS = {name: own_constant(name) for name in CLOSURES}

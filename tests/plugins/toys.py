@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.physics.closures import Closure, ClosureConstant, rotational_share
+from ifrfit.physics.closure import Closure, ClosureConstant, rotational_share
 from ifrfit.physics.impulse_laws import impulse_factor
-from ifrfit.physics.observables import Observable
+from ifrfit.physics.observable import Observable
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import question
-from ifrfit.physics.closures import Closure
+from ifrfit.physics.closure import Closure
 
 _TOLERANCE = 1e-2  # of the log evidence and, in sd, of the constants: no more digits are shown
 

@@ -15,7 +15,7 @@ from ifrfit.inference.model.noise import NoiseModel, Policy
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.observables import Observable
+from ifrfit.physics.observable import Observable
 
 
 def with_propagated_sigma(observations: Observations, error_model: ErrorModel) -> Observations:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.physics.closures import Closure
+from ifrfit.physics.closure import Closure
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -19,7 +19,7 @@ from ifrfit.inference.posterior.clenshaw_curtis import rule
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.quadratic_sums import Quadratic
 from ifrfit.inference.posterior.sum_of_squares import AT_ONCE, SumOfSquares
-from ifrfit.physics.closures import Coefficients
+from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
 

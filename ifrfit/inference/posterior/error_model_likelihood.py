@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.latent_quadrature import At
 from ifrfit.inference.model.row_likelihood import RowLaw
-from ifrfit.physics.closures import Coefficients
+from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]

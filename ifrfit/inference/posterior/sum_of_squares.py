@@ -22,9 +22,10 @@ from ifrfit.inference.model.rows import OBLIQUE, Index, Rows
 from ifrfit.inference.posterior.chebyshev import on_grid
 from ifrfit.inference.posterior.quadratic_sums import PAIRS, PrefixSums, Quadratic, expand, scale_factor
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.closures import Closure, Coefficients
-from ifrfit.physics.impulse_laws import Law
-from ifrfit.physics.observables import OBSERVABLES, Observable
+from ifrfit.physics.closure import Closure
+from ifrfit.physics.impulse_laws import Coefficients, Law
+from ifrfit.physics.observable import Observable
+from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 

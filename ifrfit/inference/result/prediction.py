@@ -14,7 +14,8 @@ from ifrfit.inference.distributions.truncated_gaussian import truncated_draws
 from ifrfit.inference.result.state import to_coordinates
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import get_closure
-from ifrfit.physics.observables import Observable, get_observable
+from ifrfit.physics.observable import Observable
+from ifrfit.physics.observables import get_observable
 from ifrfit.physics.rebound import rebound_of
 
 if TYPE_CHECKING:

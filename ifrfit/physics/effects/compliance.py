@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.closures import rotational_share
+from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.compliance import rebound_ratio
 from ifrfit.physics.effects.contact import Contact, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome

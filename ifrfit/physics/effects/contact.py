@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.physics.angles import Array, Incidence
-from ifrfit.physics.closures import Closure
+from ifrfit.physics.closure import Closure
 
 SOLID = 0.4  # I/(m R^2) of a homogeneous sphere, the only body whose contact is taken as Hertzian here
 

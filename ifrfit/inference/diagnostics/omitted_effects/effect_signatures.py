@@ -20,11 +20,12 @@ from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
 )
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS, reference_speed
 from ifrfit.inference.model.problem import Problem
-from ifrfit.physics.closures import Coefficients, get_closure
+from ifrfit.physics.closures import get_closure
 from ifrfit.physics.compliance import chi_of
 from ifrfit.physics.compliance.law import chi_range
 from ifrfit.physics.effects import Contact
 from ifrfit.physics.effects.contact import SOLID
+from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observables import OBSERVABLES
 
 # no effects of the registry, but what a misfit may be instead
