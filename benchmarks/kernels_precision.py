@@ -5,7 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 
-from ifrfit.cost.impulse_balance import balance
+from ifrfit.cost.impulse_balance import balance, ifr
 from ifrfit.physics.angles import sincos
 from ifrfit.physics.kernels import rebound_many
 
@@ -43,7 +43,7 @@ def _error(name: str, dtype: np.dtype) -> float:
     with mpmath.workdps(DIGITS):
         worst = mpmath.mpf(0)
         constants = {name: mpmath.mpf(x) for name, x in (("constant", CONSTANT), ("e_n", E_N), ("mu", mu))}
-        constants |= {"law": CLOSURE, "inertia_factor": mpmath.mpf(2) / 5}
+        constants |= {"law": ifr, "inertia_factor": mpmath.mpf(2) / 5}
         for i in range(N):
             before = (mpmath.mpf(float(part[i])) for part in (given[0], given[1], given[3], given[2]))
             exact = balance(*before, **constants)

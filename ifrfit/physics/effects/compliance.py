@@ -10,7 +10,7 @@ import numpy as np
 from ifrfit.physics.angles import Array
 from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.compliance import rebound_ratio
-from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
@@ -34,6 +34,7 @@ class Compliance:
     stage: Stage = "tangential"
     replaces: Literal["tangential"] = "tangential"
     cost_ns: float = 70.0
+    numbers: tuple[ContactNumber, ...] = ()
     source: str = (
         "Maw, Barber & Fawcett (1976), Wear 38, 101; for e_n < 1 the scaling of Wu, Thornton & Li (2003), "
         "Adv. Powder Technol. 14, 435"

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.effects.contact import Contact, Impacts
+from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 from ifrfit.physics.rebound import rebound_with
@@ -26,6 +26,7 @@ class LateralSpin:
     stage: Stage = "plane"
     replaces: Literal[""] = ""
     cost_ns: float = 36.0
+    numbers: tuple[ContactNumber, ...] = ()
     source: str = "Doménech-Carbó (2023), appendix A2"
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:

@@ -214,7 +214,7 @@ def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
     """Derivative by the coefficient of rolling friction."""
     nowhere = np.full(problem.rows.value.size, np.nan)
     impacts = impacts_of(problem, theta, nowhere, nowhere)
-    contact = Contact(inertia_factor=problem.inertia_factor, rolling_friction=_SMALL_COUPLE)
+    contact = Contact(inertia_factor=problem.inertia_factor).with_numbers(rolling_friction=_SMALL_COUPLE)
     slowed, free = (computed(problem, contact, impacts, on) for on in (("rolling",), ()))
     yield Direction("rolling", np.nan_to_num((slowed - free) / _SMALL_COUPLE))
 
