@@ -24,6 +24,13 @@ Numerator = Literal["velocity", "spin", "contact"]
 
 _TAKEN = ("Tx", "Ty", "Sx", "Sy", "N")
 _ROUNDING = 1e-9
+# gamma in degrees, spin_x, spin_y, and what of `Observable.undefined` holds there
+_EXTREME: tuple[tuple[float, float, float, tuple[Undefined, ...]], ...] = (
+    (30.0, 0.0, -0.5, ("contact",)),
+    (0.0, 0.2, 0.3, ("normal",)),
+    (0.0, 0.0, 0.0, ("rest", "normal", "contact")),
+    (90.0, 0.2, 0.3, ("grazing",)),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +117,8 @@ def check_observable(observable: Observable) -> None:
     ------
     UsageError
         For a name that does not fit its unit, a kind without its form, a form that differs from `value` on
-        impacts that stick and slide, and words that are none of those documented.
+        impacts that stick and slide, words that are none of those documented, and a value that is infinite,
+        or that is nan where `undefined` does not say so.
     """
     name = observable.name
     if not name.isidentifier() or (observable.unit == "deg") != name.endswith("_deg"):
@@ -138,6 +146,22 @@ def check_observable(observable: Observable) -> None:
             )
         if not np.all((observable.low <= value) & (value <= observable.high)):
             raise UsageError(f"Observable {name}: values of ordinary impacts lie outside its range.")
+    _check_undefined(observable)
+
+
+def _check_undefined(observable: Observable) -> None:
+    """Refuse infinite values, and nan that is not announced."""
+    gamma, spin_x, spin_y, reasons = zip(*_EXTREME, strict=True)
+    incidence = Incidence.of(np.array(gamma), np.array(spin_x), np.array(spin_y), degrees=True)
+    state = rebound_of(incidence, get_closure("fr"), 0.9, 0.4, 0.1, 0.4)
+    with np.errstate(all="ignore"):
+        values = np.asarray(observable.value(state, np.asarray(0.1)))
+    for at, value, why in zip(gamma, values, reasons, strict=True):
+        if np.isinf(value) or (np.isnan(value) and not set(why) & set(observable.undefined)):
+            raise UsageError(
+                f"Observable {observable.name} is {value:g} at gamma = {at:g} degrees: let it be nan there, "
+                f"and say so in undefined, by {' or '.join(why)}."
+            )
 
 
 def _by_form(observable: Observable, state: Rebound, mu: float) -> Array | None:
