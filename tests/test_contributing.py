@@ -17,8 +17,10 @@ DIFFS = re.findall(r"^```diff\n--- a/(\S+)\n\+\+\+ b/(\S+)\n(.*?)^```$", GUIDE, 
 def applied(text: str, diff: str) -> str:
     """The text with what the hunks of a diff add; what stands before an addition is there once."""
     for hunk in diff.split("@@\n")[1:]:
-        before = "".join(line[1:] for line in hunk[: hunk.index("\n+") + 1].splitlines(keepends=True))
-        added = "".join(line[1:] for line in hunk.splitlines(keepends=True) if line.startswith("+"))
+        lines = hunk.splitlines(keepends=True)
+        first = next(number for number, line in enumerate(lines) if line.startswith("+"))
+        before = "".join(line.removeprefix(" ") for line in lines[:first])
+        added = "".join(line[1:] for line in lines if line.startswith("+"))
         assert text.count(before) == 1, hunk
         text = text.replace(before, before + added)
     return text
