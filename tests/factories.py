@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.physics import CLOSURES, get_closure, get_observable, rebound
+from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure, rebound
 
 # the closures that the exact posterior takes in closed form, which are quick
 BILINEAR = tuple(name for name, closure in CLOSURES.items() if closure.bilinear)
@@ -54,7 +54,7 @@ def impacts_text(
             gamma, spin_x, spin_y, e_n=e_n, mu=mu, closure=closure, degrees=True,
             inertia_factor=inertia_factor, **extra,
         )  # fmt: skip
-        values = get_observable(name).value(state, np.asarray(mu))
+        values = OBSERVABLES[name].value(state, np.asarray(mu))
         values = values + noise * rng.standard_normal(values.shape)
         for angle, value in zip(np.atleast_1d(gamma).tolist(), np.atleast_1d(values).tolist(), strict=True):
             tail = "" if sigma is None else f"{sigma!r}"

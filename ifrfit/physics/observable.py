@@ -109,6 +109,34 @@ class Observable:
         """The unit as axes write it."""
         return "–" if self.unit == "1" else self.unit
 
+    def by_form(self, i: Incidence, k: Array, e_n: Array, mu: Array, j: float) -> Array:
+        """Values at impulse factors k, by the form of the observable's kind; all broadcast.
+
+        Raises
+        ------
+        UsageError
+            If that form is missing.
+        """
+        if self.kind == "tangential" and self.linear is not None:
+            offset, slope = self.linear(i, j)
+            return np.asarray(scale_factor(self.scale, e_n) * (offset + slope * k))
+        if self.kind == "normal" and self.by_e_n is not None:
+            return np.asarray(e_n * self.by_e_n(i))
+        if self.kind == "curved" and self.by_impulse is not None:
+            return self.by_impulse(i, k, e_n, j)
+        if self.kind == "friction":
+            return np.asarray(mu)
+        raise UsageError(f"Observable {self.name} is {self.kind}, but lacks the form of that kind.")
+
+
+def scale_factor(scale: str, e_n: Array) -> Array:
+    """Factor of tangential observables that depends on e_n alone."""
+    if scale == "impulse":
+        return np.asarray(1.0 / (1.0 + e_n))
+    if scale == "rebound":
+        return np.asarray(1.0 / np.maximum(e_n, 1e-300))
+    return np.asarray(1.0)
+
 
 def check_observable(observable: Observable) -> None:
     """Refuse an observable that contradicts itself.
@@ -136,9 +164,7 @@ def check_observable(observable: Observable) -> None:
     for e_n, mu, j in ((0.9, 0.1, 0.4), (0.6, 0.3, 2.0 / 3.0)):
         state = rebound_of(incidence, get_closure("fr"), e_n, 0.4, mu, j)
         value = np.asarray(observable.value(state, np.asarray(mu)))
-        form = _by_form(observable, state, mu)
-        if form is None:
-            raise UsageError(f"Observable {name} is {observable.kind}, but lacks the form of that kind.")
+        form = observable.by_form(incidence, state.impulse_factor, state.e_n, np.asarray(mu), j)
         if not np.allclose(value, form, rtol=_ROUNDING, atol=_ROUNDING):
             raise UsageError(
                 f"Observable {name}: value and the form of kind {observable.kind} differ by up to "
@@ -162,17 +188,3 @@ def _check_undefined(observable: Observable) -> None:
                 f"Observable {observable.name} is {value:g} at gamma = {at:g} degrees: let it be nan there, "
                 f"and say so in undefined, by {' or '.join(why)}."
             )
-
-
-def _by_form(observable: Observable, state: Rebound, mu: float) -> Array | None:
-    """Values by the form of the observable's kind; None where that is missing."""
-    i, e_n, j = state.incidence, state.e_n, state.inertia_factor
-    if observable.kind == "tangential" and observable.linear is not None:
-        offset, slope = observable.linear(i, j)
-        over = {"one": np.ones_like(e_n), "impulse": 1.0 + e_n, "rebound": e_n}[observable.scale]
-        return np.asarray((offset + slope * state.impulse_factor) / over)
-    if observable.kind == "normal" and observable.by_e_n is not None:
-        return np.asarray(e_n * observable.by_e_n(i))
-    if observable.kind == "curved" and observable.by_impulse is not None:
-        return observable.by_impulse(i, state.impulse_factor, e_n, j)
-    return np.full(e_n.shape, mu) if observable.kind == "friction" else None

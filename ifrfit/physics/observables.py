@@ -317,14 +317,3 @@ OBSERVABLES: Registry[Observable] = Registry(
     ),
     check=check_observable,
 )
-
-
-def get_observable(name: str) -> Observable:
-    """Look an observable up by its name in the common schema.
-
-    Raises
-    ------
-    UsageError
-        If there is none of that name; the message lists those there are.
-    """
-    return OBSERVABLES[name]

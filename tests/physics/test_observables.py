@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.physics import CLOSURES, OBSERVABLES, get_observable, rebound
+from ifrfit.physics import CLOSURES, OBSERVABLES, rebound
 from ifrfit.physics.angles import sincos
 from ifrfit.physics.observable import check_observable
 
@@ -53,7 +53,7 @@ def test_only_tangential_ones_have_a_linear_form() -> None:
 
 def test_unknown_observable_lists_those_there_are() -> None:
     with pytest.raises(UsageError) as caught:
-        get_observable("betta")
+        OBSERVABLES["betta"]
     assert str(caught.value) == (
         f"There is no observable 'betta'. Choose one of {', '.join(OBSERVABLES)}. Did you mean beta?"
     )

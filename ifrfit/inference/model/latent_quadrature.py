@@ -204,23 +204,9 @@ def _values(law: LatentRows, rows: Index, i: Incidence, at: At) -> Array:
 
 
 def _value(law: LatentRows, name: str, i: Incidence, k: Array, at: At) -> Array:
-    observable = OBSERVABLES[name]
     e_n, mu = at.e_n[..., None, None], at.mu[..., None, None]
-    if observable.kind == "tangential":
-        assert observable.linear is not None
-        offset, slope = (part[:, None] for part in observable.linear(i, law.inertia_factor))
-        value = offset + slope * k
-        if observable.scale == "impulse":
-            return np.asarray(value / (1.0 + e_n))
-        return np.asarray(value / np.maximum(e_n, 1e-300)) if observable.scale == "rebound" else value
-    if observable.kind == "normal":
-        assert observable.by_e_n is not None
-        return np.asarray(e_n * observable.by_e_n(i)[:, None])
-    if observable.kind == "friction":
-        return np.asarray(mu)
-    assert observable.by_impulse is not None
     lifted = Incidence(*(part[:, None] for part in _parts(i)))
-    return observable.by_impulse(lifted, k, e_n, law.inertia_factor)
+    return OBSERVABLES[name].by_form(lifted, k, e_n, mu, law.inertia_factor)
 
 
 def _restated(law: LatentRows, name: str, rows: Index, i: Incidence, value: Array) -> Array:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.physics.observable import scale_factor
+
 Array = NDArray[np.float64]
 
 PAIRS = [(i, j) for i in range(4) for j in range(i, 4)]  # of columns, in the order of the products
@@ -41,15 +43,6 @@ class PrefixSums:
 def with_c_axis(value: Array) -> Array:
     """The value with an axis for the closure constant; a number as it is."""
     return value[..., None] if np.ndim(value) else value
-
-
-def scale_factor(scale: str, e_n: Array) -> Array:
-    """Factor of tangential observables that depends on e_n alone."""
-    if scale == "impulse":
-        return np.asarray(1.0 / (1.0 + e_n))
-    if scale == "rebound":
-        return np.asarray(1.0 / np.maximum(e_n, 1e-300))
-    return np.asarray(1.0)
 
 
 def expand(

@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.rows import OBLIQUE, Index, Rows
 from ifrfit.inference.posterior.chebyshev import on_grid
-from ifrfit.inference.posterior.quadratic_sums import PAIRS, PrefixSums, Quadratic, expand, scale_factor
-from ifrfit.physics.angles import Incidence
+from ifrfit.inference.posterior.quadratic_sums import PAIRS, PrefixSums, Quadratic, expand
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.impulse_laws import Coefficients, Law
-from ifrfit.physics.observable import Observable
+from ifrfit.physics.observable import scale_factor
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
@@ -243,13 +242,9 @@ class SumOfSquares:
             if at.size:
                 whole = at.size == part.tau.size
                 i = part.incidence if whole else part.take(at).incidence
-                value = by_impulse(
-                    OBSERVABLES[name],
-                    i,
-                    factor if whole else factor[..., at],
-                    e_n[..., None],
-                    self.inertia_factor,
-                )
+                k = factor if whole else factor[..., at]
+                mu = np.asarray(np.nan)  # takes no part in oblique observables once k is known
+                value = OBSERVABLES[name].by_form(i, k, e_n[..., None], mu, self.inertia_factor)
                 if whole:
                     out = value
                 else:
@@ -283,13 +278,3 @@ class SumOfSquares:
             residual = self.curved_values(rows, *(y[at] for y in flat), law=law)
             out[at] = np.einsum("ij,ij->i", residual, residual)
         return out.reshape(c.shape)
-
-
-def by_impulse(observable: Observable, i: Incidence, k: Array, e_n: Array, j: float) -> Array:
-    """Value of an oblique observable at many impulse factors."""
-    if observable.by_impulse is not None:
-        return observable.by_impulse(i, k, e_n, j)
-    if observable.linear is None:
-        raise ValueError(f"{observable.name} is no oblique observable")
-    offset, slope = observable.linear(i, j)
-    return np.asarray(scale_factor(observable.scale, e_n) * (offset + slope * k))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.problem import Problem
 from ifrfit.physics.effects import Contact, Impacts, Outcome, compose
-from ifrfit.physics.observables import OBSERVABLES, get_observable
+from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def _values(problem: Problem, outcome: Outcome, mu: Array) -> Array:
     out = np.empty(mu.size)
     for name in problem.rows.names:
         at = problem.rows.rows_of(name)
-        out[at] = np.broadcast_to(get_observable(name).value(outcome, mu), mu.shape)[at]
+        out[at] = np.broadcast_to(OBSERVABLES[name].value(outcome, mu), mu.shape)[at]
     return out
 
 
