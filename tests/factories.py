@@ -11,6 +11,26 @@ from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure, rebound
 
 # the closures that the exact posterior takes in closed form, which are quick
 BILINEAR = tuple(name for name, closure in CLOSURES.items() if closure.bilinear)
+# the observables of the common schema; what was added later is not among them
+SCHEMA = (
+    "e_n",
+    "beta",
+    "beta_cm",
+    "beta_tot",
+    "mu_app",
+    "delta_deg",
+    "lambda_deg",
+    "tan_psi_after",
+    "tan_psi_out",
+    "psi_after_deg",
+    "psi_out_deg",
+    "spin_x_after",
+    "spin_y_after",
+    "v_x",
+    "v_y",
+    "v_n",
+    "mu",
+)
 HEADER = "series,observable,gamma_deg,spin_x,spin_y,value,sigma"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import mpmath  # type: ignore[import-untyped]
 import numpy as np
 import pytest
-from factories import own_constant
+from factories import SCHEMA, own_constant
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -21,20 +21,6 @@ from ifrfit.physics.observable import check_observable
 
 TANGENTIAL = [name for name, observable in OBSERVABLES.items() if observable.kind == "tangential"]
 CONSTANTS = {name: own_constant(name) for name in CLOSURES}
-SCHEMA = [
-    *(
-        "e_n",
-        "beta",
-        "beta_cm",
-        "beta_tot",
-        "mu_app",
-        "delta_deg",
-        "lambda_deg",
-        "tan_psi_after",
-        "tan_psi_out",
-    ),
-    *("psi_after_deg", "psi_out_deg", "spin_x_after", "spin_y_after", "v_x", "v_y", "v_n", "mu"),
-]
 
 
 def test_the_names_of_the_schema_are_there() -> None:

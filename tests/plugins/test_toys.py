@@ -118,8 +118,8 @@ def test_a_constant_that_takes_no_part_in_sticking_is_integrated(
         folder / "lock.csv", {**made, "closure": "lock", "observables": observables, "seed": 1}
     )
     found = ifrfit.fit(path, closure="lock", fix={"e_n": 0.9}, noise="known", bounds={"mu": (0.0, most_mu)})
-    ends = found.problem.closure.domain(0.4)
-    c, mu = np.meshgrid(np.linspace(*ends, 601), np.linspace(0.0, 0.6, 601), indexing="ij")
+    middle = (np.arange(240) + 0.5) / 240
+    c, mu = np.meshgrid(0.9 * middle, 0.6 * middle, indexing="ij")
     theta = np.column_stack((np.full(c.size, 0.9), c.ravel(), mu.ravel()))
     z = (found.problem.rows.value - found.problem.predict(theta)) / 0.05
     density = np.exp(-0.5 * ((z**2).sum(axis=1) - (z**2).sum(axis=1).min())).reshape(c.shape)
