@@ -7,6 +7,7 @@ import os
 # one thread for every library, so that ratios compare work and not the number of cores
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
 
+import argparse
 import contextlib
 import csv
 import importlib.metadata
@@ -32,6 +33,34 @@ def machine(*packages: str) -> str:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
             parts.append(f"{name} {importlib.metadata.version(name)}")
     return ", ".join(parts)
+
+
+def benchmark_parser(description: str | None, quick: str = "") -> argparse.ArgumentParser:
+    """Options of a benchmark; `quick` says what --quick does, where there is one."""
+    parser = argparse.ArgumentParser(description=description)
+    if quick:
+        parser.add_argument("--quick", action="store_true", help=quick)
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV and of any plot")
+    parser.add_argument("--readme", action="store_true", help="put the table into the README, too")
+    return parser
+
+
+def publish(
+    options: argparse.Namespace,
+    file: str,
+    mark: str,
+    rows: Sequence[Mapping[str, object]],
+    table: Sequence[Sequence[str]],
+    goals: Sequence[str] = (),
+    about: str = "",
+) -> None:
+    """Print a table and its goals, write the rows as CSV, and both into the README where that is asked."""
+    print_table(table)
+    print(*(f"goal: {goal}" for goal in goals), sep="\n")
+    write_csv(options.out / file, rows)
+    if options.readme:
+        listed = ["", *(f"- {goal}" for goal in goals)] if goals else []
+        put_into_readme(mark, [about or machine(), "", *markdown_table(table), *listed])
 
 
 def seconds_of(call: Callable[[], object]) -> float:

@@ -5,53 +5,34 @@
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 # first: it sets the number of threads
-from _common import (
-    RESULTS,
-    machine,
-    markdown_table,
-    print_table,
-    put_into_readme,
-    ratio_of,
-    rounds_of,
-    verdict,
-    write_csv,
-)
+from _common import benchmark_parser, machine, publish, ratio_of, rounds_of, verdict
 
 # isort: split
+import least_squares as single
 import lmfit
 import numpy as np
+from least_squares import E_N, MISSED, SEED, SHARE, SIGMA, J
 
-import ifrfit
-from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.schemes import Cases, draw_replicates
-from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.physics.closures import get_closure
 
-J = 0.4
-SHARE = J / (1.0 + J)
-E_N, E_T, MU, SIGMA = 0.9, -0.75, 0.2, 0.03
 N, REPLICATES = 80, 1000
 GOAL_S = 1.0
-SEED = 20230101
-MISSED = 1e-6  # in chi2 above ours
 
 OURS, OURS_MORE, LMFIT = "bootstrap, cases", "bootstrap, noise unknown", "loop over lmfit, 1 start"
 
 
 @dataclass(frozen=True)
 class Case:
-    """The same impacts as our problem and as the arrays of somebody who writes the model by hand."""
+    """Impacts as in the benchmark of least squares, also with unknown noise, and so many replicates."""
 
     problem: Problem
     unknown: Problem
@@ -95,17 +76,10 @@ class Case:
 
 def make_case(replicates: int) -> Case:
     """80 values of beta over all angles; e_n fixed, e_t and mu sought."""
-    rng = np.random.default_rng([SEED, N])
-    gamma = rng.uniform(2.0, 88.0, N)
-    exact = ifrfit.rebound(gamma, e_n=E_N, e_t=E_T, mu=MU, degrees=True).beta
-    beta = exact + rng.normal(0.0, SIGMA, N)
-    observations = Observations(
-        make_table({"observable": ["beta"] * N, "gamma_deg": gamma, "value": beta, "sigma": [SIGMA] * N})
-    )
-    closure = get_closure("ifr")
-    constants = make_parameters(closure, J, fix={"e_n": E_N})
-    known, unknown = (make_problem(observations, closure, J, constants, p) for p in ("known", "unknown"))
-    return Case(known, unknown, 1.0 / np.tan(np.radians(gamma)), beta, replicates)
+    case = single.make_case(N)
+    known = case.problem
+    unknown = make_problem(known.observations, known.closure, J, known.parameters.parameters, "unknown")
+    return Case(known, unknown, case.cot, case.beta, replicates)
 
 
 def measure(case: Case, budget: float) -> tuple[list[dict[str, object]], list[str]]:
@@ -160,19 +134,10 @@ def table_of(rows: list[dict[str, object]]) -> list[list[str]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="200 replicates, fewer rounds")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV")
-    parser.add_argument("--readme", action="store_true", help="put the table into the README, too")
-    options = parser.parse_args()
+    options = benchmark_parser(__doc__, "200 replicates, fewer rounds").parse_args()
     print(machine())
     rows, goals = measure(make_case(200 if options.quick else REPLICATES), 2.0 if options.quick else 20.0)
-    print_table(table_of(rows))
-    print(*(f"goal: {goal}" for goal in goals), sep="\n")
-    write_csv(options.out / "bootstrap.csv", rows)
-    if options.readme:
-        listed = [f"- {goal}" for goal in goals]
-        put_into_readme("bootstrap", [machine(), "", *markdown_table(table_of(rows)), "", *listed])
+    publish(options, "bootstrap.csv", "bootstrap", rows, table_of(rows), goals)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import statistics
 import subprocess
@@ -14,16 +13,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from _common import (
-    RESULTS,
-    machine,
-    markdown_table,
-    print_table,
-    put_into_readme,
-    seconds_of,
-    verdict,
-    write_csv,
-)
+from _common import benchmark_parser, machine, publish, seconds_of, verdict
 
 # isort: split
 
@@ -62,10 +52,8 @@ def runner(arguments: list[str], folder: Path | None = None) -> Callable[[], Non
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = benchmark_parser(__doc__)
     parser.add_argument("--repeats", type=int, default=7)
-    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV")
-    parser.add_argument("--readme", action="store_true", help="put the table into the README, too")
     options = parser.parse_args()
     script = Path(sys.executable).with_name("ifrfit")
     ifr = [str(script)] if script.exists() else [sys.executable, "-m", "ifrfit"]
@@ -97,10 +85,7 @@ def main() -> None:
         judged = "" if goal is None else verdict(t <= goal)
         shown.append([name, f"{t:.3f} s", f"{t / bare:.1f}", "" if goal is None else f"{goal:g} s", judged])
         rows.append({"command": name, "time_s": f"{t:.4g}", "goal_s": goal or "", "goal": judged})
-    print_table(shown)
-    write_csv(options.out / "cli_start.csv", rows)
-    if options.readme:
-        put_into_readme("command line", [machine(), "", *markdown_table(shown)])
+    publish(options, "cli_start.csv", "command line", rows, shown)
 
 
 def _imports() -> list[str]:

@@ -8,20 +8,10 @@ rounds of the difference within a round. The plan itself is timed on a scene of 
 
 from __future__ import annotations
 
-import argparse
 import statistics
 from collections.abc import Callable
-from pathlib import Path
 
-from _common import (
-    RESULTS,
-    machine,
-    markdown_table,
-    print_table,
-    put_into_readme,
-    rounds_of,
-    write_csv,
-)
+from _common import benchmark_parser, publish, rounds_of
 
 # isort: split
 
@@ -61,10 +51,8 @@ def impacts_of(n: int) -> Impacts:
 
 def main() -> None:
     """Measure, print and keep."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = benchmark_parser(__doc__)
     parser.add_argument("--impacts", type=int, default=200_000)
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--readme", action="store_true")
     given = parser.parse_args()
     impacts = impacts_of(given.impacts)
     usable = [name for name, effect in EFFECTS.items() if not effect.lacks(CONTACT, impacts)]
@@ -84,10 +72,7 @@ def main() -> None:
             {"what": name, "cost": cost * unit, "unit": "ms a scene" if name == "plan" else "ns an impact"}
         )
     table = [["what", "cost", ""]] + [[str(r["what"]), f"{r['cost']:.0f}", str(r["unit"])] for r in rows]
-    print_table(table)
-    write_csv(given.out / "effects.csv", rows)
-    if given.readme:
-        put_into_readme("effects", [machine(), "", *markdown_table(table)])
+    publish(given, "effects.csv", "effects", rows, table)
 
 
 if __name__ == "__main__":

@@ -9,28 +9,15 @@ holds the reads that a processor makes before it writes.
 
 from __future__ import annotations
 
-import argparse
 import statistics
 from collections.abc import Callable
-from pathlib import Path
 
-from _common import (
-    RESULTS,
-    machine,
-    markdown_table,
-    print_table,
-    put_into_readme,
-    ratio_of,
-    rounds_of,
-    verdict,
-    write_csv,
-)
+from _common import benchmark_parser, machine, publish, ratio_of, rounds_of, verdict
 
 # isort: split
 
 import numba
 import numpy as np
-from kernels_precision import CASES, precision_rows
 
 from ifrfit.physics.angles import sincos
 from ifrfit.physics.closures import get_closure
@@ -135,14 +122,9 @@ def goals(rows: list[dict[str, object]], times: dict[str, list[float]]) -> list[
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a million impacts instead of ten")
-    parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--readme", action="store_true")
-    options = parser.parse_args()
+    options = benchmark_parser(__doc__, "a million impacts instead of ten").parse_args()
     n = 10**6 if options.quick else 10**7
     rows, said = measured(n, 5.0 if options.quick else 60.0)
-    write_csv(options.out / "kernels.csv", rows)
     table = [["loop", "million impacts/s", "ns an impact", "bytes", "GB/s", "of triad"]]
     for row in rows:
         numbers = [float(str(row[key])) for key in ("impacts_per_s", "ns", "gb_per_s", "of_triad")]
@@ -152,20 +134,9 @@ def main() -> None:
                 f"{numbers[2]:.1f}", f"{numbers[3]:.2f}",
             ]
         )  # fmt: skip
-    precision = precision_rows()
-    write_csv(options.out / "kernels_precision.csv", precision)
-    digits = [["case", "single precision", "double precision"]]
-    digits += [[str(row["case"]), f"{row['float32']:.1e}", f"{row['float64']:.1e}"] for row in precision]
-    threads = f"{numba.get_num_threads()} threads, {n:.0e} impacts"
-    about = f"{machine('numba', 'mpmath')}, {threads}"
+    about = f"{machine('numba')}, {numba.get_num_threads()} threads, {n:.0e} impacts"
     print(about)
-    print_table(table)
-    print("\n".join(said))
-    print(f"\nlargest error of velocities and spins over 1 + |spin|, against 50 digits ({len(CASES)} cases)")
-    print_table(digits)
-    if options.readme:
-        lines = [about, "", *markdown_table(table), "", *(f"- {line}" for line in said), ""]
-        put_into_readme("kernels", [*lines, *markdown_table(digits)])
+    publish(options, "kernels.csv", "kernels", rows, table, said, about)
 
 
 if __name__ == "__main__":

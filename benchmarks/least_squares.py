@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import statistics
 from collections.abc import Callable
@@ -14,16 +13,13 @@ from pathlib import Path
 
 # first: it sets the number of threads
 from _common import (
-    RESULTS,
+    benchmark_parser,
     machine,
-    markdown_table,
-    print_table,
-    put_into_readme,
+    publish,
     ratio_of,
     rounds_of,
     seconds_of,
     verdict,
-    write_csv,
 )
 
 # isort: split
@@ -260,23 +256,13 @@ def draw(rows: list[dict[str, object]], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="up to 10,000 values, fewer rounds")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV and the plot")
-    parser.add_argument("--readme", action="store_true", help="put the table into the README, too")
-    options = parser.parse_args()
+    options = benchmark_parser(__doc__, "up to 10,000 values, fewer rounds").parse_args()
     sizes = [40, 1000, 10_000] if options.quick else [40, 1000, 10_000, 100_000, 1_000_000]
     print(machine())
     print(f"beta with sigma {SIGMA}, IFR, e_n fixed; one thread; ratios are medians within rounds\n")
     rows = [row for n in sizes for row in measure(n, 1.0 if options.quick else 8.0)]
-    print_table(table_of(rows))
-    goals = goals_of(rows)
-    print("", *(f"goal: {goal}" for goal in goals), sep="\n")
-    write_csv(options.out / "least_squares.csv", rows)
+    publish(options, "least_squares.csv", "least squares", rows, table_of(rows), goals_of(rows))
     draw(rows, options.out / "least_squares.svg")
-    if options.readme:
-        listed = [f"- {goal}" for goal in goals]
-        put_into_readme("least squares", [machine(), "", *markdown_table(table_of(rows)), "", *listed])
 
 
 if __name__ == "__main__":

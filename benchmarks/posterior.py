@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -14,7 +13,7 @@ from typing import Any
 
 # first: it sets the number of threads
 from _common import (
-    RESULTS,
+    benchmark_parser,
     machine,
     markdown_table,
     print_table,
@@ -191,12 +190,9 @@ def _time(seconds: float | None) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = benchmark_parser(__doc__, "of the samplers only emcee; fewer rounds")
     parser.add_argument("--only", default=",".join(TITLES), help="scenes, as in i,ii")
-    parser.add_argument("--quick", action="store_true", help="of the samplers only emcee; fewer rounds")
     parser.add_argument("--ess", action="store_true", help="only effective draws a second of chains")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the CSV and the plot")
-    parser.add_argument("--readme", action="store_true", help="put the tables into the README, too")
     options = parser.parse_args()
     keys = options.only.split(",")
     if unknown := [key for key in keys if key not in TITLES]:

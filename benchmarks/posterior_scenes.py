@@ -166,19 +166,8 @@ def _beta_and_e_n(key: str, n: int, mu: Array | None = None, unknown_noise: bool
         }
     )
     options: dict[str, object] = {"separate": ("mu",)} if mu is not None else {}
-    return _scene(
-        key,
-        "beta",
-        table,
-        options,
-        gamma,
-        series,
-        beta,
-        e_n,
-        SIGMA_BETA,
-        mus.size,
-        unknown_noise=unknown_noise,
-    )
+    seen = {"gamma": gamma, "series": series, "value": beta, "e_n": e_n}
+    return _scene(key, "beta", table, options, seen, SIGMA_BETA, unknown_noise)
 
 
 def _delta() -> Scene:
@@ -196,18 +185,8 @@ def _delta() -> Scene:
             "sigma": np.full(gamma.size, SIGMA_DELTA),
         }
     )
-    return _scene(
-        "v",
-        "delta_deg",
-        table,
-        {"prior": {"e_n": E_N_PRIOR}},
-        gamma,
-        np.zeros(gamma.size, dtype=int),
-        delta,
-        np.empty(0),
-        SIGMA_DELTA,
-        1,
-    )
+    seen = {"gamma": gamma, "series": np.zeros(80, dtype=int), "value": delta, "e_n": np.empty(0)}
+    return _scene("v", "delta_deg", table, {"prior": {"e_n": E_N_PRIOR}}, seen, SIGMA_DELTA)
 
 
 def _scene(
@@ -215,12 +194,8 @@ def _scene(
     observable: str,
     table: object,
     options: dict[str, object],
-    gamma: Array,
-    series: Array,
-    value: Array,
-    e_n: Array,
+    seen: Mapping[str, Array],
     sigma: float,
-    n_series: int,
     unknown_noise: bool = False,
 ) -> Scene:
     """Put a scene together; the tangents are worked out here, off every clock."""
@@ -230,7 +205,7 @@ def _scene(
     problem = make_problem(observations, closure, J, make_parameters(closure, J, **options), noise)
     if unknown_noise:
         problem = problem.with_noise(problem.noise.with_bounds(dict.fromkeys(problem.groups(), NOISE_DOMAIN)))
-    tan = np.tan(np.radians(gamma))
+    tan = np.tan(np.radians(seen["gamma"]))
     return Scene(
         key=key,
         title=TITLES[key],
@@ -240,10 +215,10 @@ def _scene(
         fit_options={**options, "noise": noise},
         cot=1.0 / tan,
         tan=tan,
-        series=series,
-        value=value,
-        e_n=e_n,
+        series=seen["series"],
+        value=seen["value"],
+        e_n=seen["e_n"],
         sigma=sigma,
-        n_series=n_series,
+        n_series=int(seen["series"].max()) + 1,
         unknown_noise=unknown_noise,
     )

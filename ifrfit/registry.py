@@ -83,7 +83,13 @@ class Registry(Mapping[str, T]):
         self._entries: dict[str, T] = {}
         for entry in entries:
             self._put(entry)
+        self._own = frozenset(self._entries)
         _REGISTRIES.append(self)
+
+    @property
+    def added(self) -> tuple[T, ...]:
+        """Entries beside the package's own."""
+        return tuple(entry for name, entry in self.items() if name not in self._own)
 
     def accepts(self, entry: object) -> bool:
         """Whether this is the registry for `entry`."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
+from simulated import simulated
+from studies import in_order
 
-from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.parameters import make_parameters
@@ -78,19 +78,9 @@ def treat(task: tuple[int, str, int]) -> list[Found]:
         true = rng.uniform(*ANGLES, N)
         shown = true + SIGMA_GAMMA * rng.standard_normal(N)
     beta = rebound(np.abs(true), **TRUTH, degrees=True).beta + SIGMA * rng.standard_normal(N)
-    table = make_table(
-        {
-            "series": "run",
-            "observable": "beta",
-            "gamma_deg": np.abs(shown),
-            "value": beta,
-            "sigma": SIGMA,
-            "provenance": "simulated",
-        }
-    )
     closure = get_closure("ifr")
     constants = make_parameters(closure, 0.4, fix={"e_n": TRUTH["e_n"]})
-    plain = make_problem(Observations(table), closure, 0.4, constants, "known")
+    plain = make_problem(simulated("beta", np.abs(shown), beta, SIGMA), closure, 0.4, constants, "known")
     found = []
     for name, error_model in TREATMENTS.items():
         problem = with_error_model(plain, error_model)
@@ -107,13 +97,7 @@ def treat(task: tuple[int, str, int]) -> list[Found]:
 def treat_many(seed: int, repeats: int, workers: int) -> Iterator[Found]:
     """All experiments in every way; the same for any number of workers."""
     tasks = [(seed, kind, number) for kind in KINDS for number in range(repeats)]
-    if workers == 1:
-        for task in tasks:
-            yield from treat(task)
-        return
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for found in pool.map(treat, tasks, chunksize=4):
-            yield from found
+    return chain.from_iterable(in_order(treat, tasks, workers))
 
 
 def summarise(results: Iterable[Found]) -> list[Summary]:

@@ -9,18 +9,15 @@ Levenberg-Marquardt on the model as it stands in the paper, from random starts i
 
 from __future__ import annotations
 
-import argparse
 import math
-import multiprocessing
-import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from local_search import Array, Local
 from random_problems import random_problem
+from studies import in_order, study_parser
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
@@ -131,12 +128,7 @@ def problem_of(seed: np.random.SeedSequence) -> Problem:
 def compare_many(n_problems: int, n_starts: int, seed: int, workers: int) -> Iterator[Comparison]:
     """Compare on random problems, in order; the same for any number of workers."""
     tasks = [(np.random.SeedSequence(seed, spawn_key=(i,)), n_starts) for i in range(n_problems)]
-    if workers == 1:
-        yield from map(compare_seeded, tasks)
-        return
-    # fresh interpreters: the same on every system, and they heed the number of threads
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(compare_seeded, tasks, chunksize=max(1, min(20, n_problems // (4 * workers))))
+    return in_order(compare_seeded, tasks, workers)
 
 
 def summary(found: Sequence[Comparison]) -> tuple[list[str], bool]:
@@ -167,17 +159,11 @@ def summary(found: Sequence[Comparison]) -> tuple[list[str], bool]:
 
 def main() -> int:
     """Run the check; exit status 1 if a certificate was broken."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = study_parser(__doc__, 20230101)
     parser.add_argument("--problems", type=int, default=3000)
     parser.add_argument("--starts", type=int, default=200)
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--seed", type=int, default=20230101)
     parser.add_argument("--only", type=int, metavar="NUMBER", help="one problem, by its number")
     options = parser.parse_args()
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # one thread a worker
     if options.only is not None:
         task = (np.random.SeedSequence(options.seed, spawn_key=(options.only,)), options.starts)
         found = [compare_seeded(task)]

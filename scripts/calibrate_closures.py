@@ -7,34 +7,20 @@ Exit status 1 if the probabilities are not right as often as they say, or if a n
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
-from pathlib import Path
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+from studies import study_parser
+
 SEED = 20240229
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--repeats", type=int, default=500, help="experiments of each closure")
-    parser.add_argument("--controls", type=int, default=100, help="of these also seen with a wrong sigma")
-    parser.add_argument("--ties", type=int, default=100, help="experiments in which two closures coincide")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--out", type=Path, default=DOCS, help="folder of closure-recovery.md")
-    return parser.parse_args()
 
 
 def main() -> int:
     """Run the study; exit status 1 if it does not come out as it must."""
-    chosen = options()
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # one thread a worker, heeded if set before numpy is there
+    parser = study_parser(__doc__, SEED, "closure-recovery.md")
+    parser.add_argument("--repeats", type=int, default=500, help="experiments of each closure")
+    parser.add_argument("--controls", type=int, default=100, help="of these also seen with a wrong sigma")
+    parser.add_argument("--ties", type=int, default=100, help="experiments in which two closures coincide")
+    chosen = parser.parse_args()
     from closure_page import page, verdict
     from closure_study import run_many, seen_by, tasks_of
     from closure_ties import ties

@@ -8,34 +8,16 @@ scene and number: ``--only "near a bound" 17``.
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
+
+from studies import study_parser
 
 if TYPE_CHECKING:
     from calibration_study import Outcome
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 SEED = 20240229
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--repeats", type=int, default=2000, help="experiments in each scene")
-    parser.add_argument("--profile", type=int, default=40, help="of these also profiled, which is slower")
-    parser.add_argument("--controls", type=int, default=100, help="of one scene, seen wrongly")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--out", type=Path, default=DOCS, help="folder of calibration.md")
-    parser.add_argument("--scene", action="append", help="only this one (repeatable); the page needs all")
-    parser.add_argument("--only", nargs=2, metavar=("SCENE", "NUMBER"), help="one experiment")
-    return parser.parse_args()
 
 
 def watched(outcomes: Iterable[Outcome], total: int) -> Iterator[Outcome]:
@@ -49,9 +31,13 @@ def watched(outcomes: Iterable[Outcome], total: int) -> Iterator[Outcome]:
 
 def main() -> int:
     """Run the study; exit status 1 if it does not come out as it must."""
-    chosen = options()
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # one thread a worker, heeded if set before numpy is there
+    parser = study_parser(__doc__, SEED, "calibration.md")
+    parser.add_argument("--repeats", type=int, default=2000, help="experiments in each scene")
+    parser.add_argument("--profile", type=int, default=40, help="of these also profiled, which is slower")
+    parser.add_argument("--controls", type=int, default=100, help="of one scene, seen wrongly")
+    parser.add_argument("--scene", action="append", help="only this one (repeatable); the page needs all")
+    parser.add_argument("--only", nargs=2, metavar=("SCENE", "NUMBER"), help="one experiment")
+    chosen = parser.parse_args()
     from calibration_page import page, verdict
     from calibration_plots import coverage, ranks
     from calibration_scenes import SCENES

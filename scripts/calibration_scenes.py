@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from simulated import simulated
 
-from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.apply_error_model import with_error_model, with_propagated_sigma
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 from ifrfit.inference.model.parameters import ParameterSet, make_parameters
@@ -90,103 +92,24 @@ class Scene:
         return f"{quantity}[{series}]" if makes & set(self.separate) else quantity
 
 
-SCENES = {
-    scene.name: scene
-    for scene in (
-        Scene(
-            "both regimes",
-            "angles on both sides of the transition",
-            {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.5)},
-            (5.0, 85.0),
-            20,
-            4,
-            sigma={"beta": 0.05, "e_n": 0.02},
-        ),
-        Scene(
-            "sliding only",
-            "steep angles: every impact slides, whatever the constants",
-            {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.34)},
-            (60.0, 85.0),
-            15,
-            4,
-            sigma={"beta": 0.05, "e_n": 0.02},
-        ),
-        Scene(
-            "near a bound",
-            "a domain no wider than the noise: every constant leans on a bound",
-            {"e_n": (0.94, 1.0), "e_t": (-1.0, -0.92), "mu": (0.0, 0.06)},
-            (5.0, 85.0),
-            8,
-            2,
-            sigma={"beta": 0.1, "e_n": 0.04},
-        ),
-        Scene(
-            "unknown noise",
-            "few points, one unknown sigma of beta and one of e_n",
-            {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.5)},
-            (5.0, 85.0),
-            8,
-            3,
-            noise_bounds={"beta": (0.01, 0.2), "e_n": (0.005, 0.1)},
-        ),
-        Scene(
-            "one common factor",
-            "few points, sigma known but for a factor",
-            {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.5)},
-            (5.0, 85.0),
-            8,
-            3,
-            sigma={"beta": 0.05, "e_n": 0.02},
-            noise_bounds={"": (0.3, 3.0)},
-            share=0.05,
-        ),
-        Scene(
-            "two walls",
-            "two series with their own mu and the same e_n and e_t",
-            {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.5)},
-            (5.0, 85.0),
-            8,
-            2,
-            sigma={"beta": 0.1, "e_n": 0.05},
-            series=("a", "b"),
-            separate=("mu",),
-            share=0.05,
-        ),
-    )
-}
+def _scenes(kind: str) -> dict[str, Scene]:
+    """Scenes of one kind by name; true values of measured angles come from between the scene's."""
+    found = {}
+    for name, entry in _TABLES[kind].items():
+        scatter = dict(entry.pop("error_model", {}))
+        if scatter.get("angles") == "measured":
+            scatter["population"] = tuple(entry["gamma"])
+        for key in ("gamma", "series", "separate"):
+            if key in entry:
+                entry[key] = tuple(entry[key])
+        bounds = _TABLES["priors"][entry.pop("prior")]
+        found[name] = Scene(name, bounds=bounds, error_model=ErrorModel(**scatter), **entry)
+    return found
 
 
-_BOTH = {"e_n": (0.5, 1.0), "e_t": (-1.0, -0.4), "mu": (0.0, 0.5)}
-_STEEPER = (12.0, 78.0)  # far enough from the ends that scattered angles stay inside
-_SIGMA = {"beta": 0.05, "e_n": 0.02}
-
-# the exact posterior under every scatter that is not plain
-SCATTERED = {
-    scene.name: scene
-    for scene in (
-        Scene(
-            "heavy tails", "Student-t errors of 4 degrees of freedom", _BOTH, (5.0, 85.0), 16, 4,
-            sigma=_SIGMA, error_model=ErrorModel(dof=4.0),
-        ),
-        Scene(
-            "set angles", "true angles scatter by 2 degrees about the set ones", _BOTH, _STEEPER, 16, 4,
-            sigma=_SIGMA, error_model=ErrorModel(angles="set", gamma=2.0),
-        ),
-        Scene(
-            "measured angles", "measured ones scatter by 2 degrees about true ones", _BOTH, _STEEPER, 16, 4,
-            sigma=_SIGMA, error_model=ErrorModel(angles="measured", population=_STEEPER, gamma=2.0),
-        ),
-        Scene(
-            "measured velocities",
-            "beta from measured velocities (0.04 of the incoming speed) and angles (1 degree)",
-            _BOTH, _STEEPER, 16, 4,
-            sigma={"beta": 0.04, "e_n": 0.04},
-            error_model=ErrorModel(
-                angles="measured", population=_STEEPER, gamma=1.0, velocity=0.04, spin=1e-9
-            ),
-        ),
-    )
-}  # fmt: skip
+_TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+SCENES = _scenes("plain")
+SCATTERED = _scenes("scattered")  # the exact posterior under every scatter that is not plain
 
 
 @dataclass(frozen=True)
@@ -243,19 +166,11 @@ def simulate(scene: Scene, rng: np.random.Generator) -> Experiment:
         gamma.append(np.concatenate((angle, np.full(scene.n_e_n, np.nan))))
         value.append(np.concatenate((beta, np.full(scene.n_e_n, e_n))) + noise * errors)
         sigma.append([scene.sigma.get(str(name), math.nan) for name in observable])
-    table = make_table(
-        {
-            "series": np.repeat(scene.series, n),
-            "observable": np.tile(observable, len(scene.series)),
-            "gamma_deg": np.concatenate(gamma),
-            "value": np.concatenate(value),
-            "sigma": np.concatenate(sigma),
-            "provenance": "simulated",
-        }
-    )
+    rows = (np.concatenate(part) for part in (gamma, value, sigma))
+    data = simulated(np.tile(observable, len(scene.series)), *rows, series=np.repeat(scene.series, n))
     closure = get_closure(CLOSURE)
     constants = make_parameters(closure, INERTIA, bounds=dict(scene.bounds), separate=scene.separate)
-    observations = with_propagated_sigma(Observations(table), scene.error_model)
+    observations = with_propagated_sigma(data, scene.error_model)
     problem = make_problem(observations, closure, INERTIA, constants, scene.policy)
     problem = with_error_model(problem, scene.error_model)
     if scene.noise_bounds:

@@ -21,7 +21,7 @@ from calibration_methods import (
 )
 from calibration_scenes import SCATTERED, SCENES, Experiment, share_sliding, simulate
 from calibration_verdict import Array, Line, lines_of
-from in_order import in_order
+from studies import in_order
 
 from ifrfit.errors import DataError
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from calibration_verdict import Line, judge
-from in_order import in_order
 from numpy.typing import NDArray
+from simulated import simulated
+from studies import in_order
 
-from ifrfit.data.observations import Observations, make_table
+from ifrfit.data.observations import Observations
 from ifrfit.inference.comparison.information_criteria import probabilities
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
@@ -69,18 +70,7 @@ def simulate(truth: str, rng: np.random.Generator) -> Observations:
     observable = np.repeat(["beta", "e_n"], (N_BETA, N_E_N))
     sigma = np.array([SIGMA[str(name)] for name in observable])
     value = np.concatenate((beta, np.full(N_E_N, e_n))) + sigma * rng.standard_normal(sigma.size)
-    return Observations(
-        make_table(
-            {
-                "series": "run",
-                "observable": observable,
-                "gamma_deg": np.concatenate((gamma, np.full(N_E_N, np.nan))),
-                "value": value,
-                "sigma": sigma,
-                "provenance": "simulated",
-            }
-        )
-    )
+    return simulated(observable, np.concatenate((gamma, np.full(N_E_N, np.nan))), value, sigma)
 
 
 def problem_of(data: Observations, name: str) -> Problem:

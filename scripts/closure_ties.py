@@ -10,8 +10,8 @@ import numpy as np
 from closure_study import INERTIA
 from numpy.typing import NDArray
 from scipy import integrate, special
+from simulated import simulated
 
-from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
@@ -50,18 +50,7 @@ def tie(seed: int, number: int) -> Tie:
     gamma = rng.uniform(*GAMMA, N)
     beta = rebound(gamma, e_t=-1.0, closure="ifr", inertia_factor=INERTIA, degrees=True, **FIXED).beta
     value = beta + SIGMA * rng.standard_normal(N)
-    data = Observations(
-        make_table(
-            {
-                "series": "run",
-                "observable": "beta",
-                "gamma_deg": gamma,
-                "value": value,
-                "sigma": SIGMA,
-                "provenance": "simulated",
-            }
-        )
-    )
+    data = simulated("beta", gamma, value, SIGMA)
     found = {}
     for name in ("fr", "ifr"):
         closure = get_closure(name)

@@ -7,33 +7,19 @@ Exit status 1 if the exact posterior is not calibrated under a scatter that it i
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
-from pathlib import Path
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+from studies import study_parser
+
 SEED = 20260514
-
-
-def options() -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--repeats", type=int, default=200, help="experiments of each kind of angle")
-    parser.add_argument("--calibrate", type=int, default=200, help="experiments of each scatter")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--out", type=Path, default=DOCS, help="folder of angle-errors.md")
-    return parser.parse_args()
 
 
 def main() -> int:
     """Run both parts; exit status 1 if a calibration fails."""
-    chosen = options()
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # one thread a worker, heeded if set before numpy is there
+    parser = study_parser(__doc__, SEED, "angle-errors.md")
+    parser.add_argument("--repeats", type=int, default=200, help="experiments of each kind of angle")
+    parser.add_argument("--calibrate", type=int, default=200, help="experiments of each scatter")
+    chosen = parser.parse_args()
     from angle_errors_page import page
     from angle_errors_study import summarise, treat_many
     from calibration_scenes import SCATTERED

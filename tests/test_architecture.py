@@ -29,8 +29,8 @@ LAYERS = (
     ("registry",),
     ("errors", "text", "_version"),
 )
-# the places that look a module up by its name: the package that draws a result, the homes of registries
-LATE = {"ifrfit.inference.result.display", "ifrfit.physics.closures", "ifrfit.registry"}
+# the places that look a module up by its name: what draws a result, homes of registries and of entries
+LATE = {"ifrfit.inference.result.display", "ifrfit.inference.worker_processes", "ifrfit.registry"}
 # what no fit by least squares, nor one with the exact posterior, may import
 UNNEEDED = (
     *(f"ifrfit.{part}." for part in ("cli", "cost", "paper", "report", "simulation")),

@@ -13,8 +13,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.estimators import ESTIMATORS, make_estimator
-from ifrfit.inference.keywords import method_options
+from ifrfit.inference.estimators import ESTIMATORS, make_estimator, method_options
 from ifrfit.inference.option_fields import Form, Option, build, options_of
 from ifrfit.inference.options import Model, Noise
 

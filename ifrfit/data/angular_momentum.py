@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import Cells
+from ifrfit.physics.angles import Array
 
 LIMIT = 0.05
 # A suggested inertia factor that closes no better than this share of the miss explains nothing.
@@ -17,8 +17,6 @@ _EXPLAINS = 0.5
 # What is measured is rarely sharper: within this share of a known body, that body is meant.
 _SAME_BODY = 0.025
 _BODIES = {2 / 5: "homogeneous ball", 2 / 3: "thin hollow ball", 1 / 2: "disc on its edge"}
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

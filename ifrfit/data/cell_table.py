@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ifrfit.errors import DataError
 
 NOT_MEASURED = frozenset({"", "nan", "na", "n/a", "#n/a"})
+_OR_EMPTY = 'Correct it, or leave the cell empty for "not measured".'
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
@@ -69,6 +70,24 @@ class Cells:
             parts.append(f"column {header}")
         return ", ".join(parts)
 
+    def refuse_first(
+        self,
+        bad: NDArray[np.bool_],
+        header: str,
+        why: str | Callable[[int], str],
+        rows: NDArray[np.int64] | None = None,
+    ) -> None:
+        """Refuse the first place that is bad; `why` says why, `rows` in which row of the table each place is.
+
+        Raises
+        ------
+        DataError
+            If there is one.
+        """
+        for place in np.flatnonzero(bad)[:1].tolist():
+            row = place if rows is None else int(rows[place])
+            raise DataError(f"{self.at(row, header)}: {why if isinstance(why, str) else why(place)}")
+
     def texts(self, column: int) -> list[str]:
         """Return the cells of a column as stripped text."""
         cells = self._cells(column)
@@ -95,14 +114,11 @@ class Cells:
             values = cells.astype(np.float64)
         else:
             values = self._convert(cells, column)
-        infinite = np.flatnonzero(np.isinf(values))
-        if infinite.size:
-            row = int(infinite[0])
-            cell = show(str(cells[row]))
-            raise DataError(
-                f"{self.at(row, self.headers[column])}: {cell} is infinite. "
-                'Correct it, or leave the cell empty for "not measured".'
-            )
+        self.refuse_first(
+            np.isinf(values),
+            self.headers[column],
+            lambda row: f"{show(str(cells[row]))} is infinite. {_OR_EMPTY}",
+        )
         return values
 
     def _convert(self, cells: Sequence[str], column: int) -> NDArray[np.float64]:
@@ -132,10 +148,7 @@ class Cells:
             number = cell.replace(",", ".")
         if "," not in number and (NUMBER.fullmatch(number) or number.lower().lstrip("+-") in _INFINITE):
             return float(number)
-        raise DataError(
-            f"{self.at(row, self.headers[column])}: {show(cell)} is not a number. "
-            'Correct it, or leave the cell empty for "not measured".'
-        )
+        raise DataError(f"{self.at(row, self.headers[column])}: {show(cell)} is not a number. {_OR_EMPTY}")
 
     def _one_decimal_sign(self, cell: str, row: int, column: int) -> None:
         """Refuse a file with decimal commas and points: one of them could part thousands."""

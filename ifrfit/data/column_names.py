@@ -1,4 +1,7 @@
-"""What a header can mean: the columns of the schema, the observables, and raw velocities."""
+"""What a header can mean: the columns of the schema, the observables, and raw velocities.
+
+The names are in headers.toml beside this file.
+"""
 
 from __future__ import annotations
 
@@ -7,72 +10,17 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from ifrfit.data.units import UNITS, Header, parse_header
+from ifrfit.data.units import HEADERS, UNITS, Header, parse_header
 from ifrfit.physics.observables import OBSERVABLES
 
-# name -> dimension
-COMMON = {
-    "series": "text",
-    "observable": "text",
-    "gamma": "angle",
-    "tan_gamma": "number",
-    "spin_x": "number",
-    "spin_y": "number",
-    "sigma_spin_x": "number",
-    "sigma_spin_y": "number",
-    "speed": "speed",
-    "value": "number",
-    "sigma": "number",
-    "sigma_gamma": "angle",
-    "impact_id": "text",
-    "provenance": "text",
-    "n_repeats": "number",
-    "sd": "number",
-}
-RAW = {
-    "u_x": "speed",
-    "u_y": "speed",
-    "u_z": "speed",
-    "v_x": "speed",
-    "v_y": "speed",
-    "v_z": "speed",
-    "omega_x": "rate",
-    "omega_y": "rate",
-    "omega_z": "rate",
-    "omega_x_after": "rate",
-    "omega_y_after": "rate",
-    "omega_z_after": "rate",
-    "radius": "length",
-    "diameter": "length",
-}
-_ALIASES = {
-    "n": "n_repeats",
-    "u": "speed",
-    "impact_speed": "speed",
-    "id": "impact_id",
-    "en": "e_n",
-    "std": "sd",
-}
-_ALIASES |= {f"omega_after_{axis}": f"omega_{axis}_after" for axis in "xyz"}
-# Names that could be an incidence angle, but do not say from where it is measured.
-_ANGLES = (
-    "alpha",
-    "theta",
-    "angle",
-    "impact_angle",
-    "incidence_angle",
-    "incident_angle",
-    "angle_of_incidence",
-)
+# name to dimension: columns of the schema, raw velocities, and names that a convention must make clear
+COMMON: dict[str, str] = HEADERS["columns"]["common"]
+RAW: dict[str, str] = HEADERS["columns"]["raw"]
+OPEN: dict[str, str] = HEADERS["columns"]["open"]
+_ALIASES: dict[str, str] = HEADERS["columns"]["aliases"]
+_NAMES: dict[str, list[str]] = HEADERS["names"]
 _ANGLE_FROM = re.compile(r"(?P<name>\w+)_from_(the_)?(?P<from>normal|wall|surface)")
 WALL_ANGLE = "angle_from_wall"
-_MAGNITUDES = ("abs_beta", "beta_abs", "abs(beta)", "|beta|", "beta_magnitude", "mod_beta")
-# Observables under names that leave a choice open; conventions.py closes it.
-OPEN = {"e_t": "number", "et": "number", "psi": "angle", "tan_psi": "number"}
-_IGNORED = ("note", "comment", "remark")
-_BOOKKEEPING = ("source", "row")
-# Names that often number the impacts: suggested, never assumed.
-_NUMBERING = ("shot", "impact", "nr", "no", "no.", "number", "event", "hit", "bounce", "trial", "#")
 
 
 @dataclass(frozen=True)
@@ -100,6 +48,10 @@ class Role:
     unit: str | None = None
 
 
+def _is_ignored(name: str) -> bool:
+    return name.startswith(tuple(_NAMES["ignored"])) or name in _NAMES["bookkeeping"]
+
+
 def _observable_name(base: str) -> str | None:
     return base if base in OBSERVABLES else f"{base}_deg" if f"{base}_deg" in OBSERVABLES else None
 
@@ -119,12 +71,12 @@ def _meanings(header: Header) -> Iterator[Role]:
         yield Role("observable", observable, dimension, unit)
     if name in OPEN:
         yield Role("open", "e_t" if name == "et" else name, OPEN[name], unit)
-    if name in _ANGLES:
+    if name in _NAMES["angles"]:
         yield Role("angle", name, "angle", unit)
     stated = _ANGLE_FROM.fullmatch(name)
-    if stated and stated["name"] in (*_ANGLES, "gamma"):
+    if stated and stated["name"] in (*_NAMES["angles"], "gamma"):
         yield Role("angle", "gamma" if stated["from"] == "normal" else WALL_ANGLE, "angle", unit)
-    if name in _MAGNITUDES:
+    if name in _NAMES["magnitudes"]:
         yield Role("magnitude", name, "number", unit)
     yield from _uncertainty(name, unit)
 
@@ -132,7 +84,7 @@ def _meanings(header: Header) -> Iterator[Role]:
 def _uncertainty(name: str, unit: str | None) -> Iterator[Role]:
     of = name.removeprefix("sigma_") if name.startswith("sigma_") else name.removesuffix("_sigma")
     if of != name:
-        for role in _meanings(Header(name, of, unit)):
+        for role in _meanings(Header(of, unit)):
             if role.kind in ("observable", "open", "raw"):
                 kind = "sigma_raw" if role.kind == "raw" else "sigma"
                 yield Role(kind, role.name, role.dimension, unit)
@@ -141,7 +93,7 @@ def _uncertainty(name: str, unit: str | None) -> Iterator[Role]:
             elif role.name in ("spin_x", "spin_y"):
                 yield Role("common", f"sigma_{role.name}", "number", unit)
     if name.startswith("sd_"):
-        for role in _meanings(Header(name, name.removeprefix("sd_"), unit)):
+        for role in _meanings(Header(name.removeprefix("sd_"), unit)):
             if role.kind in ("observable", "open"):
                 yield Role("sd", role.name, role.dimension, unit)
 
@@ -152,7 +104,7 @@ def role_of(text: str) -> Role:
     A unit that is no unit, or one that does not fit the column, is kept in ``unit`` for the caller to refuse.
     """
     header = parse_header(text)
-    if header.name.startswith(_IGNORED) or header.name in _BOOKKEEPING:
+    if _is_ignored(header.name):
         return Role("ignored", header.name)
     short = header.without_suffix()
     if short is not None:
@@ -178,7 +130,7 @@ def named_role(name: str, header: str, given_unit: str | None) -> Role:
         Unit that the user stated.
     """
     target, own = parse_header(name), parse_header(header)
-    if target.name.startswith(_IGNORED) or target.name in _BOOKKEEPING:
+    if _is_ignored(target.name):
         return Role("ignored", target.name)
     short, suffix = target.without_suffix(), own.without_suffix()
     names = [h.name for h in (target, short) if h is not None]
@@ -186,23 +138,18 @@ def named_role(name: str, header: str, given_unit: str | None) -> Role:
     sure = given_unit or own.unit or target.unit
     perhaps = [sure] if sure else [h.unit for h in (suffix, short) if h is not None]
     for unit in perhaps:
-        for role in (r for n in names for r in _meanings(Header(header, n, unit))):
+        for role in (r for n in names for r in _meanings(Header(n, unit))):
             if unit in UNITS and UNITS[unit][0] == role.dimension:
                 return role
-    for role in (r for n in names for r in _meanings(Header(header, n, sure))):
+    for role in (r for n in names for r in _meanings(Header(n, sure))):
         return role
     return Role("unknown", target.name, unit=sure)
-
-
-def is_known(text: str) -> bool:
-    """Tell whether a cell reads like a header."""
-    return role_of(text).kind != "unknown"
 
 
 def closest(name: str) -> str | None:
     """Return the known column name that `name` resembles most, None if it resembles none."""
     plain = parse_header(name).name
-    return "impact_id" if plain in _NUMBERING else next(iter(close_names(plain)), None)
+    return "impact_id" if plain in _NAMES["numbering"] else next(iter(close_names(plain)), None)
 
 
 def close_names(name: str, most: int = 1, also: Iterable[str] = ()) -> list[str]:
@@ -213,7 +160,7 @@ def close_names(name: str, most: int = 1, also: Iterable[str] = ()) -> list[str]
         *(f"sigma_{o}" for o in OBSERVABLES),
         *raw_names(),
         *OPEN,
-        *_ANGLES,
+        *_NAMES["angles"],
     ]
     plain = parse_header(name).name
     return difflib.get_close_matches(plain, dict.fromkeys([*names, *also]), n=most, cutoff=0.6)

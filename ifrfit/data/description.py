@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ifrfit.data.observations import Descriptor
+from ifrfit.data.schema import STAND_IN
 from ifrfit.data.units import parse_header
 
 WIDTH = 88
 KEY = 13  # columns of a key
-STAND_IN = "stand-in"
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ class Description:
     notes: tuple[str, ...]
     own: Mapping[str, Any]
 
-    def lines(self, width: int = WIDTH) -> list[str]:
-        """Return the description as lines of text, wrapped to `width` columns."""
+    def lines(self) -> list[str]:
+        """Return the description as lines of text, wrapped to `WIDTH` columns."""
         d = self.descriptor
         series, observables = ", ".join(d.default_series), ", ".join(d.default_observables)
         chosen = f"{observables or 'by rule'} of {series or 'every series'}"
@@ -84,8 +84,8 @@ class Description:
             own = f"ifrfit datasets install {d.name} FILE puts your own digitisation in its place"
             entries.append(("replace it", [own]))
         # a word longer than a line (a hash, an address) stays whole
-        head = textwrap.wrap(f"{d.name}: {d.title}", width, subsequent_indent="  ", break_long_words=False)
-        return head + [line for key, items in entries for line in _entry(key, items, width)]
+        head = textwrap.wrap(f"{d.name}: {d.title}", WIDTH, subsequent_indent="  ", break_long_words=False)
+        return head + [line for key, items in entries for line in _entry(key, items)]
 
     def _rows(self) -> list[str]:
         """Say how many rows there are of what, one item a series."""
@@ -102,15 +102,13 @@ class Description:
         return {"every series": constants} if constants else {}
 
 
-def listing_lines(entries: Iterable[Listed], width: int = WIDTH) -> list[str]:
+def listing_lines(entries: Iterable[Listed]) -> list[str]:
     """Return `ifrfit datasets list` as lines: name, provenance and title in columns, then what to do next.
 
     Parameters
     ----------
     entries : iterable of Listed
         As `catalogue.listing` gives them.
-    width : int
-        Columns of the terminal.
     """
     entries = list(entries)
     kinds = [entry.provenance + (" (yours)" if entry.installed else "") for entry in entries]
@@ -121,7 +119,7 @@ def listing_lines(entries: Iterable[Listed], width: int = WIDTH) -> list[str]:
         # the column before says it
         title = entry.title.removesuffix(f": {STAND_IN}")
         start = f"{entry.name:<{names}}  {kind:<{wide}}  "
-        lines += _wrapped(title, start, " " * len(start), width)
+        lines += _wrapped(title, start, " " * len(start))
     told = ["'ifrfit datasets show NAME' tells more, 'ifrfit fit NAME' fits one."]
     if any(entry.provenance == STAND_IN for entry in entries):
         told.append(
@@ -129,13 +127,13 @@ def listing_lines(entries: Iterable[Listed], width: int = WIDTH) -> list[str]:
             "says nothing about the experiment. 'ifrfit datasets install NAME FILE' puts your own "
             "digitisation in its place."
         )
-    return [*lines, "", *(line for sentence in told for line in _wrapped(sentence, "", "", width))]
+    return [*lines, "", *(line for sentence in told for line in _wrapped(sentence, "", ""))]
 
 
-def _wrapped(text: str, first: str, rest: str, width: int) -> list[str]:
+def _wrapped(text: str, first: str, rest: str) -> list[str]:
     return textwrap.wrap(
         text,
-        width,
+        WIDTH,
         initial_indent=first,
         subsequent_indent=rest,
         break_long_words=False,
@@ -143,13 +141,13 @@ def _wrapped(text: str, first: str, rest: str, width: int) -> list[str]:
     )
 
 
-def _entry(key: str, items: Sequence[str], width: int) -> list[str]:
+def _entry(key: str, items: Sequence[str]) -> list[str]:
     """Write the items of an entry under each other; the key stands before the first."""
     lines = []
     for number, item in enumerate(items):
         start = f"{key if number == 0 else '':<{KEY}} "
         # where there are several, the next one is told from the next line of this one
-        lines += _wrapped(item, start, " " * (KEY + (3 if len(items) > 1 else 1)), width)
+        lines += _wrapped(item, start, " " * (KEY + (3 if len(items) > 1 else 1)))
     return lines
 
 

@@ -16,55 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from ifrfit.data.observations import Descriptor
-from ifrfit.data.schema import PROVENANCES
+from ifrfit.data.schema import PROVENANCES, SCHEMA, TABLE_SCHEMA
 from ifrfit.errors import DataError
 
 DATA_FILE = "data.csv"
 PACKAGE_FILE = "datapackage.json"
 
-_ANGLE = {"minimum": 0, "maximum": 90}
-_PSI = (
-    "psi_after over the incoming normal velocity, psi_out over the outgoing one, "
-    "positive if the contact point goes on in its direction"
-)
-
-#: Fields of data.csv, in order: (name, type, unit, description, constraints).
-_FIELDS: tuple[tuple[str, str, str, str, dict[str, Any]], ...] = (
-    ("series", "string", "", "Label of the series.", {"required": True}),
-    (
-        "observable",
-        "string",
-        "",
-        "What was observed. beta = -V_x/U_x of the contact point and beta_cm = -v_x/u_x of the centre (both "
-        "negative if the motion goes on forwards); spins after are R Omega/u, and the forward roll that "
-        "friction gives is a negative spin_y_after; delta_deg is the centre's angle from the normal; "
-        f"{_PSI}.",
-        {"required": True},
-    ),
-    ("gamma_deg", "number", "deg", "Incidence angle from the wall's normal; empty for e_n and mu.", _ANGLE),
-    ("spin_x", "number", "1", "R omega_x/u before the impact (minus the right-handed one).", {}),
-    ("spin_y", "number", "1", "R omega_y/u before the impact; positive is back-spin.", {}),
-    ("sigma_spin_x", "number", "1", "Standard uncertainty of spin_x.", {"minimum": 0}),
-    ("sigma_spin_y", "number", "1", "Standard uncertainty of spin_y.", {"minimum": 0}),
-    ("speed_m_s", "number", "m/s", "Speed u before the impact.", {"minimum": 0}),
-    (
-        "value",
-        "number",
-        "deg for observables that end in _deg, else 1",
-        "The observation; velocities and spins per incoming speed u.",
-        {"required": True},
-    ),
-    ("sigma", "number", "as value", "Standard uncertainty of value.", {"minimum": 0}),
-    ("sigma_gamma_deg", "number", "deg", "Standard uncertainty of gamma_deg.", {"minimum": 0}),
-    ("impact_id", "string", "", "Rows of the same physical impact share it.", {}),
-    (
-        "provenance",
-        "string",
-        "",
-        "Where the number comes from.",
-        {"required": True, "enum": list(PROVENANCES)},
-    ),
-)
 #: JSON types of the ``ifrfit`` object, for folders that users write themselves.
 _OWN_TYPES: dict[str, tuple[type, ...]] = {
     "conditions": (dict,),
@@ -77,7 +34,6 @@ _OWN_TYPES: dict[str, tuple[type, ...]] = {
     "printed_constants": (dict,),
     "printed_constants_by_series": (dict,),
 }
-FIELD_NAMES = tuple(field[0] for field in _FIELDS)
 
 
 @dataclass(frozen=True)
@@ -104,7 +60,7 @@ class PackageText:
 def csv_bytes(rows: Iterable[Mapping[str, str]]) -> bytes:
     """Rows of text in the common schema as the bytes of a data.csv (UTF-8, line feeds)."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, FIELD_NAMES, restval="", lineterminator="\n")
+    writer = csv.DictWriter(text, SCHEMA, restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue().encode("utf-8")
@@ -112,16 +68,6 @@ def csv_bytes(rows: Iterable[Mapping[str, str]]) -> bytes:
 
 def package_bytes(text: PackageText, data: bytes) -> bytes:
     """Return the datapackage.json that describes `data`, with its size and SHA-256."""
-    fields = [
-        {
-            "name": name,
-            "type": kind,
-            **({"unit": unit} if unit else {}),
-            "description": description,
-            **({"constraints": constraints} if constraints else {}),
-        }
-        for name, kind, unit, description, constraints in _FIELDS
-    ]
     package = {
         "profile": "tabular-data-package",
         "name": text.name,
@@ -139,7 +85,7 @@ def package_bytes(text: PackageText, data: bytes) -> bytes:
                 "encoding": "utf-8",
                 "bytes": len(data),
                 "hash": f"sha256:{hashlib.sha256(data).hexdigest()}",
-                "schema": {"fields": fields, "missingValues": [""]},
+                "schema": TABLE_SCHEMA,
             }
         ],
         "ifrfit": dict(text.own),

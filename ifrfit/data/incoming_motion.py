@@ -8,10 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.data.column_layout import Layout
-from ifrfit.errors import DataError
-from ifrfit.physics.angles import sincos
-
-Array = NDArray[np.float64]
+from ifrfit.physics.angles import Array, sincos
 
 
 @dataclass(frozen=True)
@@ -127,9 +124,9 @@ def require(
     remedy: str = "Correct it.",
 ) -> None:
     """Refuse the first row where a rule does not hold; what was not measured breaks none."""
-    bad = np.flatnonzero(~holds & ~np.isnan(values))
-    if bad.size:
-        row = int(bad[0])
-        column = layout.columns.get(key)
-        value = values[row] * (column.sign if column else 1.0)  # with the sign that the file has
-        raise DataError(f"{layout.cells.at(row, layout.header(key))}: {value:g}, but {rule}. {remedy}")
+    sign = layout.columns[key].sign  # that the file has
+    layout.cells.refuse_first(
+        ~holds & ~np.isnan(values),
+        layout.header(key),
+        lambda row: f"{sign * values[row]:g}, but {rule}. {remedy}",
+    )

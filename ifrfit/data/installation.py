@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from ifrfit.data.descriptor import (
-    FIELD_NAMES,
     PackageText,
     csv_bytes,
     package_provenance,
@@ -20,7 +19,7 @@ from ifrfit.data.descriptor import (
 from ifrfit.data.locations import entry, user_root
 from ifrfit.data.observations import Observations
 from ifrfit.data.readers import read
-from ifrfit.data.schema import PROVENANCES
+from ifrfit.data.schema import PROVENANCES, SCHEMA
 from ifrfit.errors import DataError, UsageError
 
 _UNSTATED = {"name": "notspecified", "title": "your own data; no licence stated"}
@@ -100,7 +99,7 @@ def remove(name: str) -> None:
 def _rows(data: Observations, provenance: str) -> list[dict[str, str]]:
     """Write the table as text in the common schema; numbers round-trip, missing ones are empty."""
     table = data.table
-    columns = {name: [_cell(value) for value in table[name].tolist()] for name in FIELD_NAMES}
+    columns = {name: [_cell(value) for value in table[name].tolist()] for name in SCHEMA}
     columns["provenance"] = [kind or provenance for kind in columns["provenance"]]
     return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
 

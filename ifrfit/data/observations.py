@@ -2,46 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ifrfit.data.angular_momentum import MomentumCheck
+from ifrfit.data.schema import NUMBER_COLUMNS, TABLE_COLUMNS, TEXT_COLUMNS
+from ifrfit.text import joined
 
 if TYPE_CHECKING:
     import pandas as pd
-
-TEXT_COLUMNS = ("series", "observable", "impact_id", "provenance", "source")
-NUMBER_COLUMNS = (
-    "gamma_deg",
-    "spin_x",
-    "spin_y",
-    "sigma_spin_x",
-    "sigma_spin_y",
-    "speed_m_s",
-    "value",
-    "sigma",
-    "sigma_gamma_deg",
-)
-SCHEMA = (
-    "series",
-    "observable",
-    "gamma_deg",
-    "spin_x",
-    "spin_y",
-    "sigma_spin_x",
-    "sigma_spin_y",
-    "speed_m_s",
-    "value",
-    "sigma",
-    "sigma_gamma_deg",
-    "impact_id",
-    "provenance",
-)
-BOOKKEEPING = ("n_repeats", "source", "row")
-TABLE_COLUMNS = SCHEMA + BOOKKEEPING
 
 
 @dataclass(frozen=True)
@@ -191,7 +163,7 @@ class Observations:
         """
         headers = dict.fromkeys(h for source in self.sources for h in source.headers.get(column, ()))
         what = _UNCERTAINTIES.get(column, column)
-        return f"{what} (from {_joined(list(headers) or [column])})"
+        return f"{what} (from {joined(list(headers) or [column])})"
 
     def __repr__(self) -> str:
         """Return one line: how many rows of what from where."""
@@ -219,10 +191,6 @@ _UNCERTAINTIES = {
     "sigma_spin_x": "the uncertainty of the spin about x",
     "sigma_spin_y": "the uncertainty of the spin",
 }
-
-
-def _joined(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def make_table(columns: Mapping[str, Any]) -> pd.DataFrame:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data.column_layout import Layout
 from ifrfit.errors import DataError
-
-Array = NDArray[np.float64]
+from ifrfit.physics.angles import Array
 
 
 @dataclass(frozen=True)
@@ -107,11 +106,12 @@ def repeats(layout: Layout) -> NDArray[np.int64]:
     """Return how many repeats each row is the mean of; 1 where nothing is said."""
     n = layout.numbers("n_repeats")
     n = np.where(np.isnan(n), 1.0, n)
-    bad = np.flatnonzero((n < 1) | (n != np.floor(n)) | (n > 1e9))
-    if bad.size:
-        row = int(bad[0])
-        raise DataError(
-            f"{layout.cells.at(row, layout.header('n_repeats'))}: {n[row]:g} is not a number of repeats. "
+    layout.cells.refuse_first(
+        (n < 1) | (n != np.floor(n)) | (n > 1e9),
+        layout.header("n_repeats"),
+        lambda row: (
+            f"{n[row]:g} is not a number of repeats. "
             "Give a whole number from 1, or leave the cell empty for one."
-        )
+        ),
+    )
     return n.astype(np.int64)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ifrfit.data.angular_momentum import check_momentum
 from ifrfit.data.column_layout import Layout
@@ -22,9 +21,8 @@ from ifrfit.data.partial_table import Piece
 from ifrfit.data.schema import TINY
 from ifrfit.data.wide_table import impact_ids
 from ifrfit.errors import DataError
+from ifrfit.physics.angles import Array
 from ifrfit.physics.observables import OBSERVABLES
-
-Array = NDArray[np.float64]
 
 _LARGEST = 1e9  # m/s, rad/s or m: beyond anything that hits a wall, far from overflow when squared
 

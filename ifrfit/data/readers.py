@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data.cell_table import show
 from ifrfit.data.column_layout import Layout
-from ifrfit.data.column_names import is_known
+from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions, parse_conventions
 from ifrfit.data.long_table import read_long
@@ -64,7 +64,7 @@ def read(
         raise UsageError(f"The inertia factor J = I/(m R^2) must be positive, not {inertia_factor:g}.")
     path = Path(path)
     named = conventions.mentioned
-    cells = read_cells(path, lambda text: text.strip() in named or is_known(text))
+    cells = read_cells(path, lambda text: text.strip() in named or role_of(text).kind != "unknown")
     layout = identify(cells, conventions)
     pieces = _read_form(layout, conventions, inertia_factor)
     kept: list[Piece] = []
@@ -142,13 +142,14 @@ def _provenances(layout: Layout) -> NDArray[np.object_]:
     cells, said = layout.cells, layout.conventions.provenance
     texts = _labels(layout, "provenance", "")
     names = {text: provenance_name(text) for text in dict.fromkeys(texts)}
-    for text, name in names.items():
-        if name is None:
-            row = int(np.argmax(texts == text))
-            raise DataError(
-                f"{cells.at(row, layout.header('provenance'))}: {show(text)} is no provenance. "
-                f"Known are {', '.join(PROVENANCES)}; empty means not stated."
-            )
+    cells.refuse_first(
+        np.array([names[text] is None for text in texts]),
+        layout.header("provenance"),
+        lambda row: (
+            f"{show(texts[row])} is no provenance. "
+            f"Known are {', '.join(PROVENANCES)}; empty means not stated."
+        ),
+    )
     if said and "" not in names.values():
         layout.notes.append(f"{cells.name}: convention provenance={said} found nothing to apply to.")
     if len(names) == 1:

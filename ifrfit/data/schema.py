@@ -1,8 +1,26 @@
-"""Ranges and words of the common schema; what each observable can be is in `ifrfit.physics.observables`."""
+"""Columns, ranges and words of the common schema; ranges of observables are in `ifrfit.physics.observables`.
+
+Name, type, unit and meaning of each column are in table_schema.json beside this file, a Frictionless Table
+Schema that goes into the datapackage.json of a dataset as it is.
+"""
 
 from __future__ import annotations
 
-PROVENANCES = ("measured", "digitised", "simulated", "stand-in")
+import json
+from importlib.resources import files
+from typing import Any
+
+TABLE_SCHEMA: dict[str, Any] = json.loads(
+    files("ifrfit.data").joinpath("table_schema.json").read_text(encoding="utf-8")
+)
+_FIELDS: dict[str, dict[str, Any]] = {each["name"]: each for each in TABLE_SCHEMA["fields"]}
+SCHEMA = tuple(_FIELDS)
+# beside them a table of observations tells how many repeats a row is the mean of, and where it stands
+TABLE_COLUMNS = (*SCHEMA, "n_repeats", "source", "row")
+TEXT_COLUMNS = (*(name for name in SCHEMA if _FIELDS[name]["type"] == "string"), "source")
+NUMBER_COLUMNS = tuple(name for name in SCHEMA if _FIELDS[name]["type"] == "number")
+PROVENANCES: tuple[str, ...] = tuple(_FIELDS["provenance"]["constraints"]["enum"])
+STAND_IN = "stand-in"
 _PROVENANCE_SPELLINGS = {"digitized": "digitised", "simulation": "simulated", "standin": "stand-in"}
 
 # Nothing that was measured or computed in double precision lies below 1e-60 without being 0: rounding leaves

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Mask = NDArray[np.bool_]
+# column, unit and word of what a range is about
+_CONDITIONS = {"gamma": ("gamma_deg", "degrees", "angle"), "speed": ("speed_m_s", "m/s", "speed")}
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,12 @@ class Selection:
     speed_max: float | None = None
     exclude: tuple[str | int, ...] = ()
     independent: bool = False
+
+    @property
+    def ranges(self) -> dict[str, tuple[float | None, float | None]]:
+        """Ends of the ranges that restrict the rows, by ``gamma`` and ``speed``."""
+        both = {"gamma": (self.gamma_min, self.gamma_max), "speed": (self.speed_min, self.speed_max)}
+        return {name: ends for name, ends in both.items() if ends != (None, None)}
 
 
 def select(obs: Observations, selection: Selection) -> Observations:
@@ -109,10 +117,7 @@ def _check(table: pd.DataFrame, selection: Selection) -> None:
             if name not in there:
                 known = " It is known, but not among these data." if name in OBSERVABLES else ""
                 raise UsageError(f"{option} {name}: not in the data.{known} There is {', '.join(there)}.")
-    for name, low, high in (
-        ("gamma", selection.gamma_min, selection.gamma_max),
-        ("speed", selection.speed_min, selection.speed_max),
-    ):
+    for name, (low, high) in selection.ranges.items():
         if any(x is not None and np.isnan(x) for x in (low, high)):
             raise UsageError(f"--{name}-min and --{name}-max need numbers, not nan.")
         if low is not None and high is not None and low > high:
@@ -124,17 +129,12 @@ def _filters(table: pd.DataFrame, selection: Selection) -> list[tuple[str, Mask]
     for names, column in ((selection.observable, "observable"), (selection.series, "series")):
         if names:
             filters.append(("not selected", table[column].isin(names).to_numpy()))
-    gamma, speed = table["gamma_deg"].to_numpy(), table["speed_m_s"].to_numpy()
-    if selection.gamma_min is not None:
-        filters.append(("outside gamma range", ~(gamma < selection.gamma_min)))
-    if selection.gamma_max is not None:
-        filters.append(("outside gamma range", ~(gamma > selection.gamma_max)))
-    if selection.speed_min is not None or selection.speed_max is not None:
-        filters.append(("no speed given", ~np.isnan(speed)))
-    if selection.speed_min is not None:
-        filters.append(("outside speed range", speed >= selection.speed_min))
-    if selection.speed_max is not None:
-        filters.append(("outside speed range", speed <= selection.speed_max))
+    for name, (low, high) in selection.ranges.items():
+        values = table[_CONDITIONS[name][0]].to_numpy()
+        if name == "speed":
+            filters.append(("no speed given", ~np.isnan(values)))
+        outside = (values < (-np.inf if low is None else low)) | (values > (np.inf if high is None else high))
+        filters.append((f"outside {name} range", ~outside))
     return filters
 
 
@@ -166,15 +166,11 @@ def _default_selection(
 
 
 def _nothing_left(why: NDArray[np.object_], selection: Selection) -> str:
-    angles = _range(selection.gamma_min, selection.gamma_max)
-    speeds = _range(selection.speed_min, selection.speed_max)
-    options = {
-        "not selected": "--observable and --series together",
-        "outside gamma range": f"the angle range ({angles} degrees)",
-        "no speed given": f"the speed range ({speeds} m/s), as the speed is not given",
-        "outside speed range": f"the speed range ({speeds} m/s)",
-        "excluded": "--exclude",
-    }
+    options = {"not selected": "--observable and --series together", "excluded": "--exclude"}
+    for name, ends in selection.ranges.items():
+        _, unit, what = _CONDITIONS[name]
+        options[f"outside {name} range"] = f"the {what} range ({_range(*ends)} {unit})"
+        options[f"no {name} given"] = f"the {what} range ({_range(*ends)} {unit}), as the {what} is not given"
     what = "; ".join(f"{options[reason]} ({count(number)})" for reason, number in Counter(why).items())
     return f"No row is left. Removed by {what}; choose a wider one."
 
@@ -194,10 +190,7 @@ def _update(source: Source, table: pd.DataFrame, why: NDArray[np.object_], selec
     if len(used) < int(here.sum()):
         words.append("observable " + ", ".join(dict.fromkeys(used["observable"])))
         words.append("series " + ", ".join(dict.fromkeys(used["series"])))
-    if selection.gamma_min is not None or selection.gamma_max is not None:
-        words.append(f"gamma {_range(selection.gamma_min, selection.gamma_max)} degrees")
-    if selection.speed_min is not None or selection.speed_max is not None:
-        words.append(f"speed {_range(selection.speed_min, selection.speed_max)} m/s")
+    words += [f"{name} {_range(*ends)} {_CONDITIONS[name][1]}" for name, ends in selection.ranges.items()]
     if selection.exclude:
         words.append("without " + ", ".join(map(str, selection.exclude)))
     if selection.independent:

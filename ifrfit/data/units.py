@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
 
 # unit -> dimension, factor to the unit of the schema (deg, m, m/s, rad/s)
 UNITS: dict[str, tuple[str, float]] = {
@@ -18,51 +21,11 @@ UNITS: dict[str, tuple[str, float]] = {
     "rpm": ("rate", math.pi / 30.0),
     "1": ("number", 1.0),
 }
-_SPELLINGS = {
-    "°": "deg",
-    "degree": "deg",
-    "degrees": "deg",
-    "radian": "rad",
-    "radians": "rad",
-    "m s-1": "m/s",
-    "m s^-1": "m/s",
-    "m*s^-1": "m/s",
-    "m.s-1": "m/s",
-    "mm s-1": "mm/s",
-    "mm s^-1": "mm/s",
-    "rad s-1": "rad/s",
-    "rad s^-1": "rad/s",
-    "s-1": "rad/s",
-    "1/s": "rad/s",
-    "1/min": "rpm",
-    "rev/min": "rpm",
-    "-": "1",
-    "": "1",
-}
-_SUFFIXES = {
-    "_deg": "deg",
-    "_rad": "rad",
-    "_mm_s": "mm/s",
-    "_m_s": "m/s",
-    "_rad_s": "rad/s",
-    "_rpm": "rpm",
-    "_mm": "mm",
-    "_m": "m",
-}
-_GREEK = {
-    "γ": "gamma",
-    "β": "beta",
-    "μ": "mu",  # Greek letter
-    "µ": "mu",  # micro sign, what a keyboard gives
-    "δ": "delta",
-    "λ": "lambda",
-    "ψ": "psi",
-    "σ": "sigma",
-    "α": "alpha",
-    "θ": "theta",
-    "ω": "omega",
-    "Ω": "Omega",
-}
+# names of columns, spellings of units and of Greek letters
+HEADERS: dict[str, Any] = tomllib.loads(
+    files("ifrfit.data").joinpath("headers.toml").read_text(encoding="utf-8")
+)
+_SUFFIXES: dict[str, str] = HEADERS["units"]["suffixes"]
 _BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))\s*$")
 # Only this letter tells before from after by its case.
 _OMEGA_AFTER = re.compile(r"^(sigma_)?Omega(?=_|$)")
@@ -74,8 +37,6 @@ class Header:
 
     Attributes
     ----------
-    text : str
-        As it stands in the file.
     name : str
         Lower case, spaces as underscores, Greek letters spelt out, unit in brackets removed. ``Omega`` with a
         capital, the paper's letter for the spin after, becomes ``omega_after``.
@@ -83,7 +44,6 @@ class Header:
         Key of `UNITS`; what stands in the brackets if it is not one; None without brackets.
     """
 
-    text: str
     name: str
     unit: str | None
 
@@ -92,7 +52,7 @@ class Header:
         if self.unit is None:
             for suffix, unit in _SUFFIXES.items():
                 if self.name.endswith(suffix) and len(self.name) > len(suffix):
-                    return Header(self.text, self.name[: -len(suffix)], unit)
+                    return Header(self.name[: -len(suffix)], unit)
         return None
 
 
@@ -103,17 +63,17 @@ def parse_header(text: str) -> Header:
     if match and match["name"].strip():
         inside = match["square"] if match["square"] is not None else match["round"]
         name, unit = match["name"], unit_name(inside)
-    for letter, spelt in _GREEK.items():
+    for letter, spelt in HEADERS["greek"].items():
         name = name.replace(letter, spelt)
     name = re.sub(r"[\s\-]+", "_", name.strip())
     name = _OMEGA_AFTER.sub(lambda m: f"{m[1] or ''}omega_after", name)
-    return Header(text.strip(), name.lower(), unit)
+    return Header(name.lower(), unit)
 
 
 def unit_name(text: str) -> str:
     """Return the key of `UNITS` that `text` means, or `text` itself if it means none."""
     unit = " ".join(text.strip().lower().split())
-    return _SPELLINGS.get(unit, unit)
+    return str(HEADERS["units"]["spellings"].get(unit, unit))
 
 
 def units_of(dimension: str) -> tuple[str, ...]:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ifrfit.data.cell_table import Cells
 from ifrfit.data.partial_table import Piece
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY
-from ifrfit.errors import DataError
 from ifrfit.physics.angles import sincos
 from ifrfit.physics.observable import Observable
 from ifrfit.physics.observables import FREE, OBSERVABLES
@@ -65,7 +64,7 @@ def validate(piece: Piece, cells: Cells) -> None:
     DataError
         Names the first offending row.
     """
-    for name, bad, text in (*_ranges(piece), *_uncertainties(piece)):
+    for name, bad, text in _ranges(piece):
         _refuse(piece, cells, name, bad, text)
     for observable in dict.fromkeys(piece.columns["observable"]):
         here = piece.columns["observable"] == observable
@@ -79,11 +78,8 @@ def _of(observables: NDArray[np.object_], rule: Callable[[Observable], bool]) ->
 
 
 def _refuse(piece: Piece, cells: Cells, name: str, bad: Mask, text: str) -> None:
-    found = np.flatnonzero(bad)
-    if found.size:
-        i = int(found[0])
-        value = f"{piece.columns[name][i]:.6g}"
-        raise DataError(f"{cells.at(int(piece.rows[i]), piece.header(name))}: {text.format(value)}")
+    values = piece.columns[name]
+    cells.refuse_first(bad, piece.header(name), lambda i: text.format(f"{values[i]:.6g}"), piece.rows)
 
 
 def _ranges(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
@@ -108,10 +104,6 @@ def _ranges(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
         (speed < low) | (speed > high),
         f"{{}} m/s is impossible for an incoming speed ({low:g} to {high:g}). Correct it.",
     )
-
-
-def _uncertainties(piece: Piece) -> Iterator[tuple[str, Mask, str]]:
-    columns = piece.columns
     sigma = columns["sigma"]
     yield (
         "sigma",
@@ -165,15 +157,9 @@ def without_value(
 
 
 def _check_defined(piece: Piece, cells: Cells, observable: Observable, here: Mask) -> None:
-    columns = piece.columns
+    columns, header = piece.columns, piece.header("value")
+    name = "" if header == observable.name else f"{observable.name}: "
     where = without_value(columns["gamma_deg"], columns["spin_x"], columns["spin_y"])
     for kind in observable.undefined:
-        bad = np.flatnonzero(here & where[kind])
-        if bad.size:
-            i = int(bad[0])
-            header = piece.header("value")
-            name = "" if header == observable.name else f"{observable.name}: "
-            raise DataError(
-                f"{cells.at(int(piece.rows[i]), header)}: {name}{_UNDEFINED[kind]}. Empty the cell or remove "
-                "the row."
-            )
+        said = f"{name}{_UNDEFINED[kind]}. Empty the cell or remove the row."
+        cells.refuse_first(here & where[kind], header, said, piece.rows)

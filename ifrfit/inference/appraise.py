@@ -13,8 +13,9 @@ import numpy as np
 
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.appraisal import Appraisal
-from ifrfit.inference.comparison.result_comparison import compare_result
+from ifrfit.inference.comparison.compare import compare_result
 from ifrfit.inference.diagnostics.interval_comparison import intervals
+from ifrfit.inference.estimators import Exact
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.result.fit_result import FitResult
@@ -93,7 +94,7 @@ def _posterior(result: FitResult, problem: Problem, optimum: LeastSquaresFit) ->
     """The exact posterior of an exact fit, as it was left or integrated again; None of other methods."""
     if isinstance(result.distribution, QuadraturePosterior):
         return result.distribution
-    return integrate(problem, start=optimum) if result.method == "exact" else None
+    return integrate(problem, start=optimum) if result.method == Exact.name else None
 
 
 def _comparison(result: FitResult) -> tuple[Comparison | None, str]:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.pooling import sharing
-from ifrfit.inference.diagnostics.quadrature_convergence import quadrature_convergence
+from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior import TOLERANCE, QuadraturePosterior, integrate
 from ifrfit.inference.result.estimation import Estimation
+from ifrfit.inference.result.types import Fact
 
 if TYPE_CHECKING:
     from ifrfit.inference.mcmc import Evidence, Sample
@@ -45,11 +46,28 @@ def posterior_estimation(
     integrate: Callable[[Problem], QuadraturePosterior] | None,
 ) -> Estimation:
     """An integrated posterior; other questions about sharing are put to `integrate`, if there is one."""
-    diagnostics = {"converged": quadrature_convergence(posterior, noise_converged(optimum))}
+    diagnostics = {"converged": _quadrature_converged(posterior, noise_converged(optimum))}
     shared = None if integrate is None else sharing(problem, posterior.log_evidence, integrate)
     if shared is not None:
         diagnostics["sharing"] = shared
     return Estimation("exact", posterior, diagnostics, is_posterior=True, log_evidence=posterior.log_evidence)
+
+
+def _quadrature_converged(posterior: QuadraturePosterior, noise_converged: Fact) -> Fact:
+    """Whether the quadrature reached its tolerance, and the noise of the least squares behind it settled."""
+    figures = {
+        "error": posterior.error,
+        "error_evidence": posterior.error_evidence,
+        "tolerance": posterior.tolerance,
+    } | dict(noise_converged.figures)
+    reached = f"{posterior.error:.0e} of a standard deviation"
+    if posterior.converged and noise_converged.ok:
+        says = f"quadrature converged: no result moves by more than {posterior.tolerance:g} of its sd"
+    elif not posterior.converged:
+        says = f"the quadrature reached {reached} only, for {posterior.tolerance:.0e} wanted"
+    else:
+        says = noise_converged.says
+    return Fact(posterior.converged and noise_converged.ok, says, figures, FACTS["converged"])
 
 
 def chains_estimation(

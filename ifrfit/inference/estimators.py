@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import check_request, make_request
-from ifrfit.inference.option_fields import Options, build, merged, option, options_of
+from ifrfit.inference.option_fields import Option, Options, build, merged, option, options_of
 from ifrfit.registry import Registry
 
 if TYPE_CHECKING:
@@ -243,7 +243,8 @@ class MCMC(Options):
         Folder (or file) with the chains of an earlier run of the same question, to walk on with.
     workers : int
         Processes. The draws do not depend on it. A script that asks for more than one needs
-        ``if __name__ == "__main__":`` about what it does.
+        ``if __name__ == "__main__":`` about what it does; a closure, an observable or a law of errors that it
+        registered must stand at the top level of a module.
     accuracy : float or None
         As of `Exact`: largest standard error.
     budget : float, str or None
@@ -464,6 +465,11 @@ def label_of(method: str) -> str:
     return method if found is None else found.label
 
 
+def method_options() -> dict[str, Option]:
+    """Options of all methods by keyword."""
+    return merged((*(type(each) for each in ESTIMATORS.values()), Automatic))
+
+
 def make_estimator(method: str | None, values: Mapping[str, Any]) -> Estimator:
     """An estimator by its name and by keywords, of which those that are no option of any method do not count.
 
@@ -479,8 +485,7 @@ def make_estimator(method: str | None, values: Mapping[str, Any]) -> Estimator:
     UsageError
         For an unknown method, an option that belongs to another method, and as the estimator's class.
     """
-    every = {name: type(each) for name, each in ESTIMATORS.items()}
-    options = merged((*every.values(), Automatic))
+    options = method_options()
     said = {key: value for key, value in values.items() if key in options and options[key].is_given(value)}
     owner = type(ESTIMATORS[method or Exact.name])
     if method is None and ("accuracy" in said or "budget" in said):
@@ -490,7 +495,7 @@ def make_estimator(method: str | None, values: Mapping[str, Any]) -> Estimator:
             continue
         if owner is Automatic:
             raise UsageError(_picked(keyword))
-        owners = [name for name, each in every.items() if keyword in options_of(each)]
+        owners = [name for name, each in ESTIMATORS.items() if keyword in options_of(type(each))]
         flag, those = options[keyword].flag, " or ".join(owners)
         raise UsageError(f"{flag} belongs to --method {those}, not to --method {owner.name}.")
     return build(owner, said)

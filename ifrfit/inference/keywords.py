@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.estimators import ESTIMATORS, Automatic, Estimator, make_estimator
-from ifrfit.inference.option_fields import Option, build, given, merged, options_of
+from ifrfit.inference.estimators import ESTIMATORS, Estimator, make_estimator, method_options
+from ifrfit.inference.option_fields import build, given, options_of
 from ifrfit.inference.options import Model, Noise, Range
 
 if TYPE_CHECKING:
@@ -178,11 +178,6 @@ def estimator_of(method: str | Estimator | None, keywords: Mapping[str, Any]) ->
     said = {key: value for key, value in keywords.items() if key in options and options[key].is_given(value)}
     _refuse_object_and_keywords("method", type(method), said)
     return method
-
-
-def method_options() -> dict[str, Option]:
-    """Options of all methods by keyword."""
-    return merged((*(type(each) for each in ESTIMATORS.values()), Automatic))
 
 
 def selection_of(keywords: Mapping[str, Any]) -> Selection:

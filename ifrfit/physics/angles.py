@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +37,13 @@ def sincos(gamma: ArrayLike, *, degrees: bool = False) -> tuple[Array, Array]:
     return np.where(steep, cosine, sine), np.where(steep, sine, cosine)
 
 
+def make_read_only(state: object) -> None:
+    """Make the arrays of a dataclass read-only."""
+    for value in vars(state).values():
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+
+
 @dataclass(frozen=True)
 class Incidence:
     """The state before impact, per incoming speed u; all arrays of one shape.
@@ -59,10 +66,7 @@ class Incidence:
     slip_y: Array
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
+        make_read_only(self)
 
     @classmethod
     def of(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copyreg
 from dataclasses import replace
-from importlib import import_module
 
 from ifrfit.physics.closure import Closure, ClosureConstant, Meaning, check_closure, rotational_share
 from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI, Compliance, chi_range
@@ -104,12 +103,5 @@ def get_closure(name: str) -> Closure:
     return CLOSURES[name.lower()]
 
 
-def _imported(name: str, module: str) -> Closure:
-    """A closure by its name; a module that registers it when it is imported is imported first."""
-    if name not in CLOSURES:
-        import_module(module)
-    return CLOSURES[name]
-
-
-# to other processes by its name and the module that defines it: its functions cannot go there
-copyreg.pickle(Closure, lambda closure: (_imported, (closure.name, closure.law.__module__)))
+# to other processes by its name: its functions cannot go there
+copyreg.pickle(Closure, lambda closure: (get_closure, (closure.name,)))

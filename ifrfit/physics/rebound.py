@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.physics.angles import Array, Incidence
+from ifrfit.physics.angles import Array, Incidence, make_read_only
 from ifrfit.physics.closure import Closure, rotational_share
 from ifrfit.physics.closures import get_closure
 
@@ -71,10 +71,7 @@ class Rebound:
     inertia_factor: float
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
+        make_read_only(self)
 
     @property
     def beta(self) -> Array:
@@ -151,10 +148,15 @@ def rebound_of(
 ) -> Rebound:
     """`rebound` for callers that hold an `Incidence`; c is the closure's own constant (ignored by F)."""
     e_n = np.asarray(e_n, dtype=float)
-    with np.errstate(over="ignore"):
-        kappa = np.minimum(np.asarray(mu, dtype=float) * (1.0 + e_n), np.finfo(float).max)
+    kappa = friction_impulse(np.asarray(mu, dtype=float), e_n)
     k, sticking = closure.law(j).impulse(incidence, np.asarray(c, dtype=float), kappa)
     return rebound_with(incidence, k, sticking, e_n, j)
+
+
+def friction_impulse(mu: Array, e_n: Array) -> Array:
+    """kappa = mu (1 + e_n), finite: the impulse of friction in sliding, per mass and normal speed."""
+    with np.errstate(over="ignore"):
+        return np.minimum(mu * (1.0 + e_n), np.finfo(float).max)
 
 
 def rebound_with(

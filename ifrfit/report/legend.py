@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from ifrfit.inference.estimators import title_of
+from ifrfit.inference.estimators import LeastSquares, title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import provenance_words
@@ -134,5 +134,5 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
 def _bands(result: FitResult) -> str:
     """Only a posterior has credible bands; without draws they are of the Gaussian around the optimum."""
     if result.state.sample is None:
-        return f"bands ({title_of('lsq')})"
-    return "credible bands" if result.method in ("exact", "mcmc") else f"bands ({title_of(result.method)})"
+        return f"bands ({LeastSquares.title})"
+    return "credible bands" if result.is_posterior else f"bands ({title_of(result.method)})"

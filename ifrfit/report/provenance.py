@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ifrfit.data import Source
+from ifrfit.data.schema import STAND_IN as STAND_IN
+from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import condition_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.regimes import count_impacts, has_angle
 from ifrfit.report.sentences import sigma_words
@@ -20,7 +22,6 @@ PROVENANCE = {
     "simulated": "Computed by a simulation, not measured",
     "": "Where these values come from is not stated; --convention provenance=measured would say it",
 }
-STAND_IN = "stand-in"
 
 
 def is_stand_in(result: FitResult) -> bool:
@@ -50,19 +51,12 @@ def provenance_words(kinds: tuple[str, ...]) -> str:
 def stand_in_sentence(source: Source) -> str:
     """Say what a stand-in is and what a fit to it does not show."""
     conditions: Mapping[str, object] = source.descriptor.conditions if source.descriptor else {}
-    ball, wall = _condition(conditions, "material"), _condition(conditions, "wall")
+    ball, wall = (condition_of(conditions, key)[0] for key in ("material", "wall"))
     what = f"what {ball} on {wall} does" if ball and wall else "what real spheres and walls do"
     return (
         "STAND-IN, generated from the constants the paper prints. "
         f"This fit shows that the tool works, not {what}."
     )
-
-
-def _condition(conditions: Mapping[str, object], name: str) -> str:
-    """A condition given as text, or as an object with a value and where it stands."""
-    value = conditions.get(name)
-    value = value.get("value") if isinstance(value, Mapping) else value
-    return value if isinstance(value, str) else ""
 
 
 def provenance_sentences(result: FitResult, source: Source) -> list[str]:

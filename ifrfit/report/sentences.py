@@ -62,7 +62,7 @@ def _method_words(result: FitResult) -> str:
     """The method; of a bootstrap also what was drawn anew, and how often."""
     words = title_of(result.method)
     figures = result.facts["converged"].figures if "converged" in result.facts else {}
-    if result.method != "bootstrap" or "replicates" not in figures:
+    if not {"scheme", "replicates"} <= figures.keys():
         return words
     return f"{words} ({figures['scheme']}, {figures['replicates']:,} replicates)"
 

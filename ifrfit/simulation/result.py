@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -11,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit._version import __version__
-from ifrfit.data.observations import SCHEMA
-from ifrfit.data.schema import TINY
+from ifrfit.data.schema import SCHEMA, TINY
 from ifrfit.data.validate import without_value
 from ifrfit.inference.io.plain import to_plain
 from ifrfit.inference.result.display import Display
@@ -69,20 +69,123 @@ class Simulation(Display):
     drawn_by: ClassVar[str] = "ifrfit.report.simulation"
 
     def rebounds(self) -> pd.DataFrame:
-        """Observations in the common schema, provenance ``simulated``; see `rebounds_of`."""
-        return rebounds_of(self)
+        """Observations in the common schema, one observable of one impact a row.
+
+        Returns
+        -------
+        DataFrame
+            Columns of the schema; provenance ``simulated``. What is undefined, and all but e_n of a captured
+            impact, is nan: not measured. sigma is that of the noise that was added; without noise it is the
+            accuracy of the scene, which the dropped effects may use up.
+        """
+        import pandas as pd
+
+        given = conditions(self)
+        n, parts = self.impacts.speed.size, []
+        for name in self.scene.observables:
+            accuracy = self.plan.accuracy
+            if OBSERVABLES[name].unit == "deg":
+                accuracy = math.degrees(accuracy)
+            sigma = self.scene.noise.get(name, accuracy)
+            frame = {
+                "series": self.scene.name,
+                "observable": name,
+                "value": observed(self, name),
+                "sigma": np.full(n, sigma),
+                "impact_id": [str(i + 1) for i in range(n)],
+                "provenance": "simulated",
+            }
+            frame |= {key: given[key] for key in ("gamma_deg", "spin_x", "spin_y", "speed_m_s")}
+            columns = [column for column in SCHEMA if column in frame]
+            parts.append(pd.DataFrame(frame)[columns])
+        return pd.concat(parts, ignore_index=True)
 
     def table(self) -> pd.DataFrame:
-        """One impact a row: conditions, constants, what came out; see `impacts_of`."""
-        return impacts_of(self)
+        """One impact a row: conditions, constants and the state after, without noise.
+
+        Returns
+        -------
+        DataFrame
+            impact_id, gamma_deg, speed_m_s, spin_x, spin_y, diameter_m, e_n (of this impact, all effects
+            included), mu, outcome (rebounds or captured), regime (sticks or slides), v_x, v_y, v_n and
+            spin_x_after, spin_y_after per incoming speed, energy_change over m u^2/2.
+        """
+        import pandas as pd
+
+        outcome = self.outcome
+        columns: dict[str, Any] = {"impact_id": np.arange(1, self.impacts.speed.size + 1)}
+        columns |= conditions(self)
+        columns |= {
+            "e_n": outcome.e_n,
+            "mu": self.impacts.mu,
+            "outcome": np.where(outcome.captured, "captured", "rebounds"),
+            "regime": np.where(outcome.sticking, "sticks", "slides"),
+            "v_x": outcome.v_x,
+            "v_y": outcome.v_y,
+            "v_n": outcome.v_n,
+            "spin_x_after": outcome.spin_x,
+            "spin_y_after": outcome.spin_y,
+            "energy_change": outcome.energy_change,
+        }
+        return pd.DataFrame(columns)
 
     def curves(self) -> pd.DataFrame:
-        """Each observable at each grid point, with bands where anything was drawn; see `curves_of`."""
-        return curves_of(self)
+        """Each observable at each grid point.
+
+        Returns
+        -------
+        DataFrame
+            observable, the conditions that run over a grid, value (median where anything is drawn), lo68,
+            hi68, lo95, hi95 (nan where nothing is), captured (share of the impacts). Values are of the
+            impacts that have one.
+        """
+        import pandas as pd
+
+        scene, shape = self.scene, (self.points, self.samples)
+        given = {name: column.reshape(shape)[:, 0] for name, column in conditions(self).items()}
+        axis_values = scene.grid()
+        captured = self.outcome.captured.reshape(shape).mean(axis=1)
+        parts = []
+        for name in scene.observables:
+            middle, band = _bands(observed(self, name).reshape(shape))
+            frame: dict[str, Any] = {"observable": name}
+            frame |= {axis: axis_values[axis] if scene.spin_unit else given[axis] for axis in scene.axes}
+            frame |= {"value": middle}
+            frame |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
+            parts.append(pd.DataFrame(frame | {"captured": captured}))
+        return pd.concat(parts, ignore_index=True)
 
     def to_dict(self) -> dict[str, Any]:
-        """Exactly the content of simulation.json."""
-        return to_dict(self)
+        """Exactly the content of simulation.json: strict JSON, nan and infinity as null."""
+        scene, outcome, plan = self.scene, self.outcome, self.plan
+        content: dict[str, Any] = to_plain(
+            {
+                "schema": VERSION,
+                "ifrfit": __version__,
+                "scene": {"name": scene.name, "title": scene.title, "sha256": scene.sha256},
+                "provenance": "simulated",
+                "seed": self.seed,
+                "closure": self.closure,
+                "inertia_factor": self.contact.inertia_factor,
+                "observables": scene.observables,
+                "points": self.points,
+                "samples": self.samples,
+                "outcomes": {
+                    "impacts": outcome.captured.size,
+                    "captured": outcome.captured.sum(),
+                    "sticking": outcome.sticking.sum(),
+                },
+                "plan": {
+                    "accuracy": plan.accuracy,
+                    "dropped_together": plan.dropped,
+                    "effects": [_line(line) for line in plan.lines],
+                },
+                "curves": self.curves().to_dict("records"),
+                "materials": scene.sources,
+                "notes": self.notes,
+            }
+        )
+        return content
 
 
 def observed(simulation: Simulation, name: str) -> Array:
@@ -118,140 +221,13 @@ def conditions(simulation: Simulation) -> dict[str, Array]:
     }
 
 
-def rebounds_of(simulation: Simulation) -> pd.DataFrame:
-    """Observations in the common schema, one observable of one impact a row.
-
-    Returns
-    -------
-    DataFrame
-        Columns of the schema; provenance ``simulated``. What is undefined, and all but e_n of a captured
-        impact, is nan: not measured. sigma is that of the noise that was added; without noise it is the
-        accuracy of the scene, which the dropped effects may use up.
-    """
-    import pandas as pd
-
-    given = conditions(simulation)
-    n, parts = simulation.impacts.speed.size, []
-    for name in simulation.scene.observables:
-        accuracy = simulation.plan.accuracy
-        if OBSERVABLES[name].unit == "deg":
-            accuracy = math.degrees(accuracy)
-        sigma = simulation.scene.noise.get(name, accuracy)
-        frame = {
-            "series": simulation.scene.name,
-            "observable": name,
-            "value": observed(simulation, name),
-            "sigma": np.full(n, sigma),
-            "impact_id": [str(i + 1) for i in range(n)],
-            "provenance": "simulated",
-        }
-        frame |= {key: given[key] for key in ("gamma_deg", "spin_x", "spin_y", "speed_m_s")}
-        columns = [column for column in SCHEMA if column in frame]
-        parts.append(pd.DataFrame(frame)[columns])
-    return pd.concat(parts, ignore_index=True)
-
-
-def impacts_of(simulation: Simulation) -> pd.DataFrame:
-    """One impact a row: conditions, constants and the state after, without noise.
-
-    Returns
-    -------
-    DataFrame
-        impact_id, gamma_deg, speed_m_s, spin_x, spin_y, diameter_m, e_n (of this impact, all effects
-        included), mu, outcome (rebounds or captured), regime (sticks or slides), v_x, v_y, v_n and
-        spin_x_after, spin_y_after per incoming speed, energy_change over m u^2/2.
-    """
-    import pandas as pd
-
-    outcome = simulation.outcome
-    columns: dict[str, Any] = {"impact_id": np.arange(1, simulation.impacts.speed.size + 1)}
-    columns |= conditions(simulation)
-    columns |= {
-        "e_n": outcome.e_n,
-        "mu": simulation.impacts.mu,
-        "outcome": np.where(outcome.captured, "captured", "rebounds"),
-        "regime": np.where(outcome.sticking, "sticks", "slides"),
-        "v_x": outcome.v_x,
-        "v_y": outcome.v_y,
-        "v_n": outcome.v_n,
-        "spin_x_after": outcome.spin_x,
-        "spin_y_after": outcome.spin_y,
-        "energy_change": outcome.energy_change,
-    }
-    return pd.DataFrame(columns)
-
-
-def curves_of(simulation: Simulation) -> pd.DataFrame:
-    """Each observable at each grid point.
-
-    Returns
-    -------
-    DataFrame
-        observable, the conditions that run over a grid, value (median where anything is drawn), lo68, hi68,
-        lo95, hi95 (nan where nothing is), captured (share of the impacts). Values are of the impacts that
-        have one.
-    """
-    import pandas as pd
-
-    scene, shape = simulation.scene, (simulation.points, simulation.samples)
-    given = {name: column.reshape(shape)[:, 0] for name, column in conditions(simulation).items()}
-    axis_values = scene.grid()
-    captured = simulation.outcome.captured.reshape(shape).mean(axis=1)
-    parts = []
-    for name in scene.observables:
-        middle, band = _bands(observed(simulation, name).reshape(shape))
-        frame: dict[str, Any] = {"observable": name}
-        frame |= {axis: axis_values[axis] if scene.spin_unit else given[axis] for axis in scene.axes}
-        frame |= {"value": middle}
-        frame |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
-        parts.append(pd.DataFrame(frame | {"captured": captured}))
-    return pd.concat(parts, ignore_index=True)
-
-
 def _bands(values: Array) -> tuple[Array, Array]:
     """Median and quantiles along the samples, without those that have no value."""
     if values.shape[1] == 1:
         return values[:, 0], np.full((4, values.shape[0]), math.nan)
-    middle, band = np.full(values.shape[0], math.nan), np.full((4, values.shape[0]), math.nan)
-    for row, points in enumerate(values):
-        there = points[np.isfinite(points)]
-        if there.size:
-            middle[row] = np.median(there)
-            band[:, row] = np.quantile(there, QUANTILES)
-    return middle, band
-
-
-def to_dict(simulation: Simulation) -> dict[str, Any]:
-    """Content of simulation.json: strict JSON, nan and infinity as null."""
-    scene, outcome, plan = simulation.scene, simulation.outcome, simulation.plan
-    content: dict[str, Any] = to_plain(
-        {
-            "schema": VERSION,
-            "ifrfit": __version__,
-            "scene": {"name": scene.name, "title": scene.title, "sha256": scene.sha256},
-            "provenance": "simulated",
-            "seed": simulation.seed,
-            "closure": simulation.closure,
-            "inertia_factor": simulation.contact.inertia_factor,
-            "observables": scene.observables,
-            "points": simulation.points,
-            "samples": simulation.samples,
-            "outcomes": {
-                "impacts": outcome.captured.size,
-                "captured": outcome.captured.sum(),
-                "sticking": outcome.sticking.sum(),
-            },
-            "plan": {
-                "accuracy": plan.accuracy,
-                "dropped_together": plan.dropped,
-                "effects": [_line(line) for line in plan.lines],
-            },
-            "curves": simulation.curves().to_dict("records"),
-            "materials": scene.sources,
-            "notes": simulation.notes,
-        }
-    )
-    return content
+    with warnings.catch_warnings():  # nan where no impact has a value
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return np.nanmedian(values, axis=1), np.nanquantile(values, QUANTILES, axis=1)
 
 
 def _line(line: PlanLine) -> dict[str, Any]:

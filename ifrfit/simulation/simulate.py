@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.data.schema import STAND_IN
 from ifrfit.errors import DataError, UsageError
+from ifrfit.inference.model.entry_names import entry_name, split_name
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects import Contact, Impacts, Plan, compose, make_plan
@@ -24,7 +26,6 @@ Array = NDArray[np.float64]
 
 SAMPLES = 200  # a grid point, where anything is drawn
 MOST = 2_000_000
-STAND_IN = "stand-in"
 
 
 def simulate(scene: str | Path | Scene, *, samples: int | None = None, seed: int = 0) -> Simulation:
@@ -175,14 +176,14 @@ def _from_fit(scene: Scene, n: int, points: int, rng: np.random.Generator) -> _C
 
 
 def _column(columns: list[str], name: str, scene: Scene) -> str:
-    series = [column[len(name) + 1 : -1] for column in columns if column.startswith(f"{name}[")]
+    series = [own for quantity, own in map(split_name, columns) if quantity == name and own]
     if not series:
         return name
     if scene.series not in series:
         raise DataError(
             f"constants.series: the fit has {name} for each series apart. Name one of {', '.join(series)}."
         )
-    return f"{name}[{scene.series}]"
+    return entry_name(name, scene.series)
 
 
 def _inertia(scene: Scene, result: FitResult) -> float:

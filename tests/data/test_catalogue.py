@@ -17,8 +17,8 @@ from ifrfit.data import catalogue
 from ifrfit.data import installation as installing
 from ifrfit.data import locations as finding
 from ifrfit.data.description import listing_lines
-from ifrfit.data.descriptor import FIELD_NAMES, package_provenance
-from ifrfit.data.observations import SCHEMA
+from ifrfit.data.descriptor import package_provenance
+from ifrfit.data.schema import SCHEMA
 from ifrfit.errors import DataError, UsageError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -60,10 +60,6 @@ def test_names():
     assert catalogue.dataset_names() == NAMES
 
 
-def test_the_package_uses_the_common_schema():
-    assert FIELD_NAMES == SCHEMA
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_is_a_valid_frictionless_data_package(name):
     frictionless = pytest.importorskip("frictionless")
@@ -79,9 +75,8 @@ def test_checksum_size_licence_and_sources_are_stated(name):
     assert resource["hash"] == f"sha256:{hashlib.sha256(data).hexdigest()}"
     assert resource["bytes"] == len(data)
     assert b"\r" not in data
-    assert [field["name"] for field in resource["schema"]["fields"]] == data.decode().splitlines()[0].split(
-        ","
-    )
+    assert tuple(field["name"] for field in resource["schema"]["fields"]) == SCHEMA
+    assert data.decode().splitlines()[0] == ",".join(SCHEMA)
     assert all(field["description"] for field in resource["schema"]["fields"])
     assert package["licenses"]
     assert package["sources"]

@@ -15,16 +15,6 @@ from ifrfit.errors import DataError, UsageError
 LONG = "observable,gamma_deg,value,sigma\n"
 
 
-@pytest.fixture
-def read(tmp_path):
-    def read(text, *convention, **mapping):
-        path = tmp_path / "x.csv"
-        path.write_text(text)
-        return data.read(path, convention=mapping or convention)
-
-    return read
-
-
 @pytest.mark.parametrize(
     ("text", "convention", "gamma"),
     [
@@ -96,7 +86,7 @@ def test_observables_in_wide_and_long_tables(read, name, convention, observable,
 
 
 def test_a_mapping_says_the_same(read):
-    table = read("alpha_deg,beta\n30,1\n", angle="from-wall", beta="opposite-sign").table
+    table = read("alpha_deg,beta\n30,1\n", convention={"angle": "from-wall", "beta": "opposite-sign"}).table
     assert (table.gamma_deg[0], table.value[0]) == (60, -1)
 
 
@@ -195,7 +185,9 @@ def test_columns_can_be_left_out(read, convention):
 
 
 def test_columns_that_are_known_can_be_left_out_too(read):
-    assert list(read("gamma_deg,beta,e_n\n30,0.4,x\n", ignore="e_n").table.observable) == ["beta"]
+    assert list(read("gamma_deg,beta,e_n\n30,0.4,x\n", convention={"ignore": "e_n"}).table.observable) == [
+        "beta"
+    ]
 
 
 def test_what_is_left_out_must_be_there_and_not_be_used(read):

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import ifrfit.data as data
-from ifrfit.data.observations import TABLE_COLUMNS, Observations, Source, make_table
+from ifrfit.data.observations import Observations, Source, make_table
+from ifrfit.data.schema import TABLE_COLUMNS
 from ifrfit.errors import UsageError
 
 

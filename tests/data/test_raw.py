@@ -110,16 +110,6 @@ def test_observables_equal_the_rebound_of_the_package(tmp_path, gamma, s_x, s_y,
     assert got == pytest.approx({n: float(x) for n, x in expected.items()}, abs=1e-9)
 
 
-@pytest.fixture
-def read(tmp_path):
-    def read(text, *convention, **options):
-        path = tmp_path / "x.csv"
-        path.write_text(text)
-        return data.read(path, convention=convention, **options)
-
-    return read
-
-
 def test_only_what_was_measured_comes_out(read):
     planar = read("u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s\n3,4,2,-3.5\n1,1,,-0.9\n")
     assert list(planar.table.observable) == ["v_x", "v_n", "v_n"]

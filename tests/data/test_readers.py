@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import ifrfit.data as data
-from ifrfit.data.observations import TABLE_COLUMNS
+from ifrfit.data.schema import TABLE_COLUMNS
 from ifrfit.errors import DataError, UsageError
 
 

@@ -350,10 +350,8 @@ def test_refusal_names_place_and_remedy(tmp_path, name):
         "gamma_deg,beta,sigma_gamma_deg\n10,0.4,0\n",  # set exactly
     ],
 )
-def test_what_is_defined_is_not_refused(tmp_path, text):
-    path = tmp_path / "x.csv"
-    path.write_text(text)
-    assert len(data.read(path)) == 1
+def test_what_is_defined_is_not_refused(read, text):
+    assert len(read(text)) == 1
 
 
 WORDS = st.sampled_from(
@@ -421,9 +419,6 @@ def test_missing_file_and_folder(tmp_path):
         data.read("a\0b.csv")
 
 
-def test_empty_columns_to_the_right_are_no_error(tmp_path):
-    path = tmp_path / "x.csv"
-    path.write_text("gamma_deg;beta;;\n10;0,4;;\n20;0,3;;\n")
-    assert list(data.read(path).table.value) == [0.4, 0.3]
-    path.write_text("gamma_deg,beta\n10,0.4,,\n20,0.3\n")
-    assert list(data.read(path).table.value) == [0.4, 0.3]
+def test_empty_columns_to_the_right_are_no_error(read):
+    assert list(read("gamma_deg;beta;;\n10;0,4;;\n20;0,3;;\n").table.value) == [0.4, 0.3]
+    assert list(read("gamma_deg,beta\n10,0.4,,\n20,0.3\n").table.value) == [0.4, 0.3]

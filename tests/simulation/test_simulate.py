@@ -14,7 +14,7 @@ import ifrfit
 from ifrfit.errors import DataError, UsageError
 from ifrfit.physics import OBSERVABLES
 from ifrfit.physics.effects import EFFECTS, compose
-from ifrfit.physics.effects.outcome_difference import differences
+from ifrfit.physics.effects.plan import differences
 from ifrfit.physics.scenes import read_scene
 from ifrfit.physics.scenes.scene import AXES
 from ifrfit.simulation.simulate import simulate

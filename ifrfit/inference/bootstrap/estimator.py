@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +20,7 @@ from ifrfit.inference.distributions.draws import kappa_draws
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.worker_processes import worker_processes
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -171,8 +170,7 @@ def each(task: Task, lots: list[list[np.random.SeedSequence]], workers: int) -> 
     if workers == 1 or len(lots) == 1:
         yield from map(task, lots)
         return
-    # fresh processes: forked ones would inherit the threads of numerical libraries
-    with ProcessPoolExecutor(min(workers, len(lots)), mp_context=get_context("spawn")) as pool:
+    with worker_processes(min(workers, len(lots))) as pool:
         yield from pool.map(task, lots)
 
 

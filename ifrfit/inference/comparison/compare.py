@@ -8,11 +8,12 @@ from typing import Unpack
 
 import numpy as np
 
-from ifrfit.errors import UsageError
+from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.closure_questions import (
     applied_where,
     chosen_closures,
     fit_each,
+    known_to,
 )
 from ifrfit.inference.comparison.information_criteria import aicc, probabilities
 from ifrfit.inference.comparison.loo import loo_of, with_differences
@@ -21,11 +22,20 @@ from ifrfit.inference.comparison.psi_plane import psi_plane
 from ifrfit.inference.comparison.result import Comparison, Entry
 from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.comparison.verdict import verdict_of
+from ifrfit.inference.estimations import exact_estimation
+from ifrfit.inference.estimators import Exact
 from ifrfit.inference.fit import Data, make_question
 from ifrfit.inference.keywords import QuestionKeywords, check_keywords, model_of, noise_of
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
+from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
+from ifrfit.inference.result.restore import question as question_of
+from ifrfit.physics.closure import Closure
+
+_TOLERANCE = 1e-2  # of a result's closures: of the log evidence and, in sd, of the constants
 
 
 def compare(
@@ -89,10 +99,49 @@ def compare(
     asked, notes = chosen_closures(closures, scatter.is_plain)
     notes += applied_where(asked, chosen.named_constants())
     question = make_question(data, chosen, scatter, seed, scene, keywords)
-    return weighed(fit_each(question, asked, chosen, seed, command), notes, loo, seed)
+    return _weighed(fit_each(question, asked, chosen, seed, command), notes, loo, seed)
 
 
-def weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed: int) -> Comparison:
+def compare_result(result: FitResult) -> Comparison:
+    """Weigh all closures by the impacts, constants and noise of a fit, each to a tolerance of 1e-2.
+
+    The fits are brief: outliers, remedies and effects are not looked for, and impacts not left out.
+
+    Parameters
+    ----------
+    result : FitResult
+        Of a fit, or read from a file. What it fixed or knew of a constant holds for every closure that has
+        this constant.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    UsageError, DataError
+        If the result does not keep its question, or a closure cannot be fitted.
+    """
+    problem, _ = question_of(result)
+    closures, notes = known_to(problem.error_model.is_plain)
+    fits = {closure.name: _fitted(closure, problem, result.seed) for closure in closures}
+    return _weighed(fits, notes, loo=False, seed=result.seed)
+
+
+def _fitted(closure: Closure, problem: Problem, seed: int) -> FitResult:
+    try:
+        other = problem.with_closure(closure)
+        reason = Exact().refuses(other)
+        if reason:
+            raise UsageError(reason)
+        optimum = least_squares(other)
+        estimation = exact_estimation(other, optimum, _TOLERANCE)
+        return build_result(other, optimum, estimation, seed=seed, brief=True)
+    except (UsageError, DataError) as error:
+        raise type(error)(f"Closure {closure.title}: {error}") from None
+
+
+def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed: int) -> Comparison:
     """Put fits by exact posterior, one a closure, side by side; arguments as `compare`."""
     priors = prior_table(fits)
     found = _cross_validated(fits, seed) if loo else {}
@@ -121,15 +170,9 @@ def _entries(fits: dict[str, FitResult], loo: dict[str, Loo]) -> dict[str, Entry
     evidence = {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
     chance = probabilities(evidence)
     top = max(evidence.values())
-    return {
-        name: Entry(
-            fit=fit,
-            free=int(fit.problem_and_optimum()[0].parameters.free.sum()),
-            aicc=aicc(fit),
-            log_bayes_factor=evidence[name] - top,
-            probability=chance[name],
-            prior=prior_of(fit.problem_and_optimum()[0]),
-            loo=loo.get(name),
-        )
-        for name, fit in fits.items()
-    }
+    found = {}
+    for name, fit in fits.items():
+        problem, _ = fit.problem_and_optimum()
+        free, prior, gap = int(problem.parameters.free.sum()), prior_of(problem), evidence[name] - top
+        found[name] = Entry(fit, free, aicc(fit), gap, chance[name], prior, loo.get(name))
+    return found

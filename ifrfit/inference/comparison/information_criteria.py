@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
+
+from scipy import special
 
 from ifrfit.inference.result.fit_result import FitResult
 
@@ -28,7 +29,4 @@ def aicc(result: FitResult) -> float | None:
 
 def probabilities(log_evidence: Mapping[str, float]) -> dict[str, float]:
     """Posterior probability of each closure, all equally probable before."""
-    top = max(log_evidence.values())
-    weight = {name: math.exp(value - top) for name, value in log_evidence.items()}
-    total = math.fsum(weight.values())
-    return {name: w / total for name, w in weight.items()}
+    return dict(zip(log_evidence, special.softmax(list(log_evidence.values())).tolist(), strict=True))

@@ -51,7 +51,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
         return None
     density = Density(problem)
     draws = posterior.draws(n_draws, np.random.default_rng(seed))
-    each = _likelihoods(density, _points(density, draws, n_draws))
+    each = density.impacts_in_parts(density.points(draws, n_draws), _AT_ONCE)
     elpd, k = _smoothed(each)
     threshold = min(THRESHOLD, 1.0 - 1.0 / math.log10(n_draws))
     names = _impact_names(density)
@@ -114,12 +114,6 @@ def _standard_error(each: Array) -> float:
     return math.sqrt(each.size * float(each.var(ddof=1))) if each.size > 1 else math.nan
 
 
-def _likelihoods(density: Density, points: Array) -> Array:
-    """Log likelihood of each impact, (n_draws, n_impacts), some draws at a time."""
-    parts = 1 + points.shape[0] * density.impact.size // _AT_ONCE
-    return np.concatenate([density.impacts(part) for part in np.array_split(points, parts)])
-
-
 def _smoothed(each: Array) -> tuple[Array, Array]:
     """Log density and Pareto k of each impact.
 
@@ -142,14 +136,6 @@ def _smoothed(each: Array) -> tuple[Array, Array]:
 
 def _log_mean_exp(x: Array) -> Array:
     return np.asarray(special.logsumexp(x, axis=0) - math.log(x.shape[0]))
-
-
-def _points(density: Density, draws: Mapping[str, Array], n_draws: int) -> Array:
-    """Draws in the coordinates of the density, (n_draws, d): noises as logarithms."""
-    points = np.empty((n_draws, len(density.names)))
-    for at, name in enumerate(density.names):
-        points[:, at] = draws[name] if at < len(density.unknowns) else np.log(draws[name])
-    return points
 
 
 def _impact_names(density: Density) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.types import PriorRow
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
@@ -82,8 +83,7 @@ def _varied(problem: Problem, name: str) -> Parameter | None:
 
 def _labels(problem: Problem, name: str) -> list[str]:
     """Entries of theta that a constant has."""
-    pairs = zip(problem.parameters.names, problem.parameters.entries, strict=True)
-    return [label for label, constant in pairs if constant.name == name]
+    return [entry for entry in problem.parameters.names if quantity_of(entry) == name]
 
 
 def _half(fit: FitResult, constant: Parameter) -> Interval:

@@ -8,7 +8,6 @@ factor k says the same as a point of the plane, with its own error bar.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,13 +115,9 @@ def psi_rows(problem: Problem) -> tuple[PsiRows | None, dict[str, str]]:
     base = problem.noise.base[rows]
     group = np.zeros(rows.size, dtype=np.intp)
     if problem.noise.is_unknown:
-        for number, own in enumerate(_groups(problem).values()):
+        for number, own in enumerate(problem.groups().values()):
             group[np.isin(rows, own)] = number
     return PsiRows(problem.rows.tau[rows], value, weight, base, group), left_out
-
-
-def _groups(problem: Problem) -> Mapping[str, Index]:
-    return problem.groups()
 
 
 def _reason(name: str, e_n: float | None) -> str:

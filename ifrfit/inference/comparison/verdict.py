@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from ifrfit.data.schema import STAND_IN
 from ifrfit.inference.comparison.result import Entry
 from ifrfit.inference.comparison.types import PriorRow, Verdict
 from ifrfit.inference.result.fit_result import FitResult
@@ -18,7 +20,6 @@ from ifrfit.text import joined, p_text
 SCALE = ((5.0, "very strong"), (3.0, "strong"), (1.0, "positive"))
 INDIFFERENT = 1.0
 SCALE_WORDS = "over 1 positive, over 3 strong, over 5 very strong"
-STAND_IN = "stand-in"
 
 _ADVERBS = {"very strong": "very strongly", "strong": "strongly", "positive": "slightly"}
 
@@ -53,9 +54,7 @@ def verdict_of(entries: Mapping[str, Entry], priors: Sequence[PriorRow]) -> Verd
     loose = [title(name) for name, entry in entries.items() if not entry.fit.facts["converged"].ok]
     if loose:
         says += f" Provisional: the posterior of {joined(loose)} did not converge."
-    return Verdict(
-        found.kind, says, found.tied, found.next, found.log_bayes_factor, found.strength, found.over_priors
-    )
+    return replace(found, says=says)
 
 
 def title(name: str) -> str:

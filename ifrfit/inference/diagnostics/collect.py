@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit
 from ifrfit.inference.diagnostics.outliers import outliers
@@ -12,7 +11,7 @@ from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.result.types import Estimate, Fact
+from ifrfit.inference.result.types import Constants, Fact, by_entry
 
 
 def misfit_facts(
@@ -57,13 +56,7 @@ def _angular_momentum(problem: Problem) -> Fact:
     checks = problem.observations.momentum
     figures = {
         "sources": [
-            {
-                "source": c.source,
-                "n": c.n,
-                "rms": c.rms,
-                "n_violating": c.n_violating,
-                "suggested": c.suggested,
-            }
+            {name: getattr(c, name) for name in ("source", "n", "rms", "n_violating", "suggested")}
             for c in checks
         ]
     }
@@ -95,16 +88,13 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
     return Fact(False, f"the optimum is not proven to be global ({optimum.method}; {proof})", figures, rule)
 
 
-def at_bound(constants: Mapping[str, Any]) -> Fact:
+def at_bound(constants: Constants) -> Fact:
     """Constants that lie on a bound, and those that the data do not tell from it."""
     on: list[str] = []
     near: list[str] = []
-    for name, found in constants.items():
-        each = {"": found} if isinstance(found, Estimate) else found
-        for series, estimate in each.items():
-            label = f"{name}[{series}]" if series else name
-            if estimate.status == "one_sided" and estimate.value is not None:
-                (on if "lies on" in estimate.reason else near).append(label)
+    for name, estimate in by_entry(constants).items():
+        if estimate.status == "one_sided" and estimate.value is not None:
+            (on if "lies on" in estimate.reason else near).append(name)
     parts = [f"{', '.join(on)} on the bound of the domain"] if on else []
     parts += [f"{', '.join(near)} not told from the bound of the domain"] if near else []
     says = "; ".join(parts) or "no constant lies on a bound"

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.result.types import Fact
-from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.inference.result.types import Constants, Fact, by_entry
 
 _SHARE = 0.1  # of the largest loading below which a constant is not named in a combination
 
 
 def identifiable(
-    problem: Problem, fit: LeastSquaresFit, constants: Mapping[str, Any], n_sticking: int, n_sliding: int
+    problem: Problem, fit: LeastSquaresFit, constants: Constants, n_sticking: int, n_sliding: int
 ) -> Fact:
     """Whether the data determine every free constant; names the loose combinations and the remedy."""
     local = fit.gaussian
@@ -35,24 +33,19 @@ def identifiable(
     return Fact(False, _advice(problem, fit, loose, n_sticking, n_sliding), figures, FACTS["identifiable"])
 
 
-def _limits(problem: Problem, constants: Mapping[str, Any]) -> str:
+def _limits(problem: Problem, constants: Constants) -> str:
     """What to say where the optimum looks determined, but the data go on beyond it nearly as well."""
     says = []
-    for name, found in constants.items():
-        each = found if isinstance(found, Mapping) else {"": found}
-        for series, estimate in each.items():
-            if estimate.value is not None:
-                continue
-            label = f"{name}[{series}]" if series else name
-            if name == "mu" and math.isinf(estimate.interval95[1]):
-                says.append(
-                    f"no impact surely slides, so the data set only a lower limit to {label}: "
-                    f"measure beyond {_steepest(problem):.0f} degrees"
-                )
-            else:
-                says.append(
-                    f"{label}: {estimate.reason}; add impacts at other angles, or a sigma that is smaller"
-                )
+    for name, estimate in by_entry(constants).items():
+        if estimate.value is not None:
+            continue
+        if quantity_of(name) == "mu" and math.isinf(estimate.interval95[1]):
+            says.append(
+                f"no impact surely slides, so the data set only a lower limit to {name}: "
+                f"measure beyond {_steepest(problem):.0f} degrees"
+            )
+        else:
+            says.append(f"{name}: {estimate.reason}; add impacts at other angles, or a sigma that is smaller")
     return "; ".join(says)
 
 
@@ -79,7 +72,7 @@ def _advice(problem: Problem, fit: LeastSquaresFit, loose: list[str], n_sticking
     """What is open, why, and what to measure."""
     observed = ", ".join(problem.rows.names)
     says = []
-    alone = {name.split("[")[0] for name in loose if " " not in name}
+    alone = {quantity_of(name) for name in loose if " " not in name}
     closure, j = problem.closure, problem.inertia_factor
     own = closure.constant
     if "e_n" in alone and only_kappa_is_seen(problem):
@@ -118,9 +111,8 @@ def _advice(problem: Problem, fit: LeastSquaresFit, loose: list[str], n_sticking
 def only_kappa_is_seen(problem: Problem) -> bool:
     """Whether friction enters through kappa alone: tangential rows, and nothing that knows e_n or mu."""
     rows = all(
-        (OBSERVABLES[name].kind == "tangential" and OBSERVABLES[name].scale == "one")
-        or OBSERVABLES[name].without_e_n
-        for name in problem.rows.names
+        (each.kind == "tangential" and each.scale == "one") or each.without_e_n
+        for each in problem.rows.observables
     )
     free = all(c.fixed is None and c.prior is None for c in problem.parameters if c.name in ("e_n", "mu"))
     mu = problem.parameters["mu"]
@@ -133,6 +125,5 @@ def _steepest(problem: Problem) -> float:
 
 
 def _one_angle(problem: Problem) -> bool:
-    regime = np.array([OBSERVABLES[n].kind in ("tangential", "curved") for n in problem.rows.names])
-    tau = problem.rows.tau[regime[problem.rows.which]]
+    tau = problem.rows.tau[problem.rows.is_oblique]
     return tau.size > 0 and float(np.ptp(tau)) <= 1e-9 * (1.0 + float(tau.max()))

@@ -10,6 +10,7 @@ import numpy as np
 
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.profile_all import profile_all
@@ -90,5 +91,5 @@ def _quantities(problem: Problem, fit: LeastSquaresFit) -> list[tuple[str, float
     ]
     separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
     for number, series in enumerate(problem.series if separate else problem.series[:1]):
-        found.append((f"kappa[{series}]" if separate else "kappa", *kappa_at(problem, fit, number)))
+        found.append((entry_name("kappa", series if separate else ""), *kappa_at(problem, fit, number)))
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -15,32 +15,30 @@ _FEW = 30.0  # degrees of freedom of the noise under which points are few
 _METHODS = ("covariance", "profile")
 
 
-def disagreements(table: pd.DataFrame, factor: float = FACTOR) -> tuple[str, ...]:
+def disagreements(table: pd.DataFrame) -> tuple[str, ...]:
     """Sentences on intervals that differ from the exact ones, which to believe, and why.
 
     Parameters
     ----------
     table : DataFrame
         What `ifrfit.inference.diagnostics.interval_comparison.intervals` returned.
-    factor : float
-        Widths disagree beyond it; ends do where one is off by more than a quarter (`SHARE`) of the width of
-        the exact interval.
 
     Returns
     -------
     tuple of str
-        One sentence a quantity and at most; none where all agree, or without exact intervals.
+        One sentence a quantity and at most; none where all agree, or without exact intervals. Widths
+        disagree beyond a factor of 1.25 (`FACTOR`), ends where one is off by more than a quarter (`SHARE`)
+        of the width of the exact interval.
     """
     said = []
-    for name in table.index:
-        row: dict[str, Any] = {str(column): table.at[name, column] for column in table.columns}
+    for name, row in table.to_dict("index").items():
         exact = float(row["exact_low"]), float(row["exact_high"])
         if not exact[1] > exact[0]:
             continue
         differing = {}
         for method in _METHODS:
             interval = float(row[f"{method}_low"]), float(row[f"{method}_high"])
-            how = _difference(interval, exact, factor)
+            how = _difference(interval, exact)
             if how:
                 differing[method] = f"the {method} interval {_text(interval)} {how}"
         if differing:
@@ -51,14 +49,14 @@ def disagreements(table: pd.DataFrame, factor: float = FACTOR) -> tuple[str, ...
     return tuple(said)
 
 
-def _difference(interval: tuple[float, float], exact: tuple[float, float], factor: float) -> str:
+def _difference(interval: tuple[float, float], exact: tuple[float, float]) -> str:
     """How an interval differs from the exact one, or nothing."""
     width, right = interval[1] - interval[0], exact[1] - exact[0]
     if math.isinf(width):
         return "is open"
-    if width > factor * right:
+    if width > FACTOR * right:
         return f"is {width / right:.2g} times as wide as the exact one"
-    if width * factor < right:
+    if width * FACTOR < right:
         return f"has {100.0 * width / right:.0f} % of the width of the exact one"
     off = max(abs(a - b) for a, b in zip(interval, exact, strict=True)) / right
     if off > SHARE:
@@ -66,7 +64,7 @@ def _difference(interval: tuple[float, float], exact: tuple[float, float], facto
     return ""
 
 
-def _why(row: Mapping[str, Any], differing: Mapping[str, str]) -> str:
+def _why(row: Mapping[Hashable, Any], differing: Mapping[str, str]) -> str:
     """What the other methods do not know."""
     low, high = float(row["covariance_low"]), float(row["covariance_high"])
     reasons = []

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
+from scipy import linalg, special
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Index
+from ifrfit.inference.model.rows import OBLIQUE, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.result.types import Fact
-from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.text import p_text
 
 Array = NDArray[np.float64]
@@ -132,12 +131,8 @@ def _pure_error(problem: Problem, r: Array, dof: int) -> float | None:
 
 def oblique_groups(problem: Problem) -> list[Index]:
     """Rows of each observable that depends on the regime, sorted by tau."""
-    groups = []
-    for name in problem.rows.names:
-        if OBSERVABLES[name].kind in ("tangential", "curved"):
-            rows = problem.rows.rows_of(name)
-            groups.append(rows[np.argsort(problem.rows.tau[rows], kind="stable")])
-    return groups
+    rows = (problem.rows.rows_of(each.name) for each in problem.rows.observables if each.kind in OBLIQUE)
+    return [own[np.argsort(problem.rows.tau[own], kind="stable")] for own in rows]
 
 
 def _smooth(problem: Problem, fit: LeastSquaresFit, r: Array) -> float | None:
@@ -180,11 +175,8 @@ def _natural_spline(tau: Array) -> Array | None:
 def orthonormal(a: Array) -> Array:
     """Orthonormal basis of the columns' span."""
     size = np.sqrt((a * a).sum(axis=0))
-    a = a[:, size > 1e-12 * size.max(initial=0.0)] / size[size > 1e-12 * size.max(initial=0.0)]
-    if a.shape[1] == 0:
-        return a
-    left, singular, _ = np.linalg.svd(a, full_matrices=False)
-    return np.asarray(left[:, singular > 1e-9 * singular[0]])
+    seen = size > 1e-12 * size.max(initial=0.0)
+    return np.asarray(linalg.orth(a[:, seen] / size[seen], 1e-9)) if seen.any() else a[:, seen]
 
 
 def _runs(problem: Problem, r: Array) -> float | None:

@@ -14,7 +14,6 @@ from ifrfit.inference.diagnostics.lack_of_fit import misfit, oblique_groups
 from ifrfit.inference.diagnostics.outliers import row_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.result.types import Fact
@@ -122,17 +121,15 @@ class _Seen:
 def _look(problem: Problem, draws: Mapping[str, Array]) -> _Seen:
     """Evaluate the test quantities, a few draws at a time."""
     n = problem.rows.value.size
-    names = zip(problem.parameters.names, problem.parameters.entries, strict=True)
-    given = [draws[name] if c.fixed is None else np.array([c.fixed]) for name, c in names]
-    noise = [draws[noise_name(group)] for group in problem.noise_groups()]
-    m = min(max(x.size for x in (*given, *noise)), max(_FEWEST, _MOST // n))
-    theta = np.stack([np.broadcast_to(x[:m], m) for x in given], axis=1)
+    density = Density(problem)
+    points = density.points(draws)[: max(_FEWEST, _MOST // n)]
+    m = len(points)
     first, second = _neighbours(problem)
     chi2, largest, inside, changes, total = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.zeros(n)
     step = max(1, _AT_ONCE // n)
     for start in range(0, m, step):
         at = slice(start, min(start + step, m))
-        z = _standardised(problem, theta[at], [x[at] for x in noise])
+        z = _standardised(density, points[at])
         size, positive = np.abs(z), z > 0.0
         chi2[at] = np.einsum("ij,ij->i", z, z)
         largest[at] = size.max(axis=1)
@@ -142,15 +139,13 @@ def _look(problem: Problem, draws: Mapping[str, Array]) -> _Seen:
     return _Seen(chi2, largest, inside, changes, first.size, total / m)
 
 
-def _standardised(problem: Problem, theta: Array, noise: list[Array]) -> Array:
+def _standardised(density: Density, points: Array) -> Array:
     """Residuals that are standard normal numbers if the model holds, (m, n)."""
+    problem = density.problem
     if not problem.error_model.is_plain:
-        density = Density(problem)
-        points = np.column_stack((theta[:, problem.parameters.free], *(np.log(x) for x in noise)))
         return np.asarray(special.ndtri(np.clip(density.below(points), _TAIL, 1.0 - _TAIL)))
-    sizes = np.array(noise).reshape(len(noise), len(theta)).T
-    sigma = problem.noise.sigma_at(sizes, problem.noise_groups().values())
-    return np.asarray((problem.rows.value - problem.predict(theta)) / sigma)
+    residuals = problem.rows.value - problem.predict(density.theta(points))
+    return np.asarray(residuals / density.sigma(points))
 
 
 def _neighbours(problem: Problem) -> tuple[Index, Index]:

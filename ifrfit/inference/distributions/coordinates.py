@@ -9,18 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.entry_names import entry_name, name_in, quantity_of, split_name
+
 Array = NDArray[np.float64]
-
-
-def split_name(name: str) -> tuple[str, str]:
-    """A name without its series, and the series with its brackets: "mu[a]" is "mu" and "[a]"."""
-    kind, bracket, rest = name.partition("[")
-    return kind, bracket + rest
-
-
-def name_in(names: tuple[str, ...], kind: str, bracket: str) -> str:
-    """Name of a quantity in a series: its own there, or the one that all series share."""
-    return f"{kind}{bracket}" if f"{kind}{bracket}" in names else kind
 
 
 def to_parameters(names: tuple[str, ...], phi: Array) -> dict[str, Array]:
@@ -41,13 +32,13 @@ def to_parameters(names: tuple[str, ...], phi: Array) -> dict[str, Array]:
     parameters: dict[str, Array] = {}
     kappas: dict[str, Array] = {}
     for name, column in zip(names, phi.T, strict=True):
-        kind, bracket = split_name(name)
+        kind, series = split_name(name)
         if kind == "kappa":
-            e_n = phi[:, names.index(name_in(names, "e_n", bracket))]
+            e_n = phi[:, names.index(name_in(names, "e_n", series))]
             kappas[name] = column
-            parameters[f"mu{bracket}"] = column / (1.0 + e_n)
+            parameters[entry_name("mu", series)] = column / (1.0 + e_n)
         else:
             parameters[name] = column
-    for name in (name for name in names if split_name(name)[0] == "e_n" and "mu" in names):
-        kappas[f"kappa{split_name(name)[1]}"] = parameters["mu"] * (1.0 + parameters[name])
+    for name in (name for name in names if quantity_of(name) == "e_n" and "mu" in names):
+        kappas[entry_name("kappa", split_name(name)[1])] = parameters["mu"] * (1.0 + parameters[name])
     return parameters | kappas

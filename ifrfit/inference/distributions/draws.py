@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.protocol import transition_name
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
 
 Array = NDArray[np.float64]
@@ -126,8 +127,8 @@ def kappa_name(problem: Problem, series: int) -> str:
     free = [i for i in (int(places["mu"][series]), int(places["e_n"][series])) if entries[i].fixed is None]
     if not free:
         return ""
-    bracket = next((problem.parameters.names[i].partition("[")[2] for i in free if entries[i].separate), "")
-    return f"kappa[{bracket}" if bracket and len(problem.series) > 1 else "kappa"
+    is_separate = len(problem.series) > 1 and any(entries[i].separate for i in free)
+    return entry_name("kappa", problem.series[series] if is_separate else "")
 
 
 def kappa_draws(problem: Problem, draws: Mapping[str, Array]) -> dict[str, Array]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.entry_names import entry_name, split_name
 from ifrfit.inference.model.log_posterior import Density
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def to_arviz(result: Findings) -> Any:
             "ArviZ is not installed, which to_arviz() needs: pip install 'ifrfit[arviz]'."
         ) from None
     problem, _ = result.problem_and_optimum()
-    if result.method not in ("exact", "mcmc"):
+    if not result.is_posterior:
         raise UsageError(
             f"--method {result.method} gives no posterior, which to_arviz() needs: use exact or mcmc."
         )
@@ -42,8 +43,9 @@ def to_arviz(result: Findings) -> Any:
     sample = _sample_of(result)
     draws, sampler = _independent(result, allowed) if sample is None else _of_chains(sample, allowed)
     shape = next(iter(draws.values())).shape
-    points = _points(density, draws)
-    impacts = _in_parts(density.impacts, density, points)
+    points = density.points(draws)
+    impacts = density.impacts_in_parts(points, _AT_ONCE)
+    log_posterior = density.log_prior(points) + impacts.sum(axis=1)
     table = problem.observations.table
     rows = [f"{source}:{row}" for source, row in zip(table["source"], table["row"], strict=True)]
     first = np.unique(density.impact, return_index=True)[1]
@@ -53,7 +55,7 @@ def to_arviz(result: Findings) -> Any:
     return from_dict(
         {
             "posterior": posterior,
-            "sample_stats": {"lp": _in_parts(density, density, points).reshape(shape)},
+            "sample_stats": {"lp": log_posterior.reshape(shape)},
             "log_likelihood": {"impact": impacts.reshape(*shape, -1)},
             "observed_data": {"value": problem.rows.value},
         },
@@ -69,14 +71,14 @@ def _by_name(
     """mu[a] and mu[b] as one variable mu with a dimension, as ArviZ has them; its dimensions and labels."""
     labels: dict[str, list[str]] = {}
     for name in draws:
-        kind, bracket, label = name.partition("[")
-        labels.setdefault(kind, []).extend([label[:-1]] if bracket else [])
+        kind, label = split_name(name)
+        labels.setdefault(kind, []).extend([label] if label else [])
     posterior, dims, coords = {}, {}, {}
     for kind, own in labels.items():
         if own:
             dims[kind] = ["noise_of" if kind == "noise" else "series"]
             coords[dims[kind][0]] = own
-        several = [draws[f"{kind}[{label}]"] for label in own]
+        several = [draws[entry_name(kind, label)] for label in own]
         posterior[kind] = np.stack(several, axis=-1) if own else draws[kind]
     return posterior, dims, coords
 
@@ -102,12 +104,12 @@ def _about(result: Findings) -> dict[str, Any]:
 
 
 def _sample_of(result: Findings) -> Sample | None:
-    """The chains of mcmc; None for another method."""
-    if result.method != "mcmc":
+    """The chains of mcmc; None of another method."""
+    if not result.files:
         return None
     from ifrfit.inference.mcmc import Sample
 
-    return next(file for file in result.files.values() if isinstance(file, Sample))
+    return next((file for file in result.files.values() if isinstance(file, Sample)), None)
 
 
 def _independent(result: Findings, allowed: int) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -141,18 +143,3 @@ def _of_chains(sample: Sample, allowed: int) -> tuple[dict[str, Array], dict[str
         "autocorrelation_time": longest,
         "acceptance": sample.chains.acceptance,
     }
-
-
-def _points(density: Density, draws: Mapping[str, Array]) -> Array:
-    """Points of the density, (chains * draws, d)."""
-    n = len(density.unknowns)
-    noises = [np.log(draws[name]) for name in density.names[n:]]
-    return np.stack([*(draws[name] for name in density.names[:n]), *noises], axis=-1).reshape(
-        -1, len(density.names)
-    )
-
-
-def _in_parts(function: Callable[[Array], Array], density: Density, points: Array) -> Array:
-    """A function of points, so many at a time that the rows of each fit into memory."""
-    parts = 1 + points.shape[0] * density.problem.rows.value.size // _AT_ONCE
-    return np.concatenate([function(part) for part in np.array_split(points, parts)])

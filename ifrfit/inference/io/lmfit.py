@@ -106,7 +106,9 @@ def minimizer_result(result: Findings) -> Any:
     labels = [_label(name) for name in problem.parameters.names]
     theta = optimum.optimum.theta
     lower, upper = problem.parameters.bounds()
-    determined = _determined(result)
+    determined = {
+        name for name, each in result.flat_constants().items() if each.status in ("determined", "prior")
+    }
     for label, name, value, low, high, free in zip(
         labels, problem.parameters.names, theta, lower, upper, problem.parameters.free, strict=True
     ):
@@ -125,13 +127,3 @@ def minimizer_result(result: Findings) -> Any:
 
 def _label(name: str) -> str:
     return "".join(ch if ch.isalnum() or ch == "_" else "_" for ch in name).strip("_")
-
-
-def _determined(result: Findings) -> set[str]:
-    from ifrfit.inference.result.types import Estimate
-
-    names = set()
-    for name, found in result.constants.items():
-        each = {"": found} if isinstance(found, Estimate) else {f"[{s}]": e for s, e in found.items()}
-        names |= {f"{name}{suffix}" for suffix, e in each.items() if e.status in ("determined", "prior")}
-    return names

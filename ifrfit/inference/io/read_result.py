@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ifrfit.data.observations import TABLE_COLUMNS, TEXT_COLUMNS
+from ifrfit.data.schema import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
-from ifrfit.inference.io.plain import REMEDY, Node, from_plain
+from ifrfit.inference.io.plain import REMEDY, Node, from_plain, layout
 from ifrfit.inference.io.write_result import FACTOR, NULL_MARK, SCHEMA, NoiseInFile, ResultFile
-from ifrfit.inference.model.error_model import PLAIN, make_error_model
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel, make_error_model
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import NoiseSummary
@@ -96,38 +96,26 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
         )
     file: ResultFile = from_plain(ResultFile, root)
     sample = _sample(root["state"]["sample"], file.state.names) if "sample" in root["state"].value else None
-    return FitResult(
-        closure=file.closure,
-        inertia_factor=file.inertia_factor,
-        method=file.method,
-        inputs=file.input,
-        noise=_noise(file.noise),
-        constants=file.constants,
-        derived=file.derived,
-        correlation=(file.correlation.names, file.correlation.matrix),
-        fit=file.fit,
-        facts=file.facts,
-        warnings=tuple(says for says in file.warnings if not says.startswith(NULL_MARK)),
-        state=replace(file.state, sample=sample),
-        points=_points(root["points"]),
-        seed=file.seed,
-        command=file.command,
-        created=file.created,
-        versions=file.versions,
-        asked=tuple(
+    own: dict[str, Any] = {
+        "inputs": file.input,
+        "noise": _noise(file.noise),
+        "correlation": (file.correlation.names, file.correlation.matrix),
+        "warnings": tuple(says for says in file.warnings if not says.startswith(NULL_MARK)),
+        "state": replace(file.state, sample=sample),
+        "points": _points(root["points"]),
+        "asked": tuple(
             Parameter(name, *c.bounds, c.fixed, c.prior, c.separate) for name, c in file.asked.items()
         ),
-        effort=file.effort,
-        scene=file.scene,
-        effects=file.effects,
-    )
+    }
+    same = {each.name for each in fields(FitResult)} & {each.name for each in fields(ResultFile)}
+    return FitResult(**{name: getattr(file, name) for name in same - own.keys()} | own)
 
 
 def _noise(noise: NoiseInFile) -> NoiseSummary:
     estimates = {"" if name == FACTOR else name: estimate for name, estimate in noise.estimates.items()}
     prior = {"" if name == FACTOR else name: bounds for name, bounds in noise.prior.items()}
-    model = PLAIN if noise.scatter is None else make_error_model(**asdict(noise.scatter))
-    return NoiseSummary(noise.policy, noise.sigma, estimates, prior, model)
+    chosen = {key: getattr(noise.scatter or PLAIN, each.name) for each, key, _ in layout(ErrorModel)}
+    return NoiseSummary(noise.policy, noise.sigma, estimates, prior, make_error_model(**chosen))
 
 
 def _sample(node: Node, names: tuple[str, ...]) -> Any:

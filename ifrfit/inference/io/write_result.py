@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from ifrfit.data import Source
 from ifrfit.inference.accuracy.types import Effort
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
 from ifrfit.inference.io.plain import OPTIONAL, Nulls, Shape, to_plain
-from ifrfit.inference.model.error_model import PLAIN
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 from ifrfit.inference.result.types import (
     Angles,
     Constants,
@@ -40,19 +40,6 @@ FACTOR = "factor"
 
 
 @dataclass(frozen=True)
-class ErrorModelChoices:
-    """The choices that `make_error_model` takes."""
-
-    tails: str
-    dof: float | None
-    angle_errors: str
-    angle_population: tuple[float, ...] | None
-    sigma_gamma: float | None
-    sigma_velocity: float | None
-    sigma_spin: float | None
-
-
-@dataclass(frozen=True)
 class NoiseInFile:
     """The noise: what is common to all rows is named, and the error model stands as the user chose it."""
 
@@ -60,7 +47,7 @@ class NoiseInFile:
     sigma: Mapping[str, FloatOrNan]
     estimates: Mapping[str, Estimate] = field(default_factory=dict, metadata=OPTIONAL)
     prior: Mapping[str, Interval] = field(default_factory=dict, metadata=OPTIONAL)
-    scatter: ErrorModelChoices | None = field(default=None, metadata=OPTIONAL)
+    scatter: ErrorModel | None = field(default=None, metadata=OPTIONAL)
 
 
 @dataclass(frozen=True)
@@ -124,33 +111,20 @@ def to_dict(result: Findings) -> dict[str, Any]:
         are None, with the reason in ``warnings``. Points beyond 100000 rows are left out (None).
     """
     nulls = Nulls()
-    file = ResultFile(
-        schema=SCHEMA,
-        ifrfit=result.versions.get("ifrfit", __version__),
-        created=result.created,
-        command=result.command,
-        seed=result.seed,
-        versions=result.versions,
-        input=result.inputs,
-        closure=result.closure,
-        inertia_factor=float(result.inertia_factor),
-        method=result.method,
-        noise=_noise(result.noise),
-        asked={
+    own: dict[str, Any] = {
+        "schema": SCHEMA,
+        "ifrfit": result.versions.get("ifrfit", __version__),
+        "input": result.inputs,
+        "inertia_factor": float(result.inertia_factor),
+        "noise": _noise(result.noise),
+        "asked": {
             c.name: ParameterInFile((c.lower, c.upper), c.fixed, c.prior, c.separate) for c in result.asked
         },
-        effort=result.effort,
-        constants=result.constants,
-        derived=result.derived,
-        correlation=Correlation(*result.correlation),
-        fit=result.fit,
-        facts=result.facts,
-        scene=result.scene,
-        effects=result.effects,
-        warnings=result.warnings,
-        state=result.state,
-        points=None,
-    )
+        "correlation": Correlation(*result.correlation),
+        "points": None,
+    }
+    same = {each.name: getattr(result, each.name) for each in fields(ResultFile) if each.name not in own}
+    file = ResultFile(**own, **same)
     content: dict[str, Any] = to_plain(file, nulls)
     names, sample = result.state.names, result.state.sample
     if sample is not None:  # a column a name: one line each, so that the file stays readable
@@ -164,10 +138,10 @@ def to_dict(result: Findings) -> dict[str, Any]:
 
 
 def _noise(noise: NoiseSummary) -> NoiseInFile:
-    chosen = ErrorModelChoices(**noise.error_model.choices()) if noise.error_model != PLAIN else None
+    error_model = None if noise.error_model == PLAIN else noise.error_model
     estimates = {name or FACTOR: estimate for name, estimate in noise.estimates.items()}
     prior = {name or FACTOR: bounds for name, bounds in noise.prior.items()}
-    return NoiseInFile(noise.policy, noise.sigma, estimates, prior, chosen)
+    return NoiseInFile(noise.policy, noise.sigma, estimates, prior, error_model)
 
 
 def _points(points: Any) -> tuple[dict[str, list[Any]] | None, list[str]]:

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Iterator
 from functools import partial
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.errors import UsageError
 from ifrfit.inference.mcmc.chain_diagnostics import Evidence
 from ifrfit.inference.mcmc.chains import Chains
-from ifrfit.inference.mcmc.ensemble import Rest, Stretch, walk
+from ifrfit.inference.mcmc.ensemble import Rest, walk
 from ifrfit.inference.mcmc.stopping import is_met
 from ifrfit.inference.mcmc.target import Target
+from ifrfit.inference.worker_processes import worker_processes
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -76,10 +73,13 @@ def run(
     chains : Chains
     evidence : Evidence
     """
-    with _mapping(min(workers, len(chains.ends))) as each:
+    workers = min(workers, len(chains.ends))
+    with worker_processes(workers) if workers > 1 else contextlib.nullcontext() as pool:
+        each = map if pool is None else pool.map
         for look in _looks(max_steps):
             if look > chains.steps:
-                chains = chains.longer(each(partial(walk, target, steps=look - chains.steps), chains.ends))
+                further = partial(walk, target, steps=look - chains.steps)
+                chains = chains.longer(list(each(further, chains.ends)))
             elif look < chains.steps:
                 continue
             if progress is not None:
@@ -97,23 +97,3 @@ def _looks(max_steps: int) -> Iterator[int]:
         yield look
         look = int(look * _GROWTH)
     yield max_steps
-
-
-Each = Callable[[Callable[[Rest], Stretch], Sequence[Rest]], list[Stretch]]
-
-
-@contextlib.contextmanager
-def _mapping(workers: int) -> Iterator[Each]:
-    """A function over ensembles, in this process or in others."""
-    if workers <= 1:
-        yield lambda function, rests: [function(rest) for rest in rests]
-        return
-    # a fresh process each: forking one that has threads is not safe
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        try:
-            yield lambda function, rests: list(pool.map(function, rests))
-        except BrokenProcessPool:
-            raise UsageError(
-                f"--workers {workers}: the processes could not start. In a script of your own put the call "
-                'under if __name__ == "__main__":, or take one worker.'
-            ) from None

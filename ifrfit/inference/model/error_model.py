@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.error_law import ERROR_LAWS, GAUSSIAN, STUDENT_T, ErrorLaw
@@ -41,12 +41,13 @@ class ErrorModel:
         with it.
     """
 
+    # in files they go by the names of the options
     dof: float | None = None
-    angles: str = "none"
-    population: tuple[float, float] | None = None
-    gamma: float | None = None
-    velocity: float | None = None
-    spin: float | None = None
+    angles: str = field(default="none", metadata={"key": "angle_errors"})
+    population: tuple[float, float] | None = field(default=None, metadata={"key": "angle_population"})
+    gamma: float | None = field(default=None, metadata={"key": "sigma_gamma"})
+    velocity: float | None = field(default=None, metadata={"key": "sigma_velocity"})
+    spin: float | None = field(default=None, metadata={"key": "sigma_spin"})
     tails: str = ""
 
     def __post_init__(self) -> None:
@@ -72,18 +73,6 @@ class ErrorModel:
     def propagates(self) -> bool:
         """Whether the errors of the rows come from those of the measured velocities and spins."""
         return self.velocity is not None
-
-    def choices(self) -> dict[str, Any]:
-        """The user's choices, as `make_error_model` takes them."""
-        return {
-            "tails": self.tails,
-            "dof": self.dof,
-            "angle_errors": self.angles,
-            "angle_population": self.population,
-            "sigma_gamma": self.gamma,
-            "sigma_velocity": self.velocity,
-            "sigma_spin": self.spin,
-        }
 
     @property
     def option(self) -> str:

@@ -151,6 +151,17 @@ class Density:
         noise = np.exp(points[:, len(self.unknowns) :])
         return self.problem.noise.sigma_at(noise, self.problem.noise_groups().values())
 
+    def points(self, draws: Mapping[str, Array], n_draws: int = 1) -> Array:
+        """Points from draws as `draws` names them, of any shape, (m, d); (n_draws, 0) without unknowns."""
+        noises = self.names[len(self.unknowns) :]
+        columns = [np.log(draws[name]) if name in noises else draws[name] for name in self.names]
+        return np.stack(columns, axis=-1).reshape(-1, len(columns)) if columns else np.empty((n_draws, 0))
+
+    def impacts_in_parts(self, points: Array, most: int) -> Array:
+        """`impacts` of so few points at a time that no array holds more than about `most` numbers."""
+        parts = 1 + points.shape[0] * self.impact.size // most
+        return np.concatenate([self.impacts(part) for part in np.array_split(points, parts)])
+
     def draws(self, points: Array) -> dict[str, Array]:
         """The points as the exact posterior names its draws, noises as they are; without kappa."""
         noise = len(self.unknowns)

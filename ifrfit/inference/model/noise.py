@@ -11,7 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.parameters import entry_name
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.rows import Rows
 
 Array = NDArray[np.float64]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.physics.closure import Closure
 
 Array = NDArray[np.float64]
@@ -182,11 +183,6 @@ class ParameterSet:
             raise KeyError(", ".join(sorted(unknown)))
         fixed = tuple((dict(self.fixed_entries) | entries).items())
         return replace(self.with_parameters(whole), fixed_entries=fixed)
-
-
-def entry_name(name: str, series: str = "") -> str:
-    """Name of the entry that a quantity has in a series: "mu[series]"; "mu" where no series is given."""
-    return f"{name}[{series}]" if series else name
 
 
 def make_parameters(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ifrfit.inference.model.entry_names import entry_name, split_name
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
@@ -62,8 +63,8 @@ def kappa_name(layout: IntegralLayout, block: int) -> str:
     names = [parameter.name for parameter in free if isinstance(parameter, FreeParameter)]
     if not names:
         return ""
-    bracket = next((name[name.index("[") :] for name in names if "[" in name), "")
-    return f"kappa{bracket if len(layout.blocks) > 1 else ''}"
+    series = "".join({split_name(name)[1] for name in names}) if len(layout.blocks) > 1 else ""
+    return entry_name("kappa", series)
 
 
 def _parameter_marginal(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.posterior.convergence import quantiles_of
@@ -93,8 +94,8 @@ class QuadraturePosterior:
         """Posterior quantiles; p scalar or array, 0 to 1."""
         wanted = np.atleast_1d(np.asarray(p, dtype=float))
         known = self._quantiles_at_levels
-        if name.startswith("transition_tau["):
-            found = self._transition(name[len("transition_tau[") : -1], wanted)
+        if quantity_of(name) == "transition_tau":
+            found = self._transition(split_name(name)[1], wanted)
         elif bool(np.isin(wanted, LEVELS).all()):
             if name not in known:
                 known[name] = quantiles_of(self.marginals[name], np.array(LEVELS), self.tolerance)

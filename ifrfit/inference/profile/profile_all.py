@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.intervals import profile_of
@@ -55,14 +56,14 @@ def profile_all(
     e_n, mu = problem.parameters["e_n"], problem.parameters["mu"]
     if e_n.fixed is not None:
         factor = 1.0 + e_n.fixed
-        for name in [name for name in found if name.split("[")[0] == "mu"]:
+        for name in [name for name in found if quantity_of(name) == "mu"]:
             label = "kappa" + name.removeprefix("mu")
             scaled = found[name].mapped(label, lambda x: x * factor)
             same = linear(found[name].estimate(), 0.0, factor, Domain.of_kappa(e_n, mu), KAPPA)
             found[label] = replace(scaled, reason=same.reason)
     own, meaning = problem.closure.constant, problem.closure.meaning
     if own is not None and meaning is not None:
-        for name in [name for name in found if name.split("[")[0] == own]:
+        for name in [name for name in found if quantity_of(name) == own]:
             label = meaning.name + name.removeprefix(own)
             found[label] = found[name].mapped(label, partial(_meant, meaning, problem.inertia_factor))
     for number, series in enumerate(problem.series):

@@ -29,6 +29,7 @@ from ifrfit.inference.result.types import (
     FitStatistics,
     NoiseSummary,
     State,
+    by_entry,
 )
 
 if TYPE_CHECKING:
@@ -130,6 +131,11 @@ class Findings:
         return self.problem, self.least_squares
 
     @property
+    def is_posterior(self) -> bool:
+        """Whether draws and bands are those of a posterior: the posterior predictive checks were made."""
+        return "predictive" in self.facts
+
+    @property
     def provenance(self) -> tuple[str, ...]:
         """Distinct provenances of the data used."""
         return tuple(dict.fromkeys(source.provenance for source in self.inputs))
@@ -142,10 +148,4 @@ class Findings:
 
     def flat_constants(self) -> dict[str, Estimate]:
         """Constants by name, with the series in brackets where separate."""
-        flat: dict[str, Estimate] = {}
-        for name, found in self.constants.items():
-            if isinstance(found, Estimate):
-                flat[name] = found
-            else:
-                flat |= {f"{name}[{series}]": each for series, each in found.items()}
-        return flat
+        return by_entry(self.constants)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.distributions.coordinates import name_in, split_name, to_parameters
+from ifrfit.inference.distributions.coordinates import to_parameters
 from ifrfit.inference.distributions.truncated_gaussian import truncated_draws
+from ifrfit.inference.model.entry_names import name_in, split_name
 from ifrfit.inference.result.state import to_coordinates
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import get_closure
@@ -78,12 +79,12 @@ def predict(
         np.atleast_1d(np.asarray(gamma, dtype=float)), np.asarray(spin_x, float), np.asarray(spin_y, float)
     )
     incidence = Incidence.of(gamma, s_x, s_y, degrees=degrees)
-    bracket = _bracket(result, series)
+    own_series = _series_of(result, series)
     table = {
         "gamma_deg": gamma if degrees else np.degrees(gamma),
         "spin_x": s_x,
         "spin_y": s_y,
-        "value": _curves(result, wanted, incidence, result.state.point[None], bracket)[0],
+        "value": _curves(result, wanted, incidence, result.state.point[None], own_series)[0],
     }
     if not bands:
         return pd.DataFrame(table)
@@ -91,7 +92,7 @@ def predict(
     sample = result.state.sample
     if sample is None:
         sample = _gaussian_draws(result.state, _DRAWS, rng)
-    curves = _curves(result, wanted, incidence, sample, bracket)
+    curves = _curves(result, wanted, incidence, sample, own_series)
     band = np.quantile(curves, _QUANTILES, axis=0)
     # where a bound holds the optimum back the curve runs along the edge of its band, never outside
     band[[0, 2]] = np.minimum(band[[0, 2]], table["value"])
@@ -105,12 +106,10 @@ def predict(
     return pd.DataFrame(table)
 
 
-def _curves(
-    result: Findings, observable: Observable, incidence: Incidence, phi: Array, bracket: str
-) -> Array:
+def _curves(result: Findings, observable: Observable, incidence: Incidence, phi: Array, series: str) -> Array:
     """The observable at each incidence, by each row of constants, (rows, incidences)."""
     closure = get_closure(result.closure)
-    e_n, c, mu = _constants(result.state, phi, closure.constant, bracket)
+    e_n, c, mu = _constants(result.state, phi, closure.constant, series)
     curves = np.empty((phi.shape[0], incidence.sine.size))
     for block in np.array_split(np.arange(incidence.sine.size), max(1, incidence.sine.size // _AT_ONCE)):
         part = Incidence(
@@ -124,25 +123,24 @@ def _curves(
     return curves
 
 
-def _bracket(result: Findings, series: str | None) -> str:
-    """Label of a series' own constants; refuses a missing choice and an unknown series."""
-    brackets = dict.fromkeys(split_name(name)[1] for name in result.state.names)
-    labels = [b[1:-1] for b in brackets if b]
+def _series_of(result: Findings, series: str | None) -> str:
+    """Series whose constants to take, empty where all share them; refuses no choice or an unknown one."""
+    labels = [own for own in dict.fromkeys(split_name(name)[1] for name in result.state.names) if own]
     if series is None:
         if labels:
             raise UsageError(f"Constants are separate by series: name one of {', '.join(labels)}.")
         return ""
     if labels and series not in labels:
         raise UsageError(f"There is no series '{series}'. Choose one of {', '.join(labels)}.")
-    return f"[{series}]" if labels else ""
+    return series if labels else ""
 
 
-def _constants(state: State, phi: Array, own: str | None, bracket: str) -> tuple[Array, Array, Array]:
+def _constants(state: State, phi: Array, own: str | None, series: str) -> tuple[Array, Array, Array]:
     names = state.names
-    e_n = phi[:, names.index(name_in(names, "e_n", bracket))]
-    c = phi[:, names.index(name_in(names, own, bracket))] if own else np.zeros(phi.shape[0])
+    e_n = phi[:, names.index(name_in(names, "e_n", series))]
+    c = phi[:, names.index(name_in(names, own, series))] if own else np.zeros(phi.shape[0])
     for kind, factor in (("kappa", 1.0 / (1.0 + e_n)), ("mu", np.ones(phi.shape[0]))):
-        name = name_in(names, kind, bracket)
+        name = name_in(names, kind, series)
         if name in names:
             return e_n, c, phi[:, names.index(name)] * factor
     raise UsageError("The result holds no friction.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ifrfit.data import Observations
-from ifrfit.data.observations import TABLE_COLUMNS
+from ifrfit.data.schema import TABLE_COLUMNS
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.problem import Problem, make_problem

@@ -8,11 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.distributions.coordinates import name_in, split_name, to_parameters
+from ifrfit.inference.distributions.coordinates import to_parameters
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
+from ifrfit.inference.model.entry_names import entry_name, name_in, split_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.result.types import State
 
@@ -40,8 +41,8 @@ def state_of(
         sample = to_coordinates(problem, names, drawn)
         point = point.copy()
         for i, name in enumerate(names):
-            kind, bracket = split_name(name)
-            own = name_in(distribution.names, kind, bracket) if kind == "kappa" else name
+            kind, series = split_name(name)
+            own = name_in(distribution.names, kind, series) if kind == "kappa" else name
             if own in distribution.names:
                 point[i] = float(distribution.quantile(own, 0.5))
             elif sample.shape[0]:  # a fixed entry is the same in all
@@ -99,16 +100,16 @@ def distribution_of(state: State) -> Draws | TruncatedGaussian:
 
 def _loading(state: State, name: str) -> Array:
     """Derivative of a parameter, or of kappa, by the coordinates of a state."""
-    kind, bracket = split_name(name)
+    kind, series = split_name(name)
     names, point = state.names, state.point
     loading = np.zeros(len(names))
     if name in names:
         loading[names.index(name)] = 1.0
         return loading
-    i_e = names.index(name_in(names, "e_n", bracket))
+    i_e = names.index(name_in(names, "e_n", series))
     factor = 1.0 + float(point[i_e])
     if kind == "mu":
-        i = names.index(f"kappa{bracket}")
+        i = names.index(entry_name("kappa", series))
         loading[i], loading[i_e] = 1.0 / factor, -float(point[i]) / factor**2
     else:  # kappa where one mu goes with several e_n
         i = names.index("mu")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.io.plain import INTERNAL, OPTIONAL, Null, Shape
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 
 Status = Literal["determined", "one_sided", "prior", "not_determined", "fixed"]
@@ -161,3 +162,12 @@ class State:
 Constants = Mapping[str, Estimate | Mapping[str, Estimate]]
 Angles = Estimate | Sequence[Estimate] | None  # one transition, two, or none
 Derived = Mapping[str, Estimate | Mapping[str, Estimate] | Mapping[str, Angles]]
+
+
+def by_entry(constants: Constants) -> dict[str, Estimate]:
+    """Each estimate by its own name, with the series in brackets where separate."""
+    flat: dict[str, Estimate] = {}
+    for name, found in constants.items():
+        each = {"": found} if isinstance(found, Estimate) else found
+        flat |= {entry_name(name, series): estimate for series, estimate in each.items()}
+    return flat

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.distributions.draws import kappa_name
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.result.estimation import Unresolved
 from ifrfit.inference.result.types import Constants, Estimate, Interval, NoiseSummary
@@ -123,7 +124,7 @@ def estimates_of(
             found[constant.name] = _estimate(distribution, constant.name, domain, own, reasons)
         else:
             found[constant.name] = {
-                series: _estimate(distribution, f"{constant.name}[{series}]", domain, each, reasons)
+                series: _estimate(distribution, entry_name(constant.name, series), domain, each, reasons)
                 for series, each in own.items()
             }
     kappas = {}

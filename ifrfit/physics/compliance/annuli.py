@@ -9,12 +9,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ifrfit.physics.angles import Array
 from ifrfit.physics.compliance.contact import loading
-
-Array = NDArray[np.float64]
-Bool = NDArray[np.bool_]
 
 ANNULI = 80
 _ROUNDS = 60  # in which the division into sticking and slipping annuli settles

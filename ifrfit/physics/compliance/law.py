@@ -41,7 +41,7 @@ class Compliance:
     ) -> tuple[Array, NDArray[np.bool_]]:
         """k, and whether the contact sticks somewhere at some time, which it does below 4 chi - 1."""
         chi = np.asarray(c, dtype=float)
-        friction, psi1 = self._load(incidence, chi, kappa)
+        friction, psi1 = self.load(incidence, chi, kappa)
         table = compliance_table()
         beta = table.beta_of_many(psi1, chi) if self.compiled else table.beta(psi1, chi)
         sticks = psi1 < 4.0 * chi - 1.0
@@ -51,7 +51,7 @@ class Compliance:
     def slopes(self, incidence: Incidence, c: ArrayLike, kappa: ArrayLike) -> tuple[Array, Array]:
         """Derivatives of k by chi and by kappa."""
         chi, kappa = np.asarray(c, dtype=float), np.asarray(kappa, dtype=float)
-        _, psi1 = self._load(incidence, chi, kappa)
+        _, psi1 = self.load(incidence, chi, kappa)
         _, by_psi1, by_chi = compliance_table().slopes(psi1, chi)
         sticks = psi1 < 4.0 * chi - 1.0
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -80,8 +80,8 @@ class Compliance:
         """The same with the compiled loop, where it is there and pays for its import."""
         return replace(self, compiled=True) if count >= _MANY and available() else self
 
-    def _load(self, incidence: Incidence, chi: Array, kappa: ArrayLike) -> tuple[Array, Array]:
-        """kappa/tau, and psi1."""
+    def load(self, incidence: Incidence, chi: Array, kappa: ArrayLike) -> tuple[Array, Array]:
+        """kappa/tau, and the scaled velocity psi1, infinite without friction."""
         friction = friction_factor(incidence, kappa)
         with np.errstate(divide="ignore", over="ignore"):
             return friction, 4.0 * self.share * chi / friction

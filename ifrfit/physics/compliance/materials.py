@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from ifrfit.physics.angles import Array
 
 LEAST_RATIO, LARGEST_RATIO = 2.0 / 3.0, 1.0  # tangential over normal stiffness at nu = 0.5 and at nu = 0
 

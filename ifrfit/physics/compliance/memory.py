@@ -12,12 +12,10 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ifrfit.physics.angles import Array
 from ifrfit.physics.compiling import compiled
 from ifrfit.physics.compliance.contact import loading
-
-Array = NDArray[np.float64]
 
 STEPS = 4000
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ifrfit.errors import UsageError
+from ifrfit.physics.angles import Array
 from ifrfit.physics.compliance.annuli import ANNULI, annuli_ratio
 from ifrfit.physics.compliance.memory import STEPS, memory_ratio
 from ifrfit.physics.compliance.stronge import stronge_ratio
 from ifrfit.physics.compliance.table import compliance_table
-
-Array = NDArray[np.float64]
 
 METHODS = ("table", "memory", "annuli", "stronge")
 

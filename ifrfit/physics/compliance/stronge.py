@@ -8,9 +8,8 @@ of the normal phase.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ifrfit.physics.angles import Array
 
 _LOOKS = 256  # at a swing of the spring, to see where it first saturates
 _HALVINGS = 50

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.physics.angles import Array
 from ifrfit.physics.compiling import compiled
 
-Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _SLACK = 1e-5  # beyond the ends of chi, for differences taken there

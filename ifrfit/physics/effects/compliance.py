@@ -9,20 +9,23 @@ import numpy as np
 
 from ifrfit.physics.angles import Array
 from ifrfit.physics.closure import rotational_share
-from ifrfit.physics.compliance import rebound_ratio
+from ifrfit.physics.compliance import law
+from ifrfit.physics.compliance.materials import LARGEST_RATIO, LEAST_RATIO
 from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+from ifrfit.physics.rebound import friction_impulse
 
-# of chi = stiffness ratio (1 + 1/J)/2, from nu = 0.5 to nu = 0; a little more for rounding
-_STIFFNESS = (2.0 / 3.0 - 1e-9, 1.0 + 1e-9)
+# stiffness ratio from nu = 0.5 to nu = 0; a little more for rounding
+_STIFFNESS = (LEAST_RATIO - 1e-9, LARGEST_RATIO + 1e-9)
 
 
-def stiffness_ratio(contact: Contact, impacts: Impacts) -> Array:
-    """Tangential over normal contact stiffness of each impact, from chi where that is given."""
+def compliance_number(contact: Contact, impacts: Impacts) -> Array:
+    """chi of each impact: as given, else of the materials."""
     if impacts.chi is not None:
-        return np.asarray(2.0 * impacts.chi / (1.0 + 1.0 / contact.inertia_factor))
-    return np.full_like(impacts.speed, known(contact.stiffness_ratio))
+        return impacts.chi
+    ratio = known(contact.stiffness_ratio)
+    return np.full_like(impacts.speed, 0.5 * ratio * (1.0 + 1.0 / contact.inertia_factor))
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,8 @@ class Compliance:
         """Elastic constants, or a possible chi."""
         if impacts.chi is None and (missing := contact.lacks("stiffness_ratio")):
             return missing
-        ratio, (low, high) = stiffness_ratio(contact, impacts), _STIFFNESS
+        ratio = 2.0 * compliance_number(contact, impacts) / (1.0 + 1.0 / contact.inertia_factor)
+        low, high = _STIFFNESS
         fits = bool(np.all((ratio >= low) & (ratio <= high)))
         return "" if fits else "chi lies outside what Poisson's ratios from 0 to 0.5 give"
 
@@ -52,29 +56,19 @@ class Compliance:
         """Remark where e_n < 1: the scaling is an approximation."""
         return Validity(True, "for e_n < 1 by scaling, good to about 0.1 in psi_2 at e_n = 0.9")
 
-    def number(self, contact: Contact, impacts: Impacts, e_n: Array, slip: Array) -> Array:
-        """psi_1 = (k_t/k_n) |U_t|/(mu U_n), scaled by 2/(1 + e_n); infinite without friction."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            tau = np.where(slip == 0.0, 0.0, slip / impacts.incidence.cosine)
-            scaled = 2.0 * stiffness_ratio(contact, impacts) * tau / ((1.0 + e_n) * impacts.mu)
-        return np.asarray(np.where(slip == 0.0, 0.0, scaled))
-
     def criterion(self, contact: Contact, impacts: Impacts, outcome: Outcome, accuracy: float) -> Criterion:
         """Smallest psi_1; from 4 chi - 1 on the whole contact slips and nothing is left of the effect."""
-        number = self.number(contact, impacts, outcome.e_n, impacts.incidence.slip)
-        chi = 0.5 * stiffness_ratio(contact, impacts) * (1.0 + 1.0 / contact.inertia_factor)
+        chi = compliance_number(contact, impacts)
+        kappa = friction_impulse(impacts.mu, outcome.e_n)
+        _, number = self._law(contact).load(impacts.incidence, chi, kappa)
         return Criterion("psi_1", float(np.min(number)), float(np.max(4.0 * chi - 1.0)), above=False)
 
     def apply(self, contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
         """Put the compliant contact in the place of the closure."""
-        share = rotational_share(contact.inertia_factor)
-        number = self.number(contact, impacts, bounce.e_n, bounce.incidence.slip)
-        chi = 0.5 * stiffness_ratio(contact, impacts) * (1.0 + 1.0 / contact.inertia_factor)
-        slides = number >= 4.0 * chi - 1.0
-        # gross slip in closed form: the table need not reach to infinity
-        inside = np.where(slides, 1.0, np.maximum(number, 1e-6))
-        after = np.asarray(rebound_ratio(inside, chi))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            sliding = np.where(np.isinf(number), 0.0, 4.0 * chi / number)
-        k = share * np.where(slides, sliding, 1.0 - after / inside)
-        return replace(bounce, impulse_factor=k, sticking=~slides)
+        chi = compliance_number(contact, impacts)
+        kappa = friction_impulse(impacts.mu, bounce.e_n)
+        return replace(bounce, impulse=self._law(contact).impulse(bounce.incidence, chi, kappa))
+
+    @staticmethod
+    def _law(contact: Contact) -> law.Compliance:
+        return law.Compliance(rotational_share(contact.inertia_factor))

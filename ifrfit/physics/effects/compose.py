@@ -6,12 +6,15 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ifrfit.physics.angles import Array
+from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.effects.contact import Contact, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
-from ifrfit.physics.effects.lateral import kernel
 from ifrfit.physics.effects.protocol import ORDER
 from ifrfit.physics.effects.registry import EFFECTS
+from ifrfit.physics.rebound import Rebound, friction_impulse, rebound_with
 
 
 def compose(contact: Contact, impacts: Impacts, on: Collection[str]) -> Outcome:
@@ -51,17 +54,35 @@ def with_effect(names: Collection[str], more: str) -> list[str]:
 
 
 def _after_contact(contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
-    """The closure's impulse, unless an effect has given one, and the motion after it."""
-    if bounce.impulse_factor is None:
-        bounce = _closure(contact, impacts, bounce)
-    return replace(bounce, outcome=kernel(bounce, contact))
+    """The closure's impulse, unless an effect has given one, and velocities and spins after it.
+
+    Without lateral spin components that are zero are not computed; the others are the same to the last bit.
+    """
+    k, sticking = bounce.impulse or _closure(contact, impacts, bounce)
+    incidence, e_n, j = bounce.incidence, bounce.e_n, contact.inertia_factor
+    if bounce.lateral:
+        state = rebound_with(incidence, k, sticking, e_n, j)
+    else:
+        push, none = k * incidence.slip_x, np.broadcast_to(0.0, k.shape)
+        state = Rebound(
+            v_x=incidence.sine - push,
+            v_y=none,
+            v_n=e_n * incidence.cosine,
+            spin_x=none,
+            spin_y=incidence.spin_y - push / j,
+            contact_x=incidence.slip_x - push / rotational_share(j),
+            contact_y=none,
+            sticking=sticking,
+            impulse_factor=k,
+            incidence=incidence,
+            e_n=e_n,
+            inertia_factor=j,
+        )
+    return replace(bounce, outcome=Outcome(**vars(state), captured=bounce.captured))
 
 
-def _closure(contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
+def _closure(contact: Contact, impacts: Impacts, bounce: Bounce) -> tuple[Array, NDArray[np.bool_]]:
     if impacts.constant is None:
         raise ValueError("the closure needs its constant where compliance is off")
-    law = impacts.closure.law(contact.inertia_factor)
-    with np.errstate(over="ignore"):
-        kappa = np.minimum(impacts.mu * (1.0 + bounce.e_n), np.finfo(float).max)
-    k, sticking = law.impulse(bounce.incidence, impacts.constant, kappa)
-    return replace(bounce, impulse_factor=k, sticking=sticking)
+    kappa = friction_impulse(impacts.mu, bounce.e_n)
+    return impacts.closure.law(contact.inertia_factor).impulse(bounce.incidence, impacts.constant, kappa)

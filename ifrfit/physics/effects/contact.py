@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -199,10 +199,6 @@ class Impacts:
 
     def take(self, rows: NDArray[np.intp]) -> Impacts:
         """These impacts only; arrays must have one dimension."""
-        parts: dict[str, Any] = {
-            each.name: getattr(self, each.name)[rows]
-            for each in fields(self)
-            if isinstance(getattr(self, each.name), np.ndarray)
-        }
-        incidence = Incidence(*(getattr(self.incidence, each.name)[rows] for each in fields(Incidence)))
-        return replace(self, incidence=incidence, **parts)
+        own: dict[str, Any] = {n: a[rows] for n, a in vars(self).items() if isinstance(a, np.ndarray)}
+        incidence = Incidence(**{name: array[rows] for name, array in vars(self.incidence).items()})
+        return replace(self, incidence=incidence, **own)

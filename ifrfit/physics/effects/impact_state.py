@@ -62,10 +62,8 @@ class Bounce:
     captured : ndarray of bool
     unloading : ndarray
         R_p/R: radius of curvature on unloading over that of the sphere, 1 where nothing has yielded.
-    impulse_factor : ndarray or None
-        k, where an effect has put another law in the place of the closure.
-    sticking : ndarray of bool or None
-        Beside `impulse_factor`.
+    impulse : (ndarray, ndarray of bool) or None
+        k, and whether the impact sticks, where an effect has put another law in the place of the closure.
     outcome : Outcome or None
         From the tangential law on.
     """
@@ -75,8 +73,7 @@ class Bounce:
     e_n: Array
     captured: NDArray[np.bool_]
     unloading: Array
-    impulse_factor: Array | None = None
-    sticking: NDArray[np.bool_] | None = None
+    impulse: tuple[Array, NDArray[np.bool_]] | None = None
     outcome: Outcome | None = None
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Lateral spin: motion across the plane of incidence, or the planar kernel where there is none."""
+"""Lateral spin: motion across the plane of incidence."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from ifrfit.physics.angles import Incidence
 from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
-from ifrfit.physics.rebound import rebound_with
 
 
 @dataclass(frozen=True)
@@ -44,44 +42,3 @@ class LateralSpin:
     def apply(self, contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
         """Take the spin in."""
         return replace(bounce, incidence=impacts.incidence, lateral=True)
-
-
-def kernel(bounce: Bounce, contact: Contact) -> Outcome:
-    """Velocities and spins after, planar or in three dimensions.
-
-    Where there is no lateral spin both give the same numbers to the last bit; the planar one does not
-    compute the components that are zero.
-
-    Returns
-    -------
-    Outcome
-        With k and sticking as `bounce` holds them.
-    """
-    k, sticking = bounce.impulse_factor, bounce.sticking
-    if k is None or sticking is None:
-        raise ValueError("the kernel needs an impulse factor")
-    j = contact.inertia_factor
-    if bounce.lateral:
-        full = rebound_with(bounce.incidence, k, sticking, bounce.e_n, j)
-        return Outcome(**vars(full), captured=bounce.captured)
-    return _planar(bounce.incidence, bounce, k, j)
-
-
-def _planar(incidence: Incidence, bounce: Bounce, k: np.ndarray, j: float) -> Outcome:
-    push = k * incidence.slip_x
-    none = np.broadcast_to(0.0, push.shape)
-    return Outcome(
-        v_x=incidence.sine - push,
-        v_y=none,
-        v_n=bounce.e_n * incidence.cosine,
-        spin_x=none,
-        spin_y=incidence.spin_y - push / j,
-        contact_x=incidence.slip_x - push / (j / (1.0 + j)),
-        contact_y=none,
-        sticking=np.asarray(bounce.sticking),
-        impulse_factor=k,
-        incidence=incidence,
-        e_n=bounce.e_n,
-        inertia_factor=j,
-        captured=bounce.captured,
-    )

@@ -8,15 +8,19 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ifrfit.errors import DataError
+from ifrfit.physics.angles import Array
 from ifrfit.physics.effects.compose import compose, with_effect
 from ifrfit.physics.effects.contact import Contact, Impacts
-from ifrfit.physics.effects.outcome_difference import differences
-from ifrfit.physics.effects.pilot_impacts import pilot_rows
+from ifrfit.physics.effects.impact_state import Outcome
 from ifrfit.physics.effects.protocol import Criterion
 from ifrfit.physics.effects.registry import EFFECTS
-from ifrfit.physics.effects.scene_checks import Requested, check_closure, check_requested, check_restitution
+from ifrfit.physics.observables import OBSERVABLES
 
+PILOT = 400  # impacts of the scene on which its plan is made, beside the extreme ones
+Requested = Literal["auto"] | tuple[str, ...]  # names of effects
 State = Literal["on", "off", "constant", "refused", "unknown"]
 
 
@@ -124,6 +128,75 @@ def make_plan(
     return planner.plan()
 
 
+def pilot_rows(impacts: Impacts) -> NDArray[np.intp]:
+    """Rows evenly through the scene, and the extreme ones in everything the effects depend on.
+
+    Parameters
+    ----------
+    impacts : Impacts
+        With one dimension.
+
+    Returns
+    -------
+    ndarray of int
+        All rows where there are no more than 400.
+    """
+    n = impacts.speed.size
+    if n <= PILOT:
+        return np.arange(n)
+    columns: list[NDArray[np.float64]] = [
+        impacts.normal_speed,
+        impacts.radius,
+        impacts.normal_speed * impacts.radius,
+        impacts.incidence.tau,
+        impacts.incidence.slip,
+        np.abs(impacts.incidence.spin_x),
+        impacts.e_n,
+        impacts.mu,
+    ]
+    moving = np.flatnonzero(impacts.normal_speed > 0.0)
+    rows = [np.linspace(0, n - 1, PILOT).astype(np.intp)]
+    for column in columns:
+        rows.append(np.array([np.argmin(column), np.argmax(column)]))
+        if moving.size:
+            rows.append(moving[[np.argmin(column[moving]), np.argmax(column[moving])]])
+    return np.unique(np.concatenate(rows))
+
+
+def differences(one: Outcome, two: Outcome, mu: Array, observables: Sequence[str]) -> dict[str, float]:
+    """Largest difference of each observable, angles in radians.
+
+    Parameters
+    ----------
+    one, two : Outcome
+        Of the same impacts.
+    mu : ndarray
+        Friction of each impact.
+    observables : sequence of str
+        Names in the common schema.
+
+    Returns
+    -------
+    dict of str to float
+        Infinite where a value exists in one of them only. At grazing incidence, where nothing approaches
+        the wall, restitution is not compared.
+    """
+    return {name: _largest(name, one, two, mu) for name in observables}
+
+
+def _largest(name: str, one: Outcome, two: Outcome, mu: Array) -> float:
+    observable = OBSERVABLES[name]
+    first, second = (np.asarray(observable.value(outcome, mu)) for outcome in (one, two))
+    gap = np.abs(first - second)
+    if observable.unit == "deg":
+        gap = np.radians(np.minimum(gap, 360.0 - gap))
+    undefined = np.isnan(first) & np.isnan(second)
+    gap = np.where(undefined, 0.0, np.where(np.isnan(gap), math.inf, gap))
+    if name == "e_n":
+        gap = np.where(one.incidence.cosine > 0.0, gap, 0.0)
+    return float(np.max(gap, initial=0.0))
+
+
 @dataclass(frozen=True)
 class _Planner:
     contact: Contact
@@ -139,11 +212,10 @@ class _Planner:
         valid = {name: EFFECTS[name].validity(self.contact, self.impacts) for name in usable}
         replacing = {name for name in usable if EFFECTS[name].replaces in self.given}
         invalid = {name: v.words for name, v in valid.items() if not v.holds}
-        check_requested(self.requested, self.given, lacking | invalid)
-        check_closure(self.impacts, lacking | invalid)
+        self._check_requested(lacking | invalid)
         refused = {name for name in usable if not valid[name].holds and not self._needed(name)}
         laws = [n for n in usable if EFFECTS[n].replaces == "e_n" and n not in replacing]
-        check_restitution(laws, self.requested, self.given)
+        self._check_restitution(laws)
         # in a list, a law of e_n that is not named has another in its place
         replacing |= {n for n in laws if self.requested != "auto" and n not in self.requested}
         # the law of a refused effect is still a bound: it may be dropped as too small, but never be on
@@ -176,6 +248,37 @@ class _Planner:
                 PlanLine(name, effect.title, state, criterion, shown, observable, reason, remark, alarm)
             )
         return Plan(tuple(lines), self.accuracy, together)
+
+    def _check_requested(self, obstacles: Mapping[str, str]) -> None:
+        """Refuse a list that asks for what cannot be computed, and a closure without its constant."""
+        for name in self.requested if self.requested != "auto" else ():
+            constant = self.given.get(EFFECTS[name].replaces)
+            if constant is not None:
+                raise DataError(f"effects lists {name}, which computes what {constant} gives. Remove one.")
+            if obstacles[name]:
+                raise DataError(
+                    f"effects lists {name}, but {obstacles[name]}. Change that, or take {name} off."
+                )
+        if self.impacts.constant is None and obstacles["compliance"]:
+            raise DataError(
+                f"constants.{self.impacts.closure.constant} is missing, and compliance cannot take its "
+                f"place: {obstacles['compliance']}."
+            )
+
+    def _check_restitution(self, laws: Sequence[str]) -> None:
+        """Refuse anything but one law of e_n, or a constant."""
+        chosen = [name for name in laws if self.requested == "auto" or name in self.requested]
+        if "e_n" in self.given or len(chosen) == 1:
+            return
+        if chosen:
+            raise DataError(
+                f"e_n could be computed by {' or '.join(chosen)}, and their losses are not known together. "
+                "List one of them in effects, or give constants.e_n."
+            )
+        raise DataError(
+            "constants.e_n is missing, and nothing computes it. Give it, or what one of "
+            f"{', '.join(n for n, e in EFFECTS.items() if e.replaces == 'e_n')} needs."
+        )
 
     def _needed(self, name: str) -> bool:
         """Whether nothing can be computed without it."""

@@ -71,12 +71,13 @@ def contact_of(ball: Material, plane: Material, inertia_factor: float = SOLID) -
     inertia_factor : float
         J = I/(m R^2).
     """
+    modulus, stiffness_ratio = _elastic(ball, plane)
     return Contact(
         inertia_factor=inertia_factor,
         # a material says how heavy a body is only where the body is full of it
         density=ball.density if math.isclose(inertia_factor, SOLID, rel_tol=1e-9) else None,
-        modulus=_modulus(ball, plane),
-        stiffness_ratio=_stiffness_ratio(ball, plane),
+        modulus=modulus,
+        stiffness_ratio=stiffness_ratio,
     ).with_numbers(**{LIMITING_PRESSURE.name: _softer(ball, plane)})
 
 
@@ -104,25 +105,15 @@ def _material(table: Table) -> Material:
     return material
 
 
-def _modulus(ball: Material, plane: Material) -> float | None:
-    """E* of the pair."""
-    softness = 0.0
-    for body in (ball, plane):
-        if body.young is None or body.poisson is None:
-            return None
-        softness += (1.0 - body.poisson**2) / body.young
-    return 1.0 / softness
-
-
-def _stiffness_ratio(ball: Material, plane: Material) -> float | None:
-    """4 G*/E* of the pair, with G*^-1 = sum of (2 - nu)/G: 2(1 - nu)/(2 - nu) for similar materials."""
+def _elastic(ball: Material, plane: Material) -> tuple[float | None, float | None]:
+    """E* of the pair, and 4 G*/E*, where 1/G* is the sum of (2 - nu)/G; None where a number is not known."""
     normal = tangential = 0.0
     for body in (ball, plane):
         if body.young is None or body.poisson is None:
-            return None
+            return None, None
         normal += (1.0 - body.poisson**2) / body.young
         tangential += (2.0 - body.poisson) * 2.0 * (1.0 + body.poisson) / body.young
-    return 4.0 * normal / tangential
+    return 1.0 / normal, 4.0 * normal / tangential
 
 
 def _softer(ball: Material, plane: Material) -> float | None:

@@ -11,7 +11,7 @@ from typing import Any
 from ifrfit.errors import DataError
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.effects import EFFECTS
-from ifrfit.physics.effects.scene_checks import Requested
+from ifrfit.physics.effects.plan import Requested
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.scenes.bodies import read_contact
 from ifrfit.physics.scenes.quantities import Quantity

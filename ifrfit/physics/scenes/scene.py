@@ -11,7 +11,7 @@ import numpy as np
 
 from ifrfit.physics.angles import Array
 from ifrfit.physics.effects import Contact
-from ifrfit.physics.effects.scene_checks import Requested
+from ifrfit.physics.effects.plan import Requested
 from ifrfit.physics.scenes.quantities import Quantity
 
 AXES = ("gamma_deg", "speed_m_s", "spin_x", "spin_y", "diameter_m")

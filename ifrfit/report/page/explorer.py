@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.report import style
@@ -150,7 +151,7 @@ def _numbers(column: Array) -> list[float | None]:
 
 def _groups(result: FitResult, series: list[str]) -> list[dict[str, Any]]:
     """One group of constants, or one a series where any of them is separate."""
-    separate = any("[" in name for name in result.state.names)
+    separate = any(split_name(name)[1] for name in result.state.names)
     found = []
     for label in series if separate else [None]:
         names, best, covariance, free = coordinates(result, label)
@@ -158,7 +159,7 @@ def _groups(result: FitResult, series: list[str]) -> list[dict[str, Any]]:
             {
                 "series": [series.index(label)] if label is not None else list(range(len(series))),
                 "best": values_of(names, best),
-                "coordinates": [name.partition("[")[0] for name in names],
+                "coordinates": [quantity_of(name) for name in names],
                 "at": [float(x) for x in best],
                 "free": [bool(x) for x in free],
                 "precision": _precision(covariance, free),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.result.fit_result import FitResult
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ def coordinates(
         Which of them have any spread.
     """
     state = result.state
-    own = [i for i, name in enumerate(state.names) if "[" not in name or name.endswith(f"[{series}]")]
+    own = [i for i, name in enumerate(state.names) if split_name(name)[1] in ("", series)]
     if state.sample is None:
         covariance = np.array(state.covariance[np.ix_(own, own)])
     else:
@@ -44,7 +45,7 @@ def coordinates(
 
 def values_of(names: tuple[str, ...], point: Array) -> dict[str, float]:
     """(e_n, closure constant, mu) at a point of the coordinates, by name without the series."""
-    values = {name.partition("[")[0]: float(value) for name, value in zip(names, point, strict=True)}
+    values = {quantity_of(name): float(value) for name, value in zip(names, point, strict=True)}
     kappa = values.pop("kappa", None)
     if kappa is not None:
         values["mu"] = kappa / (1.0 + values["e_n"])

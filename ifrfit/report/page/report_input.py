@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.appraisal import Appraisal
+from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 
@@ -45,7 +46,7 @@ class ReportInput:
         kappa = self.result.derived.get("kappa")
         found = kappa if isinstance(kappa, Mapping) else {"": kappa}
         return {
-            f"kappa[{series}]" if series else "kappa": each
+            entry_name("kappa", series): each
             for series, each in found.items()
             if isinstance(each, Estimate) and each.status != "fixed"
         }

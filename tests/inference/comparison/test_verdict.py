@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from comparison_data import FOUR, observations
 
+from ifrfit.data.schema import STAND_IN
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.comparison.verdict import STAND_IN, curve_distance, strength_of, verdict_of
+from ifrfit.inference.comparison.verdict import curve_distance, strength_of, verdict_of
 from ifrfit.inference.result.types import Fact
 
 FIX = {"e_n": 0.9}

@@ -123,10 +123,9 @@ def test_each_disagreement_has_its_sentence(values: dict[str, object], says: str
     assert disagreements(row(**values)) == (says,)
 
 
-def test_the_factor_is_stated() -> None:
-    table = row(covariance_low=-1.2, covariance_high=1.2)
-    assert disagreements(table) == ()
-    assert len(disagreements(table, factor=1.1)) == 1
+def test_widths_disagree_beyond_a_factor() -> None:
+    assert disagreements(row(covariance_low=-1.24, covariance_high=1.24)) == ()
+    assert len(disagreements(row(covariance_low=-1.26, covariance_high=1.26))) == 1
 
 
 def test_the_exact_posterior_itself(tmp_path: Path) -> None:

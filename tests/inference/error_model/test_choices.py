@@ -9,9 +9,10 @@ from factories import BILINEAR
 import ifrfit
 from ifrfit import AngleErrors, Noise
 from ifrfit.errors import IfrfitError
+from ifrfit.inference.io.plain import Node, from_plain, to_plain
 from ifrfit.inference.keywords import noise_of
 from ifrfit.inference.model.error_law import STUDENT_T
-from ifrfit.inference.model.error_model import PLAIN, make_error_model
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel, make_error_model
 from ifrfit.inference.result.restore import question
 from ifrfit.physics import rebound
 
@@ -71,10 +72,18 @@ def test_choices_that_cannot_be_are_refused_in_words(choice, words):
 def test_choices_come_back_as_they_were_made():
     assert make_error_model() == PLAIN
     assert make_error_model(tails="student-t").dof == STUDENT_T.default_dof
-    chosen = make_error_model(
-        tails="student-t", dof=7.0, angle_errors="measured", angle_population=(5.0, 80.0), sigma_gamma=0.7
-    )
-    assert make_error_model(**chosen.choices()) == chosen
+    choices = {
+        "dof": 7.0,
+        "angle_errors": "measured",
+        "angle_population": (5.0, 80.0),
+        "sigma_gamma": 0.7,
+        "sigma_velocity": None,
+        "sigma_spin": None,
+        "tails": "student-t",
+    }
+    chosen = make_error_model(**choices)
+    assert to_plain(chosen) == choices | {"angle_population": [5.0, 80.0]}
+    assert from_plain(ErrorModel, Node(to_plain(chosen), "", "")) == chosen
     assert make_error_model(sigma_velocity=0.01, sigma_spin=0.02).is_plain
 
 

@@ -22,7 +22,8 @@ from ifrfit.inference.comparison.types import PriorRow, PsiPlane, Verdict
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
 from ifrfit.inference.io.json_text import dumps
 from ifrfit.inference.io.plain import INTERNAL, OPTIONAL, Node, Null, Nulls, Shape, from_plain, to_plain
-from ifrfit.inference.io.write_result import ErrorModelChoices, NoiseInFile, ParameterInFile, ResultFile
+from ifrfit.inference.io.write_result import NoiseInFile, ParameterInFile, ResultFile
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, State, Status
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -60,7 +61,7 @@ descriptors = st.builds(
     printed_constants=by_name(finite),
 )
 choices = st.builds(
-    ErrorModelChoices, texts, perhaps, texts, st.tuples(finite, finite) | st.none(), perhaps, perhaps, perhaps
+    ErrorModel, perhaps, texts, st.tuples(finite, finite) | st.none(), perhaps, perhaps, perhaps, texts
 )
 VALUES = {
     Estimate: estimates,

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ifrfit.errors import DataError
+from ifrfit.physics.compliance import law
 from ifrfit.physics.effects import EFFECTS, Contact, compose, make_plan
-from ifrfit.physics.effects import compliance as module
 
 COMPLIANCE = EFFECTS["compliance"]
 
@@ -17,9 +18,8 @@ COMPLIANCE = EFFECTS["compliance"]
 @pytest.fixture
 def stopping(monkeypatch):
     """A table in which every contact that does not slip throughout stops: closure F."""
-    monkeypatch.setattr(
-        module, "rebound_ratio", lambda psi, chi: np.zeros(np.broadcast_shapes(np.shape(psi), np.shape(chi)))
-    )
+    table = SimpleNamespace(beta=lambda psi, chi: np.zeros(np.broadcast_shapes(psi.shape, chi.shape)))
+    monkeypatch.setattr(law, "compliance_table", lambda: table)
 
 
 @pytest.mark.usefixtures("stopping")

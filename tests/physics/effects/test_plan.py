@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from ifrfit.errors import DataError
 from ifrfit.physics.effects import EFFECTS, ORDER, Contact, Fluid, compose, make_plan
-from ifrfit.physics.effects.outcome_difference import differences
-from ifrfit.physics.effects.pilot_impacts import pilot_rows
+from ifrfit.physics.effects.plan import differences, pilot_rows
 
 OBSERVABLES = ("e_n", "beta", "delta_deg", "lambda_deg", "beta_tot", "spin_y_after")
 GIVEN = {"e_n": "constants.e_n", "tangential": "constants.e_t"}

@@ -8,7 +8,7 @@ import pytest
 
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.bootstrap import bootstrap
-from ifrfit.inference.comparison.result_comparison import compare_result
+from ifrfit.inference.comparison.compare import compare_result
 from ifrfit.inference.diagnostics.interval_comparison import intervals
 from ifrfit.inference.fit import fit
 from ifrfit.inference.optimize.least_squares import least_squares

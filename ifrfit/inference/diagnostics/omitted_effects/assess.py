@@ -11,7 +11,7 @@ from ifrfit.inference.diagnostics.omitted_effects.selection import effects_fact
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.result.types import Constants, Estimate, Fact
+from ifrfit.inference.result.types import Constants, Fact, by_entry
 from ifrfit.physics.compliance.law import chi_range
 
 
@@ -40,17 +40,14 @@ def effects_of(
     facts : dict
         ``effects``; empty where no effect could show in these rows.
     """
-    e_n_known = _has_value(constants["e_n"])
-    if setting is None:
-        fact = effects_fact(problem, fit, e_n_known=e_n_known)
-    else:
-        speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
+    chi, speed = None, 0.0
+    lines: tuple[EffectLine, ...] = ()
+    if setting is not None:
         chi = _chi(setting, problem.inertia_factor)
-        fact = effects_fact(problem, fit, chi=chi, speed=speed, e_n_known=e_n_known)
-    facts = {} if fact is None else {"effects": fact}
-    if setting is None:
-        return (), facts
-    return effect_lines(problem, fit, setting, kappa_known=_has_value(derived["kappa"])), facts
+        speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
+        lines = effect_lines(problem, fit, setting, kappa_known=_has_value("kappa", derived))
+    fact = effects_fact(problem, fit, chi=chi, speed=speed, e_n_known=_has_value("e_n", constants))
+    return lines, {} if fact is None else {"effects": fact}
 
 
 def _chi(setting: Setting, j: float) -> float | None:
@@ -62,6 +59,5 @@ def _chi(setting: Setting, j: float) -> float | None:
     return chi if low <= chi <= high else None
 
 
-def _has_value(entry: Estimate | Mapping[str, Estimate]) -> bool:
-    each = [entry] if isinstance(entry, Estimate) else entry.values()
-    return all(one.value is not None for one in each)
+def _has_value(name: str, found: Mapping[str, Any]) -> bool:
+    return all(one.value is not None for one in by_entry({name: found[name]}).values())

@@ -14,7 +14,6 @@ from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
     Array,
     computed,
     impacts_of,
-    oblique,
     speeds,
 )
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
@@ -80,10 +79,9 @@ class _Scene:
     def _rows(self, by_speed: bool) -> NDArray[np.intp]:
         """Rows that the effect can show in."""
         if not by_speed:
-            return np.flatnonzero(oblique(self.problem))
-        is_mu = np.array([OBSERVABLES[name].kind == "friction" for name in self.problem.rows.names])
+            return np.flatnonzero(self.problem.rows.is_oblique)
         known = np.isfinite(self.stated) | bool(self.setting.speed)
-        return np.flatnonzero(known & ~is_mu[self.problem.rows.which])
+        return np.flatnonzero(known & ~self.problem.rows.of_kind("friction"))
 
     def _at(
         self, name: str, effect: Effect, rows: NDArray[np.intp], speed: float, radius: float
@@ -137,6 +135,6 @@ class _Scene:
 
     def _accuracy(self, rows: NDArray[np.intp]) -> float:
         """Noise of a middling row, angles in radians."""
-        in_degrees = np.array([OBSERVABLES[name].unit == "deg" for name in self.problem.rows.names])
+        in_degrees = np.array([each.unit == "deg" for each in self.problem.rows.observables])
         sigma = self.fit.sigma[rows]
         return float(np.median(np.where(in_degrees[self.problem.rows.which[rows]], np.radians(sigma), sigma)))

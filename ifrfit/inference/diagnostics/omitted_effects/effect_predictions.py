@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.problem import Problem
-from ifrfit.physics.effects import Contact, Impacts, Outcome, compose
-from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.physics.effects import Contact, Impacts, compose
 
 Array = NDArray[np.float64]
 
@@ -31,14 +30,11 @@ def computed(problem: Problem, contact: Contact, impacts: Impacts, on: tuple[str
 
     Lateral spin is no choice: every fit is in three dimensions.
     """
-    return _values(problem, compose(contact, impacts, (*on, "lateral-spin")), impacts.mu)
-
-
-def _values(problem: Problem, outcome: Outcome, mu: Array) -> Array:
+    outcome, mu = compose(contact, impacts, (*on, "lateral-spin")), impacts.mu
     out = np.empty(mu.size)
-    for name in problem.rows.names:
-        at = problem.rows.rows_of(name)
-        out[at] = np.broadcast_to(OBSERVABLES[name].value(outcome, mu), mu.shape)[at]
+    for number, observable in enumerate(problem.rows.observables):
+        at = problem.rows.which == number
+        out[at] = np.broadcast_to(observable.value(outcome, mu), mu.shape)[at]
     return out
 
 
@@ -46,9 +42,3 @@ def speeds(problem: Problem, otherwise: float = np.nan) -> Array:
     """Incoming speed of each row, m/s; `otherwise` where a row states none."""
     stated = problem.observations.table["speed_m_s"].to_numpy(dtype=float)
     return np.where(np.isfinite(stated), stated, otherwise)
-
-
-def oblique(problem: Problem) -> NDArray[np.bool_]:
-    """Which rows depend on the tangential law."""
-    kinds = [OBSERVABLES[name].kind in ("tangential", "curved") for name in problem.rows.names]
-    return np.asarray(np.array(kinds)[problem.rows.which])

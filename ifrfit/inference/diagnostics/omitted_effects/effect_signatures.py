@@ -15,18 +15,17 @@ from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
     Array,
     computed,
     impacts_of,
-    oblique,
     speeds,
 )
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS, reference_speed
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import OBLIQUE
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.compliance import chi_of
 from ifrfit.physics.compliance.law import chi_range
 from ifrfit.physics.effects import Contact
 from ifrfit.physics.effects.contact import SOLID
 from ifrfit.physics.impulse_laws import Coefficients
-from ifrfit.physics.observables import OBSERVABLES
 
 # no effects of the registry, but what a misfit may be instead
 RIVALS = ("sticking-law", "sliding-law", "friction-by-speed", "inertia-factor")
@@ -107,7 +106,7 @@ def _tangential(
     problem: Problem, theta: Array, jacobian: Array, sigma: Array, chi: float | None
 ) -> Iterator[Direction]:
     """Compliance, and the other constant laws of sticking and sliding, which may look like it."""
-    if not problem.closure.bilinear or not oblique(problem).any():
+    if not problem.closure.bilinear or not problem.has_oblique:
         return
     e_n, c, mu = problem.per_row(theta)
     k, sticks = problem.impulse(e_n, c, mu)
@@ -158,7 +157,7 @@ def _of_speed(
     places = problem.parameters.positions
     row = np.arange(normal.size)
     e_n, c, mu = problem.per_row(theta)
-    coming, slipping = normal > 0.0, (sliding > 0.0) & oblique(problem)
+    coming, slipping = normal > 0.0, (sliding > 0.0) & problem.rows.is_oblique
     if coming.any():
         by_e_n = jacobian[row, places["e_n"][problem.rows.series]]
         for name in LAWS:
@@ -221,9 +220,8 @@ def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
 
 def _inertia(problem: Problem, theta: Array) -> Iterator[Direction]:
     """Relative derivative by the inertia factor; spins beside velocities show it as they do rolling."""
-    tangential = [name for name in problem.rows.names if OBSERVABLES[name].kind in ("tangential", "curved")]
-    spins = [name for name in tangential if OBSERVABLES[name].numerator == "spin"]
-    if spins and len(spins) < len(tangential):
+    of_spin = {each.numerator == "spin" for each in problem.rows.observables if each.kind in OBLIQUE}
+    if of_spin == {True, False}:
         other = replace(problem, inertia_factor=problem.inertia_factor * (1.0 + _STEP))
         change = (other.predict(theta) - problem.predict(theta)) / _STEP
         yield Direction("inertia-factor", change, two_sided=True)

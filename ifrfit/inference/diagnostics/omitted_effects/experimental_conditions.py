@@ -82,7 +82,7 @@ def _from_conditions(name: str, conditions: Mapping[str, object], j: float) -> S
     unknown: list[str] = []
     bodies = {}
     for key, role in (("material", "sphere"), ("wall", "wall")):
-        text, where = _condition(conditions, key)
+        text, where = condition_of(conditions, key)
         material = recognised(text)
         if material is None:
             unknown.append(f"material of the {role}: '{text}' is none of the library" if text else
@@ -95,7 +95,7 @@ def _from_conditions(name: str, conditions: Mapping[str, object], j: float) -> S
         ("diameter_mm", "diameter", "mm", 1e-3),
         ("speed_m_s", "speed of rows that state none", "m/s", 1.0),
     ):
-        text, where = _condition(conditions, key)
+        text, where = condition_of(conditions, key)
         ends = _ends(text)
         if ends:
             known.append(f"{role} {text} {unit}{_by(where)}")
@@ -107,7 +107,7 @@ def _from_conditions(name: str, conditions: Mapping[str, object], j: float) -> S
     return Setting(contact, numbers["diameter_mm"], numbers["speed_m_s"], scene)
 
 
-def _condition(conditions: Mapping[str, object], key: str) -> tuple[str, str]:
+def condition_of(conditions: Mapping[str, object], key: str) -> tuple[str, str]:
     """Value and where it was read; empty where it is not among the conditions."""
     entry = conditions.get(key)
     if isinstance(entry, Mapping):
@@ -172,7 +172,7 @@ def _agree(
     conditions: Mapping[str, object],
 ) -> None:
     """Refuse a scene of other bodies than those of a dataset."""
-    stated = tuple(1e-3 * end for end in _ends(_condition(conditions, "diameter_mm")[0]))
+    stated = tuple(1e-3 * end for end in _ends(condition_of(conditions, "diameter_mm")[0]))
     slack = 1.0 + 1e-6
     if stated and (min(diameter) > max(stated) * slack or max(diameter) * slack < min(stated)):
         raise DataError(
@@ -180,7 +180,7 @@ def _agree(
             f"{_text(stated, 1e3)} mm. Leave --scene out, or correct it."
         )
     for key, role, own in (("material", "sphere", found.body), ("wall", "wall", found.wall)):
-        text, _ = _condition(conditions, key)
+        text, _ = condition_of(conditions, key)
         theirs, ours = recognised(text), recognised(own)
         if theirs is not None and ours is not None and theirs.name != ours.name:
             raise DataError(

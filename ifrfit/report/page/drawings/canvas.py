@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ifrfit.inference.model.entry_names import split_name
 from ifrfit.report.constants_rows import constant_symbols
 from ifrfit.report.style import MM_PER_INCH, PANEL_WIDTH_MM
 
@@ -51,9 +52,9 @@ def panel(
 
 def symbol(name: str, longest: int = 24) -> str:
     """A constant as axes write it; its series in brackets as it is, cut where it is longer than `longest`."""
-    kind, bracket, rest = name.partition("[")
+    kind, series = split_name(name)
     shown = (_SYMBOLS | constant_symbols()).get(kind, plain(kind))
-    return shown + (plain(f" [{shortened(rest.removesuffix(']'), longest)}]") if bracket else "")
+    return shown + (plain(f" [{shortened(series, longest)}]") if series else "")
 
 
 def plain(text: str) -> str:

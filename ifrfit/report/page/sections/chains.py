@@ -11,18 +11,16 @@ from ifrfit.report.page.report_input import ReportInput
 
 def build(given: ReportInput) -> Sequence[Block] | None:
     """R-hat, effective sample sizes and the rule they meet or miss; None where no chain ran."""
-    result = given.result
-    fact = result.facts.get("converged")
-    if result.method != "mcmc" or fact is None:
+    fact = given.result.facts.get("converged")
+    each = None if fact is None else fact.figures.get("each")
+    if fact is None or not each:
         return None
-    each = fact.figures.get("each", {})
     plain = {key: value for key, value in fact.figures.items() if isinstance(value, int | float)}
     blocks: list[Block] = [Findings((("ok" if fact.ok else "LOOK", fact.says),))]
-    if each:
-        keys = list(dict.fromkeys(key for column in each.values() for key in column))
-        rows = tuple((name, *(_cell(own.get(key)) for key in keys)) for name, own in each.items())
-        head = ("quantity", *(_words(key) for key in keys))
-        blocks.append(Table("By quantity.", head, rows, frozenset(range(1, len(head)))))
+    keys = list(dict.fromkeys(key for column in each.values() for key in column))
+    rows = tuple((name, *(_cell(own.get(key)) for key in keys)) for name, own in each.items())
+    head = ("quantity", *(_words(key) for key in keys))
+    blocks.append(Table("By quantity.", head, rows, frozenset(range(1, len(head)))))
     if plain:
         rows = tuple((_words(key), _cell(value)) for key, value in plain.items())
         blocks.append(Table(f"Overall. Rule: {fact.threshold}.", ("figure", "value"), rows, frozenset({1})))

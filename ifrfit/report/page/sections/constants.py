@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
 from ifrfit.inference.estimators import label_of, title_of
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Interval
 from ifrfit.physics.closures import CLOSURES
@@ -109,7 +110,7 @@ def _pictures(given: ReportInput) -> list[Picture]:
     found: list[Picture] = []
     for name, estimate in (given.free | given.kappas).items():
         spans = _spans(given, name, estimate)
-        domain = domains.get(name.partition("[")[0], (-math.inf, math.inf))
+        domain = domains.get(quantity_of(name), (-math.inf, math.inf))
         described = "; ".join(
             f"{span.label}: {interval_text(span.outer, places_of(estimate))}" for span in spans
         )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import HALF
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures
 from ifrfit.report.page.drawings.directions import Directions, draw_directions
 from ifrfit.report.page.phrases import sentence
@@ -59,15 +60,11 @@ def build(given: ReportInput) -> Sequence[Block] | None:
 def directions(given: ReportInput) -> Directions | None:
     """Principal directions of the draws; None without two free constants, or where no domain is known."""
     prior_sd = {constant.name: constant.prior_sd for constant in given.result.asked}
-    names = [
-        name for name in given.free if name.partition("[")[0] in prior_sd and name in given.appraisal.draws
-    ]
+    names = [name for name in given.free if quantity_of(name) in prior_sd and name in given.appraisal.draws]
     if not 2 <= len(names) <= MOST:
         return None
     covariance = np.cov(given.appraisal.draws[names].to_numpy(dtype=float), rowvar=False)
-    return Directions.of(
-        tuple(names), covariance, np.array([prior_sd[name.partition("[")[0]] for name in names])
-    )
+    return Directions.of(tuple(names), covariance, np.array([prior_sd[quantity_of(name)] for name in names]))
 
 
 SECTION = ReportSection("identifiability", "Identifiability", build)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ifrfit.inference.estimators import title_of
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures, Table
 from ifrfit.report.page.drawings.corner import draw_corner
 from ifrfit.report.page.plugins import ReportSection
@@ -21,7 +22,7 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     names = [name for name in estimates if name in draws and draws[name].std() > 0.0]
     if not names:
         return None
-    if not any(name.partition("[")[0] == "e_n" for name in given.free):
+    if not any(quantity_of(name) == "e_n" for name in given.free):
         # kappa is mu times a number then
         names = [name for name in names if not name.startswith("kappa")]
     shown = names[:MOST]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.page.blocks import Block, Paragraph, Picture, Pictures
 from ifrfit.report.page.drawings.profiles import draw_profile
@@ -53,9 +54,9 @@ def _is_informative(given: ReportInput, name: str) -> bool:
 
     The restitution in sticking runs with the closure's constant, kappa with mu where e_n is fixed.
     """
-    kind = name.partition("[")[0]
+    kind = quantity_of(name)
     if kind == "kappa":
-        return any(label.partition("[")[0] == "e_n" for label in given.free)
+        return any(quantity_of(label) == "e_n" for label in given.free)
     closure = CLOSURES.get(given.result.closure)
     meaning = None if closure is None else closure.meaning
     return meaning is None or kind != meaning.name or not meaning.linear

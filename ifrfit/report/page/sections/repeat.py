@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ifrfit.data.observations import SCHEMA
+from ifrfit.data.schema import SCHEMA
 from ifrfit.inference.accuracy.messages import says
 from ifrfit.inference.io.json_text import dumps
 from ifrfit.inference.result.fit_result import FitResult

@@ -1,0 +1,74 @@
+"""Processes of their own for long computations, which know what was plugged in here."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from importlib import import_module
+from multiprocessing import get_context
+
+from ifrfit.errors import UsageError
+from ifrfit.inference.model.error_law import ERROR_LAWS
+from ifrfit.physics.closures import CLOSURES
+from ifrfit.physics.observables import OBSERVABLES
+
+# a problem names its closure, observables and law of errors: each process looks them up
+_NEEDED = (CLOSURES, OBSERVABLES, ERROR_LAWS)
+
+
+@contextmanager
+def worker_processes(workers: int) -> Iterator[Executor]:
+    """Start processes in which everything is registered that is registered here.
+
+    They are fresh ones whatever the platform's default, because forked ones inherit the threads of numerical
+    libraries.
+
+    Raises
+    ------
+    UsageError
+        If they cannot start, or an entry that was registered here cannot be imported there.
+    """
+    added = [_place(registry.kind, entry, workers) for registry in _NEEDED for entry in registry.added]
+    context = get_context("spawn")
+    with ProcessPoolExecutor(workers, context, initializer=_register, initargs=(added,)) as pool:
+        try:
+            yield pool
+        except BrokenProcessPool:
+            raise UsageError(
+                f"--workers {workers}: the processes could not start. In a script of your own put the call "
+                'under if __name__ == "__main__":, or take one worker.'
+            ) from None
+
+
+def _place(kind: str, entry: object, workers: int) -> tuple[str, str]:
+    """Module and name of an entry, or of its class where that makes the same entry without arguments."""
+    owner = type(entry)
+    for module_name, module in tuple(sys.modules.items()):
+        # the main module of a notebook is no file, which another process could run
+        if module_name != "__main__" or hasattr(module, "__file__"):
+            for name, value in tuple(vars(module).items()):
+                if value is entry or (value is owner and entry == _made(owner)):
+                    return module_name, name
+    raise UsageError(
+        f"--workers {workers}: other processes cannot import the {kind} '{entry.name}', which was registered "  # type: ignore[attr-defined]
+        "here. Define it at the top level of a module, or take one worker."
+    )
+
+
+def _made(owner: type) -> object:
+    try:
+        return owner()
+    except TypeError:  # it takes arguments
+        return None
+
+
+def _register(added: list[tuple[str, str]]) -> None:
+    for module, name in added:
+        found = getattr(import_module(module), name)
+        entry = found() if isinstance(found, type) else found
+        registry = next(each for each in _NEEDED if each.accepts(entry))
+        if entry.name not in registry:  # the module may have registered it itself
+            registry.add(entry)

@@ -1,0 +1,92 @@
+"""Worker processes know what was registered in the process that started them, or it says that they cannot."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from extensions.closure import GRIP
+from extensions.error_law import Logistic
+from extensions.observable import SPIN_GAINED
+
+import ifrfit
+from ifrfit import MCMC, Bootstrap, UsageError
+from ifrfit.inference.model.error_law import ERROR_LAWS
+from ifrfit.inference.worker_processes import worker_processes
+from ifrfit.physics.closures import CLOSURES
+from ifrfit.physics.observables import OBSERVABLES
+from ifrfit.registry import registered
+
+
+@pytest.fixture
+def default_start() -> Iterator[None]:
+    """Whatever a test makes the default, how processes start is afterwards as it was before."""
+    before = multiprocessing.get_start_method()
+    yield
+    multiprocessing.set_start_method(before, force=True)
+
+
+def _known() -> tuple[str, ...]:
+    return (*CLOSURES, *OBSERVABLES, *ERROR_LAWS)
+
+
+def test_what_is_registered_here_is_registered_there() -> None:
+    with registered(GRIP, SPIN_GAINED, Logistic()), worker_processes(1) as pool:
+        assert "logistic" in pool.submit(_known).result()
+        assert pool.submit(_known).result() == _known()
+
+
+# of fork, spawn and forkserver, whichever a platform has, one as the default
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "place"), [("bootstrap", 0), ("mcmc", -1)])
+def test_draws_by_registered_entries_do_not_depend_on_the_workers(
+    tmp_path: Path, default_start: None, name: str, place: int
+) -> None:
+    multiprocessing.set_start_method(multiprocessing.get_all_start_methods()[place], force=True)
+    gamma = np.linspace(5.0, 85.0, 12)
+    with registered(GRIP, SPIN_GAINED, Logistic()):
+        state = ifrfit.rebound(gamma, e_n=0.9, mu=0.12, g_rip=0.7, closure="grip", degrees=True)
+        wobble = 0.01 * np.cos(9.0 * gamma)
+        values = {"beta": state.beta + wobble, "spin_gained": state.spin_y + wobble}
+        rows = [
+            f"{angle},{name},{value},0.01,{'ab'[i % 2]}"
+            for name, column in values.items()
+            for i, (angle, value) in enumerate(zip(gamma, column, strict=True))
+        ]
+        path = tmp_path / "impacts.csv"
+        path.write_text(
+            "gamma_deg,observable,value,sigma,series\n" + "\n".join(rows) + "\n", encoding="utf-8"
+        )
+        noise = ifrfit.Noise("known", tails="gaussian" if name == "bootstrap" else "logistic")
+        model = ifrfit.Model("grip", fix={"e_n": 0.9}, separate="mu")
+        method = Bootstrap(replicates=100) if name == "bootstrap" else MCMC(max_steps=20)
+        one, two = (
+            ifrfit.fit(path, model, noise=noise, method=replace(method, workers=workers))
+            for workers in (1, 2)
+        )
+    np.testing.assert_array_equal(one.state.sample, two.state.sample)
+
+
+@dataclass(frozen=True)
+class Named(Logistic):
+    """A law that cannot be made without arguments."""
+
+    name: str = "named"
+    scale: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.scale is None:
+            raise TypeError
+
+
+@pytest.mark.parametrize(
+    ("entry", "kind"), [(replace(GRIP, name="local"), "closure"), (Named(scale=2.0), "law of errors")]
+)
+def test_an_entry_that_other_processes_cannot_import_is_refused(entry: object, kind: str) -> None:
+    says = f"--workers 2: other processes cannot import the {kind} '.*', which was registered here. Define it"
+    with registered(entry), pytest.raises(UsageError, match=says), worker_processes(2):
+        pass
