@@ -56,6 +56,11 @@ def scenes(draw):
         interface_energy=draw(st.one_of(st.none(), st.floats(0.0, 10.0))),
         rolling_friction=draw(st.one_of(st.none(), st.floats(0.0, 0.1))),
     )
+    for effect in EFFECTS.values():  # numbers of effects that came later
+        for number in effect.numbers if not effect.replaces else ():
+            if number.name not in ("interface_energy", "rolling_friction"):
+                drawn = draw(st.one_of(st.none(), st.floats(number.low, number.high)))
+                contact = contact.with_numbers(**{number.name: drawn})
     law = draw(st.sampled_from(BILINEAR))
     numbers = {
         "speed": draw(speeds),
