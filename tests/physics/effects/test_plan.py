@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -56,11 +57,6 @@ def scenes(draw):
         interface_energy=draw(st.one_of(st.none(), st.floats(0.0, 10.0))),
         rolling_friction=draw(st.one_of(st.none(), st.floats(0.0, 0.1))),
     )
-    for effect in EFFECTS.values():  # numbers of effects that came later
-        for number in effect.numbers if not effect.replaces else ():
-            if number.name not in ("interface_energy", "rolling_friction"):
-                drawn = draw(st.one_of(st.none(), st.floats(number.low, number.high)))
-                contact = contact.with_numbers(**{number.name: drawn})
     law = draw(st.sampled_from(BILINEAR))
     numbers = {
         "speed": draw(speeds),
@@ -107,6 +103,17 @@ def test_energy_never_grows_whatever_acts(impacts, scene, on):
     assert ((out.e_n >= 0.0) & (out.e_n <= 1.0)).all()
     for name in ("v_x", "v_y", "v_n", "spin_x", "spin_y"):
         assert np.isfinite(getattr(out, name)).all(), name
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_energy_does_not_grow_at_the_ends_of_an_effects_numbers(impacts, glass, name):
+    numbers = EFFECTS[name].numbers
+    some = impacts([0.0, 10.0, 50.0, 85.0], 0.2, -0.3, e_n=1.0)
+    for ends in product(*((number.low, number.high) for number in numbers)):
+        given = {number.name: end for number, end in zip(numbers, ends, strict=True)}
+        contact = glass.with_numbers(**given)
+        assert not EFFECTS[name].lacks(contact, some)
+        assert (compose(contact, some, [name]).energy_change <= 1e-14).all(), given
 
 
 def test_energy_grows_where_a_constant_is_not_passive(impacts):
