@@ -8,8 +8,7 @@ from pathlib import Path
 from ifrfit.data.descriptor import read_package
 from ifrfit.data.locations import entry
 from ifrfit.paper.cases import case_named
-from ifrfit.paper.figure import PaperFigure
-from ifrfit.paper.figures import PAPER
+from ifrfit.paper.figures import PAPER, PaperFigure
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "paper.md"
 

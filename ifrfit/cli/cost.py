@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from ifrfit.cli.options import Repeated, SharedCommand, command_line
+from ifrfit.cli.output import show
 from ifrfit.cli.progress import working
 from ifrfit.errors import UsageError
-
-if TYPE_CHECKING:
-    from ifrfit.cost.result import Costs
 
 
 @SharedCommand
@@ -40,7 +38,7 @@ def cost(
         raise UsageError("--quiet without --out leaves nothing of the measurement: add --out DIR.")
     from ifrfit.cost.measure import measure_costs
     from ifrfit.cost.report.folder import COSTS
-    from ifrfit.report.folder import check_free
+    from ifrfit.report.atomic_folder import check_free
 
     if out is not None:
         check_free(out, force=force, of=COSTS)
@@ -53,15 +51,4 @@ def cost(
             **question,
         )
         written = found.save(out, force=force) if out is not None else []
-    if as_json:
-        typer.echo(_json(found), nl=False)
-    elif not quiet:
-        typer.echo(found.summary())
-        if written:
-            typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
-
-
-def _json(costs: Costs) -> str:
-    from ifrfit.inference.io.json_text import dumps
-
-    return dumps(costs.to_dict())
+    show(found, out, written, as_json=as_json, quiet=quiet)

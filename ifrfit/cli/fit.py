@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ifrfit.cli.options import SharedCommand, command_line
+from ifrfit.cli.output import Quiet, insist, show
 from ifrfit.cli.progress import working
 from ifrfit.errors import UsageError
 
 if TYPE_CHECKING:
     from ifrfit.inference import FitResult
-
-NOT_DETERMINED = 4
 
 
 @partial(SharedCommand, methods=True)
@@ -32,7 +31,7 @@ def fit(
     as_json: Annotated[
         bool, typer.Option("--json", help="result.json on standard output, nothing else.")
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
+    quiet: Quiet = False,
     strict: Annotated[
         bool,
         typer.Option("--strict", help="Exit with 4 if a constant is not determined or nothing converged."),
@@ -47,27 +46,25 @@ def fit(
     if resume is not None and out is None:
         out, force = resume, True
     if out is not None and not force:
-        from ifrfit.report.folder import check_free
+        from ifrfit.report.atomic_folder import check_free
+        from ifrfit.report.folder import FIT
 
-        check_free(out, force=False)
+        check_free(out, force=False, of=FIT)
     with working(quiet or as_json) as progress:
         result = run(**question, progress=progress, command=command_line())
         table = result.intervals() if intervals else None
         written = _write(result, out, force)
-    if as_json:
-        from ifrfit.inference.io.json_text import dumps
+    more = ""
+    if table is not None:
+        from ifrfit.report import side_by_side
 
-        typer.echo(dumps(result.to_dict()), nl=False)
-    elif not quiet:
-        typer.echo(result.summary())
-        if table is not None:
-            from ifrfit.report import side_by_side
-
-            typer.echo(f"\n{side_by_side(table)}")
-        if written:
-            typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
+        more = f"\n\n{side_by_side(table)}"
+    show(result, out, written, as_json=as_json, quiet=quiet, more=more)
     if strict:
-        _insist(result)
+        open_ones = [name for name, found in result.flat_constants().items() if found.value is None]
+        reasons = [f"{', '.join(open_ones)} not determined by the data"] if open_ones else []
+        converged = result.facts["converged"]
+        insist([*reasons, *([] if converged.ok else [converged.says])])
 
 
 def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:
@@ -77,14 +74,3 @@ def _write(result: FitResult, out: Path | None, force: bool) -> list[str]:
     from ifrfit.report import write_folder
 
     return write_folder(result, appraise(result), out, force=force)
-
-
-def _insist(result: FitResult) -> None:
-    """Leave with status 4, saying why, unless everything asked for was determined."""
-    open_ones = [name for name, found in result.flat_constants().items() if found.value is None]
-    reasons = [f"{', '.join(open_ones)} not determined by the data"] if open_ones else []
-    if not result.facts["converged"].ok:
-        reasons.append(result.facts["converged"].says)
-    if reasons:
-        typer.echo(f"ifrfit: --strict: {'; '.join(reasons)}.", err=True)
-        raise typer.Exit(NOT_DETERMINED)

@@ -6,7 +6,6 @@ Imports of the library stand inside the commands, so that ``--help`` answers at 
 from __future__ import annotations
 
 import gc
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +18,7 @@ from ifrfit.cli.datasets import datasets
 from ifrfit.cli.errors import command
 from ifrfit.cli.fit import fit
 from ifrfit.cli.options import Repeated, numbers
+from ifrfit.cli.progress import status
 from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
 from ifrfit.errors import UsageError
@@ -97,7 +97,9 @@ def reproduce(
     """Redraw the paper's figures, and recover its constants."""
     from ifrfit.paper.reproduce import reproduce as run
 
-    text = run(out, figures=figure, digitised_only=digitised_only, progress=sys.stderr.isatty())
+    with status(False, "fitting and drawing") as shown:
+        more = {} if shown is None else {"progress": shown.console.print}
+        text = run(out, figures=figure, digitised_only=digitised_only, **more)
     typer.echo(text, nl=False)
 
 

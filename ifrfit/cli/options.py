@@ -70,60 +70,20 @@ def command_line() -> str:
     return shlex.join(["ifrfit", *sys.argv[1:]]).encode("utf-8", "replace").decode("utf-8")
 
 
-# options of the rows that are used, and of the run: annotation and default
-_ROWS: Mapping[str, tuple[Any, object]] = {
-    "observable": (
-        Annotated[Repeated, typer.Option(metavar="NAME", help="Use only this observable.")],
-        [],
-    ),
-    "series": (Annotated[Repeated, typer.Option(metavar="NAME", help="Use only this series.")], []),
-    "gamma_min": (
-        Annotated[float | None, typer.Option(metavar="DEG", help="Use only impacts at this angle or more.")],
-        None,
-    ),
-    "gamma_max": (
-        Annotated[float | None, typer.Option(metavar="DEG", help="Use only impacts at this angle or less.")],
-        None,
-    ),
-    "speed_min": (
-        Annotated[float | None, typer.Option(metavar="M_S", help="Use only impacts at this speed or more.")],
-        None,
-    ),
-    "speed_max": (
-        Annotated[float | None, typer.Option(metavar="M_S", help="Use only impacts at this speed or less.")],
-        None,
-    ),
-    "exclude": (
-        Annotated[
-            Repeated,
-            typer.Option(metavar="ROW|ID", help="Leave out a line of the file, FILE:LINE, or an impact."),
-        ],
-        [],
-    ),
-    "independent": (
-        Annotated[
-            bool, typer.Option("--independent", help="Count faces of the same impacts as independent.")
-        ],
-        False,
-    ),
-    "convention": (
-        Annotated[
-            Repeated,
-            typer.Option(metavar="NAME=CHOICE", help="How a column is meant, as angle=alpha_deg:from-wall."),
-        ],
-        [],
-    ),
-}
-_RUN: Mapping[str, tuple[Any, object]] = {
-    "scene": (
-        Annotated[
-            Path | None,
-            typer.Option(metavar="SCENE.toml", help="What hit what, to see which effects that calls for."),
-        ],
-        None,
-    ),
-    "seed": (Annotated[int, typer.Option(help="Seed of the random draws behind the bands.", min=0)], 0),
-}
+# options of the rows that are used, and of the run
+_ROWS = (
+    Option("Use only this observable.", "names", "NAME", "observable"),
+    Option("Use only this series.", "names", "NAME", "series"),
+    Option("Use only impacts at this angle or more.", "number", "DEG", "gamma_min"),
+    Option("Use only impacts at this angle or less.", "number", "DEG", "gamma_max"),
+    Option("Use only impacts at this speed or more.", "number", "M_S", "speed_min"),
+    Option("Use only impacts at this speed or less.", "number", "M_S", "speed_max"),
+    Option("Leave out a line of the file, FILE:LINE, or an impact.", "names", "ROW|ID", "exclude"),
+    Option("Count faces of the same impacts as independent.", "flag", None, "independent", False),
+    Option("How a column is meant, as angle=alpha_deg:from-wall.", "names", "NAME=CHOICE", "convention"),
+)
+_SCENE = Option("What hit what, to see which effects that calls for.", "path", "SCENE.toml", "scene")
+_Seed = Annotated[int, typer.Option(help="Seed of the random draws behind the bands.", min=0)]
 
 
 class SharedCommand:
@@ -161,10 +121,10 @@ class SharedCommand:
         if self._methods:
             parts.append(_method())
         parts += map(_parameter, options_of(Noise).values())
-        parts += (_keyword(name, *each) for name, each in _ROWS.items())
+        parts += map(_parameter, _ROWS)
         if self._methods:
             parts += map(_parameter, method_options().values())
-        parts += (_keyword(name, *each) for name, each in _RUN.items())
+        parts += (_parameter(_SCENE), _keyword("seed", _Seed, 0))
         hints = get_type_hints(self._run, include_extras=True)
         own = inspect.signature(self._run).parameters
         parts += (_keyword(name, hints[name], own[name].default) for name in own if name != "question")
@@ -174,7 +134,9 @@ class SharedCommand:
         """Run the command with what the command line gave."""
         options = self._model() | options_of(Noise) | (method_options() if self._methods else {})
         values = {key: _read(option, given.pop(key)) for key, option in options.items()}
-        question = {key: given.pop(key) for key in ("data", *_ROWS, *_RUN)}
+        question = {
+            key: given.pop(key) for key in ("data", *(each.keyword for each in _ROWS), "scene", "seed")
+        }
         question["model"] = build(Model, values)
         question["noise"] = build(Noise, values)
         if self._methods:
@@ -192,6 +154,7 @@ _FORMS: Mapping[Form, Any] = {
     "values": Repeated,
     "pairs": Repeated,
     "range": str | None,
+    "flag": bool,
 }
 
 
@@ -201,7 +164,8 @@ def _parameter(option: Option) -> inspect.Parameter:
         default = []
     elif default is not None:
         annotation = type(default)
-    info = typer.Option(metavar=option.metavar, help=option.help)
+    names = (option.flag,) if option.form == "flag" else ()
+    info = typer.Option(*names, metavar=option.metavar, help=option.help)
     return _keyword(option.keyword, Annotated[annotation, info], default)
 
 

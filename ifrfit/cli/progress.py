@@ -5,6 +5,10 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.status import Status
 
 
 @contextlib.contextmanager
@@ -33,3 +37,12 @@ def working(
             bar.update(task, description=words, completed=done, total=most)
 
         yield progress
+
+
+def status(quiet: bool, what: str) -> contextlib.AbstractContextManager[Status | None]:
+    """Show that work of unknown length goes on; None where nobody looks."""
+    if quiet or not sys.stderr.isatty():
+        return contextlib.nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False).status(what)

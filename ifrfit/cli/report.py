@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
+from ifrfit.cli.output import Quiet
+from ifrfit.cli.progress import status
 from ifrfit.errors import UsageError
 
 
@@ -27,7 +27,7 @@ def report(
         typer.Option("--format", help="html, md or pdf; by default as FILE ends.", show_default=False),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace files that are no reports, too.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Uncertainty report of a result: one self-contained page; of several results with an index."""
     if form is not None:
@@ -63,7 +63,7 @@ def _single(path: Path, out: Path | None, form: str | None, force: bool, quiet: 
             raise UsageError(f"--out {out} does not end in .{form}, as --format says: change one of them.")
     check_report(target, force=force)
     result = load_result(path)
-    with _working(quiet, "drawing"):
+    with status(quiet, "drawing"):
         write_report(result, appraise(result), target, force=force)
     return str(target)
 
@@ -76,20 +76,11 @@ def _batch(paths: list[Path], out: Path | None, form: str, force: bool, quiet: b
     from ifrfit.report.page import write_batch
 
     loaded = [(path, load_result(path)) for path in paths]
-    with _working(quiet, "drawing") as status:
+    with status(quiet, "drawing") as shown:
 
         def progress(name: str) -> None:
-            if status is not None:
-                status.update(f"drawing {name}")
+            if shown is not None:
+                shown.update(f"drawing {name}")
 
         names = write_batch(loaded, appraise, out, suffix=form, force=force, progress=progress)
     return f"{out}/  {names[0]} and {len(names) - 1} reports"
-
-
-def _working(quiet: bool, what: str) -> Any:
-    """Show that work goes on, at a terminal."""
-    if quiet or not sys.stderr.isatty():
-        return nullcontext()
-    from rich.console import Console
-
-    return Console(stderr=True).status(what)

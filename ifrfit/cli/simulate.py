@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ifrfit.cli.errors import command
+from ifrfit.cli.output import Quiet, say
 from ifrfit.cli.progress import working
 
 if TYPE_CHECKING:
@@ -37,15 +38,16 @@ def simulate(
         bool, typer.Option("--cost", help="Measure what each effect adds to the time of an impact.")
     ] = False,
     seed: Annotated[int, typer.Option(help="Seed of everything that is drawn.", min=0)] = 0,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Rebounds of a scene, with only the effects that it calls for."""
     from ifrfit.simulation.simulate import simulate as run
 
     if out is not None and not force:
-        from ifrfit.report.simulation.folder import check_simulation_folder
+        from ifrfit.report.atomic_folder import check_free
+        from ifrfit.report.simulation.folder import SIMULATION
 
-        check_simulation_folder(out)
+        check_free(out, force=False, of=SIMULATION)
     costs: Supplement | None = None
     written: list[str] = []
     with working(quiet or as_json, "simulating"):
@@ -66,6 +68,4 @@ def simulate(
     elif not quiet:
         from ifrfit.report.simulation.text import summary
 
-        typer.echo(summary(found, costs))
-        if written:
-            typer.echo(f"\nwritten: {out}/  {'  '.join(written)}")
+        say(summary(found, costs), out, written)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import statistics
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ifrfit.cost.timing import Cost, Timing
+from ifrfit.cost.timing import Cost, Timing, seconds_of
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects import Contact, Impacts, Plan, PlanLine, compose
 from ifrfit.physics.effects.compose import with_effect
@@ -107,14 +106,8 @@ def _added(less: Callable[[], object], more: Callable[[], object], number: int, 
     found = []
     for _ in range(repeats):
         pairs = range(max(_EVALUATIONS // number, _LEAST_PAIRS))
-        found.append(statistics.median(-_seconds(less) + _seconds(more) for _ in pairs))
+        found.append(statistics.median(seconds_of(more) - seconds_of(less) for _ in pairs))
     return _timing(found).per(number)
-
-
-def _seconds(call: Callable[[], object]) -> float:
-    start = time.perf_counter()
-    call()
-    return time.perf_counter() - start
 
 
 def _timing(seconds: Sequence[float]) -> Timing:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
+from typing import TypeVar
 
-from ifrfit.cost.chain_costs import affordable, chains_measured
 from ifrfit.cost.compared_estimates import (
     QUANTITIES,
     Numbers,
@@ -17,12 +18,13 @@ from ifrfit.cost.compared_estimates import (
     of_profiles,
 )
 from ifrfit.cost.timing import Cost, Timing, in_turns
-from ifrfit.errors import UsageError
+from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.accuracy.tolerance_ladder import foreseen
 from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.estimators import ESTIMATORS, Estimator
+from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
@@ -40,6 +42,7 @@ WORST = 0.1  # error of a reference, in sd, beyond which it is none
 _FEWEST = 20  # replicates with an answer below which they are no law of anything
 
 Progress = Callable[[int, int], None]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -213,14 +216,15 @@ def _deterministic(
         notes.append(
             "Profiles and replicates are left out: they know independent Gaussian errors of the values only."
         )
-    calls |= {(EXACT, f"tolerance {power_of_ten(t)}"): _exact(problem, t) for t in ladder}
+    for tolerance in ladder:
+        calls[EXACT, f"tolerance {power_of_ten(tolerance)}"] = partial(_exact, problem, tolerance)
     found = in_turns(calls, repeats=extent.repeats, enough=0.01, most=0.5 * extent.longest)
     for (method, setting), (numbers, taken) in found.items():
         yield _Answer(method, setting, (numbers,), taken)
 
 
-def _exact(problem: Problem, tolerance: float) -> Callable[[], Numbers]:
-    return lambda: of_distribution(problem, integrate(problem, tolerance))
+def _exact(problem: Problem, tolerance: float) -> Numbers:
+    return of_distribution(problem, integrate(problem, tolerance))
 
 
 def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[float], QuadraturePosterior]:
@@ -232,9 +236,8 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
             known = tried[-1][1].error <= WORST
             if known and foreseen(tried[-1][1], last, before) > extent.reference:
                 break
-        begin = time.perf_counter()
-        posterior = integrate(problem, tolerance)
-        last, before = time.perf_counter() - begin, last
+        before = last
+        posterior, last = _timed(partial(integrate, problem, tolerance))
         if tried and not posterior.error < tried[-1][1].error and not posterior.converged:
             break
         tried.append((tolerance, posterior))
@@ -253,36 +256,38 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
 
 
 def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
-    """Cases drawn anew, with several seeds; as far as one call does not take too long."""
+    """Cases drawn anew, with several seeds."""
     if not problem.error_model.is_plain:
         return
-    each = _seconds_a_replicate(problem)
-    for replicates in extent.replicates:
-        if replicates * each > extent.longest:
-            notes.append(f"{replicates:,} replicates would take longer than {extent.longest:g} s.")
-            break
-        numbers: list[Numbers] = []
-        seconds: list[float] = []
-        for own in range(seed, seed + extent.seeds):
-            if sum(seconds) > extent.longest:
-                break
-            begin = time.perf_counter()
-            drawn = bootstrap(problem, least_squares(problem), replicates=replicates, seed=own)
-            if drawn.answered < _FEWEST:
-                notes.append("The bootstrap is left out: hardly a replicate has an answer.")
-                return
-            numbers.append(of_distribution(problem, Draws.of(problem, drawn.draws)))
-            seconds.append(time.perf_counter() - begin)
-        each = max(seconds) / replicates
-        yield _Answer(BOOTSTRAP, f"{replicates:,} replicates", tuple(numbers), Timing.of(seconds))
+
+    def run(replicates: int, own: int) -> Numbers:
+        drawn = bootstrap(problem, least_squares(problem), replicates=replicates, seed=own)
+        if drawn.answered < _FEWEST:
+            raise DataError("The bootstrap is left out: hardly a replicate has an answer.")
+        return of_distribution(problem, Draws.of(problem, drawn.draws))
+
+    start, taken = _timed(lambda: least_squares(problem))
+    # a replicate that is fitted on its own takes about as long as the data; all at once are fast
+    each = 0.0 if BatchedSolver.of(problem, start) is not None else taken
+    yield from _sizes(BOOTSTRAP, "replicates", extent.replicates, run, (taken, each), extent, seed, notes)
 
 
-def _seconds_a_replicate(problem: Problem) -> float:
-    """Time of a replicate where each is fitted on its own; 0 where all are fitted at once, which is fast."""
-    begin = time.perf_counter()
-    start = least_squares(problem)
-    taken = time.perf_counter() - begin
-    return 0.0 if BatchedSolver.of(problem, start) is not None else taken
+def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
+    """Chains of given lengths that walk as those of `--method mcmc` do, with several seeds."""
+    from ifrfit.inference import mcmc
+    from ifrfit.inference.mcmc.ensemble import walk
+
+    def run(steps: int, own: int) -> Numbers:
+        coordinates = mcmc.Coordinates(Density(problem))
+        chains = mcmc.fresh(coordinates, least_squares(problem), own)
+        chains = chains.longer([walk(coordinates, rest, steps) for rest in chains.ends])
+        kept = mcmc.Evidence(coordinates.quantities(chains.at)).kept
+        return of_distribution(problem, Draws.of(problem, {name: x.reshape(-1) for name, x in kept.items()}))
+
+    coordinates = mcmc.Coordinates(Density(problem))
+    chains, taken = _timed(lambda: mcmc.fresh(coordinates, least_squares(problem), 0))
+    _, each = _timed(lambda: [coordinates(rest.at) for rest in chains.ends])
+    yield from _sizes(MCMC, "steps", extent.steps, run, (taken, each), extent, seed, notes)
 
 
 def _further() -> list[Estimator]:
@@ -297,28 +302,74 @@ def _registered(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
         if refusal:
             notes.append(f"{estimator.title} is left out: {refusal}")
             continue
-        numbers: list[Numbers] = []
-        seconds: list[float] = []
-        for own in range(seed, seed + extent.seeds):
-            if sum(seconds) > extent.longest:
-                break
-            begin = time.perf_counter()
+
+        def run(own: int, estimator: Estimator = estimator) -> Numbers:
             optimum = least_squares(problem)
             distribution = estimator.run(problem, optimum, seed=own).distribution
             if distribution is None:  # the Gaussian approximation stands in its place
-                numbers.append(of_least_squares(problem, optimum))
-            else:
-                numbers.append(of_distribution(problem, distribution))
-            seconds.append(time.perf_counter() - begin)
-        yield _Answer(estimator.name, "default options", tuple(numbers), Timing.of(seconds))
+                return of_least_squares(problem, optimum)
+            return of_distribution(problem, distribution)
+
+        numbers, seconds = _over_seeds(run, extent, seed)
+        yield _Answer(estimator.name, "default options", numbers, Timing.of(seconds))
 
 
-def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
-    lengths = affordable(problem, extent.steps, extent.longest)
-    if len(lengths) < len(extent.steps):
-        notes.append(
-            f"{extent.steps[len(lengths)]:,} steps of mcmc would take longer than {extent.longest:g} s."
-        )
-    seeds = range(seed, seed + extent.seeds)
-    for steps, numbers, taken in chains_measured(problem, lengths, seeds, 2.0 * extent.longest):
-        yield _Answer(MCMC, f"{steps:,} steps", numbers, taken)
+def _sizes(
+    method: str,
+    unit: str,
+    sizes: Sequence[int],
+    run: Callable[[int, int], Numbers],
+    expected: tuple[float, float],
+    extent: Extent,
+    seed: int,
+    notes: list[str],
+) -> Iterator[_Answer]:
+    """A method that draws, at growing sizes as far as one call does not take too long.
+
+    Parameters
+    ----------
+    method, unit : str
+        What is drawn, as replicates.
+    sizes : sequence of int
+    run : callable
+        Size and seed to what the method gives; a DataError says why there is nothing.
+    expected : (float, float)
+        Seconds of the beginning, and of one unit.
+    extent, seed, notes
+        As in `inference_costs`.
+    """
+    beginning, each = expected
+    for size in sizes:
+        if beginning + size * each > extent.longest:
+            of = f" of {method}" if method == MCMC else ""
+            notes.append(f"{size:,} {unit}{of} would take longer than {extent.longest:g} s.")
+            return
+        try:
+            numbers, seconds = _over_seeds(partial(run, size), extent, seed)
+        except DataError as error:
+            notes.append(str(error))
+            return
+        each = max(max(seconds) - beginning, 0.0) / size
+        yield _Answer(method, f"{size:,} {unit}", numbers, Timing.of(seconds))
+
+
+def _over_seeds(
+    run: Callable[[int], Numbers], extent: Extent, seed: int
+) -> tuple[tuple[Numbers, ...], list[float]]:
+    """What a method gives with each seed, and its seconds; no further seed after the longest time."""
+    numbers: list[Numbers] = []
+    seconds: list[float] = []
+    for own in range(seed, seed + extent.seeds):
+        if sum(seconds) > extent.longest:
+            break
+        found, taken = _timed(partial(run, own))
+        numbers.append(found)
+        seconds.append(taken)
+    return tuple(numbers), seconds
+
+
+def _timed(call: Callable[[], T]) -> tuple[T, float]:
+    """What a call gives, and its seconds."""
+    begin = time.perf_counter()
+    found = call()
+    return found, time.perf_counter() - begin

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Unpack
 
-from ifrfit.cost.conditions import Setting, setting_of
+from ifrfit.cost.arithmetic_costs import arithmetic_costs
+from ifrfit.cost.conditions import beginning, setting_of
 from ifrfit.cost.inference_costs import FULL, QUICK, Reference, inference_costs
+from ifrfit.cost.physics_costs import physics_costs, scaling_doubt
 from ifrfit.cost.result import Costs
-from ifrfit.cost.starting_optimum import beginning
 from ifrfit.cost.timing import KINDS, Cost, Kind
 from ifrfit.errors import UsageError
 from ifrfit.inference.fit import Data, make_question
@@ -90,12 +91,20 @@ def measure_costs(
         reference = measured.reference
         notes += measured.notes
     if setting is not None:
-        for kind in others:
-            costs += _OTHERS[kind](setting, quick)
-            about[kind] = setting.words(kind)
+        if "physics" in requested:
+            given = {"ifr": setting.constants["e_t"]}
+            costs += physics_costs(**setting.contact(), given=given, quick=quick)
+        if "arithmetic" in requested:
+            own = {name: setting.constants[name] for name in ("e_n", "e_t", "mu")}
+            costs += arithmetic_costs(gamma_deg=setting.gamma, spin_y=setting.spin_y, **own, quick=quick)
+        about = {kind: setting.words(kind) for kind in others}
         notes += setting.notes
         if "physics" in requested and setting.constants["e_n"] < 1.0:
-            notes.append(_doubt(setting))
+            doubt = power_of_ten(scaling_doubt(**setting.contact()))
+            notes.append(
+                "The converged solution is elastic, scaled to e_n < 1. Another rule moves beta by up to "
+                f"{doubt} (Stronge's model, scaled and as it is), which is in none of the errors of physics."
+            )
     return Costs(tuple(costs), found, reference, about, tuple(notes))
 
 
@@ -105,53 +114,3 @@ def _kinds(given: str | Sequence[str]) -> tuple[Kind, ...]:
         if name not in KINDS:
             raise UsageError(f"--kind {name}: choose {', '.join(KINDS[:-1])} or {KINDS[-1]}.")
     return tuple(kind for kind in KINDS if kind in names) or KINDS
-
-
-def _physics(setting: Setting, quick: bool) -> list[Cost]:
-    from ifrfit.cost.physics_costs import physics_costs
-
-    own = setting.constants
-    return physics_costs(
-        gamma_deg=setting.grid(),
-        spin_y=setting.spin,
-        e_n=own["e_n"],
-        mu=own["mu"],
-        chi=own["chi"],
-        given={"ifr": own["e_t"]},
-        quick=quick,
-    )
-
-
-def _doubt(setting: Setting) -> str:
-    """What no error of physics holds."""
-    from ifrfit.cost.physics_costs import scaling_doubt
-
-    own = setting.constants
-    doubt = scaling_doubt(
-        gamma_deg=setting.grid(), spin_y=setting.spin, e_n=own["e_n"], mu=own["mu"], chi=own["chi"]
-    )
-    return (
-        "The converged solution is elastic, scaled to e_n < 1. Another rule moves beta by up to "
-        f"{power_of_ten(doubt)} (Stronge's model, scaled and as it is), which is in none of the errors of "
-        "physics."
-    )
-
-
-def _arithmetic(setting: Setting, quick: bool) -> list[Cost]:
-    from ifrfit.cost.arithmetic_costs import arithmetic_costs
-
-    own = setting.constants
-    return arithmetic_costs(
-        gamma_deg=setting.gamma,
-        spin_y=setting.spin_y,
-        e_n=own["e_n"],
-        e_t=own["e_t"],
-        mu=own["mu"],
-        quick=quick,
-    )
-
-
-_OTHERS: Mapping[Kind, Callable[[Setting, bool], list[Cost]]] = {
-    "physics": _physics,
-    "arithmetic": _arithmetic,
-}

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ifrfit.cost.closest_closure import Constants, closest
-from ifrfit.cost.threads import one_thread
-from ifrfit.cost.timing import Cost, Timing, timed
+from ifrfit.cost.timing import Cost, Timing, one_thread, timed
+from ifrfit.data.observations import Observations, make_table
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.problem import make_problem
+from ifrfit.inference.optimize.solve import solve
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.closure import rotational_share
+from ifrfit.physics.closure import Closure, rotational_share
 from ifrfit.physics.closures import CLOSURES, get_closure
 from ifrfit.physics.compiling import available
 from ifrfit.physics.compliance import rebound_ratio
@@ -200,6 +202,44 @@ class Scene:
         return Incidence(
             i.sine[rows], i.cosine[rows], i.spin_x[rows], i.spin_y[rows], i.slip_x[rows], i.slip_y[rows]
         )
+
+
+@dataclass(frozen=True)
+class Constants:
+    """e_n, the closure's own constant (0 where it has none), mu."""
+
+    e_n: float
+    own: float
+    mu: float
+
+
+def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> Constants:
+    """Least squares of beta over these impacts, in the passive domain, every impact with equal weight.
+
+    Parameters
+    ----------
+    closure : Closure
+        Of a bilinear one the optimum is the global one, see `ifrfit.inference.optimize.solve.solve`; of
+        another, the best of many local ones.
+    incidence : Incidence
+        Of solid spheres, without lateral spin.
+    beta : ndarray, (n,)
+    e_n : float
+        Held, because beta knows mu (1 + e_n) only.
+
+    Returns
+    -------
+    Constants
+    """
+    gamma = np.degrees(np.arctan2(incidence.sine, incidence.cosine))
+    columns = {"series": "", "observable": "beta", "gamma_deg": gamma, "spin_y": incidence.spin_y}
+    table = make_table(columns | {"value": beta, "sigma": 1.0, "provenance": "simulated"})
+    constants = make_parameters(closure, INERTIA, fix={"e_n": e_n})
+    problem = make_problem(Observations(table), closure, INERTIA, constants, "known")
+    theta = dict(
+        zip(problem.parameters.names, solve(problem, problem.noise.sigma).theta.tolist(), strict=True)
+    )
+    return Constants(theta["e_n"], theta.get(closure.constant or "", 0.0), theta["mu"])
 
 
 Row = tuple[str, str, Array, Timing]  # method, setting, beta, time an impact

@@ -6,47 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from ifrfit.cost.inference_costs import Reference
 from ifrfit.cost.pareto_front import Choice, choices_of
-from ifrfit.cost.timing import Cost, Kind
-from ifrfit.inference.result.display import Display, Renderer
+from ifrfit.cost.timing import Cost, Kind, table_of
+from ifrfit.inference.result.display import Display
 from ifrfit.inference.result.fit_result import FitResult
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-COLUMNS = (
-    "kind",
-    "method",
-    "setting",
-    "time_s",
-    "error",
-    "error_unit",
-    "repeats",
-    "quantity",
-    "time_low_s",
-    "time_high_s",
-    "on_front",
-)
-
-
-class CostRenderer(Renderer, Protocol):
-    """What draws costs: more than a text and a figure."""
-
-    def plot(self, shown: Any, kind: Kind = "inference", /) -> Figure:
-        """Work-precision diagram of one kind."""
-
-    def sentences(self, costs: Any, kind: Kind, /) -> tuple[str, ...]:
-        """Which choice is best for which accuracy."""
-
-    def to_dict(self, costs: Any, /) -> dict[str, Any]:
-        """For strict JSON."""
-
-    def write_costs(self, costs: Any, out: Path, *, force: bool) -> list[str]:
-        """Write cost.csv and the diagrams."""
 
 
 @dataclass(frozen=True)
@@ -97,42 +68,30 @@ class Costs(Display):
             kind, method, setting, time_s (median), error, error_unit, repeats, quantity, time_low_s,
             time_high_s (least and most), on_front (of the choice: by the largest error of its quantities).
         """
-        import pandas as pd
-
         fronts = {(c.kind, c.method, c.setting): c.on_front for c in self.choices}
-        rows = [
-            (
-                cost.kind,
-                cost.method,
-                cost.setting,
-                cost.time.median,
-                cost.error,
-                cost.error_unit,
-                cost.time.repeats,
-                cost.quantity,
-                cost.time.low,
-                cost.time.high,
-                fronts[cost.kind, cost.method, cost.setting],
-            )
-            for cost in self.costs
-        ]
-        return pd.DataFrame(rows, columns=list(COLUMNS))
+        table = table_of(self.costs)
+        keys = zip(table["kind"], table["method"], table["setting"], strict=True)
+        return table.assign(on_front=[fronts[key] for key in keys])
 
     def sentences(self, kind: Kind) -> tuple[str, ...]:
         """Which choice is best for which accuracy."""
-        return self._renderer().sentences(self, kind)
+        said: tuple[str, ...] = self._renderer().sentences(self, kind)
+        return said
 
     def to_dict(self) -> dict[str, Any]:
         """Exactly what `ifrfit cost --json` prints: the rows of cost.csv and what is said about them."""
-        return self._renderer().to_dict(self)
+        content: dict[str, Any] = self._renderer().to_dict(self)
+        return content
 
     def plot(self, kind: Kind = "inference") -> Figure:
         """Work-precision diagram of one kind: error against time, both logarithmic."""
-        return self._renderer().plot(self, kind)
+        figure: Figure = self._renderer().plot(self, kind)
+        return figure
 
     def save(self, folder: str | Path, *, force: bool = False) -> list[str]:
         """Write cost.csv and the diagrams; the folder appears whole or not at all."""
-        return self._renderer().write_costs(self, Path(folder), force=force)
+        names: list[str] = self._renderer().write_costs(self, Path(folder), force=force)
+        return names
 
-    def _renderer(self) -> CostRenderer:
-        return cast("CostRenderer", super()._renderer())
+    def _renderer(self) -> ModuleType:
+        return cast("ModuleType", super()._renderer())

@@ -1,13 +1,21 @@
-"""One measurement of a cost: how long, how far off."""
+"""One measurement of a cost: how long, how far off, and on what machine."""
 
 from __future__ import annotations
 
 import math
+import os
+import platform
 import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Literal, TypeVar, get_args
+
+from ifrfit.physics.compiling import available
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Kind = Literal["inference", "physics", "arithmetic"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -102,19 +110,74 @@ def in_turns(
         first = time.perf_counter() - start
         found[name] = given, Timing.of([first])
         if first <= most:
-            numbers[name] = max(1, round(enough / max(_seconds(call, 1), 1e-9)))
+            numbers[name] = max(1, round(enough / max(seconds_of(call), 1e-9)))
     seconds: dict[K, list[float]] = {name: [] for name in numbers}
     for _ in range(repeats):
         for name, number in numbers.items():
-            seconds[name].append(_seconds(calls[name], number))
+            seconds[name].append(seconds_of(calls[name], number))
     return {
         name: (given, Timing.of(seconds[name]) if name in seconds else once)
         for name, (given, once) in found.items()
     }
 
 
-def _seconds(call: Callable[[], object], number: int) -> float:
+def seconds_of(call: Callable[[], object], number: int = 1) -> float:
+    """Wall time of a call, on average over so many."""
     start = time.perf_counter()
     for _ in range(number):
         call()
     return (time.perf_counter() - start) / number
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Run compiled loops on one thread while this lasts; nothing to do where numba is missing."""
+    if not available():
+        yield
+        return
+    import numba
+
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
+
+
+def machine() -> dict[str, int | str]:
+    """What times depend on, enough to judge them: number of cores, architecture and system."""
+    return {
+        "cores": os.cpu_count() or 1,
+        "architecture": platform.machine(),
+        "system": platform.system(),
+    }
+
+
+def table_of(costs: Iterable[Cost]) -> pd.DataFrame:
+    """Costs as a table.
+
+    Returns
+    -------
+    DataFrame
+        kind, method, setting, time_s (median), error, error_unit, repeats, quantity, time_low_s, time_high_s
+        (least and most).
+    """
+    import pandas as pd
+
+    rows = [
+        {
+            "kind": cost.kind,
+            "method": cost.method,
+            "setting": cost.setting,
+            "time_s": cost.time.median,
+            "error": cost.error,
+            "error_unit": cost.error_unit,
+            "repeats": cost.time.repeats,
+            "quantity": cost.quantity,
+            "time_low_s": cost.time.low,
+            "time_high_s": cost.time.high,
+        }
+        for cost in costs
+    ]
+    return pd.DataFrame(rows)

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, Literal, TypeVar
 
-Form = Literal["text", "number", "integer", "path", "names", "values", "pairs", "range"]
+Form = Literal["text", "number", "integer", "path", "names", "values", "pairs", "range", "flag"]
 
 _KEY, _NESTED = "option", "options"
 
@@ -25,7 +25,7 @@ class Option:
         One sentence for the help text.
     form : str
         How it is written on the command line. names: NAME, repeatable; values: NAME=VALUE, repeatable; pairs:
-        NAME=A,B, repeatable; range: LO,HI; text, number, integer and path: one such word.
+        NAME=A,B, repeatable; range: LO,HI; flag: no value; text, number, integer and path: one such word.
     metavar : str or None
         Stands for the value in the help text.
     keyword : str

@@ -109,9 +109,7 @@ _EVERY_15 = tuple(float(x) for x in range(0, 91, 15))
 INCIDENCE = Abscissa("incidence angle γ (deg)", 0.0, 90.0, _EVERY_15, _DEGREES, _same, _same)
 # lambda is defined at both ends
 FROM_NORMAL = replace(INCIDENCE, grid=np.arange(0.0, 91.0))
-CONTACT = Abscissa(
-    "contact angle before ψ$_{\\mathrm{before}}$ = γ (deg)", 0.0, 90.0, _EVERY_15, _DEGREES, _same, _same
-)
+CONTACT = replace(INCIDENCE, label="contact angle before ψ$_{\\mathrm{before}}$ = γ (deg)")
 RATIO = Abscissa(
     "velocity ratio $U_t/U_n$ = tan γ (–)",
     0.0,

@@ -9,20 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate
-from ifrfit.paper.axes import Abscissa, Ordinate
-from ifrfit.paper.figure import PaperFigure
-from ifrfit.paper.scene import Band, Curve, Mark, Pen, Points, Regimes, Scene
+from ifrfit.paper.axes import INCIDENCE, Abscissa, Ordinate
+from ifrfit.paper.figures import PaperFigure
+from ifrfit.paper.scene import Band, Curve, Pen, Points, Scene
 from ifrfit.physics.angles import Array
 from ifrfit.report.figures import NON_BREAKING, contradiction
+from ifrfit.report.markers import numbers, sticks
 from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import STAND_IN, is_stand_in, provenance_words
 from ifrfit.report.regimes import transition_is_open, transitions
-from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.shading import Regimes as Key
-from ifrfit.report.shading import regime_key, spans
+from ifrfit.report.rounding import span_text, value_text
+from ifrfit.report.shading import Mark, Regimes, regimes_of, spans
 from ifrfit.report.style import COLOURS, SeriesStyle, series_styles
-from ifrfit.text import interval_text, sd_text
+from ifrfit.text import sd_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,8 +57,9 @@ def theory_scene(figure: PaperFigure) -> Scene:
     if figure.x.spin:
         ranges: tuple[tuple[float, float, str], ...] = ((figure.x.low, figure.x.high, "sliding"),)
     else:
-        angles = model.transitions(setting)
-        ranges = _ranges(figure.x, tuple((a, a, a) for a in angles) or "sliding")
+        key = tuple((a, a, a) for a in model.transitions(setting)) or "sliding"
+        places = ((figure.x.inside(low), figure.x.inside(high), regime) for low, high, regime in spans(key))
+        ranges = tuple(span for span in places if span[1] > span[0])
     words = tuple(f"transition at {angle:.2f}°" for angle in model.transitions(setting) if marks)
     # the line is that of the constants themselves here: drawn in full
     label = curves[0].label.replace("printed", "corrected equations")
@@ -83,9 +83,11 @@ def with_points(figure: PaperFigure, fitted: Fitted) -> Scene:
     rows = result.points[result.points["observable"] == _observable(figure, result)]
     x = figure.x.with_points(figure.x.of_gamma(rows["gamma_deg"].to_numpy(dtype=float)))
     styles = series_styles([str(name) for name in rows["series"].unique()])
-    points = tuple(
-        _points(result, rows[rows["series"] == series], series, x, y, own) for series, own in styles.items()
-    )
+    points = []
+    for series, own in styles.items():
+        part = rows[rows["series"] == series]
+        value, sigma, residual = numbers(part, "value", "sigma_used", "standardised")
+        points.append(points_of(result, part, series, y.sign * value, sigma, y.sign * residual, own, x))
     shown_observable = _observable(figure, result)
     curves = [
         recovered_curve(result, shown_observable, rows[rows["series"] == s], s, x, y, own)
@@ -99,7 +101,7 @@ def with_points(figure: PaperFigure, fitted: Fitted) -> Scene:
         label = f"{fitted.other_label}: {estimates_words(fitted.other)}"
         curves.append(Curve("other", label, x.grid, values, Pen(COLOURS[2], "-.", 0.9)))
     curves += [m.curve(x, y, setting) for m in figure.models for setting in figure.settings]
-    regimes = regimes_of(result, x, styles)
+    regimes = regimes_of(result, styles, x.inside)
     # the printed transition stands once for each setting
     printed = tuple(m for setting in figure.settings for m in figure.models[0].marks(x, setting))
     regimes = tuple(replace(part, marks=(*part.marks, *_own(printed, part, regimes))) for part in regimes)
@@ -109,7 +111,7 @@ def with_points(figure: PaperFigure, fitted: Fitted) -> Scene:
         x,
         y,
         tuple(curves),
-        points,
+        tuple(points),
         regimes,
         warnings_of(result),
         _transition_notes(figure, result),
@@ -155,42 +157,11 @@ def estimates_words(result: FitResult) -> str:
         elif found.value is None:
             words.append(f"{symbol} open")
         elif found.status == "one_sided":
-            words.append(f"{symbol} {_one_sided_words(found)}")
+            words.append(f"{symbol} in {span_text(found)}")
         else:
             words.append(f"{symbol} {value_text(found)}±{sd_text(found.stderr or 0.0)}")
     # a value stays with its symbol where a line is broken
     return ", ".join(word.replace(" ", NON_BREAKING) for word in words).replace("-", "−")
-
-
-def _one_sided_words(found: Estimate) -> str:
-    """A constant that the data bound on one side: its 95 % interval."""
-    return f"in {interval_text(found.interval95, places_of(found))}"
-
-
-def regimes_of(result: FitResult, x: Abscissa, styles: dict[str, SeriesStyle]) -> tuple[Regimes, ...]:
-    """Regimes of each series; one for all where they do not differ."""
-    keys = {series: regime_key(result, series) for series in styles}
-    shared = len(set(keys.values())) == 1
-    found = []
-    for series, key in list(keys.items())[: 1 if shared else None]:
-        marks = () if key is None or isinstance(key, str) else key
-        label = "transition" + ("" if shared else f", {series}")
-        found.append(
-            Regimes(
-                () if key is None else _ranges(x, key),
-                tuple(
-                    Mark("recovered", label, x.inside(value), x.inside(low), x.inside(high))
-                    for value, low, high in marks
-                ),
-                None if shared else styles[series],
-            )
-        )
-    return tuple(found)
-
-
-def _ranges(x: Abscissa, key: Key) -> tuple[tuple[float, float, str], ...]:
-    found = ((x.inside(low), x.inside(high), regime) for low, high, regime in spans(key))
-    return tuple(span for span in found if span[1] > span[0])
 
 
 def _own(printed: Sequence[Mark], part: Regimes, every: Sequence[Regimes]) -> tuple[Mark, ...]:
@@ -210,26 +181,41 @@ def warnings_of(result: FitResult) -> tuple[str, ...]:
     return tuple(warnings)
 
 
-def provenance_label(series: str, kinds: tuple[str, ...]) -> str:
-    """A series in the legend."""
-    words = "STAND-IN, not measured" if STAND_IN in kinds else provenance_words(kinds)
-    return f"{series} ({words})" if series else words
-
-
-def _points(
-    result: FitResult, rows: pd.DataFrame, series: str, x: Abscissa, y: Ordinate, series_style: SeriesStyle
+def points_of(
+    result: FitResult,
+    rows: pd.DataFrame,
+    name: str,
+    value: Array,
+    sigma: Array,
+    residual: Array,
+    own: SeriesStyle,
+    x: Abscissa = INCIDENCE,
 ) -> Points:
+    """Observations in a figure.
+
+    Parameters
+    ----------
+    result : FitResult
+    rows : DataFrame
+        Of its points.
+    name : str
+        In the legend, beside their provenance.
+    value, sigma, residual : ndarray, (n,)
+        As the figure shows them; where sigma is not finite there is no error bar.
+    own : SeriesStyle
+    x : Abscissa
+    """
     kinds = tuple(str(kind) for kind in rows["provenance"].unique())
-    sigma = rows["sigma_used"].to_numpy(dtype=float)
+    words = "STAND-IN, not measured" if STAND_IN in kinds else provenance_words(kinds)
     return Points(
-        provenance_label(series, kinds),
+        f"{name} ({words})" if name else words,
         x.of_gamma(rows["gamma_deg"].to_numpy(dtype=float)),
-        y.sign * rows["value"].to_numpy(dtype=float),
+        value,
         np.where(np.isfinite(sigma), sigma, 0.0),
-        series_style,
+        own,
         ", ".join(kinds),
-        rows["sticking"].map(bool).to_numpy(dtype=bool),
-        y.sign * rows["standardised"].to_numpy(dtype=float),
+        sticks(rows),
+        residual,
         is_outlier(result, rows),
     )
 

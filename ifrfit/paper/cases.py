@@ -1,9 +1,12 @@
-"""What `reproduce` fits: one table of every choice, and the fits."""
+"""What `reproduce` fits: every choice, from ``cases.toml``, and the fits."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib.resources import files
+from typing import Any
 
 from ifrfit.data import Observations
 from ifrfit.data.catalogue import load_dataset, printed_constants
@@ -54,72 +57,14 @@ class Case:
     readings: tuple[str, ...] = ()
 
 
-_BETA = "e_n is fixed at the printed value: beta cannot tell e_n from mu"
-_FREE = "nothing is fixed: {} depends on all three constants"
-_KHARAZ = (
-    "prior of e_n as Chung & Ooi (2011) simulate this experiment, e_n = 0.98, since e_n is not in the data"
-)
-_KHARAZ_FIGURES = ("kharaz-beta", "kharaz-psi-after", "kharaz-mu-app", "kharaz-delta")
+def _case(table: dict[str, Any]) -> Case:
+    """A case from its table in ``cases.toml``."""
+    own: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
+    return Case(**own)
 
-CASES = (
-    Case("kharaz-2001", "kharaz-2001", _KHARAZ, _KHARAZ_FIGURES, prior={"e_n": (0.98, 0.01)}),
-    Case(
-        "kharaz-2001-from-15-deg",
-        "kharaz-2001",
-        f"{_KHARAZ}; without the near-normal impacts, where microslip is expected",
-        _KHARAZ_FIGURES,
-        prior={"e_n": (0.98, 0.01)},
-        gamma_min=15.0,
-    ),
-    Case("netl-glass-acrylic", "netl-glass-acrylic", "repeats of e_n and mu, each measured by itself"),
-    # mu is printed as 0.12 without and as 0.14 with spin: one fit of all three would have no single true mu
-    Case("cross-2019-no-spin", "cross-2019", _BETA, ("3",), ("no spin",), ("beta",), ("e_n",)),
-    Case(
-        "cross-2019-spin",
-        "cross-2019",
-        f"{_BETA}; e_t and mu are shared by both spins; rows state the nominal spin, whose spread is in the "
-        "scatter",
-        ("6",),
-        ("spin 0.225", "spin 0.833"),
-        ("beta",),
-        ("e_n",),
-    ),
-    Case(
-        "cross-2019-psi-after",
-        "cross-2019",
-        "the impacts of Fig. 3 as contact angles; e_n is fixed at the printed value: psi_after cannot tell "
-        "e_n from mu",
-        ("8",),
-        ("no spin",),
-        ("psi_after_deg",),
-        ("e_n",),
-        repeats_data=True,
-    ),
-    Case(
-        "cross-2019-mu-app",
-        "cross-2019",
-        "the impacts of Fig. 3 as apparent friction; e_n is fixed at the printed value: it enters through "
-        "the slope in sticking only",
-        ("9",),
-        ("no spin",),
-        ("mu_app",),
-        ("e_n",),
-        repeats_data=True,
-    ),
-    Case(
-        "buck-2017",
-        "buck-2017",
-        _BETA,
-        ("4a",),
-        ("no spin",),
-        ("beta",),
-        ("e_n",),
-        readings=("beta", "beta_cm"),
-    ),
-    Case("hashemnia-2019", "hashemnia-2019", _BETA, ("4b",), ("no spin",), ("beta",), ("e_n",)),
-    Case("reagle-2013", "reagle-2013", _FREE.format("beta_tot"), ("5",), ("27 m/s",), ("beta_tot",)),
-    Case("wang-2020", "wang-2020", _FREE.format("delta"), ("7",), ("no spin",), ("delta_deg",)),
-)
+
+_TEXT = files("ifrfit.paper").joinpath("cases.toml").read_text("utf-8")
+CASES = tuple(_case(table) for table in tomllib.loads(_TEXT)["case"])
 
 
 def case_named(name: str) -> Case:

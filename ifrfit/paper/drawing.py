@@ -7,38 +7,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ifrfit.paper.legend_entries import entries_of
-from ifrfit.paper.regime_marks import draw_strip, shade
-from ifrfit.paper.scene import Band, Curve, Points, Scene
+from ifrfit.paper.scene import Curve, Points, Scene
 from ifrfit.report import style
 from ifrfit.report.figures import NON_BREAKING
 from ifrfit.report.legend import LINE, Legend
-from ifrfit.report.style import GREY, RESIDUAL_DASHES
+from ifrfit.report.markers import draw_markers, draw_residual_axis, handle, ring_outliers
+from ifrfit.report.shading import draw_strip, shade
+from ifrfit.report.style import GREY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH = style.PANEL_WIDTH_MM / style.MM_PER_INCH
 _TITLE_CHARACTERS = 52
+_LEGEND_CHARACTERS = 60
 
 
 def draw(scene: Scene) -> Figure:
     """Figure of a scene, 85 mm wide, not known to pyplot."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     residuals = any(points.residual is not None for points in scene.points)
     strips = len(scene.regimes) if len(scene.regimes) > 1 else 0
     with style.drawing():
-        entries = entries_of(scene)
+        entries = _legend_entries(scene)
         lines = sum(label.count("\n") + 1 for _, label in entries)
         legend = Legend(entries, 1, LINE * lines + 0.08)
         title = _title(scene)
         panel = 2.25 + (0.75 if residuals else 0.0) + 0.15 * strips
         height = panel + legend.height + 0.15 * (title.count("\n") + 1)
-        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = style.new_figure(style.PANEL_WIDTH_MM, height, "constrained")
         figure.get_layout_engine().set(w_pad=0.03, h_pad=0.025, hspace=0.02)  # type: ignore[union-attr, call-arg]
         figure.suptitle(title, fontsize=7.4, weight="bold", linespacing=1.25)
         ratios = [0.15 * strips, 2.0, 0.7 if residuals else 0.0]
@@ -104,18 +100,11 @@ def _draw_curve(axes: Axes, curve: Curve) -> None:
         for end in (curve.predictive.lo95, curve.predictive.hi95):
             axes.plot(curve.x, end, color=pen.colour, lw=0.6, ls=(0, (1, 1.5)), alpha=0.8, zorder=2.5)
     if curve.credible is not None:
-        for (low, high), alpha in ((_outer(curve.credible), 0.18), (_inner(curve.credible), 0.26)):
+        band = curve.credible
+        for low, high, alpha in ((band.lo95, band.hi95, 0.18), (band.lo68, band.hi68, 0.26)):
             axes.fill_between(curve.x, low, high, color=pen.colour, alpha=alpha, lw=0.0, zorder=2)
     front = 3.0 if curve.kind == "recovered" else 3.5
     axes.plot(curve.x, curve.y, color=pen.colour, ls=pen.dashes, lw=pen.width, zorder=front)
-
-
-def _outer(band: Band) -> tuple[np.ndarray, np.ndarray]:
-    return band.lo95, band.hi95
-
-
-def _inner(band: Band) -> tuple[np.ndarray, np.ndarray]:
-    return band.lo68, band.hi68
 
 
 def _draw_points(axes: Axes, points: Points) -> None:
@@ -134,46 +123,16 @@ def _draw_points(axes: Axes, points: Points) -> None:
 
 def _markers(axes: Axes, points: Points, y: np.ndarray, size: float) -> None:
     sticking = np.zeros(points.x.size, dtype=bool) if points.sticking is None else points.sticking
-    for chosen, face in ((sticking, "white"), (~sticking, points.series_style.colour)):
-        if chosen.any():
-            axes.plot(
-                points.x[chosen],
-                y[chosen],
-                ls="none",
-                marker=points.series_style.marker,
-                ms=size,
-                mfc=face,
-                mec=points.series_style.colour,
-                mew=0.8,
-                zorder=5,
-            )
-    if points.is_outlier is not None and points.is_outlier.any():
-        ring: dict[str, Any] = {
-            "ls": "none",
-            "marker": "o",
-            "ms": 8.5,
-            "mfc": "none",
-            "mec": "black",
-            "mew": 0.9,
-        }
-        axes.plot(points.x[points.is_outlier], y[points.is_outlier], zorder=6, clip_on=False, **ring)
+    draw_markers(axes, points.x, y, sticking, points.series_style, size)
+    if points.is_outlier is not None:
+        ring_outliers(axes, points.x, y, points.is_outlier, size=8.5, edge=0.9)
 
 
 def _draw_residuals(axes: Axes, scene: Scene) -> None:
-    axes.axhline(0.0, color=GREY, lw=0.7, zorder=1)
-    for level in (-2.0, 2.0):
-        axes.axhline(level, color=GREY, lw=0.7, ls=RESIDUAL_DASHES, zorder=1)
-    top = 3.5
-    for points in scene.points:
-        if points.residual is None:
-            continue
-        _markers(axes, points, points.residual, 3.2)
-        finite = np.abs(points.residual[np.isfinite(points.residual)])
-        top = max(top, 1.2 * float(finite.max())) if finite.size else top
-    axes.set_ylim(-top, top)
-    if top < 6.0:
-        axes.set_yticks([-2.0, 0.0, 2.0])
-    axes.set_ylabel("residual (σ)")
+    fitted = [(points, points.residual) for points in scene.points if points.residual is not None]
+    for points, residual in fitted:
+        _markers(axes, points, residual, 3.2)
+    draw_residual_axis(axes, np.concatenate([residual for _, residual in fitted]))
     axes.set_xlabel(scene.x.label)
     if len(scene.regimes) == 1:
         shade(axes, scene.regimes[0], words=False)
@@ -186,3 +145,65 @@ def _set_x(axes: Axes, scene: Scene) -> None:
     axes.set_xlim(x.low, x.high)
     axes.set_xticks(x.ticks, [f"{tick:g}" for tick in x.ticks])
     axes.minorticks_off()
+
+
+def _legend_entries(scene: Scene) -> tuple[tuple[Any, str], ...]:
+    """Handles with their labels: series, lines, bands, marks, then transitions and notes."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    entries = [*_point_entries(scene), *_curve_entries(scene), *_mark_entries(scene)]
+    nothing = Line2D([], [], ls="none")
+    shade = Patch(fc="0.5", alpha=0.3, lw=0)
+    mark = (shade, Line2D([], [], ls="none", marker="|", ms=8.0, color=GREY), shade)
+    banded = any(mark.low is not None for part in scene.regimes for mark in part.marks)
+    for note in scene.notes:
+        entries.append((mark if banded and note.startswith("transition") else nothing, note))
+    return tuple((handle, _wrapped(label)) for handle, label in entries)
+
+
+def _wrapped(label: str) -> str:
+    # signs of mathematics take no room of their own
+    extra = sum(label.count(sign) for sign in ("$", "\\mathrm", "{", "}", "_"))
+    return textwrap.fill(label, _LEGEND_CHARACTERS + extra).replace(NON_BREAKING, " ")
+
+
+def _point_entries(scene: Scene) -> list[tuple[Any, str]]:
+    entries: list[tuple[Any, str]] = []
+    for points in scene.points:
+        own, open_all = points.series_style, points.sticking is not None and points.sticking.all()
+        mark = handle(own.marker, 3.8, "white" if open_all else own.colour, own.colour)
+        entries.append((mark, points.label))
+    return entries
+
+
+def _curve_entries(scene: Scene) -> list[tuple[Any, str]]:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles_by_label: dict[str, list[Any]] = {}
+    for curve in scene.curves:
+        line = Line2D([], [], color=curve.pen.colour, ls=curve.pen.dashes, lw=curve.pen.width)
+        handles = handles_by_label.setdefault(curve.label, [])
+        if not handles or curve.kind == "recovered":
+            handles.append(line)
+    entries = [(tuple(lines), label) for label, lines in handles_by_label.items()]
+    banded = {curve.label for curve in scene.curves if curve.credible is not None}
+    if banded:
+        light, dark = (Patch(fc=GREY, alpha=alpha, lw=0) for alpha in (0.18, 0.4))
+        dots = Line2D([], [], color=GREY, lw=0.6, ls=(0, (1, 1.5)))
+        bands = "68, 95 % credible; dotted: 95 % of further measurements"
+        place = max(i for i, (_, label) in enumerate(entries) if label in banded)
+        entries.insert(place + 1, ((light, dark, dots), bands))
+    return entries
+
+
+def _mark_entries(scene: Scene) -> list[tuple[Any, str]]:
+    entries: list[tuple[Any, str]] = []
+    sticking = [bool(s) for p in scene.points if p.sticking is not None for s in p.sticking]
+    if any(sticking) and not all(sticking):
+        open_and_filled = handle("o", 3.8, "white"), handle("o", 3.8, GREY)
+        entries.append((open_and_filled, "open: sticks; filled: slides"))
+    if any(p.is_outlier is not None and p.is_outlier.any() for p in scene.points):
+        entries.append((handle("o", 8.0, "none", "black"), "ringed: outlier"))
+    return entries

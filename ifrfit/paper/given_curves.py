@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ifrfit.paper.axes import Abscissa, Ordinate
-from ifrfit.paper.scene import Curve, Kind, Mark, Pen
+from ifrfit.paper.scene import Curve, Kind, Pen
 from ifrfit.physics import CLOSURES, OBSERVABLES, Rebound, rebound, transition_angles, transition_tau
 from ifrfit.physics.angles import Array
+from ifrfit.report.shading import Mark
 
 _STEP = 1e-9  # degrees on either side of a transition: a jump is drawn as one
 
@@ -89,3 +90,6 @@ def total_as_printed(impact: Rebound) -> Array:
     """Total restitution by the text after Eq. (29) as printed: beta stands where beta_cm belongs."""
     i = impact.incidence
     return np.asarray(np.hypot(impact.e_n * i.cosine, impact.beta * i.sine))
+
+
+MISPRINTS = {"deviation": deviation_as_printed, "total": total_as_printed}

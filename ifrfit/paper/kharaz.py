@@ -18,20 +18,19 @@ from ifrfit.paper.axes import Ordinate
 from ifrfit.paper.build_scene import (
     Fitted,
     estimates_words,
-    provenance_label,
+    points_of,
     recovered_curve,
-    regimes_of,
 )
-from ifrfit.paper.figure import PaperFigure
+from ifrfit.paper.figures import PaperFigure
 from ifrfit.paper.observable_conversion import convert_observable
 from ifrfit.paper.scene import Curve, Pen, Points, Scene
 from ifrfit.physics import OBSERVABLES
 from ifrfit.physics.angles import Incidence
 from ifrfit.report.figures import contradiction
-from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import transitions
 from ifrfit.report.rounding import value_text
+from ifrfit.report.shading import regimes_of
 from ifrfit.report.style import COLOURS, GREY, SeriesStyle, series_styles
 from ifrfit.text import sd_text
 
@@ -82,7 +81,7 @@ def kharaz(figure: PaperFigure, fitted: Fitted) -> Scene:
         y,
         (replace(curve, label=curve.label.replace("recovered", "from 15°")), line),
         tuple(points),
-        regimes_of(result, figure.x, styles),
+        regimes_of(result, styles, figure.x.inside),
         warnings,
         _notes(result, y, e_n),
     )
@@ -113,45 +112,26 @@ def _converted(
     for part, used in ((fitted, True), (left, False)):
         if not len(part):
             continue
-        value, sigma = _converted_values(part, measured, y, e_n)
-        kinds = tuple(str(kind) for kind in part["provenance"].unique())
-        label = provenance_label(
-            f"from {OBSERVABLES[measured].symbol}" + ("" if used else ", not fitted"), kinds
-        )
+        value, sigma, sign = _converted_values(part, measured, y, e_n)
+        name = f"from {OBSERVABLES[measured].symbol}" + ("" if used else ", not fitted")
+        residual = y.sign * sign * part["standardised"].to_numpy(dtype=float)
         own = series_style if used else SeriesStyle(GREY, series_style.marker, "-")
-        found.append(
-            Points(
-                label,
-                part["gamma_deg"].to_numpy(dtype=float),
-                y.sign * value,
-                sigma,
-                own,
-                ", ".join(kinds),
-                part["sticking"].map(bool).to_numpy(dtype=bool),
-                _signed(part, measured, y, e_n) if used else None,
-                is_outlier(result, part) if used else None,
-            )
-        )
+        points = points_of(result, part, name, y.sign * value, sigma, residual, own)
+        found.append(points if used else replace(points, residual=None, is_outlier=None))
     return found
 
 
 def _converted_values(
     rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows as the observable shown, with its sigma; 1 or -1 as it rises or falls with what was measured."""
     incidence = Incidence.of(rows["gamma_deg"], rows["spin_x"], rows["spin_y"], degrees=True)
     value, sigma = (rows[name].to_numpy(dtype=float) for name in ("value", "sigma_used"))
-    return convert_observable(y.observable, measured, value, sigma, incidence, e_n=e_n)
-
-
-def _signed(rows: pd.DataFrame, measured: str, y: Ordinate, e_n: float) -> np.ndarray:
-    """Standardised residuals, with the sign that they have in the observable shown."""
-    incidence = Incidence.of(rows["gamma_deg"], rows["spin_x"], rows["spin_y"], degrees=True)
-    value, sigma = (rows[name].to_numpy(dtype=float) for name in ("value", "sigma_used"))
-    here, there = (
-        convert_observable(y.observable, measured, v, sigma, incidence, e_n=e_n)[0]
+    (here, spread), (there, _) = (
+        convert_observable(y.observable, measured, v, sigma, incidence, e_n=e_n)
         for v in (value, value + sigma)
     )
-    return np.asarray(y.sign * np.sign(there - here) * rows["standardised"].to_numpy(dtype=float))
+    return here, spread, np.sign(there - here)
 
 
 def _noise_rows(result: FitResult, measured: str, y: Ordinate, e_n: float) -> pd.DataFrame:

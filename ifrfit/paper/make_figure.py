@@ -10,7 +10,7 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.paper.build_scene import Fitted, theory_scene, with_points
 from ifrfit.paper.cases import Case, case_named, fit_case
 from ifrfit.paper.drawing import draw
-from ifrfit.paper.figure import PaperFigure
+from ifrfit.paper.figures import PaperFigure
 from ifrfit.paper.kharaz import kharaz
 from ifrfit.paper.recovered_constants import FittedCase
 from ifrfit.paper.scene import Row, Scene, rounded, rows_of

@@ -3,36 +3,44 @@
 from __future__ import annotations
 
 import csv
-import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+from ifrfit.data.catalogue import dataset_names, load_dataset
 from ifrfit.errors import UsageError
 from ifrfit.paper.cases import CASES, fit_case
 from ifrfit.paper.claims import Answer, across_regimes, across_spins, reading
 from ifrfit.paper.constants_table import table_text
-from ifrfit.paper.figure_selection import Choice, select_figures
-from ifrfit.paper.figures import FIGURES
-from ifrfit.paper.make_figure import DrawnFigure, make_figure
+from ifrfit.paper.figures import FIGURES, PaperFigure
+from ifrfit.paper.make_figure import make_figure
 from ifrfit.paper.recovered_constants import COLUMNS, FittedCase
 from ifrfit.paper.scene import write_rows
-from ifrfit.report.style import save_figure
+from ifrfit.report.atomic_folder import Contents, deliver
+from ifrfit.report.provenance import STAND_IN
+from ifrfit.report.style import SUFFIXES, save_svg_and_png
 
 TABLE = "constants.csv"
-DRAWN = ("svg", "png")
-FORMATS = (*DRAWN, "csv")
-# figures of earlier versions, one a fit
-_EARLIER = tuple(
-    f"{name}.{suffix}"
-    for name in (*(case.name for case in CASES), "cross-2019-spin-0-225", "cross-2019-spin-0-833")
-    for suffix in DRAWN
-)
+FORMATS = (*SUFFIXES, "csv")
+REAL = ("digitised", "measured")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Figures to draw, those wanted but left out, and the datasets that may be fitted."""
+
+    figures: tuple[PaperFigure, ...]
+    left_out: tuple[str, ...]
+    datasets: frozenset[str]
 
 
 def reproduce(
-    out: Path, *, figures: Sequence[str] = (), digitised_only: bool = False, progress: bool = False
+    out: Path,
+    *,
+    figures: Sequence[str] = (),
+    digitised_only: bool = False,
+    progress: Callable[[str], object] = lambda line: None,
 ) -> str:
     """Redraw the figures of the paper and of the bundled real data, and tabulate the constants behind them.
 
@@ -46,8 +54,8 @@ def reproduce(
         is left as it is where some are named.
     digitised_only : bool
         Leave out whatever does not rest on points that were digitised or measured.
-    progress : bool
-        Write a line per figure to standard error.
+    progress : callable
+        Told a line per figure.
 
     Returns
     -------
@@ -64,16 +72,18 @@ def reproduce(
     choice = select_figures(figures, digitised_only)
     whole = not figures
     _check_free(out, whole)
-    existing = next(place for place in (out, *out.absolute().parents) if place.exists())
-    try:
-        with tempfile.TemporaryDirectory(dir=existing, prefix=".ifrfit-") as scratch:
-            done = _run(Path(scratch), choice, whole, progress)
-            out.mkdir(parents=True, exist_ok=True)
-            written = _move(Path(scratch), out, choice, whole)
-    except OSError as error:
-        raise UsageError(
-            f"{out}: cannot be written ({error.strerror or error}). Choose another folder with --out."
-        ) from None
+    done: dict[str, FittedCase] = {}
+
+    def fill(folder: Path) -> list[str]:
+        done.update(_run(folder, choice, whole, progress))
+        return [path.name for path in folder.iterdir()]
+
+    ours = [
+        f"{figure.stem}.{suffix}" for figure in (FIGURES if whole else choice.figures) for suffix in FORMATS
+    ]
+    # the table is in place last; what an earlier run left without a successor goes
+    record, *others = [TABLE, *ours] if whole else ours
+    written = deliver(fill, out, Contents(record, tuple(others), "reproduction"), force=True)
     count = sum(name != TABLE for name in written) // len(FORMATS)
     named = [f"{count} figure{'s' if count != 1 else ''} (svg, png and csv)"]
     text = table_text(list(done.values()), _answers(done))
@@ -92,44 +102,27 @@ def _check_free(out: Path, whole: bool) -> None:
             raise UsageError(f"{table} is not a table of this command. Choose another folder with --out.")
 
 
-def _run(folder: Path, choice: Choice, whole: bool, progress: bool) -> dict[str, FittedCase]:
+def _run(
+    folder: Path, choice: Choice, whole: bool, progress: Callable[[str], object]
+) -> dict[str, FittedCase]:
     """Fit, draw and write into a folder; the fits by the names of their cases."""
     done: dict[str, FittedCase] = {}
-    with _progress_reporter(progress) as tell:
-        for figure in choice.figures:
-            started = time.monotonic()
-            drawn = make_figure(figure, done)
-            if drawn is not None:
-                _save(drawn, folder)
-            how = f"{time.monotonic() - started:.1f} s" if drawn is not None else "not drawn, see the table"
-            plain = figure.title.replace("$", "").replace("\\", "")
-            tell(f"{figure.stem:<17} {plain}, {how}")
-        for case in CASES if whole else ():
-            if case.name not in done and case.dataset in choice.datasets:
-                done[case.name] = fit_case(case)
+    for figure in choice.figures:
+        started = time.monotonic()
+        drawn = make_figure(figure, done)
+        if drawn is not None:
+            save_svg_and_png(drawn.figure, folder, drawn.stem)
+            write_rows(drawn.rows, folder / f"{drawn.stem}.csv")
+        how = f"{time.monotonic() - started:.1f} s" if drawn is not None else "not drawn, see the table"
+        plain = figure.title.replace("$", "").replace("\\", "")
+        progress(f"{figure.stem:<17} {plain}, {how}")
+    for case in CASES if whole else ():
+        if case.name not in done and case.dataset in choice.datasets:
+            done[case.name] = fit_case(case)
     done = {case.name: done[case.name] for case in CASES if case.name in done}
     if whole:
         _write_table(folder / TABLE, list(done.values()))
     return done
-
-
-def _save(drawn: DrawnFigure, folder: Path) -> None:
-    for suffix in DRAWN:
-        save_figure(drawn.figure, folder / f"{drawn.stem}.{suffix}")
-    write_rows(drawn.rows, folder / f"{drawn.stem}.csv")
-
-
-@contextmanager
-def _progress_reporter(progress: bool) -> Iterator[Callable[[str], object]]:
-    """Say that a figure is done, on standard error."""
-    if not progress:
-        yield lambda line: None
-        return
-    from rich.console import Console
-
-    console = Console(stderr=True, highlight=False)
-    with console.status("fitting and drawing"):
-        yield console.print
 
 
 def _write_table(path: Path, done: Sequence[FittedCase]) -> None:
@@ -139,26 +132,68 @@ def _write_table(path: Path, done: Sequence[FittedCase]) -> None:
         writer.writerows(line.cells() for d in done for line in d.lines)
 
 
-def _move(scratch: Path, out: Path, choice: Choice, whole: bool) -> list[str]:
-    """Put the files in place, the table last; what an earlier run left without a successor goes."""
-    names = sorted((path.name for path in scratch.iterdir()), key=lambda name: (name == TABLE, name))
-    for name in names:
-        (scratch / name).replace(out / name)
-    ours = FIGURES if whole else choice.figures
-    stale = {f"{figure.stem}.{suffix}" for figure in ours for suffix in FORMATS} - set(names)
-    for name in sorted(stale.union(_EARLIER if whole else ())):
-        (out / name).unlink(missing_ok=True)
-    return names
-
-
 def _answers(done: dict[str, FittedCase]) -> list[Answer]:
     """What the data say to the paper's questions: one set in both regimes, one mu, which beta."""
-    answers = [across_regimes(d) for d in done.values() if not d.repeats_data and _has_angles(d)]
+    answers = [
+        across_regimes(d)
+        for d in done.values()
+        if not d.repeats_data and d.result is not None and d.result.points["gamma_deg"].notna().any()
+    ]
     answers.append(across_spins(done))
     if "buck-2017" in done:
         answers.append(reading(done["buck-2017"]))
     return [answer for answer in answers if answer is not None]
 
 
-def _has_angles(done: FittedCase) -> bool:
-    return done.result is not None and bool(done.result.points["gamma_deg"].notna().any())
+def select_figures(names: Sequence[str], digitised_only: bool) -> Choice:
+    """Look the wanted figures up; a number stands for all its parts.
+
+    Raises
+    ------
+    UsageError
+        If there is no such figure, or none of those wanted has points that were digitised or measured.
+    """
+    requested = _named(names)
+    if not digitised_only:
+        return Choice(requested, (), frozenset(dataset_names()))
+    real = frozenset(name for name in dataset_names() if _is_real(name))
+    of_case = {case.name: case.dataset for case in CASES}
+    selected = tuple(figure for figure in requested if of_case.get(figure.case, "") in real)
+    if not selected:
+        listed = ", ".join(figure.stem for figure in requested)
+        raise UsageError(
+            f"--digitised-only: nothing of {listed} rests on points that were digitised or "
+            "measured. Put yours in with 'ifrfit datasets install NAME FILE'."
+        )
+    left_out = tuple(figure.stem for figure in requested if figure not in selected)
+    return Choice(selected, left_out, real)
+
+
+def _named(names: Sequence[str]) -> tuple[PaperFigure, ...]:
+    if not names:
+        return FIGURES
+    found: list[PaperFigure] = []
+    for name in names:
+        requested = name.strip().lower().removeprefix("fig").lstrip(". ").replace("kharaz-2001", "kharaz")
+        hits = [f for f in FIGURES if f.name.lower() == requested] or [
+            f for f in FIGURES if _part(f, requested)
+        ]
+        if not hits:
+            there = ", ".join(figure.name for figure in FIGURES)
+            raise UsageError(f"--figure {name}: there is no such figure. There are {there}.")
+        found += hits
+    return tuple(figure for figure in FIGURES if figure in found)
+
+
+def _part(figure: PaperFigure, requested: str) -> bool:
+    """Whether a figure is a part of the wanted one: 4a of 4, A2.1b of A2.1, kharaz-beta of kharaz."""
+    name = figure.name.lower()
+    if not requested or not name.startswith(requested):
+        return False
+    rest = name.removeprefix(requested)
+    return rest in ("a", "b") or rest.startswith("-")
+
+
+def _is_real(dataset: str) -> bool:
+    kinds = set(load_dataset(dataset).provenance)
+    return STAND_IN not in kinds and bool(kinds & set(REAL))

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.paper.axes import Abscissa, Ordinate
+from ifrfit.report.shading import Mark, Regimes
 from ifrfit.report.style import SeriesStyle
 
 Array = NDArray[np.float64]
 Kind = Literal["data", "printed_constants", "recovered", "as_printed", "other"]
+T = TypeVar("T")
 Dashes = str | tuple[int, tuple[float, ...]]
 
 HEADER = (
@@ -90,26 +92,6 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Mark:
-    """A transition between the regimes, with the ends of its 95 % interval where it has one."""
-
-    kind: Kind
-    label: str
-    x: float
-    low: float | None = None
-    high: float | None = None
-
-
-@dataclass(frozen=True)
-class Regimes:
-    """Ranges of x with their regime; the style of their series where several differ."""
-
-    spans: tuple[tuple[float, float, str], ...]
-    marks: tuple[Mark, ...]
-    series_style: SeriesStyle | None = None
-
-
-@dataclass(frozen=True)
 class Scene:
     """A figure before it is drawn.
 
@@ -166,55 +148,24 @@ def rounded(scene: Scene) -> Scene:
 
     Six significant digits; standardised residuals to 0.001.
     """
-    return replace(
-        scene,
-        curves=tuple(_round_curve(curve) for curve in scene.curves),
-        points=tuple(_round_points(points) for points in scene.points),
-        regimes=tuple(_round_regimes(regimes) for regimes in scene.regimes),
-    )
+    curves, points, regimes = _rounded((scene.curves, scene.points, scene.regimes))
+    return replace(scene, curves=curves, points=points, regimes=regimes)
 
 
-def _round(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}")
-
-
-def _round_end(value: float | None) -> float | None:
-    return None if value is None else _round(value)
-
-
-def _round_all(values: Array) -> Array:
-    return np.array([_round(value) for value in values.tolist()], dtype=float)
-
-
-def _round_band(band: Band | None) -> Band | None:
-    if band is None:
-        return None
-    return Band(*(_round_all(limit) for limit in (band.lo68, band.hi68, band.lo95, band.hi95)))
-
-
-def _round_curve(curve: Curve) -> Curve:
-    return replace(
-        curve,
-        x=_round_all(curve.x),
-        y=_round_all(curve.y),
-        credible=_round_band(curve.credible),
-        predictive=_round_band(curve.predictive),
-    )
-
-
-def _round_points(points: Points) -> Points:
-    residual = None if points.residual is None else np.round(points.residual, RESIDUAL_PLACES)
-    x, y, sigma = (_round_all(values) for values in (points.x, points.y, points.sigma))
-    return replace(points, x=x, y=y, sigma=sigma, residual=residual)
-
-
-def _round_regimes(regimes: Regimes) -> Regimes:
-    spans = tuple((_round(low), _round(high), regime) for low, high, regime in regimes.spans)
-    marks = tuple(
-        replace(mark, x=_round(mark.x), low=_round_end(mark.low), high=_round_end(mark.high))
-        for mark in regimes.marks
-    )
-    return replace(regimes, spans=spans, marks=marks)
+def _rounded(value: T) -> T:
+    """A number, an array, or a part of a scene with all its numbers rounded."""
+    found: object = value
+    if isinstance(value, np.ndarray):
+        found = np.array([_rounded(x) for x in value.tolist()], dtype=value.dtype)
+    elif isinstance(value, float):
+        found = float(f"{value:.{DIGITS}g}")
+    elif isinstance(value, tuple):
+        found = tuple(_rounded(part) for part in value)
+    elif isinstance(value, Curve | Band | Points | Regimes | Mark):
+        found = replace(value, **{each.name: _rounded(getattr(value, each.name)) for each in fields(value)})
+        if isinstance(found, Points) and found.residual is not None:
+            found = replace(found, residual=np.round(found.residual, RESIDUAL_PLACES))
+    return cast("T", found)
 
 
 def rows_of(scene: Scene) -> Iterator[Row]:

@@ -74,14 +74,9 @@ def rows() -> Iterator[Row]:
 
 def draw() -> Figure:
     """The figure, 174 mm wide."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     r = impact()
-    width = WIDTH_MM / style.MM_PER_INCH
     with style.drawing():
-        figure = Figure(figsize=(width, 0.38 * width))
-        FigureCanvasAgg(figure)
+        figure = style.new_figure(WIDTH_MM, 0.38 * WIDTH_MM / style.MM_PER_INCH)
         views = figure.subplots(1, 3)
         for axes, name in zip(views, ("a: along y", "b: along x", "c: along z"), strict=True):
             axes.set_aspect("equal")

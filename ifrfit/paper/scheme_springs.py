@@ -20,14 +20,10 @@ _NORMAL, _TANGENTIAL, _FRICTION = COLOURS[0], COLOURS[1], COLOURS[2]
 
 def draw() -> Figure:
     """The figure, 85 mm wide. It holds no numbers."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.patches import Circle, Rectangle
 
-    width = style.PANEL_WIDTH_MM / style.MM_PER_INCH
     with style.drawing():
-        figure = Figure(figsize=(width, 0.86 * width))
-        FigureCanvasAgg(figure)
+        figure = style.new_figure(style.PANEL_WIDTH_MM, 0.86 * style.PANEL_WIDTH_MM / style.MM_PER_INCH)
         axes = figure.add_axes((0.01, 0.09, 0.98, 0.82))
         axes.set_aspect("equal")
         axes.set_axis_off()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics.closures import CLOSURES
+from ifrfit.report.rounding import by_series, labelled
 from ifrfit.report.sentences import status_words
 from ifrfit.text import decimals, fixed, joined
 
@@ -44,7 +44,7 @@ class Row:
     @property
     def label(self) -> str:
         """Name with the series in brackets."""
-        return f"{self.name} [{self.series}]" if self.series else self.name
+        return labelled(self.name, self.series)
 
 
 def table_rows(result: FitResult) -> list[Row]:
@@ -52,18 +52,18 @@ def table_rows(result: FitResult) -> list[Row]:
     rows = [
         Row(name, series, estimate, "", status_words(estimate))
         for name, entry in result.constants.items()
-        for series, estimate in _each(entry)
+        for series, estimate in by_series(entry).items()
     ]
     rows += [
         Row("kappa", series, estimate, "", _kappa_words(estimate))
-        for series, estimate in _each(result.derived.get("kappa"))
+        for series, estimate in by_series(result.derived.get("kappa")).items()
     ]
     closure = CLOSURES.get(result.closure)
     meaning = closure.own.meaning if closure is not None and closure.own is not None else None
     if meaning is not None:
         rows += [
             Row(meaning.symbol, series, estimate, "", meaning.words)
-            for series, estimate in _each(result.derived.get(meaning.name))
+            for series, estimate in by_series(result.derived.get(meaning.name)).items()
         ]
     return rows + list(_noise_rows(result))
 
@@ -72,12 +72,6 @@ def constant_symbols() -> dict[str, str]:
     """Every closure's constant in LaTeX, as mathtext knows it, too."""
     constants = (closure.own for closure in CLOSURES.values())
     return {own.name: f"${own.latex}$" for own in constants if own is not None}
-
-
-def _each(entry: Any) -> list[tuple[str, Estimate]]:
-    if isinstance(entry, Estimate):
-        return [("", entry)]
-    return list(entry.items()) if isinstance(entry, Mapping) else []
 
 
 def _kappa_words(estimate: Estimate) -> str:
@@ -103,12 +97,12 @@ def _unknown_noises(estimates: Mapping[str, Estimate]) -> Iterator[Row]:
     for key, estimate in estimates.items():
         series, _, observable = key.rpartition("/")
         observables.setdefault(observable, {})[series] = estimate
-    for observable, by_series in observables.items():
-        if len(by_series) > MOST_NOISES:
-            yield _many(observable, [e.value for e in by_series.values() if e.value is not None])
+    for observable, own in observables.items():
+        if len(own) > MOST_NOISES:
+            yield _many(observable, [e.value for e in own.values() if e.value is not None])
             continue
-        for series, estimate in by_series.items():
-            whose = f" in {series}" if len(by_series) > 1 else ""
+        for series, estimate in own.items():
+            whose = f" in {series}" if len(own) > 1 else ""
             yield Row("noise", "", estimate, "", f"of {observable}{whose}")
 
 

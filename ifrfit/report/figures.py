@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import textwrap
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
-from ifrfit.report import style
+from ifrfit.report import panels, shading, style
 from ifrfit.report.legend import Legend
 from ifrfit.report.provenance import is_stand_in
-from ifrfit.report.regimes import has_angle
+from ifrfit.report.regimes import has_angle, regime_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,24 +42,23 @@ def plot(result: FitResult) -> Figure:
     UsageError
         If the result holds no points.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if not len(result.points):
         raise UsageError("This result holds no points, so there is nothing to draw. Fit the data again.")
     observables = [str(name) for name in result.points["observable"].unique()]
     styles = style.series_styles([str(name) for name in result.points["series"].unique()])
     columns = min(len(observables), MOST_COLUMNS)
     lines = math.ceil(len(observables) / columns)
-    width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
+    width_mm = columns * style.PANEL_WIDTH_MM
+    width = width_mm / style.MM_PER_INCH
     with style.drawing():
         legend = Legend.of(result, styles, width)
         title = _title(result, width)
-        strip = max(_strip_rows(result, name) for name in observables)
+        # a bar for each series above a panel whose series differ in their regimes
+        bars = (len(_regimes(result, name, styles)) for name in observables)
+        strip = max(count if count > 1 else 0 for count in bars)
         panel = 3.1 + 0.16 * strip
         height = lines * panel + legend.height + 0.17 * (title.count("\n") + 1 if title else 0)
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = style.new_figure(width_mm, height, "constrained")
         figure.get_layout_engine().set(w_pad=0.04, h_pad=0.03, hspace=0.02, wspace=0.03)  # type: ignore[union-attr, call-arg]
         grid = figure.add_gridspec(lines, columns)
         for number, observable in enumerate(observables):
@@ -78,8 +78,6 @@ def _draw_panel(
     styles: dict[str, style.SeriesStyle],
     strip: int,
 ) -> None:
-    from ifrfit.report import panels, shading
-
     inner = cell.subgridspec(3, 1, height_ratios=[max(0.16 * strip, 1e-3), 2.0, 0.75], hspace=0.03)
     data = figure.add_subplot(inner[1])
     residuals = figure.add_subplot(inner[2], sharex=data)
@@ -88,18 +86,14 @@ def _draw_panel(
     panels.draw_residuals(residuals, result, observable, names, styles)
     data.tick_params(labelbottom=False)
     figure.align_ylabels([data, residuals])
-    if not has_angle(observable):
-        return
-    keys = {series: shading.regime_key(result, series) for series in names}
-    if len(set(keys.values())) > 1:
-        shading.draw_strip(figure.add_subplot(inner[0]), keys, styles, result)
-        return
-    key = next(iter(keys.values()))
-    if key is None:
+    regimes, name = _regimes(result, observable, styles), partial(regime_name, result)
+    if len(regimes) > 1:
+        shading.draw_strip(figure.add_subplot(inner[0], sharex=data), regimes, name)
+    elif regimes and regimes[0].spans:
+        shading.shade(data, regimes[0], words=True, name=name)
+        shading.shade(residuals, regimes[0], words=False)
+    elif regimes:
         shading.note_open_transition(data, result, names[0])
-    else:
-        shading.draw_regimes(data, key, result, labels=True)
-        shading.draw_regimes(residuals, key, result, labels=False)
 
 
 def _series_of(result: FitResult, observable: str) -> list[str]:
@@ -107,14 +101,13 @@ def _series_of(result: FitResult, observable: str) -> list[str]:
     return [str(name) for name in rows["series"].unique()]
 
 
-def _strip_rows(result: FitResult, observable: str) -> int:
-    """How many bars the regimes of a panel take above it: none where all its series share them."""
-    from ifrfit.report.shading import regime_key
-
+def _regimes(
+    result: FitResult, observable: str, styles: dict[str, style.SeriesStyle]
+) -> tuple[shading.Regimes, ...]:
+    """Regimes of the series of a panel; none where the angle does not matter."""
     if not has_angle(observable):
-        return 0
-    names = _series_of(result, observable)
-    return len(names) if len({regime_key(result, series) for series in names}) > 1 else 0
+        return ()
+    return shading.regimes_of(result, {name: styles[name] for name in _series_of(result, observable)})
 
 
 def _title(result: FitResult, width: float) -> str:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
-from ifrfit.text import decimals, interval_ends, interval_text
+from ifrfit.report.terminal import aligned, finding_lines, interval_column
+from ifrfit.text import decimals
 
 if TYPE_CHECKING:
     import pandas as pd
 
-WIDTH = 100
 METHODS = ("covariance", "profile", "exact")
 _SDS = 4.0  # an interval of 95 % is about four standard deviations wide
 
@@ -34,22 +33,11 @@ def side_by_side(table: pd.DataFrame) -> str:
         return "  every constant is fixed: there are no intervals to compare"
     columns = {method: _column(table, method) for method in METHODS}
     names = [str(name).replace("[", " [") for name in table.index]
-    widths = {method: max(len(method), *map(len, cells)) for method, cells in columns.items()}
-    longest = max(map(len, names))
-    lines = [
-        "  central 95 % intervals by three methods",
-        "",
-        "   ".join([f"  {'':<{longest}}", *(f"{m:<{widths[m]}}" for m in METHODS)]).rstrip(),
-    ]
-    for i, name in enumerate(names):
-        cells = (f"{columns[method][i]:<{widths[method]}}" for method in METHODS)
-        lines.append("   ".join([f"  {name:<{longest}}", *cells]).rstrip())
-    lines.append("")
+    rows = [("", *METHODS), *zip(names, *columns.values(), strict=True)]
+    lines = ["  central 95 % intervals by three methods", "", *aligned(rows, "<<<<", "   "), ""]
     disagreeing = [("LOOK", sentence) for sentence in disagreements(table)]
     for kind, sentence in disagreeing or [("ok", "the three methods agree")]:
-        lines += textwrap.wrap(
-            sentence, WIDTH, initial_indent=f"  {kind:<6}", subsequent_indent=" " * 8, break_on_hyphens=False
-        )
+        lines += finding_lines(kind, sentence)
     return "\n".join(lines)
 
 
@@ -57,9 +45,7 @@ def _column(table: pd.DataFrame, method: str) -> list[str]:
     """Intervals of one method, with the digits that the exact one deserves and their ends aligned."""
     low, high = (table[f"{method}_{end}"].to_numpy(dtype=float).tolist() for end in ("low", "high"))
     places = [_places(table, i) for i in range(len(table))]
-    ends = [interval_ends((a, b), p) for a, b, p in zip(low, high, places, strict=True)]
-    width = max((len(end) for pair in ends if all(pair) for end in pair), default=0)
-    return [interval_text((a, b), p, width) for a, b, p in zip(low, high, places, strict=True)]
+    return interval_column(list(zip(low, high, strict=True)), places)
 
 
 def _places(table: pd.DataFrame, row: int) -> int | None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ifrfit.inference.estimators import LeastSquares, title_of
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.report.markers import handle
 from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import does, regime_name
@@ -17,6 +18,7 @@ from ifrfit.report.shading import regime_key
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
 FONT_SIZE = 6.6
@@ -89,28 +91,29 @@ def _series(result: FitResult, styles: dict[str, SeriesStyle]) -> list[tuple[Any
 
     entries = []
     for name, own in styles.items():
-        kinds = result.points["provenance"][result.points["series"] == name].unique()
-        provenance = provenance_words(tuple(str(kind) for kind in kinds))
-        label = textwrap.fill(f"{name} ({provenance})", LONGEST)
-        # a leading underscore would hide the entry, dollars would be read as mathematics
-        label = (f" {label}" if label.startswith("_") else label).replace("$", r"\$")
-        entries.append((Line2D([], [], color=own.colour, ls=own.line, marker=own.marker, ms=4.2), label))
+        line = Line2D([], [], color=own.colour, ls=own.line, marker=own.marker, ms=4.2)
+        entries.append((line, series_label(result.points, name, LONGEST)))
     return entries
+
+
+def series_label(points: pd.DataFrame, name: str, longest: int) -> str:
+    """A series with its provenance, wrapped."""
+    kinds = points["provenance"][points["series"] == name].unique()
+    label = textwrap.fill(f"{name} ({provenance_words(tuple(str(kind) for kind in kinds))})", longest)
+    # a leading underscore would hide the entry, dollars would be read as mathematics
+    return (f" {label}" if label.startswith("_") else label).replace("$", r"\$")
 
 
 def _marks(result: FitResult) -> list[tuple[Any, str]]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    def mark(marker: str, size: float, face: str, edge: str = GREY) -> Line2D:
-        return Line2D([], [], ls="none", marker=marker, ms=size, mfc=face, mec=edge)
-
     points = result.points
     angled = points["gamma_deg"].notna()
     keys = [regime_key(result, str(name)) for name in points["series"][angled].unique()]
     entries: list[tuple[Any, str]] = []
     sticking = points["sticking"][angled].map(bool).astype(bool)
-    stick, slide = mark("o", 4.2, "white"), mark("o", 4.2, GREY)
+    stick, slide = handle("o", 4.2, "white"), handle("o", 4.2, GREY)
     if sticking.any() and not sticking.all():
         entries += [
             (stick, f"open: {regime_name(result, 'sticking')}"),
@@ -124,10 +127,10 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
     entries.append(((light, dark, light), f"68, 95 % {_bands(result)}"))
     if any(isinstance(key, tuple) for key in keys):
         shade = Patch(fc="0.5", alpha=0.3, lw=0)
-        entries.append(((shade, mark("|", 8.0, GREY), shade), "transition, 95 % interval"))
+        entries.append(((shade, handle("|", 8.0, GREY), shade), "transition, 95 % interval"))
     entries.append((Line2D([], [], color=GREY, lw=0.7, ls=RESIDUAL_DASHES), "residuals of ±2 σ"))
     if is_outlier(result, points).any():
-        entries.append((mark("o", 8.0, "none", "black"), "ringed: outlier"))
+        entries.append((handle("o", 8.0, "none", "black"), "ringed: outlier"))
     return entries
 
 

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import OBSERVABLES
+from ifrfit.report.markers import draw_markers, draw_residual_axis, ring_outliers, sticks
 from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.regimes import has_angle, transitions
-from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle, write_watermark
+from ifrfit.report.style import SeriesStyle, write_watermark
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,7 +82,7 @@ def draw_data(
         else:
             _draw_level(axes, curve, styles[curve.series], _span(x[own]))
         _draw_points(axes, x[own], rows[own], styles[curve.series], size, angled)
-    _mark_outliers(axes, x, rows["value"].to_numpy(dtype=float), is_outlier(result, rows))
+    ring_outliers(axes, x, rows["value"].to_numpy(dtype=float), is_outlier(result, rows))
     axes.set_ylim(*value_limits(rows, found, x if angled else None))
     set_x(axes, len(rows), angled)
     axes.set_ylabel(axis_label(observable))
@@ -102,24 +103,13 @@ def draw_residuals(
     angled = has_angle(observable)
     x = rows["gamma_deg"].to_numpy(dtype=float) if angled else np.arange(1.0, len(rows) + 1.0)
     z = rows["standardised"].to_numpy(dtype=float)
-    axes.axhline(0.0, color=GREY, lw=0.7, zorder=1)
-    for level in (-2.0, 2.0):
-        # above the points where they would hide it
-        axes.axhline(
-            level, color=GREY, lw=0.7, ls=RESIDUAL_DASHES, zorder=IN_FRONT if len(rows) > CROWD else 1
-        )
     for series in names:
         own = (rows["series"] == series).to_numpy()
         _markers(axes, x[own], z[own], rows[own], styles[series], marker_size(len(rows)) * 0.85, angled)
-    _mark_outliers(axes, x, z, is_outlier(result, rows))
-    finite = np.abs(z[np.isfinite(z)])
-    top = max(3.5, 1.35 * float(finite.max()) if finite.size else 0.0)
-    axes.set_ylim(-top, top)
-    if top < 6.0:
-        axes.set_yticks([-2.0, 0.0, 2.0])
+    ring_outliers(axes, x, z, is_outlier(result, rows))
+    draw_residual_axis(axes, z, room=1.35, front=IN_FRONT if len(rows) > CROWD else 1.0)
     set_x(axes, len(rows), angled)
     axes.set_xlabel("incidence angle γ (deg)" if angled else "measurement (number, in order)")
-    axes.set_ylabel("residual (σ)")
 
 
 def axis_label(observable: str) -> str:
@@ -255,34 +245,7 @@ def _markers(
     angled: bool,
     alpha: float = 1.0,
 ) -> None:
-    sticking = rows["sticking"].map(bool).to_numpy(dtype=bool) & angled
-    for chosen, face in ((sticking, "white"), (~sticking, series_style.colour)):
-        axes.plot(
-            x[chosen],
-            y[chosen],
-            ls="none",
-            marker=series_style.marker,
-            ms=size,
-            mfc=face,
-            mec=series_style.colour,
-            mew=0.9 if size > 2.5 else 0.6,
-            alpha=alpha,
-            rasterized=len(rows) > PIXELS,
-            zorder=5,
-        )
-
-
-def _mark_outliers(axes: Axes, x: Array, y: Array, out: NDArray[np.bool_]) -> None:
-    if out.any():
-        axes.plot(
-            x[out],
-            y[out],
-            ls="none",
-            marker="o",
-            ms=10,
-            mfc="none",
-            mec="black",
-            mew=1.1,
-            zorder=6,
-            clip_on=False,
-        )
+    edge, pixels = 0.9 if size > 2.5 else 0.6, len(rows) > PIXELS
+    draw_markers(
+        axes, x, y, sticks(rows) & angled, series_style, size, mew=edge, alpha=alpha, rasterized=pixels
+    )

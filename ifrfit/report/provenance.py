@@ -90,6 +90,17 @@ def contents(result: FitResult, source: Source) -> str:
     return f"{text}, {provenance_words(kinds_of(result, source))}, {sigma_words(result)}"
 
 
+def source_sentences(result: FitResult, source: Source, *, full: bool = False) -> list[str]:
+    """Everything about a source: what it holds, where that comes from, its reference, what was left out."""
+    sentences = [
+        f"{source.name}: {contents(result, source)}.",
+        *provenance_sentences(result, source),
+        reference(source, full=full),
+        left_out(source),
+    ]
+    return [sentence for sentence in sentences if sentence]
+
+
 def left_out(source: Source) -> str:
     """Say what was selected and skipped; empty where all of it was used."""
     parts = [f"Selection: {source.selection}"] if source.selection else []

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES, OBSERVABLES
-from ifrfit.report.rounding import places_of, value_text
-from ifrfit.text import interval_text, joined, sd_text
+from ifrfit.report.rounding import by_series, plus_minus, span_text
+from ifrfit.text import joined
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,11 +53,11 @@ def transitions(result: FitResult, series: str) -> tuple[Estimate, ...]:
 
 def transition_is_open(result: FitResult, series: str) -> bool:
     """Whether the data leave open where the transition is, which is not the same as there being none."""
-    kappa = result.derived.get("kappa")
-    own = kappa.get(series) if isinstance(kappa, Mapping) else kappa
+    kappa = by_series(result.derived.get("kappa"))
+    own = kappa.get("", kappa.get(series))
     angles = transitions(result, series)
     return any(angle.value is None for angle in angles) or (
-        not angles and isinstance(own, Estimate) and own.value is None
+        not angles and own is not None and own.value is None
     )
 
 
@@ -79,28 +78,28 @@ def regime_counts(result: FitResult, series: str) -> tuple[int, int]:
     return count_impacts(rows[sticking]), count_impacts(rows[~sticking])
 
 
-def regime_lines(result: FitResult, plus_minus: str = "+-") -> list[str]:
+def regime_lines(result: FitResult, sign: str = "+-") -> list[str]:
     """One line a series: how many impacts stick and slide, and where the transition is."""
     names = angled_series(result)
     lines = []
     for series in names:
         prefix = f"{series}: " if len(names) > 1 else ""
         if not len(result.points):
-            lines.append(prefix + transition_words(result, series, None, plus_minus))
+            lines.append(prefix + transition_words(result, series, None, sign))
             continue
         stick, slide = regime_counts(result, series)
         sticks, slides = does(result, "sticking", one=stick == 1), does(result, "sliding", one=slide == 1)
         counts = f"{stick} impact{'' if stick == 1 else 's'} {sticks}, {slide} {slides}"
-        words = transition_words(result, series, (stick, slide), plus_minus)
+        words = transition_words(result, series, (stick, slide), sign)
         lines.append(f"{prefix}{counts}; {words}")
     return lines
 
 
-def transition_words(result: FitResult, series: str, counts: tuple[int, int] | None, plus_minus: str) -> str:
+def transition_words(result: FitResult, series: str, counts: tuple[int, int] | None, sign: str) -> str:
     """Say where the transition is, or why there is none; counts are (sticking, sliding) impacts."""
     angles = transitions(result, series)
     if transition_is_open(result, series):
-        limits = [interval_text(a.interval95, places_of(a)) for a in angles if a.value is None]
+        limits = [span_text(angle) for angle in angles if angle.value is None]
         return "transition not determined" + (f": {limits[0]} degrees (95 %)" if limits else "")
     if not angles:
         if counts is None:
@@ -109,8 +108,5 @@ def transition_words(result: FitResult, series: str, counts: tuple[int, int] | N
         if stick and slide:
             return "no transition at its typical spin"
         return f"no transition: all {does(result, 'sliding' if slide else 'sticking')}"
-    words = [
-        f"{value_text(angle)} {plus_minus} {sd_text(angle.stderr)}" if angle.stderr else value_text(angle)
-        for angle in angles
-    ]
+    words = [plus_minus(angle, sign) for angle in angles]
     return f"transition{'s' if len(words) > 1 else ''} at {joined(words)} degrees"

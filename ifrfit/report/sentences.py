@@ -10,6 +10,7 @@ from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES
 from ifrfit.physics.effects import EFFECTS
+from ifrfit.report.rounding import by_series, labelled
 from ifrfit.text import fixed, joined, p_text
 
 HEADLINES = {
@@ -47,10 +48,14 @@ def sigma_words(result: FitResult) -> str:
     return "given sigma not used" if given else "no sigma given"
 
 
+def closure_title(result: FitResult) -> str:
+    """The closure as in reports; a name that is not known here as it is."""
+    return CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
+
+
 def model_line(result: FitResult) -> str:
     """Closure, method and noise in one line."""
-    closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
-    parts = [f"closure {closure}", _method_words(result), noise_words(result)]
+    parts = [f"closure {closure_title(result)}", _method_words(result), noise_words(result)]
     if result.noise.error_model.words:
         parts.append(result.noise.error_model.words)
     if result.inertia_factor != 0.4:
@@ -112,13 +117,12 @@ def status_words(estimate: Estimate) -> str:
 
 def undetermined(result: FitResult) -> list[str]:
     """Names of the constants that the data leave open."""
-    names = []
-    for name, entry in result.constants.items():
-        estimates = {"": entry} if isinstance(entry, Estimate) else entry
-        for series, estimate in estimates.items():
-            if estimate.status == "not_determined":
-                names.append(f"{name} [{series}]" if series else name)
-    return names
+    return [
+        labelled(name, series)
+        for name, entry in result.constants.items()
+        for series, estimate in by_series(entry).items()
+        if estimate.status == "not_determined"
+    ]
 
 
 def headline(result: FitResult) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -14,7 +15,8 @@ if TYPE_CHECKING:
 
 PANEL_WIDTH_MM = 85.0
 MM_PER_INCH = 25.4
-PNG_DPI = 200
+SUFFIXES = ("svg", "png")
+_LOOKS = Path(__file__).with_name("figures.mplstyle")
 
 # Okabe & Ito (2008), without the yellow that vanishes on white
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -23,30 +25,6 @@ LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 STICKING_SHADE = "#0000000D"
 GREY = "0.35"
 RESIDUAL_DASHES = (0, (4, 3))
-
-_STYLE = {
-    "font.family": "DejaVu Sans",
-    "font.size": 7.5,
-    "axes.labelsize": 8.0,
-    "axes.titlesize": 8.0,
-    "axes.linewidth": 0.7,
-    "axes.unicode_minus": True,
-    "xtick.labelsize": 7.5,
-    "ytick.labelsize": 7.5,
-    "xtick.direction": "in",
-    "ytick.direction": "in",
-    "xtick.top": True,
-    "ytick.right": True,
-    "legend.fontsize": 7.0,
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-    "mathtext.fontset": "dejavusans",
-    "figure.dpi": 100,
-    "savefig.dpi": PNG_DPI,
-    "svg.fonttype": "none",
-    # ids in the file come from this instead of from chance
-    "svg.hashsalt": "ifrfit",
-}
 
 
 @dataclass(frozen=True)
@@ -66,12 +44,36 @@ def series_styles(series: list[str]) -> dict[str, SeriesStyle]:
     }
 
 
+def new_figure(width_mm: float, height: float, layout: Literal["constrained"] | None = None) -> Figure:
+    """An empty figure that pyplot does not know; to be called within `drawing`.
+
+    Parameters
+    ----------
+    width_mm : float
+    height : float
+        Inches, since lines of text are counted in them.
+    layout : {"constrained"}, optional
+        Whether axes make room for what stands around them; `fix_layout` ends that.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_mm / MM_PER_INCH, height), layout=layout)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def filled(text: str, width_mm: float, letters: float = 15.0) -> str:
+    """A title wrapped to the width of its figure at so many letters an inch, with dollars as they are."""
+    return textwrap.fill(text, int(letters * width_mm / MM_PER_INCH)).replace("$", r"\$")
+
+
 @contextmanager
 def drawing() -> Iterator[None]:
     """Draw in our style whatever the user's matplotlibrc says, and leave no trace of it."""
     from matplotlib import style
 
-    with style.context(["default", _STYLE]):
+    with style.context(["default", _LOOKS]):
         yield
 
 
@@ -99,6 +101,20 @@ def fix_layout(figure: Figure) -> None:
     figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.set_position(tuple(round(x, 6) for x in axes.get_position().bounds))
+
+
+def save_svg_and_png(figure: Figure, folder: Path, stem: str) -> list[str]:
+    """Write a figure as svg and as png.
+
+    Returns
+    -------
+    list of str
+        Names of the files.
+    """
+    names = [f"{stem}.{suffix}" for suffix in SUFFIXES]
+    for name in names:
+        save_figure(figure, folder / name)
+    return names
 
 
 def save_figure(figure: Figure, path: Path) -> None:

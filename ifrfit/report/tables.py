@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.constants_rows import Row, constant_symbols, table_rows
-from ifrfit.report.provenance import (
-    contents,
-    is_stand_in,
-    kinds_of,
-    left_out,
-    provenance_sentences,
-    provenance_words,
-    reference,
-)
+from ifrfit.report.page.html import environment
+from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words, source_sentences
 from ifrfit.report.regimes import regime_lines
-from ifrfit.report.rounding import places_of, value_text
+from ifrfit.report.rounding import plus_minus, span_text
 from ifrfit.report.sentences import findings, headline, misfit_line, model_line
-from ifrfit.text import interval_text, sd_text
 
 _LATEX_NAMES = {
     "e_n": "$e_n$",
@@ -44,8 +34,7 @@ def markdown(result: FitResult) -> str:
     """A Markdown table, with provenance and notes under it."""
     lines = ["| constant | value | 95 % interval | status |", "|---|---|---|---|"]
     for row in table_rows(result):
-        cells = (row.label, _plus_minus(row, "±"), _interval(row), row.remark)
-        lines.append("| " + " | ".join(_markdown(cell) for cell in cells) + " |")
+        lines.append("| " + " | ".join(_markdown(cell) for cell in _cells(row)) + " |")
     notes = [f"{model_line(result)}.", *_provenance(result), *_regimes(result, "±"), *_notes(result)]
     lines += ["", *(f"- {_markdown(note)}" for note in notes)]
     alarm = headline(result)
@@ -85,36 +74,30 @@ def html(result: FitResult) -> str:
 
     Everything that comes from data is escaped; nothing is loaded from elsewhere.
     """
-    alarm = headline(result)
-    parts = ['<div class="ifrfit-result">']
-    if alarm:
-        parts.append(f"<p><strong>LOOK: {escape(alarm)}.</strong></p>")
-    tag = "strong" if is_stand_in(result) else "span"
-    parts += [f"<p><{tag}>{escape(line)}</{tag}></p>" for line in _provenance(result)]
-    parts.append(f"<p>{escape(model_line(result))}</p>")
-    parts.append("<table><thead><tr>")
-    parts += [f"<th>{name}</th>" for name in ("constant", "value", "95&nbsp;% interval", "status")]
-    parts.append("</tr></thead><tbody>")
-    for row in table_rows(result):
-        cells = (row.label, _plus_minus(row, "±"), _interval(row), row.remark)
-        parts.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
-    parts.append("</tbody></table>")
-    notes = [*_regimes(result, "±"), *(f"{kind}: {says}" for kind, says in findings(result))]
-    parts.append("<ul>" + "".join(f"<li>{escape(note)}</li>" for note in notes) + "</ul></div>")
-    return "".join(parts)
+    return (
+        environment()
+        .get_template("result.html.j2")
+        .render(
+            alarm=headline(result),
+            tag="strong" if is_stand_in(result) else "span",
+            provenance=_provenance(result),
+            model=model_line(result),
+            rows=[_cells(row) for row in table_rows(result)],
+            notes=[*_regimes(result, "±"), *(f"{kind}: {says}" for kind, says in findings(result))],
+        )
+    )
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    return row.label, _plus_minus(row, "±"), _interval(row), row.remark
 
 
 def _plus_minus(row: Row, sign: str) -> str:
-    if row.estimate is None:
-        return row.plain
-    value, sd = value_text(row.estimate), row.estimate.stderr
-    return value if sd is None or row.estimate.value is None else f"{value} {sign} {sd_text(sd)}"
+    return row.plain if row.estimate is None else plus_minus(row.estimate, sign)
 
 
 def _interval(row: Row) -> str:
-    if row.estimate is None or row.estimate.status == "fixed":
-        return ""
-    return interval_text(row.estimate.interval95, places_of(row.estimate))
+    return "" if row.estimate is None or row.estimate.status == "fixed" else span_text(row.estimate)
 
 
 def _latex_interval(row: Row) -> str:
@@ -123,16 +106,7 @@ def _latex_interval(row: Row) -> str:
 
 
 def _provenance(result: FitResult) -> list[str]:
-    lines = []
-    for source in result.inputs:
-        parts = [
-            f"{source.name}: {contents(result, source)}.",
-            *provenance_sentences(result, source),
-            reference(source, full=True),
-            left_out(source),
-        ]
-        lines.append(" ".join(part for part in parts if part))
-    return lines
+    return [" ".join(source_sentences(result, source, full=True)) for source in result.inputs]
 
 
 def _regimes(result: FitResult, sign: str) -> list[str]:

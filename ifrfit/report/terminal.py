@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import Interval
 from ifrfit.report.constants_rows import Row, table_rows
 from ifrfit.report.provenance import (
     STAND_IN,
@@ -84,6 +85,23 @@ def wrapped(sentence: str, hang: int, width: int = WIDTH) -> list[str]:
     return textwrap.wrap(sentence, width, subsequent_indent=" " * hang, break_on_hyphens=False)
 
 
+def aligned(rows: Sequence[Sequence[str]], sides: str, gap: str = "  ", indent: str = "  ") -> list[str]:
+    """Rows as lines whose columns line up.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of str
+        All of one length; the heads come first.
+    sides : str
+        "<" or ">" for each column.
+    gap, indent : str
+        Between columns, and before the first.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    each = [list(zip(row, sides, widths, strict=True)) for row in rows]
+    return [indent + gap.join(f"{cell:{side}{width}}" for cell, side, width in row).rstrip() for row in each]
+
+
 def source_lines(result: FitResult) -> list[str]:
     """Each source with its contents; a stand-in says so before anything else."""
     indent = min(max((len(source.name) for source in result.inputs), default=0), 30) + 3
@@ -106,23 +124,28 @@ def source_lines(result: FitResult) -> list[str]:
 
 def _table_lines(rows: Sequence[Row]) -> list[str]:
     """The aligned table; long remarks wrap under themselves."""
-    cells = [(row.label, *_numbers(row), row.remark) for row in rows]
     shown = [None if row.estimate is None or row.estimate.status == "fixed" else row.estimate for row in rows]
-    ends = [interval_ends(one.interval95, places_of(one)) for one in shown if one]
-    end_width = max((len(end) for low_high in ends if all(low_high) for end in low_high), default=0)
-    intervals = [interval_text(one.interval95, places_of(one), end_width) if one else "" for one in shown]
+    spans = iter(interval_column([e.interval95 for e in shown if e], [places_of(e) for e in shown if e]))
+    intervals = [next(spans) if estimate else "" for estimate in shown]
+    cells = [(row.label, *_numbers(row), row.remark) for row in rows]
     names = max(len("noise"), *(len(cell[0]) for cell in cells))
     values = max(9, *(len(cell[1]) for cell in cells))
     sds = max(5, *(len(cell[2]) for cell in cells))
-    spans = max(len("95 % interval"), *(len(span) for span in intervals))
-    head = f"  {'':<{names}} {'value':>{values}}  {'sd':>{sds}}   {'95 % interval':<{spans}}   "
-    lines = [head + "status"]
+    wide = max(len("95 % interval"), *map(len, intervals))
+    lines = [f"  {'':<{names}} {'value':>{values}}  {'sd':>{sds}}   {'95 % interval':<{wide}}   status"]
     for (name, value, sd, remark), span in zip(cells, intervals, strict=True):
-        start = f"  {name:<{names}} {value:>{values}}  {sd:>{sds}}   {span:<{spans}}   "
+        start = f"  {name:<{names}} {value:>{values}}  {sd:>{sds}}   {span:<{wide}}   "
         parts = textwrap.wrap(remark, max(30, WIDTH - len(start)), break_on_hyphens=False) or [""]
         lines.append(start + parts[0])
         lines += [" " * len(start) + part for part in parts[1:]]
     return lines
+
+
+def interval_column(intervals: Sequence[Interval], places: Sequence[int | None]) -> list[str]:
+    """Intervals in a column: the ends of all that have two line up."""
+    ends = [interval_ends(own, places[i]) for i, own in enumerate(intervals)]
+    width = max((len(end) for pair in ends if all(pair) for end in pair), default=0)
+    return [interval_text(own, places[i], width) for i, own in enumerate(intervals)]
 
 
 def _numbers(row: Row) -> tuple[str, str]:

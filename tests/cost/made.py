@@ -9,10 +9,9 @@ from scipy import stats
 
 import ifrfit
 from ifrfit.cost.compared_estimates import Numbers
-from ifrfit.cost.conditions import setting_of
+from ifrfit.cost.conditions import beginning, setting_of
 from ifrfit.cost.inference_costs import UNIT, Reference
 from ifrfit.cost.result import Costs
-from ifrfit.cost.starting_optimum import beginning
 from ifrfit.cost.timing import Cost, Timing
 from ifrfit.inference.fit import make_question
 from ifrfit.inference.keywords import model_of, noise_of

@@ -7,9 +7,8 @@ import pytest
 from mpmath import workdps
 
 from ifrfit.cost import arithmetic_costs as arithmetic
-from ifrfit.cost.arithmetic_costs import DOUBLE, EXACT, GIVEN, SINGLE, VELOCITIES, arithmetic_costs
+from ifrfit.cost.arithmetic_costs import DOUBLE, EXACT, GIVEN, READINGS, SINGLE, VELOCITIES, arithmetic_costs
 from ifrfit.cost.hard_impacts import HARD, Impact, hard_impacts
-from ifrfit.cost.scalar_observables import READINGS
 from ifrfit.errors import UsageError
 from ifrfit.physics import OBSERVABLES, rebound
 

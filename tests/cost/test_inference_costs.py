@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import ifrfit
-from ifrfit.cost.chain_costs import affordable, chains_measured
 from ifrfit.cost.compared_estimates import (
     Numbers,
     free_names,
@@ -122,18 +121,14 @@ def test_of_seeds_the_root_mean_square_counts():
 
 
 def test_errors_of_chains_fall_with_their_length(far_from_bounds):
-    right, _, _ = closed_form(far_from_bounds)
-    found = {
-        length: largest_errors(numbers, right)["mean"]
-        for length, numbers, _ in chains_measured(far_from_bounds, (20, 200), range(2))
-    }
-    assert found[200] < 0.7 * found[20]
-    assert found[200] < 0.04
+    extent = Extent(tolerances=(1e-1,), replicates=(), steps=(20, 200), seeds=2, repeats=1, longest=60.0)
+    told = inference_costs(far_from_bounds, extent=extent)
+    error = {c.setting: c.error for c in told.costs if c.method == "mcmc" and c.quantity == "mean"}
+    assert error["200 steps"] < 0.7 * error["20 steps"]
+    assert error["200 steps"] < 0.04
 
 
 def test_lengths_that_would_take_too_long_are_left_out(far_from_bounds):
-    assert affordable(far_from_bounds, (10, 20), 1e9) == (10, 20)
-    assert affordable(far_from_bounds, (10, 20), 0.0) == ()
     told = inference_costs(
         far_from_bounds,
         extent=Extent((1e-1,), (100,), (10**9,), seeds=1, repeats=1, longest=5.0),

@@ -7,8 +7,7 @@ import pytest
 from factories import BILINEAR, own_constant
 
 from ifrfit.cost import physics_costs as physics
-from ifrfit.cost.closest_closure import closest
-from ifrfit.cost.physics_costs import Scene, physics_costs, scaling_doubt
+from ifrfit.cost.physics_costs import Scene, closest, physics_costs, scaling_doubt
 from ifrfit.errors import UsageError
 from ifrfit.physics import get_closure, rebound
 from ifrfit.physics.angles import Incidence

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,10 +102,11 @@ def test_where_every_method_takes_too_long_nothing_is_claimed(path, monkeypatch)
     hasty = Extent((1e-1,), (50,), (10**9,), seeds=1, repeats=1, longest=0.5, reference=0.0)
     with pytest.raises(UsageError, match=r"takes longer on these data than 0\.5 s: choose --kind physics"):
         inference_costs(problem, extent=hasty)
-    monkeypatch.setattr("ifrfit.cost.inference_costs.affordable", lambda *_: ())
     monkeypatch.setattr("ifrfit.cost.inference_costs.foreseen", lambda *_: math.inf)
+    endless = replace(QUICK, steps=(10**9,))
+    monkeypatch.setattr("ifrfit.cost.inference_costs.QUICK", endless)
     with pytest.raises(UsageError, match=r"than 0\.7 s: leave --quick out, or choose --kind physics"):
-        inference_costs(problem, extent=QUICK)
+        inference_costs(problem, extent=endless)
 
 
 def test_contact_laws_stand_at_constants_that_the_notes_own_up_to(path):

@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from ifrfit.cost.effect_costs import EffectCosts
-from ifrfit.cost.report.effect_costs import change_text, cost_lines, cost_table, plot_costs, supplement
-from ifrfit.cost.timing import Cost, Timing
+from ifrfit.cost.report.effect_costs import change_text, cost_lines, plot_costs, supplement
+from ifrfit.cost.timing import Cost, Timing, table_of
 from ifrfit.report.simulation.folder import SIMULATION, dumps, write_simulation
 from ifrfit.report.simulation.text import summary
 from ifrfit.simulation.simulate import simulate
@@ -85,7 +85,7 @@ def test_the_folder_holds_table_and_figure(tmp_path):
     assert sorted(names) == sorted(SIMULATION.files) == sorted(p.name for p in (tmp_path / "a").iterdir())
     table = pd.read_csv(tmp_path / "a" / "cost.csv")
     assert list(table)[:7] == ["kind", "method", "setting", "time_s", "error", "error_unit", "repeats"]
-    assert table["time_s"].tolist() == pytest.approx(cost_table(COSTS)["time_s"].tolist(), rel=1e-5)
+    assert table["time_s"].tolist() == pytest.approx(table_of(COSTS.costs)["time_s"].tolist(), rel=1e-5)
     content = json.loads((tmp_path / "a" / "simulation.json").read_text(encoding="utf-8"))
     assert content == json.loads(dumps(found, supplement(COSTS, found)))
     assert content.pop("cost")["effects_ns"]["compliance"] == pytest.approx(

@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from ifrfit.paper.figure import PaperFigure
-from ifrfit.paper.figures import FIGURES
+from ifrfit.paper.figures import FIGURES, PaperFigure
 from ifrfit.paper.make_figure import make_figure, scene_of
 
 

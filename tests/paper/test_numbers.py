@@ -12,11 +12,12 @@ from matplotlib.collections import PolyCollection
 
 from ifrfit.data.catalogue import load_dataset
 from ifrfit.paper import scheme_impact
-from ifrfit.paper.figures import FIGURES, KHARAZ, PAPER
+from ifrfit.paper.figures import FIGURES, PAPER
 from ifrfit.paper.scene import HEADER, rounded, rows_of, write_rows
 from ifrfit.physics import rebound
 
 WITH_POINTS = [f.name for f in FIGURES if f.kind in ("points", "kharaz")]
+KHARAZ = [f for f in FIGURES if f.kind == "kharaz"]
 WITH_AXES = [f.name for f in FIGURES if f.kind != "scheme"]
 
 

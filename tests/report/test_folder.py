@@ -100,7 +100,7 @@ def test_nothing_appears_when_drawing_fails(made, tmp_path, monkeypatch):
     def fail(*_: object) -> None:
         raise RuntimeError("no ink")
 
-    monkeypatch.setattr(folder, "save_figure", fail)
+    monkeypatch.setattr(folder, "save_svg_and_png", fail)
     with pytest.raises(RuntimeError, match="no ink"):
         write_folder(made.fine(), APPRAISAL, tmp_path / "deep" / "a", force=False)
     assert names(tmp_path) == set()

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ifrfit.cost.effect_costs import EffectCosts
-from ifrfit.cost.timing import Cost, Timing
+from ifrfit.cost.report.figure import draw_choice
+from ifrfit.cost.timing import Cost, Timing, table_of
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.report import style
 from ifrfit.report.simulation.folder import SUPPLEMENTS
 from ifrfit.report.simulation.supplement import Supplement
+from ifrfit.report.terminal import aligned
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ifrfit.simulation.result import Simulation
 
+WIDTH_MM = 110.0
 _NS = 1e9
 _SHOWN = {"on": "on", "off": "off", "constant": "off", "refused": "off"}
 _LEAST_NS = 0.5  # a cost below this is drawn there: it was not seen beside the noise
@@ -37,13 +37,11 @@ def supplement(measured: EffectCosts, simulation: Simulation) -> Supplement:
     """
 
     def write(folder: Path) -> list[str]:
-        table, *pictures = SUPPLEMENTS
-        cost_table(measured).to_csv(folder / table, index=False, lineterminator="\n", float_format="%.6g")
+        table = table_of(measured.costs)
+        table.to_csv(folder / SUPPLEMENTS[0], index=False, lineterminator="\n", float_format="%.6g")
         title = f"{simulation.scene.title}: what each effect changes and costs"
         figure = plot_costs(measured, simulation.plan.accuracy, title)
-        for name in pictures:
-            style.save_figure(figure, folder / name)
-        return [*SUPPLEMENTS]
+        return [SUPPLEMENTS[0], *style.save_svg_and_png(figure, folder, "cost")]
 
     return Supplement(cost_lines(measured), {"cost": cost_dict(measured)}, write)
 
@@ -53,16 +51,16 @@ def cost_lines(measured: EffectCosts) -> list[str]:
     rows = [("", "closure alone, planar", "", measured.plain)]
     rows += [(_SHOWN[c.setting], EFFECTS[c.method].title, change_text(c), c.time) for c in measured.costs]
     rows.append(("", "as planned", "", measured.planned))
-    titles, changes = max(len(row[1]) for row in rows), max(len(row[2]) for row in rows)
-    lines = [
+    head = ("", "changes", "ns an impact", "")
+    cells = [
+        (f"{state:<5} {title}", change, _ns(time.median), f" ({_ns(time.low)} to {_ns(time.high)})")
+        for state, title, change, time in rows
+    ]
+    return [
         "  what an effect changes, and what it adds to an impact: measured now, numpy on one thread,",
         f"  {measured.impacts:,} impacts of this scene a call",
-        f"  {'':<5} {'':<{titles}}  {'changes':<{changes}}  ns an impact",
+        *aligned([head, *cells], "<<><"),
     ]
-    for state, title, change, time in rows:
-        numbers = f"{_ns(time.median):>12}   ({_ns(time.low)} to {_ns(time.high)})"
-        lines.append(f"  {state:<5} {title:<{titles}}  {change:<{changes}}  {numbers}")
-    return lines
 
 
 def change_text(cost: Cost) -> str:
@@ -72,35 +70,6 @@ def change_text(cost: Cost) -> str:
     if math.isinf(cost.error):
         return f"whether {cost.quantity} exists"
     return f"{cost.quantity} by {cost.error:.2g}" if cost.error > 0.0 else "nothing"
-
-
-def cost_table(measured: EffectCosts) -> pd.DataFrame:
-    """Exactly cost.csv: a row an effect.
-
-    Returns
-    -------
-    DataFrame
-        kind, method, setting, time_s (median), error, error_unit, repeats, quantity, time_low_s, time_high_s
-        (least and most).
-    """
-    import pandas as pd
-
-    rows = [
-        {
-            "kind": cost.kind,
-            "method": cost.method,
-            "setting": cost.setting,
-            "time_s": cost.time.median,
-            "error": cost.error,
-            "error_unit": cost.error_unit,
-            "repeats": cost.time.repeats,
-            "quantity": cost.quantity,
-            "time_low_s": cost.time.low,
-            "time_high_s": cost.time.high,
-        }
-        for cost in measured.costs
-    ]
-    return pd.DataFrame(rows)
 
 
 def cost_dict(measured: EffectCosts) -> dict[str, Any]:
@@ -133,18 +102,14 @@ def plot_costs(measured: EffectCosts, accuracy: float, title: str) -> Figure:
         110 mm wide, not known to pyplot. Filled markers are on, hollow ones off; an effect that decides
         whether an observable exists lies on the upper edge, one that changes nothing on the lower one.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.ticker import FormatStrFormatter, LogLocator, NullLocator
 
     shown = [cost for cost in measured.costs if not math.isnan(cost.error)]
     finite = [cost.error for cost in shown if 0.0 < cost.error < math.inf] + [accuracy]
     low, high = 0.1 * max(min(finite), _LEAST), 10.0 * max(finite)
-    width = 110.0 / style.MM_PER_INCH
     with style.drawing():
-        text = textwrap.fill(title, int(15.0 * width)).replace("$", r"\$")
-        figure = Figure(figsize=(width, 2.9 + 0.15 * text.count("\n")), layout="constrained")
-        FigureCanvasAgg(figure)
+        text = style.filled(title, WIDTH_MM)
+        figure = style.new_figure(WIDTH_MM, 2.9 + 0.15 * text.count("\n"), "constrained")
         axes = figure.add_subplot()
         axes.set_xscale("log")
         axes.set_yscale("log")
@@ -153,8 +118,13 @@ def plot_costs(measured: EffectCosts, accuracy: float, title: str) -> Figure:
             "accuracy asked for", (0.01, accuracy), xycoords=("axes fraction", "data"), xytext=(0, 2),
             textcoords="offset points", fontsize=6.0, color=style.GREY,
         )  # fmt: skip
-        for cost, styles in zip(shown, style.series_styles([c.method for c in shown]).values(), strict=True):
-            _draw(axes, cost, styles, min(max(cost.error, low), high))
+        for cost, own in zip(shown, style.series_styles([c.method for c in shown]).values(), strict=True):
+            median, least, most = (
+                max(_NS * t, _LEAST_NS) for t in (cost.time.median, cost.time.low, cost.time.high)
+            )
+            label = f"{EFFECTS[cost.method].title}, {_SHOWN[cost.setting]}: {change_text(cost)}"
+            y = min(max(cost.error, low), high)
+            draw_choice(axes, (median, least, most), y, own, filled=cost.setting == "on", label=label)
         axes.set_ylim(0.4 * low, 2.5 * high)
         axes.margins(x=0.1)
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -166,18 +136,6 @@ def plot_costs(measured: EffectCosts, accuracy: float, title: str) -> Figure:
         figure.legend(loc="outside lower center", ncols=2, fontsize=6.6)
         style.fix_layout(figure)
     return figure
-
-
-def _draw(axes: Axes, cost: Cost, series_style: style.SeriesStyle, y: float) -> None:
-    x, left, right = (max(_NS * t, _LEAST_NS) for t in (cost.time.median, cost.time.low, cost.time.high))
-    face = series_style.colour if cost.setting == "on" else "white"
-    axes.errorbar(
-        [x], [y], xerr=[[x - left], [right - x]], fmt="none", ecolor=series_style.colour, elinewidth=0.8
-    )
-    axes.plot(
-        [x], [y], ls="none", marker=series_style.marker, ms=5.0, mfc=face, mec=series_style.colour, mew=0.9,
-        label=f"{EFFECTS[cost.method].title}, {_SHOWN[cost.setting]}: {change_text(cost)}",
-    )  # fmt: skip
 
 
 def _ns(seconds: float) -> str:

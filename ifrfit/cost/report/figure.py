@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ifrfit.cost.inference_costs import OTHER_QUESTION
 from ifrfit.cost.pareto_front import Choice
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STAND_IN = "STAND-IN"
+WIDTH_MM = 110.0
 FRONT_LABEL = "Pareto front"
 ASIDE = "† asks another question: its distance from the posterior is no error of arithmetic"
 _Y_LABELS = {
@@ -33,7 +33,6 @@ _X_LABELS = {
     "physics": "time an impact (s)",
     "arithmetic": "time an impact (s)",
 }
-_LETTERS = 15.0  # of a title to an inch
 _SHORT = 18  # letters of a setting that is written beside its marker
 _LOST = 1e-5  # error in arithmetic from which on impacts are named
 _LEAST = 1e-17  # smaller errors are drawn here, with their number
@@ -56,21 +55,16 @@ def plot(costs: Costs, kind: Kind) -> Figure:
     UsageError
         If that kind was not measured.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     choices = [choice for choice in costs.of(kind) if not math.isnan(choice.error)]
     if not choices:
         raise UsageError(f"Nothing of the kind {kind} was measured.")
     methods = list(dict.fromkeys(choice.method for choice in choices))
     series_styles = style.series_styles(methods)
-    width = 110.0 / style.MM_PER_INCH
-    title = _title(costs, kind, width)
+    title = _title(costs, kind)
     rows = 1 + math.ceil((len(methods) + 2) / 3)
     with style.drawing():
         height = 2.7 + 0.15 * (title.count("\n") + 1) + 0.16 * rows
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = style.new_figure(WIDTH_MM, height, "constrained")
         axes = figure.add_subplot()
         middle = math.sqrt(min(c.time.median for c in choices) * max(c.time.median for c in choices))
         if kind == "arithmetic":
@@ -78,7 +72,9 @@ def plot(costs: Costs, kind: Kind) -> Figure:
         else:
             _front(axes, choices)
         if kind == "inference" and costs.reference is not None and costs.reference.error > 0.0:
-            _floor(axes, costs.reference.error)
+            # below the reference's own error nothing is claimed
+            look: dict[str, Any] = {"color": style.GREY, "lw": 0.8, "zorder": 1}
+            axes.axhline(costs.reference.error, ls=(0, (1, 2)), label="error of the reference", **look)
         for method in methods:
             own = [c for c in choices if c.method == method]
             _draw(axes, own, series_styles[method])
@@ -100,14 +96,14 @@ def plot(costs: Costs, kind: Kind) -> Figure:
     return figure
 
 
-def _title(costs: Costs, kind: Kind, width: float) -> str:
+def _title(costs: Costs, kind: Kind) -> str:
     fit = costs.fit
     names = ", ".join(f"{s.name} ({provenance_words(kinds_of(fit, s))})" for s in fit.inputs)
     about = costs.about.get(kind, "")
     text = f"{names}: what accuracy costs, {kind}" + (f"; {about}" if about else "")
     if is_stand_in(fit):
         text = f"{STAND_IN} data. {text}"
-    return textwrap.fill(text, int(_LETTERS * width)).replace("$", r"\$")
+    return style.filled(text, WIDTH_MM)
 
 
 def _front(axes: Axes, choices: Sequence[Choice]) -> None:
@@ -121,42 +117,42 @@ def _front(axes: Axes, choices: Sequence[Choice]) -> None:
 def _draw(axes: Axes, choices: Sequence[Choice], series_style: style.SeriesStyle) -> None:
     """One method: settings joined in their order, the spread of the times, filled where on the front."""
     x, y = [c.time.median for c in choices], [max(c.error, _LEAST) for c in choices]
-    left = [c.time.median - c.time.low for c in choices]
-    right = [c.time.high - c.time.median for c in choices]
-    axes.errorbar(
-        x, y, xerr=[left, right], fmt="none",
-        ecolor=series_style.colour, elinewidth=0.8, capsize=1.5, zorder=2,
-    )  # fmt: skip
     method = choices[0].method
     axes.plot(x, y, color=series_style.colour, ls=series_style.line, lw=1.0, zorder=3)
     for choice, a, b in zip(choices, x, y, strict=True):
-        face = series_style.colour if choice.on_front else "white"
-        axes.plot(
-            a,
-            b,
-            ls="none",
-            marker=series_style.marker,
-            ms=4.5,
-            mfc=face,
-            mec=series_style.colour,
-            mew=0.9,
-            zorder=4,
-        )
+        draw_choice(axes, (a, choice.time.low, choice.time.high), b, series_style, filled=choice.on_front)
         if choice.error < _LEAST:
             axes.annotate(
                 f"{error_text(choice.error)} ↓", (a, b), xytext=(2, -9), textcoords="offset points",
                 fontsize=5.8, color=style.GREY, ha="right", zorder=5,
             )  # fmt: skip
     label = method_name(method) + (" †" if method in OTHER_QUESTION else "")
-    axes.plot(
-        [],
-        [],
-        color=series_style.colour,
-        ls=series_style.line,
-        marker=series_style.marker,
-        ms=4.5,
-        label=label,
-    )
+    own: dict[str, Any] = {
+        "color": series_style.colour,
+        "ls": series_style.line,
+        "marker": series_style.marker,
+    }
+    axes.plot([], [], ms=4.5, label=label, **own)
+
+
+def draw_choice(
+    axes: Axes,
+    times: tuple[float, float, float],
+    y: float,
+    own: style.SeriesStyle,
+    *,
+    filled: bool,
+    **more: Any,
+) -> None:
+    """Draw a marker at the median of some times, with their least and largest as a bar."""
+    x, low, high = times
+    axes.errorbar(
+        x, y, xerr=[[x - low], [high - x]], fmt="none", ecolor=own.colour, elinewidth=0.8, capsize=1.5,
+        zorder=2,
+    )  # fmt: skip
+    face = own.colour if filled else "white"
+    look: dict[str, Any] = {"marker": own.marker, "ms": 4.5, "mfc": face, "mec": own.colour, "mew": 0.9}
+    axes.plot(x, y, ls="none", zorder=4, **look, **more)
 
 
 def _name_ends(axes: Axes, choices: Sequence[Choice], middle: float) -> None:
@@ -185,8 +181,3 @@ def _draw_questions(axes: Axes, choices: Sequence[Choice]) -> None:
                 f"{choice.setting}: {worst}", (choice.time.median, choice.error), xytext=(5, -2),
                 textcoords="offset points", fontsize=5.8, color=style.GREY, zorder=5,
             )  # fmt: skip
-
-
-def _floor(axes: Axes, error: float) -> None:
-    """Below the reference's own error nothing is claimed."""
-    axes.axhline(error, color=style.GREY, ls=(0, (1, 2)), lw=0.8, zorder=1, label="error of the reference")

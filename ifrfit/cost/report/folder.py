@@ -6,10 +6,10 @@ from pathlib import Path
 
 from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import KINDS
-from ifrfit.report.folder import Contents, deliver
-from ifrfit.report.style import save_figure
+from ifrfit.report.atomic_folder import Contents, deliver
+from ifrfit.report.style import SUFFIXES, save_svg_and_png
 
-FIGURES = tuple(f"cost-{kind}.{suffix}" for kind in KINDS for suffix in ("svg", "png"))
+FIGURES = tuple(f"cost-{kind}.{suffix}" for kind in KINDS for suffix in SUFFIXES)
 COSTS = Contents("cost.csv", FIGURES, "measurement of costs")
 
 
@@ -31,10 +31,7 @@ def write_costs(costs: Costs, out: Path, *, force: bool) -> list[str]:
         costs.table().to_csv(folder / COSTS.record, index=False, lineterminator="\n", float_format="%.6g")
         names = [COSTS.record]
         for kind in costs.kinds:
-            figure = costs.plot(kind)
-            for suffix in ("svg", "png"):
-                names.append(f"cost-{kind}.{suffix}")
-                save_figure(figure, folder / names[-1])
+            names += save_svg_and_png(costs.plot(kind), folder, f"cost-{kind}")
         return names
 
     return deliver(fill, out, COSTS, force=force)

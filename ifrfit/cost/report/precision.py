@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 
 from ifrfit.cost.arithmetic_costs import DOUBLE, GIVEN, SINGLE, VELOCITIES
 from ifrfit.cost.timing import Cost
+from ifrfit.report.terminal import aligned
+from ifrfit.text import power_of_ten
 
 ACCURACY = 1e-3
 _HEADS = {VELOCITIES: "v, spin"}
@@ -38,14 +40,11 @@ def precision_table(costs: Sequence[Cost], precision: str) -> list[list[str]]:
 
 def precision_lines(costs: Sequence[Cost]) -> list[str]:
     """Both tables for a terminal, at most 100 columns."""
-    lines = []
+    lines: list[str] = []
     for precision in (SINGLE, DOUBLE):
         head, *rows = precision_table(costs, precision)
         head[0] = precision
-        widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
-        for row in (head, *rows):
-            cells = "  ".join(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))
-            lines.append(f"  {row[0]:<{widths[0]}}  {cells}".rstrip())
+        lines += aligned([head, *rows], "<".ljust(len(head), ">"))
         lines.append("")
     return lines[:-1]
 
@@ -97,7 +96,4 @@ def _named(costs: Iterable[Cost]) -> str:
 
 def _digit(error: float) -> str:
     """One digit and its power of ten, as 8e-8."""
-    if error == 0.0 or math.isinf(error):
-        return "lost" if error else "0"
-    digit, _, exponent = f"{error:.0e}".partition("e")
-    return f"{digit}e{int(exponent)}"
+    return "lost" if math.isinf(error) else power_of_ten(error)

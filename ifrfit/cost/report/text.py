@@ -11,14 +11,13 @@ import numpy as np
 
 from ifrfit.cost.compared_estimates import free_names
 from ifrfit.cost.inference_costs import Reference
-from ifrfit.cost.machine import Machine
 from ifrfit.cost.pareto_front import Choice
 from ifrfit.cost.report.sentences import choice_name, error_text, sentences
 from ifrfit.cost.result import Costs
-from ifrfit.cost.timing import Kind
+from ifrfit.cost.timing import Kind, machine
 from ifrfit.physics import CLOSURES
 from ifrfit.report.sentences import noise_words
-from ifrfit.report.terminal import finding_lines, source_lines, wrapped
+from ifrfit.report.terminal import aligned, finding_lines, source_lines, wrapped
 from ifrfit.text import duration, joined, power_of_ten
 
 FRONT = "*"
@@ -36,7 +35,8 @@ def summary(costs: Costs) -> str:
     """
     lines = source_lines(costs.fit)
     lines += wrapped(_model(costs), 2)
-    lines += wrapped(f"measured now, on {machine()}; {FRONT}: nothing here is both as fast and as exact", 2)
+    front = f"{FRONT}: nothing here is both as fast and as exact"
+    lines += wrapped(f"measured now, on {machine_words()}; {front}", 2)
     for kind in costs.kinds:
         lines += ["", *wrapped(heading(costs, kind), 4), ""]
         lines += _precisions(costs) if kind == "arithmetic" else _table(costs.of(kind))
@@ -55,9 +55,12 @@ def html(costs: Costs) -> str:
     return f"<pre>{escape(summary(costs))}</pre>"
 
 
-def machine() -> str:
+def machine_words() -> str:
     """Processors and versions."""
-    return f"{Machine.this().words}, Python {platform.python_version()}, numpy {np.__version__}"
+    own = machine()
+    cores = f"{own['cores']} core{'s' if own['cores'] != 1 else ''}"
+    where = f"{own['architecture']}, {own['system']}"
+    return f"{cores} ({where}), Python {platform.python_version()}, numpy {np.__version__}"
 
 
 def heading(costs: Costs, kind: Kind) -> str:
@@ -101,22 +104,14 @@ def _precisions(costs: Costs) -> list[str]:
 
 def _table(choices: Sequence[Choice]) -> list[str]:
     quantities = list(dict.fromkeys(name for choice in choices for name in choice.errors))
-    head = ["", "", "time", "from", "to", *(_HEADS.get(name, name) for name in quantities)]
-    rows = [
-        [
-            FRONT if choice.on_front else "",
-            choice_name(choice),
-            *(duration(s) for s in (choice.time.median, choice.time.low, choice.time.high)),
-            *(error_text(choice.errors[name]) if name in choice.errors else "" for name in quantities),
-        ]
-        for choice in choices
-    ]
-    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
-    widths[1] = min(widths[1], _NAMES)
-    lines = []
-    for row in [head, *rows]:
-        parts = textwrap.wrap(row[1], widths[1], subsequent_indent="  ", break_on_hyphens=False) or [""]
-        cells = "  ".join(cell.rjust(width) for cell, width in zip(row[2:], widths[2:], strict=True))
-        lines.append(f"  {row[0]:<{widths[0]}} {parts[0]:<{widths[1]}}  {cells}")
-        lines += [f"  {'':<{widths[0]}} {part}" for part in parts[1:]]
-    return lines
+    cells = [["", "time", "from", "to", *(_HEADS.get(name, name) for name in quantities)]]
+    for choice in choices:
+        # a long name is wrapped: the lines under it hold nothing else
+        first, *more = textwrap.wrap(
+            choice_name(choice), _NAMES, subsequent_indent="  ", break_on_hyphens=False
+        )
+        times = (duration(s) for s in (choice.time.median, choice.time.low, choice.time.high))
+        errors = (error_text(choice.errors[name]) if name in choice.errors else "" for name in quantities)
+        cells.append([f"{FRONT if choice.on_front else ' '} {first}", *times, *errors])
+        cells += [[f"  {part}", *[""] * (len(cells[0]) - 1)] for part in more]
+    return aligned(cells, "<".ljust(len(cells[0]), ">"))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ifrfit.cost.machine import Machine
 from ifrfit.cost.result import Costs
-from ifrfit.cost.timing import Kind
+from ifrfit.cost.timing import Kind, machine
 from ifrfit.inference.io.plain import to_plain
 
 SCHEMA = "ifrfit/cost/1"
@@ -37,7 +36,7 @@ def to_dict(costs: Costs) -> dict[str, Any]:
     """
     fit = costs.fit.to_dict()
     own = {
-        "machine": Machine.this(),
+        "machine": machine(),
         "kinds": {kind: _kind(costs, kind) for kind in costs.kinds},
         "costs": costs.table().to_dict("records"),
         "notes": costs.notes,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,8 @@ from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import INDIFFERENT, title
 from ifrfit.report import panels, style
 from ifrfit.report.figures import MOST_COLUMNS
+from ifrfit.report.legend import series_label
+from ifrfit.report.markers import handle
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import has_angle
 from ifrfit.report.style import GREY
@@ -40,23 +41,19 @@ def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
     matplotlib.figure.Figure
         85 mm wide an observable (at most three; those that depend on the angle), not known to pyplot.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     observables = observables_over_angle(comparison)
     columns = max(1, len(observables))
     count = len(comparison.entries)
-    width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
+    width_mm = columns * style.PANEL_WIDTH_MM
     styles = style.series_styles(list(comparison.entries))
-    heading = textwrap.fill(comparison.verdict.says, int(_LETTERS * width)) if titled else ""
+    heading = style.filled(comparison.verdict.says, width_mm, _LETTERS) if titled else ""
     body = (_DATA + count * _STRIP) if observables else 0.0
     bars = 0.2 + count * _BAR
     with style.drawing():
         legend = _legend(comparison, styles, observables)
         lines = math.ceil(len(legend) / (2 * columns))
         height = body + bars + 0.16 * len(heading.splitlines()) + 0.15 * lines + 0.7
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = style.new_figure(width_mm, height, "constrained")
         figure.get_layout_engine().set(w_pad=0.05, h_pad=0.03)  # type: ignore[union-attr, call-arg]
         grid = figure.add_gridspec(2, columns, height_ratios=[max(body, 1e-3), bars])
         for number, observable in enumerate(observables):
@@ -71,7 +68,7 @@ def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
             weight = "bold" if is_stand_in(comparison.best) else "normal"
             figure.suptitle(heading, fontsize=7.5, weight=weight)
         figure.legend(
-            handles=[handle for handle, _ in legend],
+            handles=[mark for mark, _ in legend],
             labels=[label for _, label in legend],
             loc="outside lower center",
             ncols=2 * columns,
@@ -196,11 +193,7 @@ def _legend(
     markers = style.series_styles([str(name) for name in points["series"].unique()])
     shown = points["series"][points["observable"].isin(observables)].unique()
     for name in map(str, shown):
-        kinds = ", ".join(dict.fromkeys(points["provenance"][points["series"] == name]))
-        mark = Line2D([], [], ls="none", marker=markers[name].marker, ms=4.2, mfc="white", mec="black")
-        # a leading underscore would hide the entry, dollars would be read as mathematics
-        label = textwrap.fill(f"{name} ({kinds or 'provenance not stated'})", 40).replace("$", r"\$")
-        entries.append((mark, f" {label}" if label.startswith("_") else label))
+        entries.append((handle(markers[name].marker, 4.2, "white", "black"), series_label(points, name, 40)))
     return entries
 
 

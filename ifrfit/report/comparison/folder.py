@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ifrfit.inference.comparison import Comparison
-from ifrfit.report.folder import Contents, deliver
-from ifrfit.report.style import save_figure
+from ifrfit.report.atomic_folder import Contents, deliver
+from ifrfit.report.style import save_svg_and_png
 
 COMPARISON = Contents("compare.json", ("compare.svg", "compare.png"), "comparison")
 
@@ -22,9 +22,6 @@ def write_comparison(comparison: Comparison, out: Path, *, force: bool) -> list[
 
     def fill(folder: Path) -> list[str]:
         comparison.save(folder / COMPARISON.record)
-        figure = comparison.plot()
-        for name in COMPARISON.others:
-            save_figure(figure, folder / name)
-        return [COMPARISON.record, *COMPARISON.others]
+        return [COMPARISON.record, *save_svg_and_png(comparison.plot(), folder, "compare")]
 
     return deliver(fill, Path(out), COMPARISON, force=force)

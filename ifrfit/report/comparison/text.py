@@ -14,7 +14,7 @@ from ifrfit.inference.result.types import Interval
 from ifrfit.report.comparison.criteria_columns import CROSS_VALIDATION, Column, criteria, cross_validated
 from ifrfit.report.comparison.findings import findings, prior_line
 from ifrfit.report.sentences import noise_words
-from ifrfit.report.terminal import WIDTH, finding_lines, source_lines, wrapped
+from ifrfit.report.terminal import WIDTH, aligned, finding_lines, source_lines, wrapped
 from ifrfit.text import decimals, fixed, interval_text, joined, sd_text
 
 
@@ -49,23 +49,9 @@ def html(comparison: Comparison) -> str:
 def _table(comparison: Comparison, columns: Sequence[Column]) -> list[str]:
     """One line a closure, the best first."""
     ranked = comparison.ranked
-    cells = [[title(name) for name in ranked]]
-    cells += [[cell(comparison.entries[name]) for name in ranked] for _, cell in columns]
-    return _aligned(["closure", *(head for head, _ in columns)], cells)
-
-
-def _aligned(heads: Sequence[str], columns: Sequence[Sequence[str]]) -> list[str]:
-    """Columns under their heads: the first to the left, the rest to the right."""
-    widths = [max(len(head), *map(len, column)) for head, column in zip(heads, columns, strict=True)]
-    rows = [list(heads), *(list(row) for row in zip(*columns, strict=True))]
-    return [
-        "  "
-        + "  ".join(
-            f"{cell:<{width}}" if number == 0 else f"{cell:>{width}}"
-            for number, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
+    head = ["closure", *(head for head, _ in columns)]
+    rows = [[title(name), *(cell(comparison.entries[name]) for _, cell in columns)] for name in ranked]
+    return aligned([head, *rows], "<".ljust(len(head), ">"))
 
 
 def _prior_lines(comparison: Comparison) -> list[str]:
@@ -73,11 +59,11 @@ def _prior_lines(comparison: Comparison) -> list[str]:
     if len(comparison.priors) == 1:
         return []
     best, *others = comparison.ranked
-    columns = [[row.varied or "priors as stated" for row in comparison.priors]]
-    for name in others:
-        found = [row.log_bayes_factor(name, best) for row in comparison.priors]
-        columns.append(["-" if x is None else fixed(x, 2) for x in found])
-    return _aligned([f"log BF against {title(best)}", *(title(name) for name in others)], columns)
+    rows = [[f"log BF against {title(best)}", *(title(name) for name in others)]]
+    for row in comparison.priors:
+        found = [row.log_bayes_factor(name, best) for name in others]
+        rows.append([row.varied or "priors as stated", *("-" if x is None else fixed(x, 2) for x in found)])
+    return aligned(rows, "<".ljust(len(rows[0]), ">"))
 
 
 def _plane_lines(comparison: Comparison) -> list[str]:
@@ -88,16 +74,14 @@ def _plane_lines(comparison: Comparison) -> list[str]:
         f"  psi plane, V_t/U_n over U_t/U_n with free slopes: {plane.n} rows, {plane.n_sticking} stick, "
         f"{plane.n_sliding} slide"
     )
-    rows = [(words, *_slope_cells(slope), slope) for words, slope in _slopes(plane)]
-    widths = [max(len(str(row[i])) for row in rows) for i in range(4)]
+    slopes = _slopes(plane)
+    cells = aligned([(words, *_slope_cells(slope)) for words, slope in slopes], "<>><", indent="    ")
     lines = wrapped(head, 4)
-    for *cells, slope in rows:
-        words, value, error, span = (str(cell) for cell in cells)
-        start = f"    {words:<{widths[0]}}  {value:>{widths[1]}}  {error:>{widths[2]}}  {span:<{widths[3]}}"
-        lines.append(start)
-        lines += textwrap.wrap(
+    for line, (_, slope) in zip(cells, slopes, strict=True):
+        expected = textwrap.wrap(
             _expected(slope), WIDTH, initial_indent=" " * 6, subsequent_indent=" " * 8, break_on_hyphens=False
         )
+        lines += [line, *expected]
     return lines
 
 

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.physics import CLOSURES
 from ifrfit.report.page.blocks import Report, Section
 from ifrfit.report.page.registries import SECTIONS
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.page.verdict import badges, verdict
-from ifrfit.report.sentences import headline
+from ifrfit.report.sentences import closure_title, headline
 from ifrfit.text import joined
 
 if TYPE_CHECKING:
@@ -49,5 +48,4 @@ def assemble(result: FitResult, appraisal: Appraisal, figure: Figure | None = No
 
 def title(result: FitResult) -> str:
     """What was fitted, and with which closure."""
-    closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
-    return f"{joined([source.name for source in result.inputs]) or 'No source'}: {closure}"
+    return f"{joined([source.name for source in result.inputs]) or 'No source'}: {closure_title(result)}"

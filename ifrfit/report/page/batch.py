@@ -11,17 +11,16 @@ from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
-from ifrfit.physics import CLOSURES
 from ifrfit.report.page.assembly import title
 from ifrfit.report.page.blocks import Picture
-from ifrfit.report.page.drawings.forest import draw_forest
+from ifrfit.report.page.drawings.intervals import draw_forest
 from ifrfit.report.page.html import asset, fill
 from ifrfit.report.page.verdict import verdict
 from ifrfit.report.page.writing import check_free, put, report_files
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words
-from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import headline
-from ifrfit.text import fixed, interval_text, sd_text
+from ifrfit.report.rounding import by_series, labelled, plus_minus, span_text, value_text
+from ifrfit.report.sentences import closure_title, headline
+from ifrfit.text import fixed
 
 INDEX = "index.html"
 _SAFE = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-"
@@ -131,19 +130,13 @@ def index(entries: Sequence[Entry]) -> str:
 
 def _constants(result: FitResult) -> dict[str, list[tuple[str, Estimate]]]:
     """Estimates by constant, with the series where separate; kappa and beta in sticking beside them."""
-    found: dict[str, list[tuple[str, Estimate]]] = {}
     entries = {**result.constants, "kappa": result.derived.get("kappa")}
-    for name, entry in entries.items():
-        if isinstance(entry, Estimate):
-            found[name] = [("", entry)]
-        elif entry:
-            found[name] = [(series, one) for series, one in entry.items() if isinstance(one, Estimate)]
-    return found
+    found = {name: list(by_series(entry).items()) for name, entry in entries.items()}
+    return {name: estimates for name, estimates in found.items() if estimates}
 
 
 def _row(entry: Entry, constants: Sequence[str]) -> list[Cell]:
     result = entry.result
-    closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
     kinds = dict.fromkeys(kind for source in result.inputs for kind in kinds_of(result, source))
     data = ", ".join(source.name for source in result.inputs)
     evidence = result.fit.log_evidence
@@ -152,7 +145,7 @@ def _row(entry: Entry, constants: Sequence[str]) -> list[Cell]:
         entry.name,
         data,
         provenance_words(tuple(kinds)),
-        closure,
+        closure_title(result),
         title_of(result.method),
     )
     return [
@@ -171,16 +164,14 @@ def _estimates(found: Sequence[tuple[str, Estimate]]) -> Cell:
     estimate = found[0][1]
     more = f" and {len(found) - 1} more" if len(found) > 1 else ""
     if estimate.value is None:
-        span = interval_text(estimate.interval95, places_of(estimate))
-        return Cell(span + more, "", _status(estimate))
-    sd = "" if estimate.stderr is None else f" ± {sd_text(estimate.stderr)}"
-    return Cell(value_text(estimate) + sd + more, repr(estimate.value), _status(estimate))
+        return Cell(span_text(estimate) + more, "", _status(estimate))
+    return Cell(plus_minus(estimate) + more, repr(estimate.value), _status(estimate))
 
 
 def _label(entry: Entry, series: str) -> str:
     """A line of a forest plot: a stand-in says so there, too."""
     kind = " (stand-in)" if is_stand_in(entry.result) else ""
-    return f"{entry.name}{kind} [{series}]" if series else f"{entry.name}{kind}"
+    return labelled(f"{entry.name}{kind}", series)
 
 
 def _status(estimate: Estimate) -> str:
@@ -196,7 +187,6 @@ def _forest(name: str, entries: Sequence[Entry], number: int) -> Picture | None:
     if not any(estimate.status != "fixed" for _, estimate in lines):
         return None
     described = "; ".join(
-        f"{label}: {value_text(estimate)}, 95 % {interval_text(estimate.interval95, places_of(estimate))}"
-        for label, estimate in lines
+        f"{label}: {value_text(estimate)}, 95 % {span_text(estimate)}" for label, estimate in lines
     )
     return Picture(f"forest-{number}", f"{name} in each result", f"{described}.", draw_forest(name, lines))

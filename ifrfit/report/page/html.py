@@ -50,13 +50,13 @@ def fill(template: str, *, script: str, **content: Any) -> str:
     )
 
 
-def environment() -> Environment:
-    """Jinja2 with escaping on and undefined names refused."""
+def environment(*, autoescape: bool = True) -> Environment:
+    """Jinja2 that refuses undefined names, and escapes what means something in HTML if `autoescape`."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     found = Environment(
         loader=PackageLoader("ifrfit.report.page"),
-        autoescape=True,
+        autoescape=autoescape,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
+from ifrfit.report.rounding import by_series
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,10 +43,5 @@ class ReportInput:
     @cached_property
     def kappas(self) -> dict[str, Estimate]:
         """kappa by label, where it is not fixed."""
-        kappa = self.result.derived.get("kappa")
-        found = kappa if isinstance(kappa, Mapping) else {"": kappa}
-        return {
-            entry_name("kappa", series): each
-            for series, each in found.items()
-            if isinstance(each, Estimate) and each.status != "fixed"
-        }
+        kappa = by_series(self.result.derived.get("kappa"))
+        return {entry_name("kappa", series): each for series, each in kappa.items() if each.status != "fixed"}

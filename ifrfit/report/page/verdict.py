@@ -5,13 +5,12 @@ from __future__ import annotations
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
-from ifrfit.physics import CLOSURES
 from ifrfit.report.page.blocks import Badge
 from ifrfit.report.provenance import STAND_IN, is_stand_in, kinds_of, provenance_words
 from ifrfit.report.regimes import count_impacts, has_angle
-from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import HEADLINES, QUIET_FACTS, headline, undetermined
-from ifrfit.text import interval_text, joined, sd_text
+from ifrfit.report.rounding import plus_minus, span_text, value_text
+from ifrfit.report.sentences import HEADLINES, QUIET_FACTS, closure_title, headline, undetermined
+from ifrfit.text import joined
 
 MOST_NAMED = 6
 VERBS = {
@@ -33,8 +32,7 @@ def badges(result: FitResult) -> tuple[Badge, ...]:
         )
         for kind in kinds
     ]
-    closure = CLOSURES[result.closure].title if result.closure in CLOSURES else result.closure
-    found = [*tones, Badge(f"closure {closure}"), Badge(title_of(result.method))]
+    found = [*tones, Badge(f"closure {closure_title(result)}"), Badge(title_of(result.method))]
     if headline(result):
         found.append(Badge("needs attention", "look"))
     return tuple(found)
@@ -74,16 +72,15 @@ def _group(estimate: Estimate) -> str:
 
 def _estimate_words(name: str, estimate: Estimate) -> str:
     label = name.replace("[", " [")
-    span = interval_text(estimate.interval95, places_of(estimate))
+    span = span_text(estimate)
     if estimate.status == "fixed":
         return f"{label} = {value_text(estimate)}"
     if estimate.value is None:
         if span == "any value":
             return label
         return f"{label} {span} (95 %)" if span[0] in "<>" else f"{label} (95 % in {span})"
-    sd = "" if estimate.stderr is None else f" ± {sd_text(estimate.stderr)}"
     side = f" (one-sided, 95 % in {span})" if estimate.status == "one_sided" else ""
-    return f"{label} = {value_text(estimate)}{sd}{side}"
+    return f"{label} = {plus_minus(estimate)}{side}"
 
 
 def _shortened(words: list[str]) -> list[str]:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import uuid
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +9,7 @@ from typing import TYPE_CHECKING
 from ifrfit.errors import UsageError
 from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.page.assembly import assemble
 from ifrfit.report.page.html import render
 from ifrfit.report.page.plugins import GENERATOR
@@ -97,38 +95,23 @@ def _is_ours(path: Path) -> bool:
 
 
 def put(folder: Path, files: Files, *, force: bool) -> None:
-    """Put files into a folder, each in one step and all of them prepared before the first.
+    """Put the files of reports into a folder, all of them prepared before the first is in place.
 
     Raises
     ------
     UsageError
         If one of the names is taken by a file of others, or nothing can be written.
     """
-    try:
+    if folder.is_dir():
         for name in files:
-            _check_companion(folder / name, force=force)
-        folder.mkdir(parents=True, exist_ok=True)
-        fresh = folder / f".ifrfit-{uuid.uuid4().hex[:12]}.new"
-        try:
-            _write_all(fresh, files)
-            # pictures first: the text never refers to one that is not there yet
-            for name in reversed(list(files)):
-                (folder / name).parent.mkdir(parents=True, exist_ok=True)
-                os.replace(fresh / name, folder / name)  # noqa: PTH105
-        finally:
-            shutil.rmtree(fresh, ignore_errors=True)
-    except OSError as error:
-        raise UsageError(
-            f"{folder}: cannot be written ({error.strerror or error}). Choose another place with --out."
-        ) from None
+            if not name.endswith(".png"):
+                check_free(folder / name, force=force)
 
+    def fill(fresh: Path) -> list[str]:
+        for name, content in files.items():
+            (fresh / name).parent.mkdir(exist_ok=True)
+            (fresh / name).write_bytes(content)
+        return [*files]
 
-def _check_companion(path: Path, *, force: bool) -> None:
-    if path.suffix != ".png":
-        check_free(path, force=force)
-
-
-def _write_all(fresh: Path, files: Files) -> None:
-    for name, content in files.items():
-        (fresh / name).parent.mkdir(parents=True, exist_ok=True)
-        (fresh / name).write_bytes(content)
+    # the first is in place last: it never refers to a picture that is not there yet
+    deliver(fill, folder, Contents(next(iter(files)), (), "report"), force=True)

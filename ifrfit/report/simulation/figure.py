@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,19 +55,16 @@ def plot(simulation: Simulation) -> Figure:
     UsageError
         If the simulation is of a single impact.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     if not drawable(simulation):
         raise UsageError("One impact makes no figure: give a condition a range or a distribution.")
     names = simulation.scene.observables
     columns = min(len(names), MOST_COLUMNS)
     rows = math.ceil(len(names) / columns)
-    width = columns * style.PANEL_WIDTH_MM / style.MM_PER_INCH
+    width_mm = columns * style.PANEL_WIDTH_MM
     with style.drawing():
-        title = _title(simulation, width)
-        figure = Figure(figsize=(width, 2.5 * rows + 0.17 * (title.count("\n") + 1)), layout="constrained")
-        FigureCanvasAgg(figure)
+        title = _title(simulation, width_mm)
+        height = 2.5 * rows + 0.17 * (title.count("\n") + 1)
+        figure = style.new_figure(width_mm, height, "constrained")
         for number, name in enumerate(names):
             axes = figure.add_subplot(rows, columns, number + 1)
             _panel(figure, axes, simulation, name)
@@ -77,15 +73,14 @@ def plot(simulation: Simulation) -> Figure:
     return figure
 
 
-def _title(simulation: Simulation, width: float) -> str:
+def _title(simulation: Simulation, width_mm: float) -> str:
     on = [line.title for line in simulation.plan.lines if line.state == "on"]
     effects = f"with {', '.join(on)}" if on else "constant coefficients only"
-    lines = textwrap.wrap(f"{simulation.scene.title}: simulated, {effects}", int(15.0 * width))
     missed = [line.title for line in simulation.plan.lines if line.alarm]
-    remarks = [note for note in simulation.notes if STAND_IN in note]
-    remarks += [f"LOOK: {', '.join(missed)} would matter, but is not computed"] if missed else []
-    lines += [part for sentence in remarks for part in textwrap.wrap(sentence, int(15.0 * width))]
-    return "\n".join(line.replace("$", "\\$") for line in lines)
+    sentences = [f"{simulation.scene.title}: simulated, {effects}"]
+    sentences += [note for note in simulation.notes if STAND_IN in note]
+    sentences += [f"LOOK: {', '.join(missed)} would matter, but is not computed"] if missed else []
+    return "\n".join(style.filled(sentence, width_mm) for sentence in sentences)
 
 
 def _panel(figure: Figure, axes: Axes, simulation: Simulation, name: str) -> None:

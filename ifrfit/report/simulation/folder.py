@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ifrfit.report.folder import Contents, check_free, deliver
+from ifrfit.inference.io import json_text
+from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.simulation.figure import drawable, plot
 from ifrfit.report.simulation.supplement import Supplement
-from ifrfit.report.style import save_figure
+from ifrfit.report.style import save_svg_and_png
 
 if TYPE_CHECKING:
     from ifrfit.simulation.result import Simulation
@@ -18,17 +18,6 @@ TABLES = ("rebounds.csv", "impacts.csv")
 FIGURES = ("simulation.svg", "simulation.png")
 SUPPLEMENTS = ("cost.csv", "cost.svg", "cost.png")  # of an earlier run: they go with what they belong to
 SIMULATION = Contents("simulation.json", (*TABLES, *FIGURES, *SUPPLEMENTS), "simulation")
-
-
-def check_simulation_folder(out: Path) -> None:
-    """Refuse a folder that holds an earlier simulation, before anything is computed.
-
-    Raises
-    ------
-    UsageError
-        As `ifrfit.report.folder.check_free`.
-    """
-    check_free(out, force=False, of=SIMULATION)
 
 
 def write_simulation(
@@ -61,7 +50,7 @@ def write_simulation(
 def dumps(simulation: Simulation, supplement: Supplement | None = None) -> str:
     """simulation.json as text, with the content of the supplement."""
     content = simulation.to_dict() | dict({} if supplement is None else supplement.content)
-    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text.dumps(content)
 
 
 def _fill(simulation: Simulation, folder: Path, supplement: Supplement | None) -> list[str]:
@@ -71,8 +60,5 @@ def _fill(simulation: Simulation, folder: Path, supplement: Supplement | None) -
         table.to_csv(folder / name, index=False, lineterminator="\n")
     names = [SIMULATION.record, *TABLES]
     if drawable(simulation):
-        figure = plot(simulation)
-        for name in FIGURES:
-            save_figure(figure, folder / name)
-            names.append(name)
+        names += save_svg_and_png(plot(simulation), folder, "simulation")
     return names if supplement is None else [*names, *supplement.write(folder)]

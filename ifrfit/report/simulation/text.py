@@ -12,7 +12,7 @@ from ifrfit.physics.closures import get_closure
 from ifrfit.physics.effects import PlanLine
 from ifrfit.physics.scenes import Quantity
 from ifrfit.report.simulation.supplement import Supplement
-from ifrfit.report.terminal import WIDTH
+from ifrfit.report.terminal import WIDTH, aligned
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -159,10 +159,8 @@ def _curves(simulation: Simulation) -> list[str]:
     columns += [(name, _column(wide[name])) for name in names]
     if first["captured"].any():
         columns.append(("captured", [f"{share:.0%}" for share in first["captured"]]))
-    widths = [max(len(title), *map(len, cells)) for title, cells in columns]
-    rows = zip(*(cells for _, cells in columns), strict=True)
-    lines = ["  " + "  ".join(f"{title:>{w}}" for (title, _), w in zip(columns, widths, strict=True))]
-    lines += ["  " + "  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in rows]
+    rows = zip(*([title, *cells] for title, cells in columns), strict=True)
+    lines = aligned(list(rows), ">" * len(columns))
     bands = "  medians +- half of the 68 % band" if simulation.samples > 1 else ""
     return [*lines, *([bands] if bands else []), ""]
 

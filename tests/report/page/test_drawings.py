@@ -14,8 +14,7 @@ from ifrfit.report.page.blocks import Picture
 from ifrfit.report.page.drawings.checks import draw_checks
 from ifrfit.report.page.drawings.corner import draw_corner, regions
 from ifrfit.report.page.drawings.directions import Directions, draw_directions, share_text
-from ifrfit.report.page.drawings.forest import draw_forest
-from ifrfit.report.page.drawings.intervals import Span, draw_intervals
+from ifrfit.report.page.drawings.intervals import Span, draw_forest, draw_intervals
 from ifrfit.report.page.drawings.profiles import draw_profile
 from ifrfit.report.page.drawings.residuals import draw_against, draw_quantiles, quantile_band
 from ifrfit.report.page.report_input import ReportInput

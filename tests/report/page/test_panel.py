@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ifrfit.physics import get_closure, transition_angles, transition_tau
-from ifrfit.report.page.gaussian_summary import coordinates, values_of
+from ifrfit.report.page.explorer import coordinates, values_of
 
 EVERY = ("fixed", "loose", "hostile", "stand-in", "digitised", "lsq")
 

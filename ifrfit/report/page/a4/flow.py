@@ -10,8 +10,7 @@ from typing import Any
 from reportlab.platypus import BaseDocTemplate, CondPageBreak, Frame, KeepTogether, PageTemplate, Spacer
 
 from ifrfit.report.page.a4 import sheet_style as look
-from ifrfit.report.page.a4.figure_block import FigureBlock
-from ifrfit.report.page.a4.pictures import Place, Row, rows_of
+from ifrfit.report.page.a4.pictures import Place, rows_of
 from ifrfit.report.page.a4.sheet_style import literal_paragraph
 from ifrfit.report.page.a4.tables import table_flowable
 from ifrfit.report.page.blocks import (
@@ -53,8 +52,6 @@ class Group:
 
     def flowables(self) -> list[Any]:
         """For the sheets."""
-        if any(isinstance(part, Row) for part in self.parts):
-            return [FigureBlock(self.parts)]
         if self.room is None:
             return [KeepTogether(list(self.parts))] if len(self.parts) > 1 else list(self.parts)
         return [CondPageBreak(self.room), *self.parts]

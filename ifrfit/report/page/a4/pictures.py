@@ -52,28 +52,22 @@ class Row(Flowable):  # type: ignore[misc]
         Takes the place of each when the row is drawn.
     titled : bool
         Whether to write the titles.
-
-    Attributes
-    ----------
-    shrunk : float
-        On top of the scale, for the sheet on which it stands.
     """
 
     def __init__(self, pictures: Sequence[Picture], scale: float, places: list[Place], titled: bool) -> None:
         super().__init__()
         self.pictures, self.scale, self.places, self.titled = pictures, scale, places, titled
-        self.shrunk = 1.0
 
     def wrap(self, width: float, _height: float) -> tuple[float, float]:
         """Width and height that it takes."""
-        tall = max(size_of(picture)[1] for picture in self.pictures) * self.scale * self.shrunk
+        tall = max(size_of(picture)[1] for picture in self.pictures) * self.scale
         return width, tall + (_TITLE if self.titled else 0.0)
 
     def draw(self) -> None:
         """Write the titles, and note the places."""
         _, height = self.wrap(WIDTH, HEIGHT)
         top = height - (_TITLE if self.titled else 0.0)
-        x, scale = 0.0, self.scale * self.shrunk
+        x, scale = 0.0, self.scale
         for picture in self.pictures:
             wide, tall = (length * scale for length in size_of(picture))
             if self.titled:

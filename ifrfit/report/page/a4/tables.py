@@ -21,13 +21,11 @@ _LEAST = 5.0  # below this type is not made smaller: words are cut instead
 
 def table_flowable(table: Table) -> Drawn:
     """The table as wide as it needs, at most as the text; what does not fit wraps inside its cell."""
-    size = _SIZE
-    while True:
-        natural, least = _widths(table, size)
-        if sum(least) <= WIDTH or size <= _LEAST:
-            break
-        size -= 0.2
-    widths = column_widths(natural, least, WIDTH)
+    natural, least = _widths(table, _SIZE)
+    # smaller type where the longest words do not fit side by side
+    size = max(_LEAST, _SIZE * min(1.0, WIDTH / sum(least)))
+    share = size / _SIZE
+    widths = column_widths([share * x for x in natural], [share * x for x in least], WIDTH)
     rows = [
         [
             _cell(cell, widths[i], size, head=number == 0, right=i in table.numbers)
@@ -51,7 +49,7 @@ def table_flowable(table: Table) -> Drawn:
 
 
 def column_widths(natural: Sequence[float], least: Sequence[float], room: float) -> list[float]:
-    """Widths of columns: their natural ones, or the widest cut to one width so that all fit.
+    """Widths of columns: their natural ones, or as much of what they have to give that all fit.
 
     Parameters
     ----------
@@ -64,15 +62,8 @@ def column_widths(natural: Sequence[float], least: Sequence[float], room: float)
         return list(natural)
     if sum(least) >= room:
         return [each * room / sum(least) for each in least]
-    low, high = 0.0, max(natural)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if sum(_cut(natural, least, middle)) <= room else (low, middle)
-    return _cut(natural, least, low)
-
-
-def _cut(natural: Sequence[float], least: Sequence[float], widest: float) -> list[float]:
-    return [max(a, min(b, widest)) for a, b in zip(least, natural, strict=True)]
+    share = (room - sum(least)) / (sum(natural) - sum(least))
+    return [a + share * (b - a) for a, b in zip(least, natural, strict=True)]
 
 
 def _widths(table: Table, size: float) -> tuple[list[float], list[float]]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.model.entry_names import split_name
 from ifrfit.report.constants_rows import constant_symbols
-from ifrfit.report.style import MM_PER_INCH, PANEL_WIDTH_MM
+from ifrfit.report.style import MM_PER_INCH, PANEL_WIDTH_MM, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,21 +24,11 @@ _SYMBOLS = {
 }
 
 
-def blank(width_mm: float, height_mm: float) -> Figure:
-    """An empty figure that pyplot does not know; to be called within `ifrfit.report.style.drawing`."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width_mm / MM_PER_INCH, height_mm / MM_PER_INCH))
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def panel(
     width_mm: float = PANEL_WIDTH_MM, height_mm: float = 58.0, *, left: float = LEFT
 ) -> tuple[Figure, Axes]:
     """A figure with one pair of axes, margins in mm: no solver, so the layout is the same on every run."""
-    figure = blank(width_mm, height_mm)
+    figure = new_figure(width_mm, height_mm / MM_PER_INCH)
     axes = figure.add_axes(
         (
             left / width_mm,
@@ -47,6 +38,21 @@ def panel(
         )
     )
     axes.tick_params(top=False, right=False)
+    return figure, axes
+
+
+def lines_panel(
+    labels: Sequence[str], width_mm: float, names_mm: float, line_mm: float = 6.0
+) -> tuple[Figure, Axes]:
+    """A figure with a line for each label, the first on top, and the labels left of its axes."""
+    count, height_mm = len(labels), 13.0 + line_mm * len(labels)
+    figure = new_figure(width_mm, height_mm / MM_PER_INCH)
+    axes = figure.add_axes(
+        (names_mm / width_mm, 10.0 / height_mm, 1.0 - (names_mm + 4.0) / width_mm, 1.0 - 12.0 / height_mm)
+    )
+    axes.set_ylim(count - 0.4, -0.6)
+    axes.set_yticks(range(count), [plain(label) for label in labels])
+    axes.tick_params(axis="y", length=0)
     return figure, axes
 
 

@@ -7,24 +7,19 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.thresholds import REFUTED
-from ifrfit.report.page.drawings.canvas import blank
+from ifrfit.report.page.drawings.canvas import lines_panel
 from ifrfit.report.style import COLOURS, GREY, drawing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH_MM, LINE_MM, NAMES_MM = 110.0, 6.0, 42.0
 LEAST = 1e-6  # smaller ones are drawn at the edge
 
 
 def draw_checks(p: Mapping[str, float]) -> Figure:
     """Draw each p-value over a logarithmic axis; what lies in the shade fails."""
-    height = 13.0 + LINE_MM * len(p)
     with drawing():
-        figure = blank(WIDTH_MM, height)
-        axes = figure.add_axes(
-            (NAMES_MM / WIDTH_MM, 10.0 / height, (WIDTH_MM - NAMES_MM - 4.0) / WIDTH_MM, 1.0 - 12.0 / height)
-        )
+        figure, axes = lines_panel(list(p), 110.0, 42.0)
         # logarithms on a plain axis: a logarithmic one costs ten times as long to draw
         least, refuted = math.log10(LEAST), math.log10(REFUTED)
         axes.set_xlim(least, 0.1)
@@ -42,8 +37,6 @@ def draw_checks(p: Mapping[str, float]) -> Figure:
                 color=COLOURS[1] if low else COLOURS[0],
                 clip_on=False,
             )
-        axes.set_yticks(range(len(p)), list(p))
-        axes.tick_params(axis="y", length=0)
         powers = range(round(least), 1)
         axes.set_xticks(powers, [f"{10.0**power:g}" for power in powers])
         axes.set_xlabel("p")

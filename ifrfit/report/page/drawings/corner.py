@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.result.types import Interval
-from ifrfit.report.page.drawings.canvas import blank, symbol
-from ifrfit.report.style import COLOURS, GREY, drawing
+from ifrfit.report.page.drawings.canvas import symbol
+from ifrfit.report.style import COLOURS, GREY, MM_PER_INCH, drawing, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +45,7 @@ def draw_corner(columns: Mapping[str, Array], intervals: Mapping[str, Interval])
     height = BOTTOM_MM + n * CELL_MM + (n - 1) * GAP_MM + 2.0
     windows = {name: _window(column) for name, column in columns.items()}
     with drawing():
-        figure = blank(width, height)
+        figure = new_figure(width, height / MM_PER_INCH)
         for row, below in enumerate(names):
             for column, across in enumerate(names[: row + 1]):
                 left = LEFT_MM + column * (CELL_MM + GAP_MM)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.report.page.drawings.canvas import blank, symbol
-from ifrfit.report.style import COLOURS, drawing
+from ifrfit.report.page.drawings.canvas import symbol
+from ifrfit.report.style import COLOURS, MM_PER_INCH, drawing, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,7 +56,7 @@ def draw_directions(found: Directions) -> Figure:
     width = LEFT_MM + n * CELL_MM + 6.0 + BAR_MM + 12.0
     height = BOTTOM_MM + n * LINE_MM + 8.0
     with drawing():
-        figure = blank(width, height)
+        figure = new_figure(width, height / MM_PER_INCH)
         bottom, tall = BOTTOM_MM / height, n * LINE_MM / height
         parts = figure.add_axes((LEFT_MM / width, bottom, n * CELL_MM / width, tall))
         _parts(parts, found)

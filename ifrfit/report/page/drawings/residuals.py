@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.report.markers import draw_markers, draw_residual_axis, residual_limits, ring_outliers, sticks
 from ifrfit.report.outlier_marks import is_outlier
 from ifrfit.report.page.drawings.canvas import panel
 from ifrfit.report.panels import PIXELS, marker_size
-from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle, drawing
+from ifrfit.report.style import GREY, SeriesStyle, drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,15 +39,10 @@ def draw_against(result: FitResult, styles: dict[str, SeriesStyle], x: Array, la
     z = result.points["standardised"].to_numpy(dtype=float)
     with drawing():
         figure, axes = panel()
-        axes.axhline(0.0, color=GREY, lw=0.7)
-        for level in (-2.0, 2.0):
-            axes.axhline(level, color=GREY, lw=0.7, ls=RESIDUAL_DASHES)
         _points(axes, result, styles, x, z)
-        top = _top(z)
-        axes.set_ylim(-top, top)
+        draw_residual_axis(axes, z)
         axes.locator_params(axis="x", integer=True)
         axes.set_xlabel(label)
-        axes.set_ylabel("residual (σ)")
     return figure
 
 
@@ -66,9 +62,8 @@ def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Figure:
         end = max(3.0, 1.1 * float(np.abs(order).max(initial=0.0)))
         axes.plot([-end, end], [-end, end], color=GREY, lw=0.8)
         _points(axes, result, styles, expected, z)
-        top = _top(z)
         axes.set_xlim(-end, end)
-        axes.set_ylim(-top, top)
+        axes.set_ylim(*residual_limits(z))
         axes.set_xlabel("normal quantile (σ)")
         axes.set_ylabel("residual, in order (σ)")
     return figure
@@ -89,18 +84,9 @@ def quantile_band(n: int) -> tuple[Array, Array]:
 
 def _points(axes: Axes, result: FitResult, styles: dict[str, SeriesStyle], x: Array, z: Array) -> None:
     points = result.points
-    series = points["series"].to_numpy()
-    sticking = points["sticking"].map(bool).to_numpy(dtype=bool) & points["gamma_deg"].notna().to_numpy()
+    sticking = sticks(points) & points["gamma_deg"].notna().to_numpy()
     size, pixels = marker_size(len(points)), len(points) > PIXELS
     for name, own in styles.items():
-        for kind, face in ((True, "white"), (False, own.colour)):
-            rows = (series == name) & (sticking == kind) & np.isfinite(x)
-            style: dict[str, Any] = {"mec": own.colour, "mfc": face, "ms": size, "mew": 0.8}
-            axes.plot(x[rows], z[rows], ls="none", marker=own.marker, rasterized=pixels, **style)
-    out = is_outlier(result, points) & np.isfinite(x)
-    axes.plot(x[out], z[out], ls="none", marker="o", ms=10, mfc="none", mec="black", mew=1.1, clip_on=False)
-
-
-def _top(z: Array) -> float:
-    finite = np.abs(z[np.isfinite(z)])
-    return max(3.5, 1.2 * float(finite.max(initial=0.0)))
+        rows = (points["series"] == name).to_numpy() & np.isfinite(x)
+        draw_markers(axes, x[rows], z[rows], sticking[rows], own, size, rasterized=pixels)
+    ring_outliers(axes, x, z, is_outlier(result, points) & np.isfinite(x))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ from ifrfit.report.page.drawings.intervals import Span, draw_intervals
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.regimes import transitions
-from ifrfit.report.rounding import places_of, value_text
+from ifrfit.report.rounding import by_series, labelled, places_of, value_text
 from ifrfit.report.sentences import status_words
 from ifrfit.text import interval_text, sd_text
 
@@ -96,12 +96,8 @@ def derived(result: FitResult) -> list[tuple[str, Estimate]]:
     meaning = None if closure is None or (closure.own and closure.own.meaning) else closure.meaning
     if meaning is None:
         return found  # what a closure itself declares stands beside its constant
-    entry = result.derived.get(meaning.name)
-    each = entry if isinstance(entry, Mapping) else {"": entry}
-    for series, estimate in each.items():
-        if isinstance(estimate, Estimate):
-            found.append((f"{meaning.words} [{series}]" if series else meaning.words, estimate))
-    return found
+    each = by_series(result.derived.get(meaning.name))
+    return found + [(labelled(meaning.words, series), estimate) for series, estimate in each.items()]
 
 
 def _pictures(given: ReportInput) -> list[Picture]:

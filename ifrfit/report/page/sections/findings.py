@@ -8,14 +8,7 @@ from ifrfit.report.page.blocks import Block, Findings, Paragraph
 from ifrfit.report.page.phrases import sentence
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
-from ifrfit.report.provenance import (
-    STAND_IN,
-    contents,
-    kinds_of,
-    left_out,
-    provenance_sentences,
-    reference,
-)
+from ifrfit.report.provenance import STAND_IN, kinds_of, source_sentences
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.sentences import findings, misfit_line, model_line
 
@@ -25,18 +18,11 @@ def build(given: ReportInput) -> Sequence[Block]:
     result = given.result
     paragraphs = []
     for source in result.inputs:
-        origin = provenance_sentences(result, source)
+        sentences = source_sentences(result, source, full=True)
         if STAND_IN in kinds_of(result, source):
             # of several kinds this one is told first
-            paragraphs.append(Paragraph(f"{source.name}: {origin[0]}", "stand-in"))
-            origin = origin[1:]
-        sentences = [
-            f"{source.name}: {contents(result, source)}.",
-            *origin,
-            reference(source, full=True),
-            left_out(source),
-        ]
-        paragraphs.append(Paragraph(" ".join(part for part in sentences if part)))
+            paragraphs.append(Paragraph(f"{source.name}: {sentences.pop(1)}", "stand-in"))
+        paragraphs.append(Paragraph(" ".join(sentences)))
     misfit = misfit_line(result)
     lines = [f"{model_line(result)}", *regime_lines(result, "±"), *([misfit] if misfit else [])]
     paragraphs.append(Paragraph(" ".join(sentence(line) for line in lines)))
