@@ -109,6 +109,13 @@ class Observable:
         """The unit as axes write it."""
         return "–" if self.unit == "1" else self.unit
 
+    @property
+    def ties_e_n(self) -> bool:
+        """Whether the value sees e_n together with the impulse factor."""
+        if self.kind == "tangential":
+            return self.scale != "one"
+        return self.kind == "curved" and not self.without_e_n
+
     def by_form(self, i: Incidence, k: Array, e_n: Array, mu: Array, j: float) -> Array:
         """Values at impulse factors k, by the form of the observable's kind; all broadcast.
 

@@ -74,7 +74,8 @@ def _gaussian(coordinates: Coordinates, found: LeastSquaresFit, theta: Array) ->
     n = int(free.sum())
     root = np.zeros((point.size, point.size))
     values, vectors = np.linalg.eigh(covariance)
-    root[:n, :n] = vectors * np.sqrt(np.maximum(values, 0.0))
+    # the symmetric root is the only one that no rounding turns round: signs of eigenvectors are arbitrary
+    root[:n, :n] = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
     root[n:, n:] = np.diag(spread)
     return coordinates.at(point), root
 

@@ -15,7 +15,6 @@ from ifrfit.inference.model.noise import NoiseModel, Policy
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.observable import Observable
 
 
 def with_propagated_sigma(observations: Observations, error_model: ErrorModel) -> Observations:
@@ -85,14 +84,8 @@ def tied_to_e_n(problem: Problem, error_model: ErrorModel) -> list[str]:
     """Observables whose true angle, integrated out, ties a free e_n to the tangential constants."""
     if not error_model.integrates or problem.parameters["e_n"].fixed is not None:
         return []
-    return [o.name for o in problem.rows.observables if _couples(o)]
-
-
-def _couples(o: Observable) -> bool:
-    """Whether a row sees e_n together with the true angle."""
-    if o.kind == "normal":
-        return o.has_angle
-    return (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n)
+    seen = problem.rows.observables
+    return [o.name for o in seen if o.ties_e_n or (o.kind == "normal" and o.has_angle)]
 
 
 def _check_errors_of_angles(problem: Problem, error_model: ErrorModel) -> None:

@@ -123,6 +123,8 @@ class Latent:
         middle = 0.5 * (edges[1:] + edges[:-1])[..., None]
         at = np.moveaxis(middle + half * t, 0, 2).reshape(*shape, -1)
         width = np.moveaxis(half * w, 0, 2).reshape(*shape, -1)
+        # a piece of no width may stand at an end of the angles, where some observables are not defined
+        at = np.where(width > 0.0, at, 0.5 * (low + high)[:, None])
         center, sd = (y[:, None] for y in self._split())
         with np.errstate(divide="ignore", invalid="ignore"):
             z = (at - center) / sd

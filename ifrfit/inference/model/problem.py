@@ -119,11 +119,9 @@ class Problem:
         k = np.broadcast_to(k, (*k.shape[:-1], len(self.rows)))
         out = np.empty(k.shape)
         free = np.zeros(1, dtype=bool)  # whether a row sticks does not matter once k is known
-        for name, observable in zip(self.rows.names, self.rows.observables, strict=True):
-            at = self.rows.rows_of(name)
-            part = self.rows.take(at)
+        for observable, at, incidence in self.rows.by_observable:
             own_e_n, own_mu = (x if x.shape[-1] == 1 else x[..., at] for x in (e_n, mu))
-            state = rebound_with(part.incidence, k[..., at], free, own_e_n, self.inertia_factor)
+            state = rebound_with(incidence, k[..., at], free, own_e_n, self.inertia_factor)
             out[..., at] = observable.value(state, own_mu)
         return out
 

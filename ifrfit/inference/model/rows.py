@@ -135,6 +135,12 @@ class Rows:
         return np.array(of_observable, dtype=bool)[self.which]
 
     @cached_property
+    def by_observable(self) -> tuple[tuple[Observable, Index, Incidence], ...]:
+        """Each observable that occurs, with its rows and their incidence."""
+        places = [self.rows_of(name) for name in self.names]
+        return tuple((o, at, self.take(at).incidence) for o, at in zip(self.observables, places, strict=True))
+
+    @cached_property
     def impacts(self) -> Index:
         """Impact of each row, (n,), numbered from 0 as they first occur."""
         _, first, inverse = np.unique(self.impact, return_index=True, return_inverse=True)

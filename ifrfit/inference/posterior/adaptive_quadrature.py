@@ -6,13 +6,12 @@ Eq. (7) of ``docs/theory/posterior.md`` is the error estimate that every refinem
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from enum import Enum
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.inference.posterior.convergence import largest_error, panel_errors, quantiles_at_levels
+from ifrfit.inference.posterior.convergence import errors_of_quantiles, largest_error, quantiles_at_levels
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
 from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.layout_marginals import kappa_marginals, marginals_of
@@ -23,7 +22,7 @@ TOLERANCE = 1e-4  # of a standard deviation, and of the log evidence
 
 _ROUNDS = 30
 # Sizes of grids, in values of the density
-_SMALL = 200_000  # up to which a grid is refined as a whole
+_SMALL = 200_000  # up to which a round is cheap
 _LARGE = 1_500_000  # beyond which a round is expensive
 _LAST = 6_000_000  # after which no finer grid is begun
 _MEMORY = 25_000_000  # that would fill the memory (some 4 GB)
@@ -31,20 +30,10 @@ _PATIENCE_LARGE, _PATIENCE = 2, 8  # rounds in which the error must halve, on la
 _HELPFUL = 0.7  # largest share of its error that a round may leave, if the next one is to be like it
 _NEGLIGIBLE = 1e-7  # share of the mass, times the tolerance, that panels of the first grid may lack
 _SMALLEST_ALLOWED = 1e-15
-# Mass of kappa at the end of its domain beyond which e_n does not separate: of a result, and of any grid
-_NO_MASS, _SOME_MASS = 1e-12, 1e-6
+_NO_MASS = 1e-12  # of kappa at the end of its domain, beyond which e_n does not separate
 _NEAR_END = 0.999  # share of kappa's domain at which its end begins
 
 MarginalsOf = Callable[[IntegralLayout, JointDensity], Mapping[str, Marginal]]
-
-
-class Outcome(Enum):
-    """How a refinement ended."""
-
-    CONVERGED = "the evidence and all marginals are within the tolerance"
-    STALLED = "further panels do not make the error smaller"
-    LIMITED = "the next grid would be too large, or there is no time for it"
-    NOT_SEPARABLE = "kappa reaches the end of its domain, where the bound of mu ties it to e_n"
 
 
 def integrate(
@@ -125,8 +114,8 @@ def _refined(
     for separate_e_n in (True, False):
         layout = make_layout(problem, start, tolerance, separate_e_n=separate_e_n)
         refinement = Refinement(layout, tolerance, marginals, over)
-        outcome = refinement.run()
-        if outcome is not Outcome.NOT_SEPARABLE and not refinement.kappa_reaches_end(_NO_MASS):
+        refinement.run()
+        if not refinement.kappa_reaches_end():
             break
     return refinement
 
@@ -163,12 +152,11 @@ class Refinement:
         self.layout, self.tolerance = layout, tolerance
         self._integral, self._marginals_of = layout.integral, marginals
         self._is_over = over if over is not None else lambda: False
-        self._is_unbounded = any(series.is_unbounded for series in self._integral.series)
         self._errors: list[float] = []  # of the marginals, round by round
-        self._allowed = tolerance  # error of the panels along the dominant axes
+        self._allowed = tolerance  # error of all panels of an axis
 
-    def run(self) -> Outcome:
-        """Refine to the end.
+    def run(self) -> None:
+        """Refine until all is within the tolerance, panels no longer help, or the next grid is too large.
 
         Raises
         ------
@@ -183,43 +171,38 @@ class Refinement:
             is_last = round_ == _ROUNDS - 1 or self.density.size() > _LAST or self._is_over()
             if self.evidence_error <= self.tolerance or is_last:
                 self.marginals = self._marginals_of(self.layout, self.density)
-                if self._is_unbounded and self.kappa_reaches_end(_SOME_MASS):
-                    return Outcome.NOT_SEPARABLE
                 self._estimate_error()
-                if max(self.error, self.evidence_error) <= self.tolerance:
-                    return Outcome.CONVERGED
-                if is_last:
-                    return Outcome.LIMITED
-                if self._is_stalled():
-                    return Outcome.STALLED
-            panels = self._integral.panels()
+                if max(self.error, self.evidence_error) <= self.tolerance or is_last or self._is_stalled():
+                    return
+            restore = self._integral.remembered()
             self._refine()
             if self._integral.size() > _MEMORY:
-                self._integral.restore(panels)
+                restore()
                 self.marginals = self._marginals_of(self.layout, self.density)
                 self._estimate_error()
-                return Outcome.LIMITED
-        return Outcome.LIMITED
+                return
 
-    def kappa_reaches_end(self, mass: float) -> bool:
-        """Whether a separated kappa has that mass where the bound of mu ties it to e_n, eq. (8)."""
+    def kappa_reaches_end(self) -> bool:
+        """Whether a separated kappa has mass where the bound of mu ties it to e_n, eq. (8)."""
         if not self.layout.separable:
             return False
-        kappas = kappa_marginals(self.layout, self.density).values()
-        for number in set(self.layout.oblique_series):
-            domain = self._integral.series[number].mu
+        kappas = kappa_marginals(self.layout, self.density)
+        for block, name in enumerate(self.layout.kappa_names):
+            domain = self._integral.series[block].mu
             shared = self._integral.number_of("mu")
             if shared is not None:
                 domain = self._integral.shared[shared].parameter
-            if isinstance(domain, FreeParameter):
-                end = _NEAR_END * domain.upper
-                if any(kappa.mass_above(end) > mass for kappa in kappas):
-                    return True
+            if (
+                isinstance(domain, FreeParameter)
+                and kappas[name].mass_above(_NEAR_END * domain.upper) > _NO_MASS
+            ):
+                return True
         return False
 
     def _lay_first_grid(self) -> None:
         self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
-        if self._integral.size() > _SMALL and self._is_unbounded:
+        is_unbounded = any(series.is_unbounded for series in self._integral.series)
+        if is_unbounded and self._integral.size() > _SMALL:
             self._integral.refine_transitions(self.tolerance)
         if self._is_over():
             raise TimeoutError
@@ -244,27 +227,16 @@ class Refinement:
         return len(self._errors) > patience and self.error > 0.5 * self._errors[-1 - patience]
 
     def _refine(self) -> None:
-        """Split the panels that carry the error, with as little allowed as changes anything.
-
-        Small grids are refined everywhere. On others only the dominant axes are refined beyond the tolerance,
-        as long as that helps.
-        """
-        helps = len(self._errors) < 2 or self._errors[-1] <= _HELPFUL * self._errors[-2]
-        if not helps:
+        """Split the panels that carry the error, with as little allowed as changes anything."""
+        if len(self._errors) > 1 and self._errors[-1] > _HELPFUL * self._errors[-2]:
             self._allowed *= 0.1
-        everywhere = not helps or self.density.size() <= _SMALL
         marginals = self.marginals if self.evidence_error <= self.tolerance else {}
-        errors = panel_errors(marginals, self.tolerance)
-
-        def split() -> bool:
-            allowed = self._allowed if everywhere else self.tolerance
-            return self._integral.refine(self.density, allowed, errors, self._allowed)
-
-        changed = split()
+        errors = errors_of_quantiles(marginals, self.tolerance)
+        changed = self._integral.refine(self.density, self._allowed, errors)
         for marginal in marginals.values():
             if marginal.kinks is not None:
                 axis, places = marginal.kinks(quantiles_at_levels(marginal, self.tolerance)[0])
                 changed |= axis.split(places)
         while not changed and self._allowed > _SMALLEST_ALLOWED:
             self._allowed *= 0.1
-            changed = split()
+            changed = self._integral.refine(self.density, self._allowed, errors)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_FEW = 128  # points below which cosines are cheaper than the steps of a recurrence
+_FEW = 128  # points below which cosines are cheaper than the steps of Clenshaw's recurrence
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,4 @@ def integral_up_to(coefficients: Array, v: Array) -> Array:
     if y.size <= _FEW:  # all polynomials at once
         k = np.arange(coefficients.shape[-1])
         return np.asarray((coefficients * np.cos(k * np.arccos(y)[..., None])).sum(axis=-1))
-    # Clenshaw's recurrence; the last axis broadcasts against v
-    twice = 2.0 * y
-    ahead = np.zeros(np.broadcast_shapes(coefficients.shape[:-1], v.shape))
-    second = ahead
-    for j in range(coefficients.shape[-1] - 1, 0, -1):
-        ahead, second = coefficients[..., j] + twice * ahead - second, ahead
-    return np.asarray(coefficients[..., 0] + y * ahead - second)
+    return np.asarray(chebyshev.chebval(y, np.moveaxis(coefficients, -1, 0), tensor=False))

@@ -25,10 +25,6 @@ Array = NDArray[np.float64]
 
 _STEPS = 4  # Gauss-Newton steps to the mode where rows are not linear
 _DIFFERENCE = 1e-6  # of the closure constant, in derivatives
-# Values of curved rows beyond which the mode is looked for at a few nodes of e_n, and interpolated between:
-# a fit of 1,000 rebound angles with e_n free takes 1.9 times as long without that; smaller ones do not.
-_MANY = 10_000_000
-_FEW = 16  # nodes of e_n
 _CURVED = 3.0  # how much further the tails of rows are followed that are not linear
 
 
@@ -43,17 +39,6 @@ class ConditioningValues:
     e_n: Array
     x: Array
     noise: Array | None
-
-    def at_e_nodes(self, nodes: NDArray[np.intp]) -> ConditioningValues:
-        """Those at some of the nodes of e_n."""
-
-        def some(values: Array) -> Array:
-            return _at_e_nodes(values, nodes, self.e_n.shape[1])
-
-        squares = [Quadratic(some(q.square), some(q.slope), some(q.curvature)) for q in self.squares]
-        return ConditioningValues(
-            squares, some(self.e_n), some(self.x), None if self.noise is None else some(self.noise)
-        )
 
 
 @dataclass(frozen=True)
@@ -132,15 +117,7 @@ def conditional_coordinate(
     """
     lower, upper = domain
     weight = [1.0 / s**2 for s in sigma]
-    few = _few_e_nodes(squares, given)
-    if few is None:
-        at, d, curvature, count = _conditional_mode(squares, noise, weight, c, given, domain)
-    else:
-        # the mode moves smoothly enough with e_n
-        n_e = given.e_n.shape[1]
-        some = _at_e_nodes(lower, few, n_e), _at_e_nodes(upper, few, n_e)
-        at, d, curvature, count = _conditional_mode(squares, noise, weight, c, given.at_e_nodes(few), some)
-        at, d, curvature = (_interpolated(y, given.e_n, few) for y in (at, d, curvature))
+    at, d, curvature, count = _conditional_mode(squares, noise, weight, c, given, domain)
     reference = squares.reference.c
     # rounding leaves a curvature a little below 0 where the constant takes no part
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -205,29 +182,6 @@ def _conditional_mode(
                 for group, q, w in zip(noise, given.squares, weight, strict=True)
             ]
     return at, d, np.asarray(curvature), count
-
-
-def _few_e_nodes(squares: SumOfSquares, given: ConditioningValues) -> NDArray[np.intp] | None:
-    """Nodes of e_n at which the mode is looked for; None for all of them."""
-    n_e = given.e_n.shape[1]
-    values = sum(rows.size for rows in squares.curved_rows) * n_e * given.x.shape[2]
-    if values < _MANY or n_e < 2 * _FEW or given.x.shape[1] > 1:
-        return None
-    return np.unique(np.linspace(0, n_e - 1, _FEW).round().astype(np.intp))
-
-
-def _at_e_nodes(values: Array, nodes: NDArray[np.intp], n_e: int) -> Array:
-    return values[:, nodes] if np.ndim(values) == 3 and values.shape[1] == n_e else values
-
-
-def _interpolated(values: Array, e_n: Array, nodes: NDArray[np.intp]) -> Array:
-    """Linear along e_n between its nodes."""
-    if values.ndim < 3 or values.shape[1] != nodes.size:
-        return values
-    at = e_n[0, :, 0]
-    right = np.clip(np.searchsorted(at[nodes], at), 1, nodes.size - 1)
-    share = ((at - at[nodes[right - 1]]) / (at[nodes[right]] - at[nodes[right - 1]]))[None, :, None]
-    return np.asarray((1.0 - share) * values[:, right - 1] + share * values[:, right])
 
 
 def _broadcast(values: Array, shape: tuple[int, ...]) -> Array:

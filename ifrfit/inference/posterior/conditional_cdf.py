@@ -8,7 +8,7 @@ their complements.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,12 +68,10 @@ class ConditionalCdf:
         found = np.zeros((levels, t.size))
         if not t.size:
             return found
-        step = max(256, _AT_ONCE // t.size)
-        few = max(1, _AT_ONCE // step)
+        few = max(1, _AT_ONCE // max(256, _AT_ONCE // t.size))
         for first in range(0, t.size, few):
             some = slice(first, first + few)
-            for start in range(0, self._at.size, step):
-                part = slice(start, start + step)
+            for part in self._parts(t.size):
                 below = self._below(t[some], part, levels)
                 for level in range(levels):
                     found[level, some] += below[level] @ self._weight[level, part]
@@ -82,19 +80,22 @@ class ConditionalCdf:
     def error_along_c(self, t: Array) -> Array:
         """Change of the probability by the coarse rule along the closure constant alone, (n,)."""
         found = np.zeros(t.size)
-        for start in range(0, self._at.size, _AT_ONCE // t.size):
-            part = slice(start, start + _AT_ONCE // t.size)
+        for part in self._parts(t.size):
             below = self._below(t, part, 2)
             found += (below[1] - below[0]) @ self._weight[0, part]
         return np.asarray(np.abs(found) / self._whole[0])
 
     def density_below(self, t: float) -> Array:
-        """Density of what lies below a threshold at each (outer node, e_n, transition), by the rules."""
+        """Integral over what lies below a threshold at each (outer node, e_n, transition), by the rules."""
         found = np.zeros(math.prod(self._shape))
-        for start in range(0, self._at.size, _AT_ONCE):
-            part = slice(start, start + _AT_ONCE)
+        for part in self._parts(1):
             found[self._at[part]] = self._below(np.array([t]), part, 1)[0, 0]
         return np.asarray(found.reshape(self._shape))
+
+    def _parts(self, thresholds: int) -> Iterator[slice]:
+        """Nodes, so many at once that their arrays stay in the cache."""
+        step = max(256, _AT_ONCE // thresholds)
+        yield from (slice(start, start + step) for start in range(0, self._at.size, step))
 
     def _below(self, t: Array, part: slice, levels: int) -> Array:
         """Integrals up to the thresholds at some nodes, (levels, n, k)."""

@@ -12,11 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS
-from ifrfit.inference.posterior.joint_grid import PanelErrors
+from ifrfit.inference.posterior.density_grid import PanelErrors
 from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.panel_cdf import quantiles
-from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
-from ifrfit.inference.posterior.series_integral import SeriesIntegral
 
 Array = NDArray[np.float64]
 
@@ -87,9 +85,9 @@ def quantiles_at_levels(own: Marginal, accuracy: float) -> tuple[Array, Array]:
     return own.known_quantiles[accuracy]
 
 
-def panel_errors(marginals: Mapping[str, Marginal], tolerance: float) -> PanelErrors:
+def errors_of_quantiles(marginals: Mapping[str, Marginal], tolerance: float) -> list[PanelErrors]:
     """Errors of panels that only distribution functions show, in sd of the quantiles that people ask for."""
-    found: list[tuple[QuadratureAxis | SeriesIntegral, Array]] = []
+    found: list[PanelErrors] = []
     for own in marginals.values():
         sd = own.moments(0)[1]
         if own.errors is not None and sd > 0.0:

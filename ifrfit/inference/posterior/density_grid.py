@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from ifrfit.inference.posterior.series_integral import SeriesIntegral
 from ifrfit.inference.posterior.two_sided_integrals import TwoSidedIntegrals
 
 Array = NDArray[np.float64]
+
+# An axis with the masses and errors of its panels, (panels,); a series for its closure constant, (1,)
+PanelErrors = tuple[QuadratureAxis | SeriesIntegral, Array, Array]
 
 _SINGLE = np.ones((2, 1))  # weights of a single node
 _TINY = 1e-300
@@ -163,34 +166,34 @@ class DensityGrid:
 
     def x_cdf(self, share: Array) -> Callable[[Array, int], Array]:
         """Posterior probability of a transition below x, as a function of x, (..., m, n_e), and of levels."""
-        axis, to_t = self._x_axis, self.series.to_t
-        low, width = axis.low[None], axis.width[None]
-        m, n_e, _ = self.g.shape[1:]
         weight = (self.outer(share)[..., 0] * self.e_weight[:, None]).reshape(2, 1, -1)
         if self.limits is None:
-            total = weight @ self.g.reshape(2, m * n_e, -1)
-            summed = PanelCdf.of_levels(low, width, total.reshape(2, *axis.shape))
-        rows_at = cache(
-            lambda level: PanelCdf.of(low, width, self.g[level].reshape(m * n_e, *axis.shape), level)
-        )
+            summed = PanelCdf.of_levels(self._x_axis, weight @ self.g.reshape(2, weight.shape[-1], -1))
 
         def below(x: Array, levels: int) -> Array:
-            t = to_t(x)
-            if self.limits is None and t.shape[-2:] == (1, 1):
-                return summed.below_in_all(t[..., 0, 0], levels)
-            least = None
-            if self.limits is not None:
-                least, most = (np.broadcast_to(end, (m, n_e)) for end in self.limits)
-                t = np.clip(t, least, most)
-            t = np.broadcast_to(t, (*t.shape[:-2], m, n_e)).reshape(*t.shape[:-2], m * n_e)
-            found = []
-            for level in range(levels):
-                rows = rows_at(level)
-                start = 0.0 if least is None else rows.below(least.reshape(-1))
-                found.append((rows.below(t) - start) @ weight[level, 0])
-            return np.stack(found)
+            if self.limits is None and x.shape[-2:] == (1, 1):
+                return summed.below_in_all(self.series.to_t(x)[..., 0, 0], levels)
+            return np.stack([self.mass_below(x, level) @ weight[level, 0] for level in range(levels)])
 
         return below
+
+    def mass_below(self, x: Array, level: int) -> Array:
+        """Integral over transitions below x, (..., m, n_e), at the outer nodes and e_n, (..., m n_e)."""
+        rows = self._along_x[level]
+        shape = self.g.shape[1:3]
+        t, least = self.series.to_t(x), None
+        if self.limits is not None:
+            least, most = (np.broadcast_to(end, shape) for end in self.limits)
+            t = np.clip(t, least, most)
+        t = np.broadcast_to(t, (*t.shape[:-2], *shape))
+        start = 0.0 if least is None else rows.below(least.reshape(-1))
+        return np.asarray(rows.below(t.reshape(*t.shape[:-2], -1)) - start)
+
+    @cached_property
+    def _along_x(self) -> tuple[PanelCdf, PanelCdf]:
+        """Integrals along the transition by the rules and the coarse ones, one row an outer node and e_n."""
+        fine, coarse = (PanelCdf.of(self._x_axis, self.g[level], level) for level in (0, 1))
+        return fine, coarse
 
     @cached_property
     def two_sided(self) -> TwoSidedIntegrals:
@@ -201,40 +204,11 @@ class DensityGrid:
         negligible = math.exp(-self.series.tail)
         return TwoSidedIntegrals.of(self.f, mass, self.coordinate, self.series.c_order, negligible)
 
-    def x_density_of(self, part: Array, share: Array) -> Array:
-        """Density along the transition of a part of f's integral at each node, (rows, panels, nodes)."""
-        across = self.outer(share)[0] * self.e_weight[0][:, None]
-        return np.asarray(part * self.factor * across).reshape(-1, *self._x_axis.shape)
-
-    def e_density_of(self, part: Array, share: Array) -> Array:
-        """Density along e_n of a part of f's integral at each node, (rows, panels, nodes)."""
-        inner = (part * self.factor * self.x_weight[0]).sum(axis=-1)
-        return np.asarray((inner * self.outer(share)[0, ..., 0]).reshape(-1, *self._e_axis.shape))
-
-    def e_density_below(self, x: Array, share: Array) -> Array:
-        """Density along e_n of what lies below a transition x, (m, n_e), as (rows, panels, nodes)."""
-        axis = self._x_axis
-        m, n_e, _ = self.g.shape[1:]
-        panels = PanelCdf.of(axis.low[None], axis.width[None], self.g[0].reshape(m * n_e, *axis.shape))
-        t = np.broadcast_to(self.series.to_t(x), (m, n_e))
-        start: Array | float = 0.0
-        if self.limits is not None:
-            least, most = (np.broadcast_to(end, (m, n_e)) for end in self.limits)
-            t, start = np.clip(t, least, most), panels.below(least.reshape(-1))
-        below = np.asarray((panels.below(t.reshape(-1)) - start).reshape(m, n_e))
-        return np.asarray((below * self.outer(share)[0, ..., 0]).reshape(-1, *self._e_axis.shape))
-
     @property
     def _x_axis(self) -> QuadratureAxis:
         if self.series.x_axis is None:
             raise ValueError("the transition of this series is not integrated over")
         return self.series.x_axis
-
-    @property
-    def _e_axis(self) -> QuadratureAxis:
-        if self.series.e_axis is None:
-            raise ValueError("e_n of this series is not integrated over")
-        return self.series.e_axis
 
     def discrete_law(self, value: Array, share: Array) -> tuple[Array, Array]:
         """A value at all nodes, (n,), with its probabilities, (2, n); without nodes of no probability."""
@@ -282,20 +256,23 @@ class DensityGrid:
                 found.append((axis, probability.sum(axis=others).reshape(axis.shape).sum(axis=-1)))
         return found
 
-    def panel_errors(self, share: Array) -> list[tuple[QuadratureAxis | None, Array, Array]]:
-        """Axis, masses and errors of its panels; None for the closure constant, which has one of each."""
-        outer = self.outer(share)[0]
-        g, x_weight = self.g[0], self.x_weight[0]
-        across = outer * self.e_weight[0][:, None]
-        found: list[tuple[QuadratureAxis | None, Array, Array]] = []
+    def panel_errors(self, share: Array) -> list[PanelErrors]:
+        """Masses and errors of the panels, and one of each for the closure constant."""
+        found: list[PanelErrors] = []
         for axis, mass in self.panel_masses(share):
-            along = g * across if axis is self.series.x_axis else (g * x_weight).sum(axis=-1) * outer[..., 0]
-            found.append((axis, mass, axis.errors(along.reshape(-1, *axis.shape))))
+            found.append((axis, mass, axis.errors(self.density_along(axis, self.g[0], share))))
         if self.coordinate is not None:
             sides = self.f.reshape(*self.f.shape[:-1], 2, -1) @ rule(self.series.c_order).differences.T
-            part = self.factor * (across * x_weight)
+            part = self.factor * (self.outer(share)[0] * self.e_weight[0][:, None] * self.x_weight[0])
             if sides.shape[0] == sides.shape[1] == 1:
                 part = part.sum(axis=(0, 1), keepdims=True)
             error = (np.abs(sides).sum(axis=-2) * part[..., None]).sum(axis=(0, 1, 2)).max()
-            found.append((None, np.ones(1), np.array([error])))
+            found.append((self.series, np.ones(1), np.array([error])))
         return found
+
+    def density_along(self, axis: QuadratureAxis, inner: Array, share: Array) -> Array:
+        """Density along an axis, (rows, panels, nodes), of an integral over c at each node, (m, n_e, n_x)."""
+        outer = self.outer(share)[0]
+        if axis is self.series.x_axis:
+            return np.asarray((inner * (outer * self.e_weight[0][:, None])).reshape(-1, *axis.shape))
+        return np.asarray(((inner * self.x_weight[0]).sum(axis=-1) * outer[..., 0]).reshape(-1, *axis.shape))

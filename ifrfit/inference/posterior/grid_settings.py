@@ -69,42 +69,23 @@ class GridSettings:
         """Fall of the log density whose mass is far below the tolerance."""
         return 6.0 - 2.0 * math.log(self.tolerance)
 
-    @cached_property
-    def _parameters(self) -> Mapping[str, Parameter]:
-        parameters = self.problem.parameters
-        own = self.problem.closure.constant
-        found = parameters[own] if own else Parameter("", 0.0, 0.0, fixed=0.0)
-        return {"e_n": parameters["e_n"], "c": found, "mu": parameters["mu"]}
-
-    @cached_property
-    def _positions(self) -> Mapping[str, Index]:
-        return self.problem.parameters.positions
-
-    @cached_property
-    def _spreads(self) -> dict[tuple[str, int], tuple[float, float]]:
-        return {}  # by kind and block, once worked out
-
     def parameter(self, kind: str) -> Parameter:
         """e_n, mu or the closure constant c, which closure F has fixed at 0."""
-        return self._parameters[kind]
+        name = self.problem.closure.constant if kind == "c" else kind
+        return Parameter("", 0.0, 0.0, fixed=0.0) if name is None else self.problem.parameters[name]
 
     def place(self, kind: str, block: int) -> int | None:
         """Index of e_n, c or mu of a block in theta; None for c of a closure that has none."""
         name = self.problem.closure.constant if kind == "c" else kind
-        return None if name is None else int(self._positions[name][block])
+        return None if name is None else int(self.problem.parameters.positions[name][block])
 
     def spread(self, kind: str, block: int) -> tuple[float, float]:
         """Optimum and local standard deviation of e_n, c, mu or kappa in a block."""
-        if (kind, block) not in self._spreads:
-            self._spreads[kind, block] = self._spread(kind, block)
-        return self._spreads[kind, block]
-
-    def _spread(self, kind: str, block: int) -> tuple[float, float]:
         local = self.start.gaussian
         theta = self.start.optimum.theta
         to_theta = local.to_theta
         if kind == "kappa":
-            e, mu = (int(self._positions[name][block]) for name in ("e_n", "mu"))
+            e, mu = (int(self.problem.parameters.positions[name][block]) for name in ("e_n", "mu"))
             functional = (1.0 + theta[e]) * to_theta[mu] + theta[mu] * to_theta[e]
             value, prior_sd = float(theta[mu] * (1.0 + theta[e])), 1.0
         else:

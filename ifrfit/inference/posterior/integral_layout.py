@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.distributions.draws import kappa_name
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
@@ -20,7 +21,6 @@ from ifrfit.inference.posterior.initial_panels import Known, make_series, thinne
 from ifrfit.inference.posterior.joint_grid import JointIntegral, SharedParameter
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 from ifrfit.inference.posterior.series_integral import SeriesIntegral
-from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 
@@ -35,23 +35,24 @@ class IntegralLayout:
     Attributes
     ----------
     integral : JointIntegral
-    oblique_series : tuple of int
-        For each block, the number of the series integral that holds its oblique rows.
+        A series integral for each block, and behind these those of a separated e_n.
     restitution_series : tuple of int
         For each block, the number of the one that holds e_n, where that is separated; empty where it is not.
     parameters : mapping
         (kind, block) to the parameter as the problem has it, or its fixed value.
     blocks : tuple of ndarray
         Rows of each block: of each series of the data where a parameter is separate, else all rows.
+    kappa_names : tuple of str
+        Name of kappa in each block; empty where it is known.
     noise_groups : tuple of tuple of str
         Names of the unknown noises of each series integral.
     """
 
     integral: JointIntegral
-    oblique_series: tuple[int, ...]
     restitution_series: tuple[int, ...]
     parameters: Mapping[tuple[str, int], FreeParameter | float]
     blocks: tuple[Index, ...]
+    kappa_names: tuple[str, ...]
     noise_groups: tuple[tuple[str, ...], ...]
 
     @property
@@ -89,9 +90,49 @@ def make_layout(
         if has_separate and constant.fixed is None and not constant.separate:
             shared_kinds.append(kind)
     _refuse_negative_bound(settings)
-    if separate_e_n and e_n_is_separable(settings):
-        return _separated(settings, blocks, parameters, shared_kinds)
-    return _unseparated(settings, blocks, parameters, shared_kinds)
+    is_normal = problem.rows.of_kind("normal")
+    separated = separate_e_n and e_n_is_separable(settings)
+    # a common factor of the noise is integrated in closed form where one series has all rows, and e_n has no
+    # rows of its own or meets kappa in a row or, where b depends on c, in the domain of mu
+    e_n_is_fixed = settings.parameter("e_n").fixed is not None
+    tied = not separated and (
+        e_n_is_fixed or any(o.ties_e_n for o in problem.rows.observables) or _bound_varies(settings)
+    )
+    holds_all_rows = len(blocks) == 1 and (tied or not is_normal.any()) and problem.error_model.is_plain
+    if separated:
+        shared_kinds = [kind for kind in shared_kinds if kind != "e_n"]
+    made = []
+    for block, rows in enumerate(blocks):
+        known: Known = {kind: parameters[kind, block] for kind in _KINDS}
+        if separated:  # kappa and c alone
+            known |= {"e_n": 0.0, "mu": _kappa(parameters, block)}
+            rows = rows[~is_normal[rows]]
+        known |= dict.fromkeys(shared_kinds)
+        made.append(make_series(settings, block, rows, known, holds_all_rows=holds_all_rows))
+    restitution: tuple[int, ...] = ()
+    if separated:
+        own = settings.parameter("e_n").separate and len(blocks) > 1
+        for block, rows in enumerate(blocks if own else (np.arange(is_normal.size),)):
+            count = len(blocks) if settings.parameter("mu").separate and not own else 1
+            known = {"e_n": parameters["e_n", block], "c": 0.0, "mu": 0.0}
+            made.append(make_series(settings, block, rows[is_normal[rows]], known, friction_count=count))
+        restitution = tuple(len(blocks) + (block if own else 0) for block in range(len(blocks)))
+    series = [one for one, _ in made]
+    shared = _shared_noise(settings, series)
+    for kind in shared_kinds:
+        is_kappa = separated and kind == "mu"
+        parameter = _kappa(parameters, 0) if is_kappa else parameters[kind, 0]
+        if isinstance(parameter, FreeParameter):
+            spread = settings.spread("kappa" if is_kappa else kind, 0)
+            shared.append(_shared_parameter(settings, kind, parameter, spread, series))
+    return IntegralLayout(
+        JointIntegral(shared, series),
+        restitution,
+        parameters,
+        blocks,
+        tuple(kappa_name(problem, block) for block in range(len(blocks))),
+        tuple(names for _, names in made),
+    )
 
 
 def _block_parameter(settings: GridSettings, kind: str, block: int) -> FreeParameter | float:
@@ -135,10 +176,9 @@ def e_n_is_separable(settings: GridSettings) -> bool:
         return False
     if e_n.separate and not mu.separate:
         return False
-    kinds = {OBSERVABLES[name].kind for name in problem.rows.names}
-    if not kinds & {"tangential", "curved"} or "friction" in kinds:
+    if not problem.has_oblique or problem.rows.has_kind("friction"):
         return False
-    return not (_some_row_ties_e_n(settings) or _noise_is_closed_with_e_n(settings))
+    return not (any(o.ties_e_n for o in problem.rows.observables) or _noise_is_closed_with_e_n(settings))
 
 
 def _noise_is_closed_with_e_n(settings: GridSettings) -> bool:
@@ -150,100 +190,13 @@ def _noise_is_closed_with_e_n(settings: GridSettings) -> bool:
     problem = settings.problem
     one_block = len(problem.series) == 1 or not any(c.separate for c in problem.parameters)
     one_factor = problem.noise.is_scaled and problem.error_model.is_plain and one_block
-    return one_factor and _bound_varies(settings) and bool(_normal_rows(settings).any())
+    return one_factor and _bound_varies(settings) and bool(problem.rows.of_kind("normal").any())
 
 
 def _bound_varies(settings: GridSettings) -> bool:
     """Whether b depends on the closure constant."""
     closure = settings.problem.closure
     return closure.bilinear and closure.coefficients(settings.problem.inertia_factor).b1 != 0.0
-
-
-def _some_row_ties_e_n(settings: GridSettings) -> bool:
-    """Whether a row sees e_n together with the impulse."""
-    for name in settings.problem.rows.names:
-        o = OBSERVABLES[name]
-        if (o.kind == "tangential" and o.scale != "one") or (o.kind == "curved" and not o.without_e_n):
-            return True
-    return False
-
-
-def _normal_rows(settings: GridSettings) -> NDArray[np.bool_]:
-    """Rows that see e_n alone."""
-    rows = settings.problem.rows
-    return np.array([OBSERVABLES[name].kind == "normal" for name in rows.names])[rows.which]
-
-
-def _unseparated(
-    settings: GridSettings,
-    blocks: tuple[Index, ...],
-    parameters: Mapping[tuple[str, int], FreeParameter | float],
-    shared_kinds: Sequence[str],
-) -> IntegralLayout:
-    """One integral for each block, over all of its parameters."""
-    # a common factor of the noise is integrated in closed form where one series has all rows, and e_n has no
-    # rows of its own or meets kappa in a row or, where b depends on c, in the domain of mu
-    e_n_is_fixed = settings.parameter("e_n").fixed is not None
-    tied = e_n_is_fixed or _some_row_ties_e_n(settings) or _bound_varies(settings)
-    holds_all_rows = (
-        len(blocks) == 1
-        and (tied or not _normal_rows(settings).any())
-        and settings.problem.error_model.is_plain
-    )
-    series: list[SeriesIntegral] = []
-    groups: list[tuple[str, ...]] = []
-    for block, rows in enumerate(blocks):
-        known: Known = {kind: parameters[kind, block] for kind in _KINDS}
-        known |= dict.fromkeys(shared_kinds)
-        made, names = make_series(settings, block, rows, known, holds_all_rows=holds_all_rows)
-        series.append(made)
-        groups.append(names)
-    shared = _shared_noise(settings, series)
-    for kind in shared_kinds:
-        parameter = parameters[kind, 0]
-        if isinstance(parameter, FreeParameter):
-            shared.append(_shared_parameter(settings, kind, parameter, settings.spread(kind, 0), series))
-    integral = JointIntegral(shared, series)
-    return IntegralLayout(integral, tuple(range(len(blocks))), (), parameters, blocks, tuple(groups))
-
-
-def _separated(
-    settings: GridSettings,
-    blocks: tuple[Index, ...],
-    parameters: Mapping[tuple[str, int], FreeParameter | float],
-    shared_kinds: Sequence[str],
-) -> IntegralLayout:
-    """One integral for each block over kappa and c, and others over e_n, eq. (8)."""
-    is_normal = _normal_rows(settings)
-    holds_all_rows = len(blocks) == 1 and not is_normal.any() and settings.problem.error_model.is_plain
-    series: list[SeriesIntegral] = []
-    groups: list[tuple[str, ...]] = []
-    others = [kind for kind in shared_kinds if kind != "e_n"]
-    for block, rows in enumerate(blocks):
-        known: Known = {"e_n": 0.0, "c": parameters["c", block], "mu": _kappa(parameters, block)}
-        known |= dict.fromkeys(others)
-        at = rows[~is_normal[rows]]
-        made, names = make_series(settings, block, at, known, holds_all_rows=holds_all_rows)
-        series.append(made)
-        groups.append(names)
-    has_own_e_n = settings.parameter("e_n").separate and len(blocks) > 1
-    for block in range(len(blocks) if has_own_e_n else 1):
-        rows = blocks[block] if has_own_e_n else np.arange(is_normal.size)
-        count = len(blocks) if settings.parameter("mu").separate and not has_own_e_n else 1
-        known = {"e_n": parameters["e_n", block], "c": 0.0, "mu": 0.0}
-        made, names = make_series(settings, block, rows[is_normal[rows]], known, friction_count=count)
-        series.append(made)
-        groups.append(names)
-    shared = _shared_noise(settings, series)
-    for kind in others:
-        parameter, spread = parameters[kind, 0], settings.spread("kappa" if kind == "mu" else kind, 0)
-        if kind == "mu":
-            parameter = _kappa(parameters, 0)
-        if isinstance(parameter, FreeParameter):
-            shared.append(_shared_parameter(settings, kind, parameter, spread, series))
-    restitution = tuple(len(blocks) + (block if has_own_e_n else 0) for block in range(len(blocks)))
-    integral = JointIntegral(shared, series)
-    return IntegralLayout(integral, tuple(range(len(blocks))), restitution, parameters, blocks, tuple(groups))
 
 
 def _kappa(parameters: Mapping[tuple[str, int], FreeParameter | float], block: int) -> FreeParameter | float:

@@ -1,4 +1,4 @@
-"""Many values of many inverted distribution functions at once: tables, with an index instead of a search."""
+"""Many values of many inverted distribution functions at once: tables."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class InverseCdfTable:
     @classmethod
     def of(cls, panels: PanelCdf) -> InverseCdfTable:
         """Of all rows of panels."""
-        order = panels.coefficients.shape[-1] - 2
+        order = panels.axis.order
         below = panels.cumulative[:, :-1, None] + panels.coefficients @ _grid(order)[1]
         below = np.maximum.accumulate(below.reshape(below.shape[0], -1), axis=1)
         below = np.maximum(below, 0.0) / np.maximum(below[:, -1:], 1e-300)
@@ -76,21 +76,14 @@ class InverseCdfTable:
             The last node before each value, counted along all panels.
         """
         rows, points = self.below.shape
-        own: Index = row if rows > 1 else np.zeros(1, dtype=np.intp)
+        own: Index = row if rows > 1 else np.zeros(p.size, dtype=np.intp)
         flat = self.below.reshape(-1)
-        # values of a table by the cell of [0, 1] that they are in: how many come before a cell
-        cell = (self.below * points).astype(np.intp) + np.arange(rows)[:, None] * (points + 1)
-        count = np.bincount(cell.reshape(-1), minlength=rows * (points + 1))
-        first = np.cumsum(count) - count
-        right = first[own * (points + 1) + (p * points).astype(np.intp)]
-        right = np.maximum(right, own * points + 1)  # a step has a point before it
-        late = np.flatnonzero(flat[right] < p)
-        while late.size:
-            right[late] += 1
-            late = late[flat[right[late]] < p[late]]
+        # row after row, each one higher than the one before, the tables are one ascending table
+        right = np.searchsorted((self.below + np.arange(rows)[:, None]).reshape(-1), own + p)
+        right = np.clip(right, own * points + 1, own * points + points - 1)  # a step has a point before it
         a, b = flat[right - 1], flat[right]
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.where(b > a, (p - a) / (b - a), 0.5)
+            share = np.where(b > a, np.clip((p - a) / (b - a), 0.0, 1.0), 0.5)
         point = right - own * points
         if places.shape[0] > 1:
             places, at = places.reshape(-1), right

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from ifrfit.inference.model.entry_names import entry_name, split_name
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
@@ -30,8 +29,8 @@ def marginals_of(layout: IntegralLayout, density: JointDensity) -> dict[str, Mar
                 continue
             e_n = layout.parameters["e_n", block]
             if layout.separable and kind == "mu" and isinstance(e_n, FreeParameter):
-                numbers = layout.oblique_series[block], layout.restitution_series[block]
-                kappa = kappas[kappa_name(layout, block)]
+                numbers = block, layout.restitution_series[block]
+                kappa = kappas[layout.kappa_names[block]]
                 made = quotient_marginal(density, kappa, found[e_n.name], numbers, parameter, parameter.name)
             else:
                 made = _parameter_marginal(layout, density, kind, block, parameter)
@@ -50,21 +49,10 @@ def marginals_of(layout: IntegralLayout, density: JointDensity) -> dict[str, Mar
 def kappa_marginals(layout: IntegralLayout, density: JointDensity) -> dict[str, Marginal]:
     """Marginals of kappa, one a series where e_n or mu is separate."""
     found: dict[str, Marginal] = {}
-    for block in range(len(layout.blocks)):
-        name = kappa_name(layout, block)
+    for block, name in enumerate(layout.kappa_names):
         if name and name not in found:
             found[name] = _kappa_marginal(layout, density, block, name)
     return found
-
-
-def kappa_name(layout: IntegralLayout, block: int) -> str:
-    """Name of kappa in a block; empty where it is known."""
-    free = [layout.parameters[kind, block] for kind in ("mu", "e_n")]
-    names = [parameter.name for parameter in free if isinstance(parameter, FreeParameter)]
-    if not names:
-        return ""
-    series = "".join({split_name(name)[1] for name in names}) if len(layout.blocks) > 1 else ""
-    return entry_name("kappa", series)
 
 
 def _parameter_marginal(
@@ -76,7 +64,7 @@ def _parameter_marginal(
     number = layout.integral.number_of(kind)
     if number is not None:
         return shared_marginal(density, number, parameter.name)
-    return series_marginal(density, layout.oblique_series[block], kind, parameter.name, parameter)
+    return series_marginal(density, block, kind, parameter.name, parameter)
 
 
 def _kappa_marginal(layout: IntegralLayout, density: JointDensity, block: int, name: str) -> Marginal:
@@ -89,7 +77,7 @@ def _kappa_marginal(layout: IntegralLayout, density: JointDensity, block: int, n
             return shared_kappa_marginal(density, e_number, mu_number, name)
         if not isinstance(e_n, FreeParameter):
             return scaled_marginal(shared_marginal(density, mu_number, name), 1.0 + float(e_n), 0.0, name)
-    number = layout.oblique_series[block]
+    number = block
     transition_is_known = isinstance(layout.integral.series[number].role, TransitionKnown)
     if transition_is_known and isinstance(e_n, FreeParameter) and not isinstance(mu, FreeParameter):
         of_e_n = _parameter_marginal(layout, density, "e_n", block, e_n)

@@ -13,7 +13,9 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.posterior.joint_grid import JointDensity, PanelErrors
+from ifrfit.inference.posterior.density_grid import PanelErrors
+from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.panel_cdf import PanelCdf
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
 Array = NDArray[np.float64]
@@ -46,8 +48,7 @@ class Marginal:
         function, so that panels are to be split there.
     errors : callable or None
         From thresholds, and factors of what is found there, to the largest errors that only distribution
-        functions show: in each panel of an axis over which conditional ones are averaged, which can be steps
-        where the densities themselves are smooth, and of the closure constant.
+        functions show: conditional ones may be steps where the densities themselves are smooth.
     """
 
     name: str
@@ -57,7 +58,7 @@ class Marginal:
     cdf: Cdf
     factors: tuple[tuple[int, Array], ...] = ()
     kinks: Callable[[Array], tuple[QuadratureAxis, Array]] | None = None
-    errors: Callable[[Array, Array], PanelErrors] | None = None
+    errors: Callable[[Array, Array], list[PanelErrors]] | None = None
 
     def mass_above(self, value: float) -> float:
         """Probability above a value."""
@@ -100,7 +101,9 @@ def shared_marginal(density: JointDensity, number: int, name: str) -> Marginal:
 def shared_kappa_marginal(density: JointDensity, e_number: int, mu_number: int, name: str) -> Marginal:
     """kappa = mu (1 + e_n) where both are shared."""
     e, mu = density.integral.shared[e_number], density.integral.shared[mu_number]
-    rows = [density.outer_conditional(mu_number, e_number, level) for level in (0, 1)]
+    rows = [
+        PanelCdf.of(mu.axis, density.outer_density(level, e_number, mu_number), level) for level in (0, 1)
+    ]
     factor = 1.0 + e.values()
 
     def cdf(t: Array, levels: int) -> Array:

@@ -48,7 +48,7 @@ def noise_marginal(joint: JointDensity, number: int, group: int, name: str) -> M
     nodes = axis.nodes()
     density = weight @ own.density(nodes, square[:, None])
     sigma, rule = np.exp(nodes), axis.weights()[0]
-    panels = PanelCdf.of(axis.low[None], axis.width[None], density.reshape(2, *axis.shape))
+    panels = PanelCdf.of(axis, density)
 
     @cache
     def moments(level: int) -> tuple[float, float]:

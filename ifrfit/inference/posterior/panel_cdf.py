@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.posterior.clenshaw_curtis import integral_up_to, rule
+from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 _NARROWEST = 1e-300  # width of a panel
 _FEW = 12  # values up to which a table is made for themselves
@@ -28,34 +30,34 @@ class PanelCdf:
 
     Attributes
     ----------
-    low, width : ndarray, (rows or 1, panels)
+    axis : QuadratureAxis
+        The panels.
     coefficients : ndarray, (rows, panels, order + 2)
         Of the integral inside each panel.
     cumulative : ndarray, (rows, panels + 1)
         Mass of the panels before.
     """
 
-    low: Array
-    width: Array
+    axis: QuadratureAxis
     coefficients: Array
     cumulative: Array
 
     @classmethod
-    def of(cls, low: Array, width: Array, values: Array, level: int = 0) -> PanelCdf:
-        """From densities at the nodes, (rows, panels, nodes)."""
-        return cls._of(low, width, values @ rule(values.shape[-1] - 1).antiderivative[level].T)
+    def of(cls, axis: QuadratureAxis, values: Array, level: int = 0) -> PanelCdf:
+        """From densities at the nodes, (rows, ...) with panels and nodes in turn, by the rule of a level."""
+        return cls._of(axis, values.reshape(-1, *axis.shape) @ rule(axis.order).antiderivative[level].T)
 
     @classmethod
-    def of_levels(cls, low: Array, width: Array, values: Array) -> PanelCdf:
-        """From densities at the nodes, (2, panels, nodes): one row by the rules, one by the coarse ones."""
-        return cls._of(low, width, values @ rule(values.shape[-1] - 1).antiderivative.swapaxes(1, 2))
+    def of_levels(cls, axis: QuadratureAxis, values: Array) -> PanelCdf:
+        """From densities at the nodes, (2, ...): one row by the rules, one by the coarse ones."""
+        return cls._of(axis, values.reshape(2, *axis.shape) @ rule(axis.order).antiderivative.swapaxes(1, 2))
 
     @classmethod
-    def _of(cls, low: Array, width: Array, made: Array) -> PanelCdf:
-        made *= width[..., None]
+    def _of(cls, axis: QuadratureAxis, made: Array) -> PanelCdf:
+        made *= axis.width[:, None]
         cumulative = np.zeros((made.shape[0], made.shape[1] + 1))
         np.cumsum(made.sum(axis=-1), axis=1, out=cumulative[:, 1:])
-        return cls(low, width, made, cumulative)
+        return cls(axis, made, cumulative)
 
     @property
     def total(self) -> Array:
@@ -67,25 +69,20 @@ class PanelCdf:
         rows = self.cumulative.shape[0]
         if rows == 1:
             return np.asarray(self.below_in_all(threshold, 1)[0])
-        t = np.broadcast_to(threshold, (*threshold.shape[:-1], rows))
-        high = self.low + self.width
-        if self.low.shape[0] == 1:
-            at = np.minimum(np.searchsorted(high[0], t), high.shape[1] - 1)
-            low, width = self.low[0][at], self.width[0][at]
-        else:
-            at = np.minimum((t[..., None] > high).sum(axis=-1), high.shape[1] - 1)
-            row = np.arange(rows)
-            low, width = self.low[row, at], self.width[row, at]
+        at, v = self._place(np.broadcast_to(threshold, (*threshold.shape[:-1], rows)))
         row = np.broadcast_to(np.arange(rows), at.shape)
-        v = np.clip((t - low) / np.maximum(width, _NARROWEST), 0.0, 1.0)
         return np.asarray(self.cumulative[row, at] + integral_up_to(self.coefficients[row, at], v))
 
     def below_in_all(self, t: Array, rows: int) -> Array:
-        """Mass below each threshold in the first rows, all of which have the same panels, (rows, ...)."""
-        low, width = self.low[0], self.width[0]
-        at = np.minimum(np.searchsorted(low + width, t), low.size - 1)
-        v = np.clip((t - low[at]) / np.maximum(width[at], _NARROWEST), 0.0, 1.0)
+        """Mass below each threshold in the first rows, (rows, ...)."""
+        at, v = self._place(t)
         return np.asarray(self.cumulative[:rows, at] + integral_up_to(self.coefficients[:rows, at], v))
+
+    def _place(self, t: Array) -> tuple[Index, Array]:
+        """Panel of each threshold, and the place in it from 0 to 1."""
+        low, width = self.axis.low, self.axis.width
+        at = np.minimum(np.searchsorted(low + width, t), low.size - 1)
+        return at, np.clip((t - low[at]) / np.maximum(width[at], _NARROWEST), 0.0, 1.0)
 
 
 def quantiles(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,17 +10,16 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.posterior.conditional_cdf import ConditionalCdf
-from ifrfit.inference.posterior.density_grid import DensityGrid
-from ifrfit.inference.posterior.joint_grid import JointDensity, PanelErrors
+from ifrfit.inference.posterior.density_grid import DensityGrid, PanelErrors
+from ifrfit.inference.posterior.joint_grid import JointDensity
 from ifrfit.inference.posterior.marginals import Cdf, Marginal, Moments, moments_of
 from ifrfit.inference.posterior.panel_cdf import PanelCdf
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
-from ifrfit.inference.posterior.series_integral import SeriesIntegral
 from ifrfit.inference.posterior.transition_roles import ClosureConstantFree, RestitutionFree, sticking_bound
 
 Array = NDArray[np.float64]
 
-ErrorsAt = Callable[[Array, Array], PanelErrors]
+Errors = Callable[[Array, Array], list[PanelErrors]]
 
 _TINY = 1e-300
 
@@ -67,9 +66,7 @@ def _e_n(density: JointDensity, grid: DensityGrid, name: str, parameter: FreePar
             return below((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
 
         return Marginal(name, parameter.lower, parameter.upper, moments, cdf)
-    axis = series.e_axis
-    values = grid.e_density(density.share).reshape(2, *axis.shape)
-    rows = PanelCdf.of_levels(axis.low[None], axis.width[None], values)
+    rows = PanelCdf.of_levels(series.e_axis, grid.e_density(density.share))
     return Marginal(name, parameter.lower, parameter.upper, moments, rows.below_in_all)
 
 
@@ -99,19 +96,21 @@ def _mu(density: JointDensity, grid: DensityGrid, name: str, parameter: FreePara
     return Marginal(name, parameter.lower, parameter.upper, moments, cdf, errors=errors)
 
 
-def _friction(density: JointDensity, grid: DensityGrid, divisor: Array) -> tuple[Cdf, ErrorsAt]:
+def _friction(density: JointDensity, grid: DensityGrid, divisor: Array) -> tuple[Cdf, Errors]:
     """Distribution function of x b(c)/divisor, and the errors of panels over which it is averaged."""
     if grid.series.is_unbounded and grid.series.integrates_c:
         by_c = _friction_by_c(grid, divisor, density.share)
         return by_c.probability, _errors_by_c(density, grid, by_c)
-    return friction_cdf(grid, divisor, density.share), _errors_by_x(density, grid, divisor)
+    ratio, axis = _x_per_friction(grid, divisor), grid.series.e_axis
 
+    def errors(at: Array, per: Array) -> list[PanelErrors]:
+        if axis is None or grid.series.x_axis is None:
+            return []
+        outer = grid.outer(density.share)[0, ..., 0]
+        below = [grid.mass_below(t * ratio, 0).reshape(grid.g.shape[1:3]) * outer for t in at]
+        return [_largest(axis, below, per)]
 
-def _friction_by_c(grid: DensityGrid, divisor: Array, share: Array) -> ConditionalCdf:
-    """Where x b(c)/divisor is below a value, by the closure constant."""
-    k = grid.series.squares.coefficients
-    per_x = divisor / np.maximum(grid.nodes.x, _TINY)
-    return ConditionalCdf(grid, share, per_x, lambda t, own: (t * own - k.b0) / k.b1, falls=k.b1 < 0.0)
+    return friction_cdf(grid, divisor, density.share), errors
 
 
 def friction_cdf(grid: DensityGrid, divisor: Array, share: Array) -> Cdf:
@@ -131,39 +130,35 @@ def friction_cdf(grid: DensityGrid, divisor: Array, share: Array) -> Cdf:
     return lambda t, levels: below(t[:, None, None] * ratio, levels)
 
 
-def _errors_by_c(density: JointDensity, grid: DensityGrid, by_c: ConditionalCdf) -> ErrorsAt:
+def _friction_by_c(grid: DensityGrid, divisor: Array, share: Array) -> ConditionalCdf:
+    """Where x b(c)/divisor is below a value, by the closure constant."""
+    k = grid.series.squares.coefficients
+    per_x = divisor / np.maximum(grid.nodes.x, _TINY)
+    return ConditionalCdf(grid, share, per_x, lambda t, own: (t * own - k.b0) / k.b1, falls=k.b1 < 0.0)
+
+
+def _errors_by_c(density: JointDensity, grid: DensityGrid, by_c: ConditionalCdf) -> Errors:
     """Errors of panels over which conditional distribution functions of the closure constant are averaged."""
 
-    def errors(at: Array, per: Array) -> PanelErrors:
-        share, series = density.share, grid.series
-        parts = [by_c.density_below(float(t)) for t in at]
-        found: list[tuple[QuadratureAxis | SeriesIntegral, Array]] = [
-            (series, np.array([float((by_c.error_along_c(at) * per).max())]))
-        ]
-        for axis, density_of in ((series.x_axis, grid.x_density_of), (series.e_axis, grid.e_density_of)):
-            if axis is not None:
-                each = [
-                    axis.errors(density_of(part, share)) * one for part, one in zip(parts, per, strict=True)
-                ]
-                found.append((axis, np.asarray(np.max(each, axis=0))))
+    def errors(at: Array, per: Array) -> list[PanelErrors]:
+        inner = [by_c.density_below(float(t)) * grid.factor for t in at]
+        along_c = np.array([float((by_c.error_along_c(at) * per).max())])
+        found: list[PanelErrors] = [(grid.series, np.ones(1), along_c)]
+        for axis in grid.series.axes:
+            found.append(
+                _largest(axis, [grid.density_along(axis, part, density.share) for part in inner], per)
+            )
         return found
 
     return errors
 
 
-def _errors_by_x(density: JointDensity, grid: DensityGrid, divisor: Array) -> ErrorsAt:
-    """Errors of panels over which the distribution function of x b/divisor is averaged."""
-
-    def errors(at: Array, per: Array) -> PanelErrors:
-        axis = grid.series.e_axis
-        if axis is None or grid.series.x_axis is None:
-            return []
-        ratio = _x_per_friction(grid, divisor)
-        below = [grid.e_density_below(t * ratio, density.share) for t in at]
-        each = [axis.errors(part) * one for part, one in zip(below, per, strict=True)]
-        return [(axis, np.max(each, axis=0))]
-
-    return errors
+def _largest(axis: QuadratureAxis, densities: Sequence[Array], per: Array) -> PanelErrors:
+    """Largest errors of several densities along an axis, each times its factor."""
+    each = [
+        axis.errors(one.reshape(-1, *axis.shape)) * factor for one, factor in zip(densities, per, strict=True)
+    ]
+    return axis, np.ones(axis.shape[0]), np.max(each, axis=0)
 
 
 def _bound(grid: DensityGrid) -> Array:

@@ -122,17 +122,14 @@ class QuadraturePosterior:
     def _transition(self, series: str, p: Array) -> Array:
         """Quantiles of the tau at which sticking ends in a series."""
         block = self.problem.series.index(series) if len(self.layout.blocks) > 1 else 0
-        number = self.layout.oblique_series[block]
-        own = self.layout.integral.series[number]
+        own = self.layout.integral.series[block]
         c = self.layout.parameters["c", block]
         if own.squares.law is not None or (own.is_unbounded and isinstance(c, FreeParameter)):
-            scaled = transition_marginal(self.density, number, "tau")
+            scaled = transition_marginal(self.density, block, "tau")
             share = quantiles_of(scaled, p, self.tolerance)
             return np.asarray(own.unit * share / np.maximum(1.0 - share, _LAST_SHARE))
         b = float(own.squares.b(0.0 if isinstance(c, FreeParameter) else c))
-        names = [name for name in self.marginals if name.startswith("kappa")]
-        name = next((n for n in names if n.endswith(f"[{series}]")), names[0])
-        return np.asarray(self.quantile(name, p)) / b
+        return np.asarray(self.quantile(self.layout.kappa_names[block], p)) / b
 
     def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
         """Independent draws of all constants, kappa and free noises together, from the quadrature itself."""

@@ -42,10 +42,8 @@ def draw(
     outer, shared = _shared(density, n, rng)
     parts = [_series(grid, outer, shared, n, rng) for grid in density.grids]
     found: dict[str, Array] = {}
-    kappas: dict[str, Array] = {}
-    kappa_names = [name for name in names if name.startswith("kappa")]
     for block in range(len(layout.blocks)):
-        own = parts[layout.oblique_series[block]]
+        own = parts[block]
         e_n, mu = own["e_n"], own["mu"]
         if layout.separable:  # kappa stands in the place of mu
             e_n = parts[layout.restitution_series[block]]["e_n"]
@@ -54,9 +52,8 @@ def draw(
             parameter = layout.parameters[kind, block]
             if isinstance(parameter, FreeParameter):
                 found[parameter.name] = np.clip(values, parameter.lower, parameter.upper)
-        if kappa_names:
-            kappas[kappa_names[min(block, len(kappa_names) - 1)]] = mu * (1.0 + e_n)
-    found |= kappas
+        if layout.kappa_names[block]:
+            found[layout.kappa_names[block]] = mu * (1.0 + e_n)
     if "noise" in shared:
         found["noise"] = shared["noise"]
     for grid, groups, own in zip(density.grids, layout.noise_groups, parts, strict=True):
@@ -69,28 +66,19 @@ def _shared(joint: JointDensity, n: int, rng: np.random.Generator) -> tuple[Inde
     """Outer node nearest to each draw, and the shared parameters themselves."""
     index = np.zeros(n, dtype=np.intp)
     values: dict[str, Array] = {}
-    shape = joint.shape()
-    density = joint.density[0].reshape(shape or [1])
     for number, one in enumerate(joint.integral.shared):
-        rest = density
-        for later in range(number + 1, len(shape)):
-            w = joint.integral.shared[later].axis.weights()[0]
-            rest = (rest * w.reshape([-1 if i == later else 1 for i in range(rest.ndim)])).sum(
-                later, keepdims=True
-            )
-        rows = rest.reshape(-1, one.axis.panels.shape[0], one.axis.order + 1)
-        panels = PanelCdf.of(one.axis.low[None], one.axis.width[None], rows)
-        t, before = _inverted(one.axis, panels, index, rng.random(n))
+        panels = PanelCdf.of(one.axis, joint.outer_density(0, *range(number + 1)))  # given those before
+        t, before = _inverted(panels, index, rng.random(n))
         values[one.kind] = np.exp(t) if one.log else t
         # one of the two nodes about each value, the nearer one more often
         share = _fraction_to_next(one.axis.nodes(), before, t)
-        index = index * shape[number] + before + (rng.random(n) < share)
+        index = index * one.axis.nodes().size + before + (rng.random(n) < share)
     return index, values
 
 
-def _inverted(axis: QuadratureAxis, panels: PanelCdf, row: Index, p: Array) -> tuple[Array, Index]:
+def _inverted(panels: PanelCdf, row: Index, p: Array) -> tuple[Array, Index]:
     """Where the distribution function of a row takes the share p of its total, and the node before."""
-    return InverseCdfTable.of(panels).inverse(row, p, _places(axis))
+    return InverseCdfTable.of(panels).inverse(row, p, _places(panels.axis))
 
 
 def _places(axis: QuadratureAxis) -> Array:
@@ -112,10 +100,8 @@ def _series(
             found[kind] = shared[kind] if known is None else np.full(n, float(known))
     e_share = np.zeros(n)
     if series.e_axis is not None:
-        h = (grid.g[0] * grid.x_weight[0]).sum(axis=-1)
-        rows = h.reshape(m, -1, series.e_axis.order + 1)
-        panels = PanelCdf.of(series.e_axis.low[None], series.e_axis.width[None], rows)
-        found["e_n"], before = _inverted(series.e_axis, panels, row, rng.random(n))
+        panels = PanelCdf.of(series.e_axis, (grid.g[0] * grid.x_weight[0]).sum(axis=-1))
+        found["e_n"], before = _inverted(panels, row, rng.random(n))
         if grid.g.shape[2] > 1 and (series.x_axis is not None or series.integrates_c):
             e_at, e_share = before, _fraction_to_next(series.e_axis.nodes(), before, found["e_n"])
     x_at, x_share = np.zeros(n, dtype=np.intp), np.zeros(n)
@@ -143,8 +129,7 @@ def _transition(
 ) -> tuple[Array, Index]:
     """The transition's coordinate, and the node before: quantiles at the two nodes of e_n, interpolated."""
     m, n_e, _ = grid.g.shape[1:]
-    values = grid.g[0].reshape(m * n_e, -1, axis.order + 1)
-    panels = PanelCdf.of(axis.low[None], axis.width[None], values)
+    panels = PanelCdf.of(axis, grid.g[0])
     start, span = np.zeros(m * n_e), np.ones(m * n_e)
     if grid.limits is not None:
         total = np.maximum(panels.total, 1e-300)
@@ -195,7 +180,7 @@ def _closure_constant(
     sides = np.broadcast_to(grid.f, (*shape, grid.f.shape[-1])).reshape(-1, 2, order + 1)[used]
     sides[:, 0] = sides[:, 0, ::-1]  # the left side runs away from the mode: turn it round
     # the coordinate: from -1 (left end) to 0 (mode) to 1 (right end)
-    table = InverseCdfTable.of(PanelCdf.of(np.array([[-1.0, 0.0]]), np.ones((1, 2)), sides))
+    table = InverseCdfTable.of(PanelCdf.of(QuadratureAxis.of(np.array([-1.0, 0.0, 1.0]), order), sides))
     points = table_points(order)
     u = np.concatenate((u_max[:, :1] * (points - 1.0), u_max[:, 1:] * points), axis=1)
     places = mode + size * np.sinh(u)

@@ -42,19 +42,6 @@ class Reference:
     mu: float
 
 
-@dataclass(frozen=True)
-class _DirectRows:
-    """Rows that measure e_n or mu: sums (w f^2, w f r, w r^2)."""
-
-    curvature: float
-    slope: float
-    square: float
-
-    def at(self, d: Array) -> Array:
-        """Sum of squares at a distance from the reference."""
-        return np.asarray(self.square + d * (self.curvature * d - 2.0 * self.slope))
-
-
 class SumOfSquares:
     """Sums of squares by noise group.
 
@@ -89,13 +76,11 @@ class SumOfSquares:
         self.coefficients = closure.coefficients(inertia_factor) if self.law is None else _BY_KAPPA
         self.inertia_factor = inertia_factor
         self.reference = reference
-        kinds = [OBSERVABLES[name].kind for name in rows.names]
-        if self.law is not None:
-            kinds = ["curved" if kind == "tangential" else kind for kind in kinds]
         curved, tangential, normal, friction = (
-            np.array([own == kind for own in kinds])[rows.which]
-            for kind in ("curved", "tangential", "normal", "friction")
+            rows.of_kind(kind) for kind in ("curved", "tangential", "normal", "friction")
         )
+        if self.law is not None:
+            curved, tangential = curved | tangential, np.zeros_like(tangential)
         self._oblique = curved | tangential
         self.curved_rows = [group[curved[group]] for group in self.groups]
         self.sums = [self._tangential(group[tangential[group]]) for group in self.groups]
@@ -120,15 +105,8 @@ class SumOfSquares:
         return self.coefficients.b0 + self.coefficients.b1 * c
 
     def _tangential(self, at: Index) -> list[PrefixSums]:
-        found: list[PrefixSums] = []
-        if not at.size:
-            return found
-        for scale in ("one", "impulse", "rebound"):
-            of_scale = np.array([OBSERVABLES[name].scale == scale for name in self.rows.names])
-            rows = at[of_scale[self.rows.which[at]]]
-            if rows.size:
-                found.append(self._summed(rows, scale))
-        return found
+        by_scale = {scale: at[self.rows.of_scale(scale)[at]] for scale in ("one", "impulse", "rebound")}
+        return [self._summed(rows, scale) for scale, rows in by_scale.items() if rows.size]
 
     def _summed(self, at: Index, scale: str) -> PrefixSums:
         at = at[np.argsort(self.rows.tau[at], kind="stable")]
@@ -160,16 +138,17 @@ class SumOfSquares:
         products[:, :-1] += np.cumsum(slide[:, ::-1], axis=1)[:, ::-1]
         return PrefixSums(scale, part.tau, products)
 
-    def _normal_rows(self, at: Index) -> _DirectRows:
+    def _normal_rows(self, at: Index) -> Quadratic:
+        """Sum of squares of rows of e_n by its distance from the reference."""
         factor = self.rows.normal_factor(at) * self.weight[at]
         left = self.rows.value[at] * self.weight[at] - factor * self.reference.e_n
-        return _DirectRows(float(factor @ factor), float(factor @ left), float(left @ left))
+        return Quadratic(left @ left, factor @ left, factor @ factor)
 
-    def _friction_rows(self, at: Index) -> _DirectRows:
-        left = (self.rows.value[at] - self.reference.mu) * self.weight[at]
-        return _DirectRows(
-            float(self.weight[at] @ self.weight[at]), float(self.weight[at] @ left), float(left @ left)
-        )
+    def _friction_rows(self, at: Index) -> Quadratic:
+        """Sum of squares of rows of mu by its distance from the reference."""
+        weight = self.weight[at]
+        left = (self.rows.value[at] - self.reference.mu) * weight
+        return Quadratic(left @ left, weight @ left, weight @ weight)
 
     def quadratics(self, e_n: Array, x: Array) -> list[Quadratic]:
         """Of each noise group, all rows but the curved ones; under a tilted bound not those of mu either.

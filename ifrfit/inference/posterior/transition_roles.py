@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,42 +44,47 @@ class Values:
     mu: Array
 
 
-class TransitionRole(Protocol):
-    """Which parameter of a series follows from the transition."""
+@dataclass(frozen=True)
+class TransitionRole:
+    """Which parameter of a series follows from the transition; as it stands, with mu fixed or shared."""
+
+    k: Coefficients
 
     @property
     def has_axis(self) -> bool:
         """Whether the transition is integrated over."""
-        ...
+        return True
 
     def kappa_ends(self, known: Values) -> tuple[Array, Array]:
         """Least and largest kappa = mu (1 + e_n) in the domain, (m, n_e, 1)."""
-        ...
+        kappa = known.mu * (1.0 + known.e_n)
+        return kappa, kappa
 
     def solve(self, x: Array, known: Values) -> tuple[Values, Array, Array]:
         """The parameters at transitions, the transitions, and the log of the Jacobian, eq. (2)."""
-        ...
+        raise NotImplementedError
 
     def friction(self, values: Values, x: Array, c: Array) -> Array:
         """mu at closure constants (m, n_e, n_x, n_c), broadcastable."""
-        ...
+        return values.mu[..., None]
 
     def log_prior(self, values: Values, x: Array, c: Array, mu: Array) -> tuple[Array | float, Array | float]:
-        """Log prior of mu with its Jacobian: the part that varies with c (4 axes), and the rest (3 axes)."""
-        ...
+        """Log prior of mu with its Jacobian: the part that varies with c (4 axes), and the rest (3 axes).
+
+        None of a mu that is known; that of a shared one stands with the shared parameters.
+        """
+        return 0.0, 0.0
 
     def complete(self, draws: Mapping[str, Array]) -> dict[str, Array]:
         """Draws of e_n, c, mu and x from those of the ones that are known or integrated."""
-        ...
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
-class FrictionFree:
+class FrictionFree(TransitionRole):
     """mu is free and follows from the transition: mu = x b(c)/(1 + e_n)."""
 
     mu: FreeParameter
-    k: Coefficients
-    has_axis: bool = True
 
     def kappa_ends(self, known: Values) -> tuple[Array, Array]:
         """Least and largest kappa, from the domain of mu."""
@@ -112,31 +116,10 @@ class FrictionFree:
 
 
 @dataclass(frozen=True)
-class _FrictionKnown:
-    """What the roles have in common in which mu is fixed or shared."""
-
-    k: Coefficients
-
-    def kappa_ends(self, known: Values) -> tuple[Array, Array]:
-        """kappa itself, twice."""
-        kappa = known.mu * (1.0 + known.e_n)
-        return kappa, kappa
-
-    def friction(self, values: Values, x: Array, c: Array) -> Array:
-        """mu as it is known."""
-        return values.mu[..., None]
-
-    def log_prior(self, values: Values, x: Array, c: Array, mu: Array) -> tuple[Array | float, Array | float]:
-        """None here: mu is known, or its prior stands with the shared parameters."""
-        return 0.0, 0.0
-
-
-@dataclass(frozen=True)
-class RestitutionFree(_FrictionKnown):
+class RestitutionFree(TransitionRole):
     """mu is known and e_n free: e_n = x b(c)/mu - 1."""
 
     e_n: FreeParameter
-    has_axis: bool = True
 
     def kappa_ends(self, known: Values) -> tuple[Array, Array]:
         """Least and largest kappa, from the domain of e_n."""
@@ -156,11 +139,10 @@ class RestitutionFree(_FrictionKnown):
 
 
 @dataclass(frozen=True)
-class ClosureConstantFree(_FrictionKnown):
+class ClosureConstantFree(TransitionRole):
     """kappa is known or has nodes, and b depends on the closure constant: c = (kappa/x - b0)/b1."""
 
     c: FreeParameter
-    has_axis: bool = True
 
     def solve(self, x: Array, known: Values) -> tuple[Values, Array, Array]:
         """c at transitions, with |dc/dx| = kappa/(|b1| x^2)."""
@@ -180,19 +162,18 @@ class ClosureConstantFree(_FrictionKnown):
 
 
 @dataclass(frozen=True)
-class TransitionKnown(_FrictionKnown):
+class TransitionKnown(TransitionRole):
     """mu, e_n and b(c) are known, or mu = 0: the transition follows from them, and is not integrated over."""
 
-    frictionless: bool
-    has_axis: bool = False
+    @property
+    def has_axis(self) -> bool:
+        """There is nothing to integrate over."""
+        return False
 
     def solve(self, x: Array, known: Values) -> tuple[Values, Array, Array]:
         """The transition in place of x."""
-        zero = np.zeros((1, 1, 1))
-        if self.frictionless:
-            return known, zero, zero
-        at = known.mu * (1.0 + known.e_n) / sticking_bound(self.k, known.c)
-        return known, np.asarray(at), zero
+        at = known.mu * (1.0 + known.e_n) / np.maximum(sticking_bound(self.k, known.c), _TINY)
+        return known, np.asarray(at), np.zeros((1, 1, 1))
 
     def complete(self, draws: Mapping[str, Array]) -> dict[str, Array]:
         """The transition from the parameters."""
@@ -215,11 +196,9 @@ def transition_role(
         A free parameter of the series, a fixed value, or None for one that series share.
     """
     if isinstance(mu, FreeParameter):
-        return FrictionFree(mu, k)
-    if mu == 0.0:
-        return TransitionKnown(k, frictionless=True)
-    if k.b1 != 0.0 and isinstance(c, FreeParameter):
+        return FrictionFree(k, mu)
+    if mu != 0.0 and k.b1 != 0.0 and isinstance(c, FreeParameter):
         return ClosureConstantFree(k, c)
-    if isinstance(e_n, FreeParameter):
+    if mu != 0.0 and isinstance(e_n, FreeParameter):
         return RestitutionFree(k, e_n)
-    return TransitionKnown(k, frictionless=False)
+    return TransitionKnown(k)

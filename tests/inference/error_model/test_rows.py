@@ -15,6 +15,7 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
+from ifrfit.inference.posterior import integrate as integrate_posterior
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import get_closure
 
@@ -31,6 +32,7 @@ def value_of(observable, gamma, spin_x=0.0, spin_y=0.0):
     r = rebound(gamma, spin_x, spin_y, **THETA, degrees=True)
     return {
         "beta": r.beta,
+        "beta_cm": r.beta_cm,
         "v_x": r.v_x,
         "spin_y_after": r.spin_y,
         "mu_app": r.mu_app,
@@ -108,6 +110,25 @@ def test_true_angles_are_integrated_out(law, observable):
         for g, y in zip(table["gamma_deg"], table["value"], strict=True)
     ]  # fmt: skip
     assert found == pytest.approx(expected, abs=3e-6)
+
+
+@pytest.mark.parametrize(("observable", "gamma"), [("beta_cm", (0.5, 3.0, 8.0)), ("mu_app", (82.0, 88.0))])
+def test_angles_whose_scatter_reaches_where_the_value_is_not_defined(observable, gamma):
+    """beta_cm at normal and mu_app at grazing incidence: pieces of no width have their nodes there."""
+    error_model = LAWS["set"]
+    problem = problem_of(observable, error_model, gamma=np.array(gamma))
+    table = problem.observations.table
+    expected = [
+        math.log(
+            by_quadrature(
+                error_model, g, 3.0, (0.0, 90.0), [TRANSITION],
+                lambda q, y=y: stats.norm.pdf(y, float(value_of(observable, q)), 0.1),
+            )
+        )
+        for g, y in zip(table["gamma_deg"], table["value"], strict=True)
+    ]  # fmt: skip
+    assert Density(problem).impacts(theta_of(problem))[0] == pytest.approx(expected, abs=1e-3)
+    assert all(math.isfinite(integrate_posterior(problem, 1e-2).sd(name)) for name in ("e_t", "mu"))
 
 
 def test_steep_observables_get_more_nodes():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from posterior_questions import Question, Row, measured
@@ -50,6 +52,19 @@ def test_every_walker_starts_where_there_is_density(name: str) -> None:
     for ensemble in made:  # no two walkers on top of each other, no coordinate without spread
         assert len(np.unique(ensemble, axis=0)) == len(ensemble)
         assert (np.ptp(ensemble, axis=0) > 0.0).all()
+
+
+@pytest.mark.parametrize("seed", [5, 11])
+def test_the_last_bit_of_the_data_does_not_move_the_starts(seed: int) -> None:
+    problem = Question(measured("beta", FAN, seed=seed, closure="fr", c=0.4) + DROPS, "fr").problem()
+    rng = np.random.default_rng(3)
+    found = []
+    for up in (np.zeros(len(problem.rows)), *rng.choice([-1.0, 1.0], (12, len(problem.rows)))):
+        value = np.nextafter(problem.rows.value, problem.rows.value + up)
+        moved = replace(problem, rows=replace(problem.rows, value=value))
+        found.append(starts(Coordinates(Density(moved)), least_squares(moved), np.random.default_rng(1)))
+    for other in found[1:]:
+        np.testing.assert_allclose(other, found[0], rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", QUESTIONS)

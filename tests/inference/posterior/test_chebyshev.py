@@ -7,7 +7,6 @@ import pytest
 
 import ifrfit
 from ifrfit.inference.posterior import chebyshev as smooth
-from ifrfit.inference.posterior import closure_constant as conditional
 from ifrfit.inference.posterior import integrate
 from ifrfit.inference.posterior import sum_of_squares as misfit
 
@@ -76,16 +75,16 @@ def test_outer_nodes_have_sums_of_their_own(of):
 
 
 @pytest.mark.parametrize(
-    ("closure", "choices"),
+    ("closure", "choices", "tolerance"),
     [
-        ("ifr", {}),
-        ("ifr", {"noise": "unknown"}),
-        ("ifr", {"noise": "scaled", "prior": {"e_n": (0.9, 0.02)}}),
-        ("ifr-contact", {"prior": {"mu": (0.15, 0.01)}}),
-        ("fr", {"fix": {"e_n": 0.9}}),
+        ("ifr", {}, 1e-2),
+        ("ifr", {"noise": "unknown"}, 1e-3),  # coarser grids have too few places for a polynomial
+        ("ifr", {"noise": "scaled", "prior": {"e_n": (0.9, 0.02)}}, 1e-2),
+        ("ifr-contact", {"prior": {"mu": (0.15, 0.01)}}, 1e-2),
+        ("fr", {"fix": {"e_n": 0.9}}, 1e-2),
     ],
 )
-def test_the_posterior_of_rebound_angles_is_the_same(monkeypatch, impacts, closure, choices):
+def test_the_posterior_of_rebound_angles_is_the_same(monkeypatch, impacts, closure, choices, tolerance):
     gamma = np.linspace(4.0, 84.0, 16)
     path = impacts(gamma=gamma, observables=("delta_deg",), noise=1.0, sigma=1.0, c=-0.85, mu=0.15, e_n=0.9)
     start = ifrfit.fit(path, closure=closure, method="lsq", **choices)
@@ -99,12 +98,11 @@ def test_the_posterior_of_rebound_angles_is_the_same(monkeypatch, impacts, closu
     monkeypatch.setattr(smooth, "between", watched)
     found = []
     for many in (np.inf, 1):
-        for module in (misfit, conditional):
-            monkeypatch.setattr(module, "_MANY", many)
-        found.append(integrate(start.problem, 1e-2, start.least_squares))
+        monkeypatch.setattr(misfit, "_MANY", many)
+        found.append(integrate(start.problem, tolerance, start.least_squares))
     assert any(each is not None for each in offered)
     direct, between_them = found
-    # the nodes lie elsewhere, about a mode found at some of them: alike to a tenth of the tolerance
+    # alike to a tenth of the tolerance
     assert between_them.log_evidence == pytest.approx(direct.log_evidence, abs=1e-3)
     for name in direct.names:
         assert between_them.mean(name) == pytest.approx(direct.mean(name), abs=1e-3 * direct.sd(name))

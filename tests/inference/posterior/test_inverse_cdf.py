@@ -16,7 +16,7 @@ def made(rows: int, order: int = 12) -> tuple[QuadratureAxis, PanelCdf, np.ndarr
     x = axis.nodes()
     width = np.linspace(0.4, 2.0, rows)[:, None]
     density = np.exp(-0.5 * (x / width) ** 2) + 0.1 * np.exp(-0.5 * ((x - 4.0) / 0.5) ** 2)
-    panels = PanelCdf.of(axis.low[None], axis.width[None], density.reshape(rows, *axis.shape))
+    panels = PanelCdf.of(axis, density.reshape(rows, *axis.shape))
     return axis, panels, (axis.low[:, None] + axis.width[:, None] * table_points(order)).reshape(1, -1)
 
 
@@ -60,6 +60,6 @@ def test_places_may_differ_by_row() -> None:
 
 def test_an_empty_row_gives_its_end() -> None:
     axis, _, places = made(1)
-    nothing = PanelCdf.of(axis.low[None], axis.width[None], np.zeros((1, *axis.shape)))
+    nothing = PanelCdf.of(axis, np.zeros((1, *axis.shape)))
     value, _ = InverseCdfTable.of(nothing).inverse(np.zeros(3, dtype=int), np.array([0.1, 0.5, 1.0]), places)
     assert np.isfinite(value).all()
