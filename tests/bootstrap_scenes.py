@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from factories import problem_of
 
-from ifrfit.data.observations import Observations, make_table
-from ifrfit.inference.model.parameters import make_parameters
-from ifrfit.inference.model.problem import Problem, make_problem
+from ifrfit.data.observations import make_table
+from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.physics import OBSERVABLES, get_closure, rebound
+from ifrfit.physics import OBSERVABLES, rebound
 
 TRUTH = {"e_n": 0.9, "e_t": -0.8, "mu": 0.15}
 SIGMA = {"beta": 0.05, "e_n": 0.02}
@@ -53,9 +53,7 @@ def scene(
                     row = (f"s{number}", name, angle, value, sigma, impact)
                     for key, cell in zip(columns, row, strict=True):
                         columns[key].append(cell)
-    chosen = get_closure(closure)
-    observations = Observations(make_table(columns))
-    return make_problem(observations, chosen, 0.4, make_parameters(chosen, 0.4, **choices), noise)  # type: ignore[arg-type]
+    return problem_of(make_table(columns), closure, noise=noise, **choices)
 
 
 def fitted(problem: Problem) -> tuple[Problem, LeastSquaresFit]:

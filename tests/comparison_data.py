@@ -8,10 +8,7 @@ import numpy as np
 from factories import BILINEAR
 
 from ifrfit.data.observations import Observations, Source, make_table
-from ifrfit.inference.model.parameters import make_parameters
-from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import OBSERVABLES, rebound
-from ifrfit.physics.closures import get_closure
 
 ANGLES = np.linspace(4.0, 84.0, 25)
 FOUR = BILINEAR
@@ -61,12 +58,3 @@ def observations(
         }
     )
     return Observations(table, (Source("made.csv", "0" * 64, len(table), len(table), provenance=provenance),))
-
-
-def problem_of(
-    data: Observations, closure: str, *, noise: str | None = None, inertia_factor: float = 0.4, **choices: Any
-) -> Problem:
-    """The question of one closure."""
-    chosen = get_closure(closure)
-    constants = make_parameters(chosen, inertia_factor, **choices)
-    return make_problem(data, chosen, inertia_factor, constants, noise)

@@ -19,6 +19,15 @@ Impacts = Callable[..., Path]
 
 
 @pytest.fixture
+def brief_costs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """``--quick`` costs of inference by one short run of each method, where their errors do not matter."""
+    from ifrfit.cost.inference_costs import Extent
+
+    brief = Extent(tolerances=(1e-1, 1e-3), replicates=(100,), steps=(50,), seeds=1, repeats=1, longest=0.7)
+    monkeypatch.setattr("ifrfit.cost.measure.QUICK", brief)
+
+
+@pytest.fixture
 def impacts(tmp_path: Path) -> Impacts:
     """Write impacts to a file: keyword arguments as `impacts_text`, or several dictionaries of them."""
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from scipy.special import bdtrc
 
+from ifrfit.data.observations import Observations
+from ifrfit.inference.model.parameters import make_parameters
+from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure, rebound
 
 # the closures that the exact posterior takes in closed form, which are quick
@@ -87,6 +93,34 @@ def impacts_file(path: Path, *parts: dict[str, Any]) -> Path:
     rows = [row for part in parts for row in impacts_text(**part)]
     path.write_text("\n".join([HEADER, *rows]) + "\n", encoding="utf-8")
     return path
+
+
+def problem_of(
+    data: Observations | pd.DataFrame,
+    closure: str = "ifr",
+    *,
+    noise: str | None = None,
+    inertia_factor: float = 0.4,
+    **choices: Any,
+) -> Problem:
+    """The question of one closure; `choices` are those of its parameters (fix, prior, bounds, separate)."""
+    data = Observations(data) if isinstance(data, pd.DataFrame) else data
+    chosen = get_closure(closure)
+    return make_problem(
+        data, chosen, inertia_factor, make_parameters(chosen, inertia_factor, **choices), noise
+    )
+
+
+def at_most(n: int, p: float, tail: float = 1e-3) -> int:
+    """Most events of probability `p` among `n` that chance gives, but for a tail of 1e-3."""
+    return next(k for k in range(n + 1) if bdtrc(k, n, p) < tail)
+
+
+def assert_golden(text: str, path: Path) -> None:
+    """The text is the one that is kept. UPDATE_GOLDEN=1 rewrites it: read the difference first."""
+    if os.environ.get("UPDATE_GOLDEN"):
+        path.write_text(text, encoding="utf-8", newline="\n")
+    assert text == path.read_text(encoding="utf-8")
 
 
 def small_report() -> Any:

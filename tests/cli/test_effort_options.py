@@ -4,38 +4,16 @@ from __future__ import annotations
 
 import json
 
-import pytest
-
 FIT = ("fit", "cross-2019", "--fix", "e_n=0.94")
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        (
-            ("--budget", "soon"),
-            "--budget soon: write a time, as 2s, 500ms or 3min; a plain number is seconds.",
-        ),
-        (("--accuracy", "7"), "--accuracy 7: choose from 1e-9 to 0.5 of a posterior standard deviation."),
-        (
-            ("--accuracy", "1e-3", "--method", "lsq"),
-            "--accuracy belongs to --method exact or mcmc, not to --method lsq.",
-        ),
-        (
-            ("--budget", "2s", "--method", "mcmc", "--max-steps", "100"),
-            "--accuracy and --budget pick the settings themselves: leave --max-steps out.",
-        ),
-        (
-            ("--accuracy", "1e-6", "--method", "mcmc"),
-            "--accuracy 1e-6 takes chains 7e+12 independent draws: ask for 2e-3 or more, or leave --method "
-            "mcmc out.",
-        ),
-    ],
-)
-def test_what_makes_no_sense_is_refused_in_a_sentence(cli, options, says):
-    found = cli(*FIT, *options)
+def test_what_makes_no_sense_is_refused_in_a_sentence(cli):
+    found = cli(*FIT, "--accuracy", "1e-6", "--method", "mcmc")
     assert (found.returncode, found.stdout) == (2, "")
-    assert found.stderr == f"ifrfit: {says}\n"
+    assert found.stderr == (
+        "ifrfit: --accuracy 1e-6 takes chains 7e+12 independent draws: ask for 2e-3 or more, or leave "
+        "--method mcmc out.\n"
+    )
 
 
 def test_the_file_tells_what_was_reached(cli):

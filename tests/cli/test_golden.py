@@ -1,4 +1,4 @@
-"""Whole texts as a user sees them. UPDATE_GOLDEN=1 rewrites them: read the difference before keeping it.
+"""Whole texts as a user sees them; `assert_golden` says how to rewrite them.
 
 A text that lists what is registered is asked for with the entries of `KEPT` alone: what is added to a
 registry changes no text here, and is shown to be listed by the tests of plugins.
@@ -8,10 +8,10 @@ The error that the quadrature reached is a matter of the machine's last digit: i
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
+from factories import assert_golden
 
 from ifrfit.inference.estimators import ESTIMATORS
 from ifrfit.physics import CLOSURES
@@ -82,12 +82,7 @@ def test_the_text_is_the_one_that_was_read_and_kept(cli, name):
     found = cli(*TEXTS[name])
     assert found.returncode == 0
     assert found.stderr == ""
-    text = found.stdout
-    path = GOLDEN / f"{name}.txt"
-    if os.environ.get("UPDATE_GOLDEN"):
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text, encoding="utf-8", newline="\n")
-    assert text == path.read_text(encoding="utf-8")
+    assert_golden(found.stdout, GOLDEN / f"{name}.txt")
 
 
 def test_every_kept_text_is_still_asked_for():

@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import jsonschema
 import numpy as np
 import pytest
-
-import ifrfit
+from json_schemas import validator
 
 MCMC = ("fit", "cross-2019", "--fix", "e_n=0.94", "--method", "mcmc")
 FILES = {"result.json", "fit.svg", "fit.png", "report.html", "chains.npz"}
@@ -22,8 +20,7 @@ def chains(folder: str) -> dict[str, np.ndarray]:
 
 def converged(folder: str) -> dict[str, object]:
     content = json.loads((Path(folder) / "result.json").read_text())
-    schema = json.loads((Path(ifrfit.__file__).parent / "result.schema.json").read_text())
-    jsonschema.validate(content, schema)
+    validator("result").validate(content)
     assert content["method"] == "mcmc"
     assert "emcee" in content["versions"]
     return dict(content["facts"]["converged"])

@@ -86,8 +86,8 @@ def test_a_closed_pipe_is_no_error():
     assert "Exception ignored" not in said
 
 
-def test_reproduce_writes_figures_and_prints_the_table(python):
-    found = python("-m", "ifrfit", "reproduce", "--out", "figures", "--figure", "3", "--figure", "A2.1b")
+def test_reproduce_writes_figures_and_prints_the_table(cli):
+    found = cli("reproduce", "--out", "figures", "--figure", "3", "--figure", "A2.1b")
     assert (found.returncode, found.stderr) == (0, "")
     assert "cross-2019-no-spin" in found.stdout
     assert "stand-in" in found.stdout.lower()

@@ -11,7 +11,6 @@ import pytest
 
 import ifrfit
 from ifrfit.cost.inference_costs import UNIT
-from ifrfit.cost.measure import measure_costs
 from ifrfit.cost.report.figure import ASIDE, FRONT_LABEL
 from ifrfit.cost.report.sentences import error_text, ratio_text
 from ifrfit.cost.timing import Cost, Timing
@@ -209,8 +208,3 @@ def test_contact_laws_are_those_of_solid_spheres(impacts):
     choices = {"fix": {"e_n": 0.94}, "inertia_factor": 2.0 / 3.0}
     with pytest.raises(UsageError, match=r"solid sphere, not for inertia factor 0\.666667: add"):
         setting_at(path, **choices)
-
-
-def test_an_unknown_kind_is_refused_before_anything_is_read():
-    with pytest.raises(UsageError, match="--kind time: choose inference, physics or arithmetic"):
-        measure_costs("nix.csv", kinds="time")

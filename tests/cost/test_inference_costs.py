@@ -155,12 +155,6 @@ def test_without_a_reference_nothing_is_measured(far_from_bounds, monkeypatch):
         inference_costs(far_from_bounds, extent=SMALL)
 
 
-def test_nothing_free_is_nothing_to_measure():
-    problem = ifrfit.fit("cross-2019", method="lsq", fix={"e_n": 0.94, "e_t": -0.9, "mu": 0.1}).problem
-    with pytest.raises(UsageError, match="Every constant is fixed"):
-        inference_costs(problem, extent=SMALL)
-
-
 def test_constants_of_each_series_count(far_from_bounds):
     problem = ifrfit.fit(
         "cross-2019", method="lsq", fix={"e_n": 0.94}, series=["no spin", "spin 0.225"], separate="mu"

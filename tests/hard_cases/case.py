@@ -6,7 +6,7 @@ import contextlib
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ from typer.testing import CliRunner
 FILE = "impacts.csv"
 OUT = "results"
 METHODS = ("lsq", "profile", "exact", "mcmc")
-SLOW = ("mcmc",)
 GROUPS = ("rebound", "scenes", "data refused", "identifiability", "numerics")
 
 
@@ -40,6 +39,8 @@ class HardCase:
         Asserts about the outcome.
     methods : tuple of str
         The methods that must all give this answer; empty where nothing is fitted.
+    slow : tuple of str
+        Those of them that are tried with ``-m long`` only.
     """
 
     name: str
@@ -49,6 +50,7 @@ class HardCase:
     run: Callable[..., Any]
     check: Callable[[Any], None]
     methods: tuple[str, ...] = ()
+    slow: tuple[str, ...] = ("mcmc",)
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,15 @@ def command(folder: Path, arguments: Sequence[str]) -> Told:
         raise result.exception
     left = tuple(sorted(p.name for p in set(folder.iterdir()) - before))
     return Told(result.exit_code, result.stdout, result.stderr, left)
+
+
+def fits(outcome: Any) -> Iterator[Any]:
+    """Every fit in what a case comes to, beside its brute-force optimum where there is one."""
+    if isinstance(outcome, tuple | list):
+        for part in outcome:
+            yield from fits(part)
+    elif not isinstance(outcome, Told):
+        yield outcome
 
 
 def put(folder: Path, content: str | bytes, name: str = FILE) -> Path:

@@ -57,6 +57,9 @@ def _sticking(result: FitResult) -> None:
     assert not fact.ok
     assert fact.figures["rank"] == 1
     assert "no impact slides" in fact.says
+    assert "measure beyond 27 degrees" in fact.says
+    if result.method == "exact":
+        assert result.derived["transition_angle_deg"] == {"run": None}
 
 
 def _sliding_wholly_free(result: FitResult) -> None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ifrfit import rebound
+from ifrfit import fit, rebound
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 
 HEADER = "series,observable,gamma_deg,value,sigma\n"
 FAN = tuple(float(g) for g in range(5, 86, 5))  # both regimes, the transition at 30.2 degrees
@@ -44,6 +48,14 @@ def rows(
         f"{series},{observable},{float(g)!r},{float(v)!r},{'' if s is None else repr(float(s))}\n"
         for g, v, s in zip(gamma, value, spread, strict=True)
     )
+
+
+def question(folder: Path, text: str, **options: Any) -> tuple[Problem, LeastSquaresFit]:
+    """The problem of a table and its optimum; e_n is fixed at its true value unless `fix` says otherwise."""
+    path = folder / "impacts.csv"
+    path.write_text(text)
+    problem = fit(path, **{"fix": {"e_n": TRUTH["e_n"]}, "method": "lsq", **options}).problem
+    return problem, least_squares(problem)
 
 
 def table(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from factories import at_most
 
 import ifrfit
 from ifrfit.errors import UsageError
@@ -26,14 +27,22 @@ def fit(path: Path, **choices: object) -> ifrfit.FitResult:
     return ifrfit.fit(path, **({"closure": "maw"} | choices))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("method", ["lsq", "exact", "profile"])
-def test_recovers_the_constants(impacts: Impacts, method: str) -> None:
+@pytest.mark.parametrize(
+    ("method", "fix"),
+    [
+        ("lsq", {}),
+        ("exact", {}),
+        ("profile", {"e_n": 0.9}),  # each place of a profile is a search of its own
+        pytest.param("profile", {}, marks=pytest.mark.long),
+    ],
+)
+def test_recovers_the_constants(impacts: Impacts, method: str, fix: dict[str, float]) -> None:
     path = impacts(
         {"gamma": GAMMA[::2], "noise": 0.02, "sigma": 0.02} | TRUE,
         {"gamma": np.zeros(4), "observables": ("e_n",), "noise": 0.01, "sigma": 0.01, "seed": 1} | TRUE,
     )
-    found = fit(path, method=method)
-    for name, true in (("e_n", 0.9), ("chi", 1.44), ("mu", 0.15)):
+    found = fit(path, method=method, fix=fix)
+    for name, true in {"e_n": 0.9, "chi": 1.44, "mu": 0.15}.items() - fix.items():
         one = found.constants[name]
         assert one.status == "determined"
         assert abs(one.value - true) < 3.0 * one.stderr
@@ -220,14 +229,14 @@ def gain(impacts: Impacts, closure: str, seed: int) -> tuple[float, bool]:
     return float(maw.fit.log_evidence - ifr.fit.log_evidence), not right.facts["lack_of_fit"].ok
 
 
-@pytest.mark.parametrize("n", [3, pytest.param(40, marks=pytest.mark.long)])
+@pytest.mark.parametrize("n", [1, pytest.param(40, marks=pytest.mark.long)])
 def test_blind(impacts: Impacts, n: int) -> None:
     """25 impacts with a noise of 0.04 tell compliance from a constant closure, every time, either way."""
     for_maw, refuted = zip(*(gain(impacts, "maw", 100 + seed) for seed in range(n)), strict=True)
     for_ifr, also = zip(*(gain(impacts, "ifr", 200 + seed) for seed in range(n)), strict=True)
     assert min(for_maw) > np.log(20.0)
     assert max(for_ifr) < -np.log(20.0)
-    assert sum(refuted + also) <= 2
+    assert sum(refuted + also) <= at_most(2 * n, 0.001)
 
 
 def test_kharaz_is_described_better_than_by_any_constant_closure() -> None:
@@ -237,9 +246,10 @@ def test_kharaz_is_described_better_than_by_any_constant_closure() -> None:
     assert nu.interval95[0] < 0.235 < nu.interval95[1]  # aluminium oxide 0.23, soda-lime glass 0.24
 
 
-@pytest.mark.parametrize("n", [6, pytest.param(60, marks=pytest.mark.long)])
-def test_coverage_of_the_exact_intervals(impacts: Impacts, n: int) -> None:
+@pytest.mark.long  # a handful of experiments could not tell
+def test_coverage_of_the_exact_intervals(impacts: Impacts) -> None:
     """Constants drawn from the prior: their posterior probabilities are uniform (Kolmogorov, 1e-4)."""
+    n = 60
     rng, below = np.random.default_rng(11), []
     low, high = float(chi_of(0.5)), float(chi_of(0.0))
     for seed in range(n):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,29 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ifrfit
+from ifrfit.physics import OBSERVABLES
 
 Array = NDArray[np.float64]
 
 IFR = {"e_n": 0.94, "e_t": -0.9, "mu": 0.12}
-
-# what a rebound says about each observable of the common schema
-VALUES: Mapping[str, Callable[[ifrfit.Rebound], Array]] = {
-    "beta": lambda r: r.beta,
-    "beta_cm": lambda r: r.beta_cm,
-    "beta_tot": lambda r: r.beta_tot,
-    "mu_app": lambda r: r.mu_app,
-    "delta_deg": lambda r: np.degrees(r.delta),
-    "lambda_deg": lambda r: np.degrees(r.lambda_),
-    "tan_psi_after": lambda r: r.tan_psi_after,
-    "psi_after_deg": lambda r: np.degrees(np.arctan(r.tan_psi_after)),
-    "tan_psi_out": lambda r: r.contact_x / r.v_n,
-    "psi_out_deg": lambda r: np.degrees(np.arctan(r.contact_x / r.v_n)),
-    "v_x": lambda r: r.v_x,
-    "v_y": lambda r: r.v_y,
-    "v_n": lambda r: r.v_n,
-    "spin_x_after": lambda r: r.spin_x,
-    "spin_y_after": lambda r: r.spin_y,
-}
 
 
 @dataclass(frozen=True)
@@ -106,7 +88,7 @@ class Run:
     def _true(self, name: str) -> Array:
         if name in ("e_n", "mu"):
             return np.full(len(self.gamma), self.constants[name])
-        return VALUES[name](self.rebound())
+        return OBSERVABLES[name].value(self.rebound(), np.asarray(self.constants["mu"]))
 
     def rebound(self) -> ifrfit.Rebound:
         """What the closure says of every impact."""

@@ -223,7 +223,10 @@ def test_one_figure_leaves_the_others_and_the_table_alone(tmp_path):
     assert text.endswith(f"written: {tmp_path}/  1 figure (svg, png and csv)\n")
 
 
-def test_digitised_only_leaves_out_stand_ins_and_theory_and_replaces_its_own_output_only(whole, tmp_path):
+def test_digitised_only_leaves_out_stand_ins_and_theory_and_replaces_its_own_output_only(
+    whole, picture, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(reproduce, "make_figure", lambda figure, done: picture(figure.name))
     for name in ("notes.txt", "fit.svg"):
         (tmp_path / name).write_text("mine")
     for name in ("kharaz-beta.svg", "fig3.csv"):

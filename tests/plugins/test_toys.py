@@ -199,6 +199,7 @@ def test_costs_name_every_closure(folder: Path) -> None:
 # ---- every closure of the registry through every command
 
 
+@pytest.mark.usefixtures("brief_costs")
 @pytest.mark.parametrize("name", [*CLOSURES, "grip", "bend"])
 def test_every_closure_goes_through_every_command(cli: Callable[..., str], tmp_path: Path, name: str) -> None:
     data, result = table(tmp_path, GRIP, every=2), tmp_path / "result.json"
@@ -306,6 +307,7 @@ def test_an_effect_joins_the_plan(folder: Path) -> None:
 # ---- methods, sections, formats
 
 
+@pytest.mark.usefixtures("brief_costs")
 def test_a_method_goes_through_every_command(cli: Callable[..., str], tmp_path: Path) -> None:
     data, result = table(tmp_path, GRIP, every=2), tmp_path / "result.json"
     chosen = ("--closure", "grip", "--fix", "e_n=0.9")
@@ -333,6 +335,7 @@ def test_options_of_a_method_are_its_own(folder: Path) -> None:
 # ---- laws of errors
 
 
+@pytest.mark.usefixtures("brief_costs")
 def test_a_law_of_errors_goes_through_every_command(cli: Callable[..., str], tmp_path: Path) -> None:
     data, result = table(tmp_path, GRIP, every=2), tmp_path / "result.json"
     chosen = ("--closure", "grip", "--fix", "e_n=0.9", "--tails", "logistic")

@@ -65,6 +65,7 @@ def test_nothing_is_cut_or_covers_another(name):
     figure.draw_without_rendering()
     renderer, frame = figure.canvas.get_renderer(), figure.bbox
     boxes = [figure.legends[0].get_window_extent(renderer)]
+    boxes += [text.get_window_extent(renderer) for text in figure.legends[0].get_texts()]
     boxes += [axes.get_tightbbox(renderer) for axes in figure.axes]
     if figure._suptitle:
         boxes.append(figure._suptitle.get_window_extent(renderer))
@@ -239,22 +240,24 @@ from pathlib import Path
 import ifrfit
 from ifrfit.report.style import save_figure
 
-figure = ifrfit.fit("kharaz-2001", prior={"e_n": (0.98, 0.01)}).plot()
+figure = ifrfit.fit("kharaz-2001", prior={"e_n": (0.98, 0.01)}, method="lsq").plot()
 for suffix in ("svg", "png"):
     save_figure(figure, Path(sys.argv[1]).with_suffix("." + suffix))
 """
 
 
-def test_two_fits_in_two_processes_write_the_same_figures(tmp_path):
-    for run, seed in (("a", "1"), ("b", "2")):
-        subprocess.run(
-            [sys.executable, "-c", FIT_AND_DRAW, tmp_path / run],
-            env={**os.environ, "PYTHONHASHSEED": seed, "IFRFIT_DATA_DIR": str(tmp_path / "none")},
-            check=True,
-            capture_output=True,
-        )
+def test_two_fits_in_two_processes_write_the_same_figures(tmp_path, monkeypatch):
+    monkeypatch.setenv("IFRFIT_DATA_DIR", str(tmp_path / "none"))
+    subprocess.run(
+        [sys.executable, "-c", FIT_AND_DRAW, tmp_path / "there"],
+        env={**os.environ, "PYTHONHASHSEED": "1"},  # here strings hash by a seed of chance
+        check=True,
+        capture_output=True,
+    )
+    monkeypatch.setattr("sys.argv", ["", str(tmp_path / "here")])
+    exec(FIT_AND_DRAW, {})
     for suffix in ("svg", "png"):
-        assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
+        assert (tmp_path / f"here.{suffix}").read_bytes() == (tmp_path / f"there.{suffix}").read_bytes()
 
 
 def test_the_layout_is_settled_to_six_digits(made):
@@ -334,15 +337,6 @@ def test_legend_columns_are_filled_as_matplotlib_fills_them():
     for count in range(1, 8):
         expected = [list(part) for part in np.array_split([label for _, label in entries], count)]
         assert legend._columns(entries, count) == expected
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_the_legend_fits_the_width(name):
-    _, figure = drawn(name)
-    entries = figure.legends[0].get_texts()
-    renderer = figure.canvas.get_renderer()
-    right = max(text.get_window_extent(renderer).x1 for text in entries)
-    assert right <= figure.bbox.x1
 
 
 def test_drawing_leaves_the_settings_of_matplotlib_alone(made, tmp_path):

@@ -2,8 +2,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from factories import assert_golden
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
@@ -12,157 +14,13 @@ from ifrfit.report import summary
 from ifrfit.report.provenance import provenance_sentences, reference, stand_in_sentence
 from ifrfit.report.sentences import findings, headline
 
-FINE = """\
-impacts.csv   34 impacts, beta, measured, no sigma given
-              Values as their authors measured them.
-              2 of 36 rows left out: 2 not measured.
-closure IFR, least squares, one unknown noise
-
-            value      sd   95 % interval      status
-  e_n        0.94       -                      fixed by you
-  e_t      -0.980   0.013   [-1.000, -0.957]   one-sided: lies on its bound -1
-  mu       0.1200  0.0041   [0.1120, 0.1280]   determined
-  kappa    0.2328  0.0080   [0.2171, 0.2485]   mu (1 + e_n)
-  noise     0.050       -                      of beta
-
-  12 impacts stick, 22 slide; transition at 30.20 +- 0.80 degrees
-
-  ok    Global optimum certified, the only one.
-  ok    No lack of fit (p = 0.42).
-  ok    No outliers.
-  note  beta cannot tell e_n from mu: mu scales with 1/(1 + 0.94). Measure e_n (one drop test) to
-        free it."""
-
-STAND_IN = """\
-cross-2019   STAND-IN, generated from the constants the paper prints. This fit shows that the tool
-             works, not what steel on granite does.
-             51 impacts, beta, stand-in, sigma given
-             Steel ball on granite.
-             2 of 53 rows left out: 2 not measured.
-closure IFR, least squares, known noise
-
-            value      sd   95 % interval      status
-  e_n        0.94       -                      fixed by you
-  e_t      -0.980   0.013   [-1.000, -0.957]   one-sided: lies on its bound -1
-  mu       0.1200  0.0041   [0.1120, 0.1280]   determined
-  kappa    0.2328  0.0080   [0.2171, 0.2485]   mu (1 + e_n)
-
-  no spin: 6 impacts stick, 11 slide; transition at 30.20 +- 0.80 degrees
-  spin 0.225: 4 impacts stick, 13 slide; transition at 18.99 +- 0.80 degrees
-  spin 0.833: 0 impacts stick, 17 slide; no transition: all slide
-  chi2 = 31.2 for 32 degrees of freedom (p = 0.51)
-
-  ok    Global optimum certified, the only one.
-  ok    No lack of fit (p = 0.42).
-  ok    No outliers.
-  note  beta cannot tell e_n from mu: mu scales with 1/(1 + 0.94). Measure e_n (one drop test) to
-        free it."""
-
-ALL_STICKING = """\
-LOOK  mu is not determined. Details below.
-
-impacts.csv   12 impacts, beta, measured, no sigma given
-              Values as their authors measured them.
-              2 of 14 rows left out: 2 not measured.
-closure IFR, least squares, one unknown noise
-
-            value     sd   95 % interval      status
-  e_n        0.94      -                      fixed by you
-  e_t      -0.980  0.013   [-1.000, -0.957]   one-sided: lies on its bound -1
-  mu            -      -   > 0.21             not determined: no impact slides; measure beyond 50
-                                              degrees
-  kappa         -      -   > 0.21             mu (1 + e_n); not determined: no impact slides;
-                                              measure beyond 50 degrees
-  noise     0.050      -                      of beta
-
-  12 impacts stick, 0 slide; transition not determined: > 30 degrees (95 %)
-
-  LOOK  mu is not determined: no impact slides. These data say mu > 0.21 (95 %). Measure beyond 50
-        degrees.
-  ok    Global optimum certified, the only one.
-  ok    No lack of fit (p = 0.42).
-  ok    No outliers."""
-
-POSTERIOR = """\
-impacts.csv   68 impacts, beta, measured, no sigma given
-              Values as their authors measured them.
-              2 of 70 rows left out: 2 not measured.
-closure IFR, exact posterior, two unknown noises
-
-            value      sd   95 % interval      status
-  e_n        0.94       -                      fixed by you
-  e_t      -0.980   0.013   [-1.000, -0.957]   one-sided: lies on its bound -1
-  mu       0.1200  0.0041   [0.1120, 0.1280]   determined
-  kappa    0.2328  0.0080   [0.2171, 0.2485]   mu (1 + e_n)
-  noise    0.0481  0.0062   [0.0359, 0.0603]   of beta in dry
-  noise    0.0555  0.0062   [0.0433, 0.0677]   of beta in wet & <oiled>
-
-  dry: 12 impacts stick, 22 slide; transition at 30.20 +- 0.80 degrees
-  wet & <oiled>: 20 impacts stick, 14 slide; transition at 50.42 +- 0.80 degrees
-  log evidence 41.24
-
-  ok    Global optimum certified, the only one.
-  ok    No lack of fit (p = 0.42).
-  ok    No outliers.
-  ok    the posterior predicts data like these (smallest p of 4 checks = 0.31, runs)
-  note  beta cannot tell e_n from mu: mu scales with 1/(1 + 0.94). Measure e_n (one drop test) to
-        free it."""
-
-MARKDOWN = """\
-**STAND-IN data, not an experiment.**
-
-| constant | value | 95 % interval | status |
-|---|---|---|---|
-| e_n | 0.94 |  | fixed by you |
-| e_t | -0.980 ± 0.013 | \\[-1.000, -0.957] | one-sided: lies on its bound -1 |
-| mu | 0.1200 ± 0.0041 | \\[0.1120, 0.1280] | determined |
-| kappa | 0.2328 ± 0.0080 | \\[0.2171, 0.2485] | mu (1 + e_n) |
-
-- closure IFR, least squares, known noise.
-- cross-2019: 51 impacts, beta, stand-in, sigma given. STAND-IN, generated from the constants the paper \
-prints. This fit shows that the tool works, not what steel on granite does. Steel ball on granite. \
-Source: a paper's printed constants. 2 of 53 rows left out: 2 not measured.
-- no spin: 6 impacts stick, 11 slide; transition at 30.20 ± 0.80 degrees.
-- spin 0.225: 4 impacts stick, 13 slide; transition at 18.99 ± 0.80 degrees.
-- spin 0.833: 0 impacts stick, 17 slide; no transition: all slide.
-- chi2 = 31.2 for 32 degrees of freedom (p = 0.51).
-- note: beta cannot tell e_n from mu: mu scales with 1/(1 + 0.94). Measure e_n (one drop test) to free it."""
-
-LATEX = r"""% LOOK: mu is not determined
-\begin{tabular}{llll}
-\hline
-constant & value & 95\,\% interval & status \\
-\hline
-$e_n$ & $0.94$ &  & fixed by you \\
-$e_t$ & $-0.980 \pm 0.013$ & $[-1.000, -0.957]$ & one-sided: lies on its bound -1 \\
-$\mu$ & -- & $> 0.21$ & not determined: no impact slides; measure beyond 50 degrees \\
-$\kappa$ & -- & $> 0.21$ & mu (1 + e\_n); not determined: no impact slides; measure beyond 50 degrees \\
-noise & $0.050$ &  & of beta \\
-\hline
-\multicolumn{4}{l}{data: impacts.csv (measured)} \\
-\end{tabular}
-"""
+GOLDEN = Path(__file__).parent / "golden"
 
 
-@pytest.mark.parametrize(
-    ("name", "golden"),
-    [("fine", FINE), ("stand_in", STAND_IN), ("all_sticking", ALL_STICKING), ("posterior", POSTERIOR)],
-)
-def test_golden_text(made, name, golden):
-    assert summary(getattr(made, name)()) == golden
-
-
-def test_golden_markdown(made):
-    assert summary(made.stand_in(), "markdown") == MARKDOWN
-
-
-def test_golden_latex(made):
-    text = summary(made.all_sticking(), "latex")
-    assert text.startswith(LATEX)
-    assert text.endswith(
-        "LOOK: mu is not determined: no impact slides. These data say mu $>$ 0.21 (95 \\%). "
-        "Measure beyond 50 degrees."
-    )
+@pytest.mark.parametrize("path", sorted(GOLDEN.iterdir()), ids=lambda path: path.name)
+def test_golden_text(made, path):
+    style = {".txt": "text", ".md": "markdown", ".tex": "latex"}[path.suffix]
+    assert_golden(f"{summary(getattr(made, path.stem)(), style)}\n", path)
 
 
 def test_the_text_table_is_plain_ascii_and_narrow_whatever_the_case(made):

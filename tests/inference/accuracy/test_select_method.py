@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
-import jsonschema
 import numpy as np
+import pandas as pd
 import pytest
+from json_schemas import validator
 
 import ifrfit
 from ifrfit import AngleErrors, Automatic, Exact, Model, Noise
@@ -23,12 +23,13 @@ from ifrfit.inference.accuracy.select_method import (
     picked_as_requested,
 )
 from ifrfit.inference.accuracy.types import Effort
+from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.estimators import make_estimator
 from ifrfit.inference.io.read_result import from_dict
 from ifrfit.inference.mcmc import Evidence
 from ifrfit.inference.result.build import build_result
+from ifrfit.report.page import page
 
-SCHEMA = json.loads((Path(ifrfit.__file__).parent / "result.schema.json").read_text(encoding="utf-8"))
 CROSS = {"fix": {"e_n": 0.94}}
 
 
@@ -194,19 +195,18 @@ def test_chains_stop_at_the_accuracy_only_where_the_rules_hold():
 def test_the_file_keeps_it(lsq, tmp_path):
     found = reached(lsq, accuracy=1e-3, budget=30.0)
     content = found.to_dict()
-    jsonschema.validate(content, SCHEMA)
+    validator("result").validate(content)
     again = from_dict(json.loads(json.dumps(content)))
     assert again.effort == found.effort
     assert "effort" not in lsq.to_dict()
     assert from_dict(lsq.to_dict()).effort is None
 
 
-def test_the_page_tells_it_and_repeats_it(lsq, tmp_path):
+def test_the_page_tells_it_and_repeats_it(lsq):
     found = reached(lsq, accuracy=1e-3)
-    found.report(tmp_path / "report.html")
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "exact, tolerance 1e-3, reached 4e-4 of an sd" in page
-    assert "--accuracy 0.001" in page
+    text = page(found, Appraisal(pd.DataFrame(), {}))
+    assert "exact, tolerance 1e-3, reached 4e-4 of an sd" in text
+    assert "--accuracy 0.001" in text
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from importlib import resources
 
-import jsonschema
 import numpy as np
 import pytest
+from json_schemas import validator
 
 import ifrfit
 from ifrfit import Bootstrap, UsageError
@@ -48,9 +47,7 @@ def test_values_are_medians_and_stderr_the_sd_of_the_draws(both) -> None:
 
 def test_the_file_fits_the_schema_and_comes_back_the_same(both, tmp_path) -> None:
     content = json.loads(dumps(both.to_dict()))
-    jsonschema.validate(
-        content, json.loads(resources.files("ifrfit").joinpath("result.schema.json").read_text())
-    )
+    validator("result").validate(content)
     assert content["method"] == "bootstrap"
     assert len(content["state"]["sample"]["e_t"]) == 500
     again = from_dict(content)

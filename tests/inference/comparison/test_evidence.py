@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from comparison_data import observations, problem_of
+from comparison_data import observations
+from factories import problem_of
 from scipy import special
 
 from ifrfit.inference.comparison import compare

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from comparison_data import observations, problem_of
+from comparison_data import observations
+from factories import problem_of
 
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.loo import left_out, loo_of, with_differences

@@ -6,7 +6,8 @@ import math
 
 import pandas as pd
 import pytest
-from comparison_data import FOUR, observations, problem_of
+from comparison_data import FOUR, observations
+from factories import problem_of
 
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.prior_sensitivity import MU_WIDTHS, prior_of

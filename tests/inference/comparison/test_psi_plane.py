@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from comparison_data import ANGLES, observations, problem_of
+from comparison_data import ANGLES, observations
+from factories import problem_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

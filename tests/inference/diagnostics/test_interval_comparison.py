@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hard_cases.synthetic import GRAZING, STEEP, TRUTH, table
+from hard_cases.synthetic import GRAZING, STEEP, question, table
 from scipy import special
 
-import ifrfit
 from ifrfit.inference.diagnostics.interval_comparison import intervals
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
-from ifrfit.inference.optimize.least_squares import least_squares
 
 Z = float(special.ndtri(0.975))
 
@@ -34,13 +32,6 @@ class Gaussian:
         return mean + sd * special.ndtri(p)
 
 
-def asked(folder: Path, text: str, **options):
-    path = folder / "impacts.csv"
-    path.write_text(text)
-    problem = ifrfit.fit(path, **{"fix": {"e_n": TRUTH["e_n"]}, "method": "lsq", **options}).problem
-    return problem, least_squares(problem)
-
-
 def row(**values) -> pd.DataFrame:
     default = {
         "covariance_low": -1.0, "covariance_high": 1.0, "profile_low": -1.0, "profile_high": 1.0,
@@ -51,7 +42,7 @@ def row(**values) -> pd.DataFrame:
 
 
 def test_linear_data_have_one_interval(tmp_path: Path) -> None:
-    problem, fit = asked(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
+    problem, fit = question(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
     sd = {
         name: math.sqrt(fit.gaussian.variance(fit.gaussian.to_theta[i], 1.0))
         for i, name in enumerate(problem.parameters.names)
@@ -72,7 +63,7 @@ def test_linear_data_have_one_interval(tmp_path: Path) -> None:
 
 
 def test_the_covariance_is_not_cut(tmp_path: Path) -> None:
-    problem, fit = asked(tmp_path, table(sigma=0.05, seed=1))
+    problem, fit = question(tmp_path, table(sigma=0.05, seed=1))
     found = intervals(problem, fit, None)
     assert found.loc["e_t", "covariance_low"] < -1.0 == found.loc["e_t", "profile_low"]
     middle = 0.5 * (found.loc["e_t", "covariance_low"] + found.loc["e_t", "covariance_high"])
@@ -82,7 +73,7 @@ def test_the_covariance_is_not_cut(tmp_path: Path) -> None:
 
 
 def test_open_and_unknown(tmp_path: Path) -> None:
-    problem, fit = asked(tmp_path, table(STEEP, seed=1, true_sigma=0.01))
+    problem, fit = question(tmp_path, table(STEEP, seed=1, true_sigma=0.01))
     found = intervals(problem, fit, None)
     assert found.loc["mu", "covariance_low"] == -math.inf
     assert found.loc["mu", "profile_high"] == math.inf
@@ -130,13 +121,13 @@ def test_widths_disagree_beyond_a_factor() -> None:
 
 def test_the_exact_posterior_itself(tmp_path: Path) -> None:
     posterior = pytest.importorskip("ifrfit.inference.posterior")
-    problem, fit = asked(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
+    problem, fit = question(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
     found = intervals(problem, fit, posterior.integrate(problem, start=fit))
     assert disagreements(found) == ()
     both = found[["covariance_low", "covariance_high"]].to_numpy()
     width = (both[:, 1] - both[:, 0])[:, None]
     assert (np.abs(found[["exact_low", "exact_high"]].to_numpy() - both) <= 0.01 * width).all()
     # at a bound they part, and the exact one is named
-    problem, fit = asked(tmp_path, table(sigma=0.1, seed=1))
+    problem, fit = question(tmp_path, table(sigma=0.1, seed=1))
     said = disagreements(intervals(problem, fit, posterior.integrate(problem, start=fit)))
     assert any(one.startswith("e_t: ") and "beyond the bound -1" in one for one in said)

@@ -6,14 +6,13 @@ import itertools
 
 import numpy as np
 import pytest
-from factories import BILINEAR
+from factories import BILINEAR, problem_of
 from scipy import stats
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.diagnostics import predictive_checks as module
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.physics import OBSERVABLES, get_closure
 
@@ -41,10 +40,8 @@ def build(
             "row": np.arange(n) + 2,
         }
     )
-    chosen = get_closure(closure)
-    constants = make_parameters(chosen, 0.4, separate=separate, fix=fix)
-    empty = make_problem(Observations(table), chosen, 0.4, constants, noise)
-    values = dict(zip(("e_n", chosen.constant, "mu"), truth, strict=True))
+    empty = problem_of(table, closure, noise=noise, separate=separate, fix=fix)
+    values = dict(zip(("e_n", empty.closure.constant, "mu"), truth, strict=True))
     return with_values(empty, empty.predict(np.array([values[c.name] for c in empty.parameters.entries])))
 
 

@@ -9,12 +9,14 @@ from factories import BILINEAR
 import ifrfit
 from ifrfit import AngleErrors, Noise
 from ifrfit.errors import IfrfitError
+from ifrfit.inference.appraise import appraise
 from ifrfit.inference.io.plain import Node, from_plain, to_plain
 from ifrfit.inference.keywords import noise_of
 from ifrfit.inference.model.error_law import STUDENT_T
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel, make_error_model
 from ifrfit.inference.result.restore import question
 from ifrfit.physics import rebound
+from ifrfit.report.page import page
 
 SET = Noise(angles=AngleErrors("set"))
 
@@ -141,8 +143,7 @@ def test_result_file_keeps_the_scatter(tmp_path):
 def test_profiles_and_their_comparison_do_not_know_it(tmp_path):
     result = ifrfit.fit(table_of(tmp_path), noise=Noise(tails="student-t"), fix={"e_n": 0.9})
     assert "Intervals are compared for independent Gaussian errors" in said(result.intervals)
-    result.report(tmp_path / "report.html")
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    text = page(result, appraise(result, closures=False))
     assert "Profiles know independent Gaussian errors of the values only." in text
 
 

@@ -6,16 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from factories import problem_of
 
-from ifrfit.data.observations import Observations, make_table
+from ifrfit.data.observations import make_table
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.parameters import make_parameters
-from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import integrate
 from ifrfit.physics import rebound
-from ifrfit.physics.closures import get_closure
 
 LAWS = {
     "student": ErrorModel(dof=4.0),
@@ -26,7 +24,7 @@ LAWS = {
 }
 
 
-def problem_of(error_model, *, closure="ifr", fix=None, prior=None, noise="known", separate=(), n=16):
+def scattered(error_model, *, closure="ifr", fix=None, noise="known", n=16, **choices):
     rng = np.random.default_rng(11)
     gamma = np.linspace(12.0, 78.0, n)
     true = gamma + 2.0 * rng.standard_normal(n)
@@ -42,9 +40,8 @@ def problem_of(error_model, *, closure="ifr", fix=None, prior=None, noise="known
             "provenance": "simulated",
         }
     )
-    chosen = get_closure(closure)
-    constants = make_parameters(chosen, 0.4, fix=fix or {"e_n": 0.9}, prior=prior, separate=separate)
-    return replace(make_problem(Observations(table), chosen, 0.4, constants, noise), error_model=error_model)
+    plain = problem_of(table, closure, noise=noise, fix=fix or {"e_n": 0.9}, **choices)
+    return replace(plain, error_model=error_model)
 
 
 def summed(problem, low, high, n):
@@ -76,13 +73,13 @@ def check(problem, low, high, n, *, tolerance=1e-3, allowed=0.01):
 def test_posterior_of_two_constants(law):
     # by effective variance sigma jumps where a row changes its regime, which a grid feels
     allowed = 0.03 if law == "effective" else 0.01
-    check(problem_of(LAWS[law]), (-1.0, 0.08), (-0.7, 0.26), 80, allowed=allowed)
+    check(scattered(LAWS[law]), (-1.0, 0.08), (-0.7, 0.26), 80, allowed=allowed)
 
 
 @pytest.mark.parametrize("law", ["student", "set"])
 @pytest.mark.parametrize("closure", ["fr", "f", "ifr-contact"])
 def test_other_closures(law, closure):
-    problem = problem_of(LAWS[law], closure=closure)
+    problem = scattered(LAWS[law], closure=closure)
     lower, upper = problem.parameters.bounds()
     free = problem.parameters.free
     low, high = lower[free].copy(), upper[free].copy()
@@ -92,23 +89,23 @@ def test_other_closures(law, closure):
 
 @pytest.mark.parametrize("law", ["student", "set"])
 def test_a_common_factor_on_sigma(law):
-    problem = problem_of(LAWS[law], fix={"e_n": 0.9, "e_t": -0.85}, noise="scaled")
+    problem = scattered(LAWS[law], fix={"e_n": 0.9, "e_t": -0.85}, noise="scaled")
     check(problem, (0.05, -1.0), (0.3, 1.5), 90, tolerance=1e-2, allowed=0.02)
 
 
 def test_constants_of_their_own_in_each_series():
-    problem = problem_of(LAWS["set"], fix={"e_n": 0.9, "e_t": -0.85}, separate=["mu"])
+    problem = scattered(LAWS["set"], fix={"e_n": 0.9, "e_t": -0.85}, separate=["mu"])
     check(problem, (0.05, 0.05), (0.3, 0.3), 90)
 
 
 def test_prior_of_mu_and_open_e_n():
-    problem = problem_of(LAWS["student"], fix={"e_t": -0.85}, prior={"mu": (0.15, 0.01)})
+    problem = scattered(LAWS["student"], fix={"e_t": -0.85}, prior={"mu": (0.15, 0.01)})
     check(problem, (0.0, 0.1), (1.0, 0.2), 200)
 
 
 def test_an_outlier_moves_student_little():
     def shift(error_model):
-        clean = problem_of(error_model)
+        clean = scattered(error_model)
         value = clean.rows.value.copy()
         value[10] += 0.6
         spoiled = replace(clean, rows=replace(clean.rows, value=value))
@@ -120,7 +117,7 @@ def test_an_outlier_moves_student_little():
 
 
 def test_least_squares_of_student_is_the_maximum_of_its_likelihood():
-    problem = problem_of(LAWS["student"])
+    problem = scattered(LAWS["student"])
     found = least_squares(problem)
     density = Density(problem)
     at = found.optimum.theta[problem.parameters.free]
@@ -138,7 +135,7 @@ def test_least_squares_of_student_is_the_maximum_of_its_likelihood():
 
 
 def test_no_error_of_angle_is_no_scatter():
-    plain = problem_of(ErrorModel())
+    plain = scattered(ErrorModel())
     rows = replace(plain.rows, sigma_gamma_deg=np.zeros(len(plain.rows)))
     exact = replace(plain, rows=rows, error_model=LAWS["set"])
     one, other = integrate(plain, tolerance=1e-3), integrate(exact, tolerance=1e-3)

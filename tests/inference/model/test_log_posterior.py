@@ -6,18 +6,16 @@ import math
 
 import numpy as np
 import pytest
+from factories import problem_of
 from scipy import stats
 
-from ifrfit.data.observations import Observations, make_table
+from ifrfit.data.observations import make_table
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.model.parameters import make_parameters
-from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.posterior import integrate
 from ifrfit.physics import rebound
-from ifrfit.physics.closures import get_closure
 
 
-def problem_of(*, noise="known", fix=None, prior=None, ids=None, separate=()):
+def beta_of(*, noise="known", ids=None, **choices):
     rng = np.random.default_rng(3)
     gamma = np.linspace(10.0, 80.0, 12)
     beta = rebound(gamma, e_n=0.9, e_t=-0.8, mu=0.15, degrees=True).beta + 0.1 * rng.standard_normal(12)
@@ -32,9 +30,7 @@ def problem_of(*, noise="known", fix=None, prior=None, ids=None, separate=()):
             "provenance": "simulated",
         }
     )
-    closure = get_closure("ifr")
-    constants = make_parameters(closure, 0.4, fix=fix, prior=prior, separate=separate)
-    return make_problem(Observations(table), closure, 0.4, constants, noise)
+    return problem_of(table, noise=noise, **choices)
 
 
 def grid_of(density, n=400):
@@ -55,7 +51,7 @@ def grid_of(density, n=400):
     ],
 )
 def test_integral_of_the_density_is_the_exact_evidence(choice):
-    problem = problem_of(**choice)
+    problem = beta_of(**choice)
     density = Density(problem)
     points, cell = grid_of(density, 700)
     found = np.log(np.exp(density(points)).sum() * cell)
@@ -63,7 +59,7 @@ def test_integral_of_the_density_is_the_exact_evidence(choice):
 
 
 def test_each_noise_of_its_own_is_in_the_exact_evidence():
-    problem = problem_of(fix={"e_n": 0.9, "e_t": -0.8, "mu": 0.15}, noise="unknown")
+    problem = beta_of(fix={"e_n": 0.9, "e_t": -0.8, "mu": 0.15}, noise="unknown")
     density = Density(problem)
     assert density.names == ("noise[a/beta]", "noise[b/beta]")
     points, cell = grid_of(density, 900)
@@ -80,14 +76,14 @@ def test_each_noise_of_its_own_is_in_the_exact_evidence():
 
 
 def test_outside_the_domain_there_is_nothing():
-    density = Density(problem_of())
+    density = Density(beta_of())
     points = np.array([[0.9, -0.8, 0.15], [1.1, -0.8, 0.15], [0.9, -0.2, 0.15], [0.9, -0.8, -0.1]])
     assert np.isfinite(density(points)).tolist() == [True, False, False, False]
 
 
 def test_rows_of_an_impact_are_added():
     ids = ["i1", "i1", "", "", "i2", "i2", "i2", "", "", "", "", "i1"]
-    density = Density(problem_of(ids=ids))
+    density = Density(beta_of(ids=ids))
     point = np.array([[0.9, -0.8, 0.15]])
     rows = density.rows(point)[0]
     impacts = density.impacts(point)[0]
@@ -102,7 +98,7 @@ def test_rows_of_an_impact_are_added():
 
 
 def test_draws_are_in_natural_units():
-    density = Density(problem_of(noise="scaled"))
+    density = Density(beta_of(noise="scaled"))
     draws = density.draws(np.array([[0.9, -0.8, 0.15, math.log(1.3)]]))
     assert {name: float(x[0]) for name, x in draws.items()} == pytest.approx(
         {"e_n": 0.9, "e_t": -0.8, "mu": 0.15, "noise": 1.3}

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-from importlib.resources import files
 
-import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
+from json_schemas import validator
 
 import ifrfit
 from ifrfit.errors import DataError
@@ -160,8 +159,7 @@ def test_a_called_effect_that_the_scene_would_hardly_show(make, tiny):
 
 def test_round_trip_and_schema(kharaz, tmp_path):
     content = kharaz.to_dict()
-    schema = json.loads((files("ifrfit") / "result.schema.json").read_text())
-    jsonschema.validate(content, schema)
+    validator("result").validate(content)
     assert [entry["effect"] for entry in content["effects"]] == [one.effect for one in kharaz.effects]
     path = tmp_path / "result.json"
     kharaz.save(path)

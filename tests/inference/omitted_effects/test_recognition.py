@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import BILINEAR
-from scipy.special import bdtrc
+from factories import BILINEAR, at_most
 
 from ifrfit.inference.fit import fit
 
@@ -39,11 +38,6 @@ def called(make, effect, seed, observables=None, known=True, made=None, asked=No
     )
     found = fit(data, method="lsq", independent=True, noise="known" if known else "unknown", **(asked or {}))
     return found.facts["effects"]
-
-
-def at_most(n, p, tail=1e-3):
-    """Most events of probability p among n that chance gives, but for a tail of 1e-3."""
-    return next(k for k in range(n + 1) if bdtrc(k, n, p) < tail)
 
 
 @pytest.mark.parametrize("seeds", SEEDS)

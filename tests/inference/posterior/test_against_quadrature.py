@@ -140,24 +140,32 @@ def test_unknown_noise(question: Question) -> None:
 
 
 @pytest.mark.parametrize(
-    "question",
+    ("question", "pieces", "order"),
     [
-        Question(
-            measured("beta", FAN, seed=51, known=False)
-            + measured("e_n", (5.0, 10.0, 15.0, 20.0), seed=52, sigma=0.02, known=False),
-            noise="unknown",
-            noise_bounds={"run/beta": (1e-3, 1.0), "run/e_n": (1e-3, 1.0)},
+        (
+            Question(
+                measured("beta", FAN, seed=51, known=False)
+                + measured("e_n", (5.0, 10.0, 15.0, 20.0), seed=52, sigma=0.02, known=False),
+                noise="unknown",
+                noise_bounds={"run/beta": (1e-3, 1.0), "run/e_n": (1e-3, 1.0)},
+            ),
+            (12, 8, 60),
+            10,  # the tails are long
         ),
-        Question(
-            measured("beta", FAN, seed=53) + measured("e_n", (5.0, 10.0), seed=54, sigma=0.02),
-            noise="scaled",
-            noise_bounds={"": (0.1, 10.0)},
+        (
+            Question(
+                measured("beta", FAN, seed=53) + measured("e_n", (5.0, 10.0), seed=54, sigma=0.02),
+                noise="scaled",
+                noise_bounds={"": (0.1, 10.0)},
+            ),
+            (8, 6, 30),
+            8,  # itself right to 3e-5
         ),
     ],
     ids=["a noise each", "common factor"],
 )
-def test_unknown_noise_beside_e_n(question: Question) -> None:
-    known = Dense(question, pieces=(12, 8, 60), order=10).summary()  # the tails are long
+def test_unknown_noise_beside_e_n(question: Question, pieces: tuple[int, int, int], order: int) -> None:
+    known = Dense(question, pieces, order).summary()
     check(integrate(question.problem()), known, 1e-4)
 
 

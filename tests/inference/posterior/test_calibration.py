@@ -6,14 +6,13 @@ The test itself is tried first, on a posterior known in closed form, on wrong on
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import replace
 from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
-from calibration_methods import EXACT, NARROW, NO_KINK, WALTON, WRONG_SIGMA, score_marginals
+from calibration_methods import COARSE, EXACT, NARROW, NO_KINK, WALTON, WRONG_SIGMA, score_marginals
 from calibration_page import CONTROLS, page, verdict
 from calibration_scenes import SCENES, share_sliding, simulate, understated_sigma, walton, without_kink
 from calibration_study import Task, gather, run, run_many, tasks_of
@@ -219,9 +218,15 @@ def test_controls_see_the_same_rows_with_other_eyes():
 
 @pytest.fixture(scope="module")
 def study():
-    """Reduced study: exact and its controls."""
+    """Reduced study: exact and its controls.
+
+    Exact to 1e-2 of a sd, which moves a rank by 0.004 at most: a third of what the mean rank of 560
+    experiments scatters by, 1/sqrt(12 * 560). The study of `make calibrate` takes the tolerance of a fit.
+    """
     tasks = tasks_of(SEED, REPEATS, 0, CONTROLS_EACH, peers=False, scenes=QUICK)
-    return gather(run_many(tasks, min(2, os.cpu_count() or 1)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("calibration_methods.TOLERANCE", COARSE)
+        return gather(run_many(tasks, 1))
 
 
 def test_exact_is_calibrated_in_every_scene(study):

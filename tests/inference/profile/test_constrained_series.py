@@ -18,7 +18,8 @@ from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import ProfileLikelihood
 
 DROPS = (5.0, 10.0)
-SPARSE = FAN[::2]  # what profiles cost grows with the rows
+# what profiles cost grows with the rows and the constants
+SPARSE, E_T = FAN[::3], {"e_t": -0.9}
 
 
 def two_series(sigma_e_n: float | None) -> str:
@@ -40,7 +41,7 @@ def question(folder: Path, sigma_e_n: float | None, **options: object) -> tuple[
 
 
 def test_mu_of_a_series_goes_with_an_open_restitution(tmp_path: Path) -> None:
-    problem, fit = question(tmp_path, None, separate="mu")
+    problem, fit = question(tmp_path, None, separate="mu", fix=E_T)
     found = profile_all(problem, fit, curves=False)
     assert found["e_n"].shape == "flat"
     for series in ("first", "second"):
@@ -51,7 +52,7 @@ def test_mu_of_a_series_goes_with_an_open_restitution(tmp_path: Path) -> None:
             low, high = getattr(kappa, level)
             assert getattr(mu, level) == pytest.approx((low / 2.0, high), rel=1e-5)
     # the control: with the restitution given nothing is left to go along with
-    known = profile_all(*question(tmp_path, None, separate="mu", fix={"e_n": 0.94}), curves=False)
+    known = profile_all(*question(tmp_path, None, separate="mu", fix={**E_T, "e_n": 0.94}), curves=False)
     low, high = found["kappa[first]"].central95
     assert known["mu[first]"].central95 == pytest.approx((low / 1.94, high / 1.94), rel=1e-5)
 
@@ -86,7 +87,7 @@ def test_a_held_mu_leaves_e_n_to_the_slope(
 def test_a_weak_restitution_widens_mu_of_each_series(
     prior: dict[str, tuple[float, float]], tmp_path: Path
 ) -> None:
-    problem, fit = question(tmp_path, None if prior else 0.2, separate="mu", prior=prior)
+    problem, fit = question(tmp_path, None if prior else 0.2, separate="mu", prior=prior, fix=E_T)
     found = profile_all(problem, fit, curves=False)
     mu, kappa, e_n = found["mu[second]"], found["kappa[second]"], found["e_n"]
 

@@ -5,12 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hard_cases.synthetic import FAN, HEADER, STEEP, noise, rows, table, values
+from hard_cases.synthetic import FAN, HEADER, STEEP, noise, question, rows, table, values
 
-import ifrfit
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.profile import objective
 from ifrfit.inference.profile.convergence_fact import profile_converged
 from ifrfit.inference.profile.profile_all import profile_all
@@ -18,13 +15,6 @@ from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.types import Fact
 
 SETTLED = Fact(True, "the noise has settled", {"change": 1e-9}, FACTS["converged"])
-
-
-def question(folder: Path, text: str, **options: object) -> tuple[Problem, LeastSquaresFit]:
-    path = folder / "impacts.csv"
-    path.write_text(text)
-    problem = ifrfit.fit(path, method="lsq", fix={"e_n": 0.94}, **options).problem
-    return problem, least_squares(problem)
 
 
 @pytest.fixture
