@@ -25,12 +25,8 @@ CONTACT = Contact(
     density=2563.0,
     modulus=38.3e9,
     stiffness_ratio=0.875,
-    limiting_pressure=5.6e9,
-    interface_energy=0.1,
-    dissipation_time=1e-9,
-    rolling_friction=1e-3,
     fluid=Fluid("water", 1e-3),
-)
+).with_numbers(limiting_pressure=5.6e9, interface_energy=0.1, dissipation_time=1e-9, rolling_friction=1e-3)
 OBSERVABLES = ("e_n", "beta", "delta_deg")
 GIVEN = {"e_n": "constants.e_n", "tangential": "constants.e_t"}
 

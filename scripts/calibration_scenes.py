@@ -17,7 +17,9 @@ from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 from ifrfit.inference.model.parameters import ParameterSet, make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics import rebound
-from ifrfit.physics.closures import Closure, Coefficients, get_closure, rotational_share
+from ifrfit.physics.closure import Closure, rotational_share
+from ifrfit.physics.closures import get_closure
+from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]

@@ -11,7 +11,8 @@ from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.closures import CLOSURES, Closure
+from ifrfit.physics.closure import Closure
+from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.rebound import rebound_of
 

@@ -11,7 +11,7 @@ from factories import problem_of
 from ifrfit.data.observations import make_table
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.physics import get_observable, rebound
+from ifrfit.physics import OBSERVABLES, rebound
 
 TRUTH = {"e_n": 0.9, "e_t": -0.8, "mu": 0.15}
 SIGMA = {"beta": 0.05, "e_n": 0.02}
@@ -45,7 +45,7 @@ def scene(
     for number in range(series):
         for name in observables:
             sigma = SIGMA.get(name, 0.03)
-            values = get_observable(name).value(state, np.array(TRUTH["mu"]))
+            values = OBSERVABLES[name].value(state, np.array(TRUTH["mu"]))
             values = np.broadcast_to(values, angles.shape) + sigma * rng.standard_normal(angles.size)
             for i, (angle, value) in enumerate(zip(angles.tolist(), values.tolist(), strict=True)):
                 impact = f"{number}-{i}" if joint else f"{number}-{name}-{i}" if copies > 1 else ""

@@ -12,7 +12,7 @@ from ifrfit.data import Descriptor, Source
 from ifrfit.data.observations import make_table
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Fact, FitStatistics, NoiseSummary, State
-from ifrfit.physics import get_closure, get_observable, rebound, transition_angles, transition_tau
+from ifrfit.physics import OBSERVABLES, get_closure, rebound, transition_angles, transition_tau
 
 IFR = get_closure("ifr")
 
@@ -47,7 +47,7 @@ class StubResult(FitResult):
         e_n, e_t, kappa = (draws[name][:, None] for name in ("e_n", "e_t", "kappa"))
         grid, mu = np.atleast_1d(gamma)[None, :], kappa / (1.0 + e_n)
         state = rebound(grid, spin_x, spin_y, e_n=e_n, e_t=e_t, mu=mu, degrees=degrees)
-        values = get_observable(observable).value(state, mu)
+        values = OBSERVABLES[observable].value(state, mu)
         table = {"gamma_deg": grid[0], "value": np.median(values, axis=0)}
         for level, low, high in (("68", 16.0, 84.0), ("95", 2.5, 97.5)):
             table[f"lo{level}"], table[f"hi{level}"] = np.percentile(values, [low, high], axis=0)
@@ -83,8 +83,8 @@ def points_of(
         gamma = np.linspace(*run.gamma, run.n) if run.n > 1 else np.array([40.0])
         state = rebound(gamma, run.spin_x, run.spin_y, degrees=True, **own)  # type: ignore[arg-type]
         for name in observables:
-            angled = get_observable(name).has_angle
-            fitted = get_observable(name).value(state, np.asarray(own["mu"]))
+            angled = OBSERVABLES[name].has_angle
+            fitted = OBSERVABLES[name].value(state, np.asarray(own["mu"]))
             sigma = NOISE.get(name, 0.05)
             z = rng.standard_normal(run.n)
             part = make_table(

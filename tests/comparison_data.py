@@ -8,7 +8,7 @@ import numpy as np
 from factories import BILINEAR
 
 from ifrfit.data.observations import Observations, Source, make_table
-from ifrfit.physics import get_observable, rebound
+from ifrfit.physics import OBSERVABLES, rebound
 
 ANGLES = np.linspace(4.0, 84.0, 25)
 FOUR = BILINEAR
@@ -39,7 +39,7 @@ def observations(
         gamma, spin_x, spin_y, e_n=e_n, mu=mu, closure=closure, degrees=True,
         inertia_factor=inertia_factor, **own,
     )  # fmt: skip
-    values = [get_observable(name).value(state, np.asarray(mu)) for name in observables]
+    values = [OBSERVABLES[name].value(state, np.asarray(mu)) for name in observables]
     value = np.concatenate([np.broadcast_to(v, gamma.shape) for v in values])
     value = value + (sigma if noise is None else noise) * rng.standard_normal(value.size)
     n = len(observables)

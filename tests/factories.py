@@ -13,10 +13,30 @@ from scipy.special import bdtrc
 from ifrfit.data.observations import Observations
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
-from ifrfit.physics import CLOSURES, get_closure, get_observable, rebound
+from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure, rebound
 
 # the closures that the exact posterior takes in closed form, which are quick
 BILINEAR = tuple(name for name, closure in CLOSURES.items() if closure.bilinear)
+# the observables of the common schema; what was added later is not among them
+SCHEMA = (
+    "e_n",
+    "beta",
+    "beta_cm",
+    "beta_tot",
+    "mu_app",
+    "delta_deg",
+    "lambda_deg",
+    "tan_psi_after",
+    "tan_psi_out",
+    "psi_after_deg",
+    "psi_out_deg",
+    "spin_x_after",
+    "spin_y_after",
+    "v_x",
+    "v_y",
+    "v_n",
+    "mu",
+)
 HEADER = "series,observable,gamma_deg,spin_x,spin_y,value,sigma"
 
 
@@ -60,7 +80,7 @@ def impacts_text(
             gamma, spin_x, spin_y, e_n=e_n, mu=mu, closure=closure, degrees=True,
             inertia_factor=inertia_factor, **extra,
         )  # fmt: skip
-        values = get_observable(name).value(state, np.asarray(mu))
+        values = OBSERVABLES[name].value(state, np.asarray(mu))
         values = values + noise * rng.standard_normal(values.shape)
         for angle, value in zip(np.atleast_1d(gamma).tolist(), np.atleast_1d(values).tolist(), strict=True):
             tail = "" if sigma is None else f"{sigma!r}"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import Problem, make_problem
-from ifrfit.physics import get_closure, get_observable, rebound
+from ifrfit.physics import OBSERVABLES, get_closure, rebound
 
 Array = NDArray[np.float64]
 LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
@@ -135,7 +135,7 @@ def measured(
         np.array(gamma), spin_x, spin_y, e_n=e_n, mu=mu, closure=closure, degrees=True,
         inertia_factor=inertia_factor, **own,
     )  # fmt: skip
-    exact = np.broadcast_to(get_observable(observable).value(state, np.asarray(mu)), (len(gamma),))
+    exact = np.broadcast_to(OBSERVABLES[observable].value(state, np.asarray(mu)), (len(gamma),))
     value = exact + sigma * np.random.default_rng(seed).standard_normal(len(gamma))
     return tuple(
         Row(observable, g, round(float(v), 4), sigma if known else None, spin_x, spin_y, series)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 
@@ -13,9 +14,16 @@ INCLUDED = dict(re.findall(r"^<!-- (\S+) -->\n```python\n(.*?)^```$", GUIDE, re.
 DIFFS = re.findall(r"^```diff\n--- a/(\S+)\n\+\+\+ b/(\S+)\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL)
 
 
-def before(diff: str) -> str:
-    """What stands before the first line that a diff adds: it is there with the addition, too."""
-    return "".join(line[1:] for line in diff[: diff.index("\n+") + 1].splitlines(keepends=True))
+def applied(text: str, diff: str) -> str:
+    """The text with what the hunks of a diff add; what stands before an addition is there once."""
+    for hunk in diff.split("@@\n")[1:]:
+        lines = hunk.splitlines(keepends=True)
+        first = next(number for number, line in enumerate(lines) if line.startswith("+"))
+        before = "".join(line.removeprefix(" ") for line in lines[:first])
+        added = "".join(line[1:] for line in lines if line.startswith("+"))
+        assert text.count(before) == 1, hunk
+        text = text.replace(before, before + added)
+    return text
 
 
 def test_every_example_is_shown_as_it_is() -> None:
@@ -25,12 +33,19 @@ def test_every_example_is_shown_as_it_is() -> None:
         assert shown == (ROOT / name).read_text(encoding="utf-8"), name
 
 
-def test_every_diff_fits() -> None:
-    assert len(DIFFS) > len(INCLUDED)  # the effect has two
-    for old, new, diff in DIFFS:
+def test_every_diff_imports_the_new_file_and_lists_its_entry() -> None:
+    assert len(DIFFS) == len(INCLUDED)
+    for (old, new, diff), path in zip(DIFFS, INCLUDED, strict=True):
         assert old == new
-        assert any(line.startswith("+") for line in diff.splitlines())
-        assert (ROOT / old).read_text(encoding="utf-8").count(before(diff)) == 1, (old, diff)
+        assert sum(line.startswith("+") for line in diff.splitlines()) == 2, diff
+        changed = ast.parse(applied((ROOT / old).read_text(encoding="utf-8"), diff))
+        where = re.search(rf"^`(\S+)\.py`:\n\n<!-- {path} -->$", GUIDE, re.MULTILINE)
+        assert where is not None, path
+        package, name = where.group(1).replace("/", ".").rsplit(".", 1)
+        imports = [node for node in ast.walk(changed) if isinstance(node, ast.ImportFrom)]
+        names = {f"{node.module}.{alias.name}" for node in imports for alias in node.names}
+        modules = {node.module for node in imports}
+        assert f"{package}.{name}" in names | modules, diff
 
 
 def test_every_example_is_registered_by_the_tests_of_plugins() -> None:
@@ -57,5 +72,8 @@ def test_targets_and_folders_that_are_named_exist() -> None:
     targets = re.findall(r"(?:^    |`)make ([\w-]+)", GUIDE, re.MULTILINE)
     assert {"test", "check-fast", "lint"} <= set(targets)
     assert [name for name in targets if not re.search(rf"^{name}:", makefile, re.MULTILINE)] == []
+    new = re.findall(
+        r"^`(\S+)`:$", GUIDE, re.MULTILINE
+    )  # files of the examples, were they put into the package
     named = re.findall(r"\b((?:tests|ifrfit|docs)/[a-z][\w./-]*)", GUIDE)
-    assert [name for name in named if not (ROOT / name.rstrip(".")).exists()] == []
+    assert [name for name in named if name not in new and not (ROOT / name.rstrip(".")).exists()] == []

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.cost.hard_impacts import HARD, Impact, hard_impacts
-from ifrfit.cost.impulse_balance import exact_impact
+from ifrfit.cost.impulse_balance import exact_impact, ifr
 from ifrfit.cost.timing import Cost, Timing, one_thread, timed
 from ifrfit.errors import UsageError
 from ifrfit.physics.angles import Incidence, sincos
@@ -208,10 +208,9 @@ def _exact(impacts: Impact, constants: Mapping[str, float]) -> dict[str, Real]:
     """State before and after, in mpmath's numbers."""
     from mpmath import mpf
 
-    law: dict[str, Any] = {"law": "ifr", "constant": constants["e_t"]}
-    law |= {name: constants[name] for name in ("e_n", "mu")}
+    numbers = {"constant": constants["e_t"], "e_n": constants["e_n"], "mu": constants["mu"]}
     columns = (impacts.gamma_deg, impacts.spin_x, impacts.spin_y)
-    one = [exact_impact(*row, **law) for row in zip(*(x.tolist() for x in columns), strict=True)]
+    one = [exact_impact(*row, law=ifr, **numbers) for row in zip(*(x.tolist() for x in columns), strict=True)]
     found = {name: np.array([state[name] for state in one], dtype=object) for name in one[0]}
     for name, spins in (("before_x", impacts.spin_x), ("before_y", impacts.spin_y)):
         found[name] = np.array([mpf(x) for x in spins.tolist()], dtype=object)

@@ -7,12 +7,14 @@ it is exact to as many digits as one likes, which is what single and double prec
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[Any]
+Impulse = Callable[[Any, Any, Any, Any, Any], Any]
 STANDARD = np.eye(3)
 
 
@@ -23,7 +25,9 @@ def impact(gamma_deg: float, spin_x: float, spin_y: float, **constants: Any) -> 
     return balance(sine, cosine, spin_x, spin_y, **constants)
 
 
-def exact_impact(gamma_deg: float, spin_x: float, spin_y: float, **constants: Any) -> dict[str, Any]:
+def exact_impact(
+    gamma_deg: float, spin_x: float, spin_y: float, *, law: Impulse, **constants: float
+) -> dict[str, Any]:
     """State after an impact in the digits that mpmath works with now, from the exact values of the floats.
 
     ``sine`` and ``cosine`` of the angle are in it as well; constants as in `balance`.
@@ -33,10 +37,8 @@ def exact_impact(gamma_deg: float, spin_x: float, spin_y: float, **constants: An
     gamma = mpf(float(gamma_deg))
     sine, cosine = sin(radians(gamma)), sin(radians(90 - gamma))
     numbers = {"inertia_factor": mpf(2) / 5}  # of a solid sphere: the double 0.4 is not quite that
-    numbers |= {
-        name: value if isinstance(value, str) else mpf(float(value)) for name, value in constants.items()
-    }
-    after = balance(sine, cosine, mpf(float(spin_x)), mpf(float(spin_y)), **numbers)
+    numbers |= {name: mpf(float(value)) for name, value in constants.items()}
+    after = balance(sine, cosine, mpf(float(spin_x)), mpf(float(spin_y)), law=law, **numbers)
     return after | {"sine": sine, "cosine": cosine}
 
 
@@ -46,7 +48,7 @@ def balance(
     spin_x: Any,
     spin_y: Any,
     *,
-    law: str,
+    law: Impulse,
     constant: Any,
     e_n: Any,
     mu: Any,
@@ -64,7 +66,9 @@ def balance(
         Of the incidence angle.
     spin_x, spin_y : number
         R omega/u before, in the paper's signs.
-    law : {"f", "fr", "ifr", "ifr-contact"}
+    law : callable
+        Magnitude of the tangential impulse against the slip, as `ifr`: from the law's own constant, the slip,
+        mu times the normal impulse, mass and inertia factor.
     constant, e_n, mu : number
         The law's own constant, normal restitution, friction.
     inertia_factor, speed, radius, mass : number
@@ -85,7 +89,7 @@ def balance(
     slip = contact - (contact @ normal) * normal
     size = (slip @ slip) ** 0.5
     push = mass * (1 + e_n) * (velocity @ normal)
-    drag = tangential_impulse(law, constant, size, mu * push, mass, inertia_factor)
+    drag = law(constant, size, mu * push, mass, inertia_factor)
     impulse = -push * normal
     if size > 0:
         impulse = impulse - drag * slip / size
@@ -103,23 +107,7 @@ def balance(
     }
 
 
-def tangential_impulse(law: str, constant: Any, slip: Any, limit: Any, mass: Any, inertia_factor: Any) -> Any:
-    """Magnitude against the slip; `limit` is mu times the normal impulse.
-
-    Raises
-    ------
-    ValueError
-        For a law that is not one of F, FR, IFR and IFR-contact.
-    """
-    stop_contact = mass * slip / (1 + 1 / inertia_factor)  # centre and rotation together cancel the slip
-    turn_contact = mass * slip * inertia_factor  # the rotation alone cancels it
-    if law == "f":
-        return min(stop_contact, limit)
-    if law == "fr":
-        return min((1 + constant) * stop_contact, limit)
-    restitution = (1 + constant) * stop_contact
-    if law == "ifr":
-        return restitution + min(turn_contact, limit)
-    if law == "ifr-contact":
-        return restitution + min(stop_contact, limit)
-    raise ValueError(f"no impulse balance for the law '{law}'")
+def ifr(constant: Any, slip: Any, limit: Any, mass: Any, inertia_factor: Any) -> Any:
+    """Closure IFR: its restitution, and as friction at most what stops the contact by the rotation alone."""
+    stop = mass * slip / (1 + 1 / inertia_factor)  # centre and rotation together cancel the slip
+    return (1 + constant) * stop + min(mass * slip * inertia_factor, limit)

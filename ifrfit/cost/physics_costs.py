@@ -17,7 +17,8 @@ from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.closures import CLOSURES, Closure, get_closure, rotational_share
+from ifrfit.physics.closure import Closure, rotational_share
+from ifrfit.physics.closures import CLOSURES, get_closure
 from ifrfit.physics.compiling import available
 from ifrfit.physics.compliance import rebound_ratio
 from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI, Compliance

@@ -11,7 +11,8 @@ from ifrfit.data.cell_table import Cells
 from ifrfit.data.partial_table import Piece
 from ifrfit.data.schema import SIGMA_RANGE, SPEED_RANGE, TINY
 from ifrfit.physics.angles import sincos
-from ifrfit.physics.observables import FREE, OBSERVABLES, Observable
+from ifrfit.physics.observable import Observable
+from ifrfit.physics.observables import FREE, OBSERVABLES
 
 Mask = NDArray[np.bool_]
 

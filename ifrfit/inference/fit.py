@@ -28,7 +28,8 @@ from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.result.build import build_result, summarize_optimum
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.physics.closures import Closure, get_closure
+from ifrfit.physics.closure import Closure
+from ifrfit.physics.closures import get_closure
 
 Data = str | Path | Observations
 Progress = Callable[[int, int], None]

@@ -119,8 +119,9 @@ def deprecated() -> dict[str, str]:
     }
     for estimator in ESTIMATORS.values():
         for keyword, each in options_of(type(estimator)).items():
-            found[keyword] = f"{found[keyword]} or " if keyword in found else "method="
-            found[keyword] += each.written
+            if keyword in MethodKeywords.__annotations__:  # what came later never was a keyword
+                found[keyword] = f"{found[keyword]} or " if keyword in found else "method="
+                found[keyword] += each.written
     return found
 
 

@@ -13,7 +13,7 @@ from ifrfit.inference.option_fields import Options, nested, option
 
 if TYPE_CHECKING:
     from ifrfit.inference.model.parameters import Parameter
-    from ifrfit.physics.closures import Closure
+    from ifrfit.physics.closure import Closure
 
 POLICIES = ("known", "scaled", "unknown")
 
@@ -45,7 +45,7 @@ class Model(Options):
         If the inertia factor is not positive.
     """
 
-    closure: str = option("ifr", "ifr, fr, f, ifr-contact or maw.")
+    closure: str = option("ifr", "ifr, fr, f, ifr-contact, maw; any other word lists all.")
     _: KW_ONLY
     fix: Mapping[str, float] = option({}, "A constant that you know.", form="values", metavar="NAME=VALUE")
     prior: Mapping[str, Range] = option(
@@ -167,7 +167,7 @@ class Noise(Options):
     policy : {"known", "scaled", "unknown"} or None
         What sigma means; by default the dataset's own policy, else known where every row has a sigma, else
         unknown.
-    tails : {"gaussian", "student-t"}
+    tails : {"gaussian", "student-t"} or a registered one
         Law of the errors of the values.
     dof : float or None
         Degrees of freedom of Student's t; 4 by default.
@@ -185,7 +185,10 @@ class Noise(Options):
 
     policy: str | None = option(None, "What sigma means: known, scaled or unknown.", keyword="noise")
     _: KW_ONLY
-    tails: str = option("gaussian", "Law of the errors: gaussian, or student-t where outliers occur.")
+    tails: str = option(
+        "gaussian",
+        "Law of the errors: gaussian, or student-t where outliers occur; any other word lists all.",
+    )
     dof: float | None = option(None, "Degrees of freedom of student-t (4).", form="number", metavar="NU")
     angles: AngleErrors | None = nested(AngleErrors)
     sigma_velocity: float | None = option(

@@ -1,7 +1,9 @@
 """What happens in an impact: closures, the rebound, observables and the transition."""
 
-from ifrfit.physics.closures import CLOSURES, Closure, get_closure
-from ifrfit.physics.observables import OBSERVABLES, Observable, get_observable
+from ifrfit.physics.closure import Closure
+from ifrfit.physics.closures import CLOSURES, get_closure
+from ifrfit.physics.observable import Observable
+from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.rebound import Rebound, rebound
 from ifrfit.physics.transition import transition_angles, transition_tau
 
@@ -12,7 +14,6 @@ __all__ = [
     "Observable",
     "Rebound",
     "get_closure",
-    "get_observable",
     "rebound",
     "transition_angles",
     "transition_tau",

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.angles import Array, Incidence, make_read_only
-from ifrfit.physics.closures import Closure, get_closure, rotational_share
+from ifrfit.physics.closure import Closure, rotational_share
+from ifrfit.physics.closures import get_closure
 
 
 def _plain(x: ArrayLike) -> Array:

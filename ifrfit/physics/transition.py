@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ifrfit.physics.closures import Closure
+from ifrfit.physics.closure import Closure
 
 
 def transition_tau(closure: Closure, c: float, kappa: float, inertia_factor: float = 0.4) -> float:

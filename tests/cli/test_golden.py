@@ -1,5 +1,8 @@
 """Whole texts as a user sees them; `assert_golden` says how to rewrite them.
 
+A text that lists what is registered is asked for with the entries of `KEPT` alone: what is added to a
+registry changes no text here, and is shown to be listed by the tests of plugins.
+
 The error that the quadrature reached is a matter of the machine's last digit: it stands as 1e-?? here.
 """
 
@@ -9,6 +12,10 @@ from pathlib import Path
 
 import pytest
 from factories import assert_golden
+
+from ifrfit.inference.estimators import ESTIMATORS
+from ifrfit.physics import CLOSURES
+from ifrfit.physics.effects import EFFECTS
 
 GOLDEN = Path(__file__).parent / "golden"
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
@@ -52,10 +59,22 @@ TEXTS = {
 }
 
 
+KEPT = (
+    (CLOSURES, ("f", "fr", "ifr", "ifr-contact", "maw")),
+    (
+        EFFECTS,
+        ("lateral-spin", "viscoelastic", "plasticity", "adhesion", "compliance", "rolling", "fluid"),
+    ),
+    (ESTIMATORS, ("exact", "lsq", "profile", "mcmc", "bootstrap")),
+)
+
+
 @pytest.fixture(autouse=True)
 def still(monkeypatch):
-    """No time goes by for --accuracy and --budget."""
+    """No time goes by for --accuracy and --budget, and nothing is registered beside `KEPT`."""
     monkeypatch.setattr("ifrfit.inference.accuracy.request.CLOCK", lambda: 0.0)
+    for registry, names in KEPT:
+        monkeypatch.setattr(registry, "_entries", {name: registry[name] for name in names})
 
 
 @pytest.mark.parametrize("name", TEXTS)

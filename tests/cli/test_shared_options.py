@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pytest
 import typer
 
 from ifrfit.cli.main import app
+from ifrfit.inference.estimators import ESTIMATORS
+from ifrfit.inference.keywords import method_options
+from ifrfit.inference.model.error_law import ERROR_LAWS
 from ifrfit.physics import CLOSURES
 
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
 ONE_METHOD = "a comparison is by exact posterior, and costs are of every method: neither takes one"
 EXCEPTIONS = {
-    "method": ONE_METHOD,
-    "accuracy": ONE_METHOD,
-    "budget": ONE_METHOD,
-    "workers": ONE_METHOD,
-    "max_steps": ONE_METHOD,
-    "resume": ONE_METHOD,
-    "resample": ONE_METHOD,
-    "replicates": ONE_METHOD,
+    **dict.fromkeys(("method", *method_options()), ONE_METHOD),
     "intervals": "puts the methods beside the fit's own; costs have all of them, a comparison has one",
 }
 EXCEPTIONS_OF = {
@@ -47,6 +45,17 @@ def test_a_shared_option_is_written_alike(command: str) -> None:
         assert fit[name].metavar == other[name].metavar or name == "closure", name
 
 
-def test_the_help_text_names_every_closure_of_the_package() -> None:
-    text = str(options("fit")["closure"].help)
-    assert all(name in text.replace(",", " ").rstrip(".").split() for name in CLOSURES)
+@pytest.mark.parametrize(
+    ("option", "names"), [("--closure", CLOSURES), ("--tails", ERROR_LAWS), ("--method", ESTIMATORS)]
+)
+def test_a_name_that_is_not_there_is_answered_with_all(cli, option: str, names: Mapping[str, object]) -> None:
+    found = cli("fit", "cross-2019", option, "list")
+    assert found.returncode == 2
+    assert [
+        name for name in names if name not in found.stderr.replace(",", " ").replace(".", " ").split()
+    ] == []
+
+
+def test_the_help_text_says_where_the_names_are() -> None:
+    assert all("any other word lists all" in str(options("fit")[name].help) for name in ("closure", "tails"))
+    assert [name for name in ESTIMATORS if name not in str(options("fit")["method"].help)] == []

@@ -10,7 +10,7 @@ from ifrfit.cost import arithmetic_costs as arithmetic
 from ifrfit.cost.arithmetic_costs import DOUBLE, EXACT, GIVEN, READINGS, SINGLE, VELOCITIES, arithmetic_costs
 from ifrfit.cost.hard_impacts import HARD, Impact, hard_impacts
 from ifrfit.errors import UsageError
-from ifrfit.physics import get_observable, rebound
+from ifrfit.physics import OBSERVABLES, rebound
 
 CONSTANTS = {"e_n": 0.94, "e_t": -0.93, "mu": 0.12}
 GAMMA = np.linspace(5.0, 80.0, 16)
@@ -83,7 +83,7 @@ def test_readings_are_the_observables_of_that_name():
     for name, (over, under) in arithmetic.sides_of(before, after).items():
         angle = READINGS[name] == "angle"
         read = np.degrees(np.arctan2(over, under)) if angle else over / under
-        expected = get_observable(f"{name}_deg" if angle else name).value(state, np.asarray(CONSTANTS["mu"]))
+        expected = OBSERVABLES[f"{name}_deg" if angle else name].value(state, np.asarray(CONSTANTS["mu"]))
         np.testing.assert_allclose(read, expected, rtol=1e-11, atol=1e-12, err_msg=name)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ifrfit
-from ifrfit.physics import get_observable
+from ifrfit.physics import OBSERVABLES
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ class Run:
     def _true(self, name: str) -> Array:
         if name in ("e_n", "mu"):
             return np.full(len(self.gamma), self.constants[name])
-        return get_observable(name).value(self.rebound(), np.asarray(self.constants["mu"]))
+        return OBSERVABLES[name].value(self.rebound(), np.asarray(self.constants["mu"]))
 
     def rebound(self) -> ifrfit.Rebound:
         """What the closure says of every impact."""

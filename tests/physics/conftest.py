@@ -2,22 +2,13 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ifrfit.cost import impulse_balance as balance
-
 TEXT = ("regime", "tag", "note")
-
-
-@pytest.fixture(scope="session")
-def oracle() -> ModuleType:
-    """The impulse balance with vectors, which shares nothing with the formulas under test."""
-    return balance
 
 
 @pytest.fixture(scope="session")

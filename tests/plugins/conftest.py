@@ -16,7 +16,7 @@ from extensions.format import FORMAT
 from extensions.method import Mode
 from extensions.observable import SPIN_GAINED
 from extensions.section import SECTION
-from toys import BEND, HALF_DROP, TILT
+from toys import BEND, HALF_DROP, LOCK, TILT
 
 from ifrfit.cli.main import app
 from ifrfit.registry import registered
@@ -25,7 +25,9 @@ from ifrfit.registry import registered
 @pytest.fixture(scope="module")  # not for the session: tests elsewhere register the same examples
 def toys() -> Iterator[None]:
     """Everything that is made up, registered for as long as these tests run."""
-    with registered(GRIP, BEND, SPIN_GAINED, TILT, HALF_DROP, Brake(), Logistic(), Mode(), SECTION, FORMAT):
+    with registered(
+        GRIP, BEND, LOCK, SPIN_GAINED, TILT, HALF_DROP, Brake(), Logistic(), Mode(), SECTION, FORMAT
+    ):
         yield
 
 

@@ -12,7 +12,8 @@ from extensions.closure import GRIP
 from factories import impacts_file
 
 import ifrfit
-from ifrfit.physics.closures import Coefficients, rotational_share
+from ifrfit.physics.closure import rotational_share
+from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.registry import registered
 
 

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from extensions.closure import GRIP
+from extensions.effect import BRAKE_SHARE, Brake
 from extensions.method import Mode
 from extensions.observable import SPIN_GAINED
+from factories import impacts_file
 from scipy.stats import kstest
 from toys import BEND, HALF_DROP, TILT
 
@@ -21,6 +23,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import ESTIMATORS
 from ifrfit.inference.model.error_law import ERROR_LAWS
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
+from ifrfit.physics.angles import Incidence
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.registry import registered
 from ifrfit.report.page.explorer import payload, reason_without_panel
@@ -95,6 +98,36 @@ def test_a_law_that_is_not_bilinear_is_fitted(fits: dict[str, Any]) -> None:
     low, high = found.constants["eta"].interval95
     assert low < 0.6 < high
     assert "beta_sticking" not in found.derived  # the closure does not say what eta stands for
+
+
+@pytest.mark.parametrize(
+    ("observables", "gamma", "share", "most_mu"),
+    [
+        # rounding leaves a curvature below 0
+        (("beta", "v_x"), np.linspace(4.0, 60.0, 13), 0.3, 0.6),
+        # the bound of mu leaves the constant a range without width
+        (("beta",), np.linspace(4.0, 80.0, 20), 0.4, 2.0),
+    ],
+)
+def test_a_constant_that_takes_no_part_in_sticking_is_integrated(
+    folder: Path, observables: tuple[str, ...], gamma: Any, share: float, most_mu: float
+) -> None:
+    """Posterior against the density summed over a fine grid of the constant and mu."""
+    made = {"gamma": gamma, "e_n": 0.9, "c": share, "sigma": 0.05, "noise": 0.05}
+    path = impacts_file(
+        folder / "lock.csv", {**made, "closure": "lock", "observables": observables, "seed": 1}
+    )
+    found = ifrfit.fit(path, closure="lock", fix={"e_n": 0.9}, noise="known", bounds={"mu": (0.0, most_mu)})
+    middle = (np.arange(240) + 0.5) / 240
+    c, mu = np.meshgrid(0.9 * middle, 0.6 * middle, indexing="ij")
+    theta = np.column_stack((np.full(c.size, 0.9), c.ravel(), mu.ravel()))
+    z = (found.problem.rows.value - found.problem.predict(theta)) / 0.05
+    density = np.exp(-0.5 * ((z**2).sum(axis=1) - (z**2).sum(axis=1).min())).reshape(c.shape)
+    for name, grid in (("lock", c), ("mu", mu)):
+        mean = float((grid * density).sum() / density.sum())
+        sd = float(np.sqrt(((grid - mean) ** 2 * density).sum() / density.sum()))
+        assert found.distribution.mean(name) == pytest.approx(mean, abs=5e-3 * sd)
+        assert found.distribution.sd(name) == pytest.approx(sd, rel=5e-3)
 
 
 @pytest.mark.parametrize("name", ["grip", "bend"])
@@ -252,7 +285,13 @@ def test_the_panel_leaves_out_what_has_no_expression(folder: Path) -> None:
 
 def test_an_effect_joins_the_plan(folder: Path) -> None:
     scene = folder / "brake.toml"
-    scene.write_text(SCENE.format(observables=["e_n"], constants="e_n = 0.9\nmu = 0.1\ne_t = -0.9"))
+    text = SCENE.format(observables=["e_n"], constants="e_n = 0.9\nmu = 0.1\ne_t = -0.9")
+    scene.write_text(text)
+    found = ifrfit.simulate(scene)
+    line = next(line for line in found.plan.lines if line.effect == "brake")
+    assert (line.state, line.reason) == ("unknown", "not given: contact.brake_share")
+    np.testing.assert_allclose(found.rebounds()["value"], 0.9, atol=0.01)
+    scene.write_text(text + "[contact]\nbrake_share = 0.5\n")
     found = ifrfit.simulate(scene)
     line = next(line for line in found.plan.lines if line.effect == "brake")
     assert line.state == "on"
@@ -260,6 +299,9 @@ def test_an_effect_joins_the_plan(folder: Path) -> None:
     assert [each.effect for each in found.plan.lines] == list(EFFECTS)
     np.testing.assert_allclose(found.rebounds()["value"], 0.45, atol=0.01)
     assert "brake" in found.summary()
+    scene.write_text(text + "[contact]\nbrake_share = 2\n")
+    with pytest.raises(DataError, match=r"contact\.brake_share: 2 is impossible \(0 to 1 in SI units\)"):
+        ifrfit.simulate(scene)
 
 
 # ---- methods, sections, formats
@@ -352,6 +394,16 @@ def test_a_law_of_errors_does_not_contradict_itself(name: str) -> None:
 # ---- what is refused, and what stays
 
 
+def _over_cosine(i: Incidence, j: float) -> tuple[Any, Any]:
+    return i.sine / i.cosine, -i.slip_x / i.cosine
+
+
+GRAZING = {"value": lambda r, mu: r.v_x / r.incidence.cosine, "linear": _over_cosine}
+SILENT = GRAZING | {
+    "value": lambda r, mu: np.where(r.incidence.cosine == 0.0, np.nan, r.v_x / r.incidence.cosine)
+}
+
+
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
@@ -369,6 +421,11 @@ def test_a_law_of_errors_does_not_contradict_itself(name: str) -> None:
         (replace(SPIN_GAINED, name="s2", linear=lambda i, j: (i.sine, -i.slip_x / j)), "differ by up to"),
         (replace(HALF_DROP, name="s2", high=0.1), "outside its range"),
         (replace(SPIN_GAINED, name="s2", panel="'</script>'"), "would end the page's script"),
+        (replace(SPIN_GAINED, name="s2", **GRAZING), "s2 is inf at gamma = 90 degrees: let it be nan"),
+        (replace(SPIN_GAINED, name="s2", **SILENT), "s2 is nan at gamma = 90 degrees.* by grazing"),
+        (Brake(name="b2", stage="later"), "has the stage 'later': take plane, normal, "),
+        (Brake(name="b2", numbers=(replace(BRAKE_SHARE, unit="furlong"),)), "no unit 'furlong'"),
+        (Brake(name="b2", numbers=(replace(BRAKE_SHARE, high=2.0),)), "effect brake describes otherwise"),
         (GRIP, "There is a closure 'grip' already"),
     ],
 )

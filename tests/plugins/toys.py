@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ifrfit.physics.closures import Closure, ClosureConstant, rotational_share
-from ifrfit.physics.impulse_laws import impulse_factor
-from ifrfit.physics.observables import Observable
+from ifrfit.physics.closure import Closure, ClosureConstant, rotational_share
+from ifrfit.physics.impulse_laws import Coefficients, impulse_factor
+from ifrfit.physics.observable import Observable
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,21 @@ BEND = Closure(
     lambda j: Rooted(rotational_share(j)),
     "made up",
     ClosureConstant("eta", r"\eta", "root of the restitution in sticking", lambda j: (0.0, 1.0)),
+)
+
+
+def _lock(j: float) -> Coefficients:
+    share = rotational_share(j)
+    return Coefficients(0.0, share, share, -share)
+
+
+# its constant takes no part in sticking, a1 + b1 = 0
+LOCK = Closure(
+    "lock",
+    "LOCK",
+    _lock,
+    "made up: of the impulse that stops the contact, a part that friction does not bound",
+    ClosureConstant("lock", r"\ell", "that part", lambda j: (0.0, 0.9)),
 )
 
 # curved, an angle, and without an expression for the panel

@@ -1,6 +1,7 @@
 """A closure with a constant of its own: of a full reversal of the contact's velocity, the share g_rip."""
 
-from ifrfit.physics.closures import Closure, ClosureConstant, Coefficients, rotational_share
+from ifrfit.physics.closure import Closure, ClosureConstant, rotational_share
+from ifrfit.physics.impulse_laws import Coefficients
 
 
 def _grip(j: float) -> Coefficients:

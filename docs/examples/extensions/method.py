@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-from ifrfit.inference.estimations import least_squares_estimation
-from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.option_fields import Options, option
-from ifrfit.inference.result.estimation import Estimation
+
+if TYPE_CHECKING:
+    from ifrfit.inference.model.problem import Problem
+    from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+    from ifrfit.inference.result.estimation import Estimation
 
 
 @dataclass(frozen=True, repr=False)
@@ -37,5 +38,7 @@ class Mode(Options):
         started: float | None = None,
     ) -> Estimation:
         """Take the optimum."""
+        from ifrfit.inference.estimations import least_squares_estimation
+
         found = least_squares_estimation(optimum)
         return replace(found, method=self.name, warnings=(f"It waited {self.patience}.",))

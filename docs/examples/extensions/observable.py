@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ifrfit.physics.observables import Observable
+from ifrfit.physics.observable import Observable
 
 SPIN_GAINED = Observable(
     name="spin_gained",

@@ -10,7 +10,8 @@ from ifrfit.inference.fit import Question, fit_problem
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.options import Model
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.physics.closures import CLOSURES, Closure, get_closure
+from ifrfit.physics.closure import Closure
+from ifrfit.physics.closures import CLOSURES, get_closure
 from ifrfit.text import joined
 
 

@@ -33,7 +33,7 @@ from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
 from ifrfit.inference.result.restore import question as question_of
-from ifrfit.physics.closures import Closure
+from ifrfit.physics.closure import Closure
 
 _TOLERANCE = 1e-2  # of a result's closures: of the log evidence and, in sd, of the constants
 

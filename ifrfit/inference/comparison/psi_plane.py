@@ -30,7 +30,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.piecewise import PiecewiseOptimum, PiecewiseProblem
 from ifrfit.inference.result.types import Interval
-from ifrfit.physics.closures import Closure
+from ifrfit.physics.closure import Closure
 from ifrfit.physics.rebound import rebound
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.piecewise import LinearRows, PiecewiseProblem
-from ifrfit.physics.closures import rotational_share
+from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.closures import get_closure
-from ifrfit.physics.observables import get_observable
+from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.rebound import rebound
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def lmfit_model(observable: str, closure: str = "ifr", inertia_factor: float = 0
     """
     import lmfit
 
-    chosen, wanted = get_closure(closure), get_observable(observable)
+    chosen, wanted = get_closure(closure), OBSERVABLES[observable]
 
     def model(gamma: Any, spin_x: Any = 0.0, spin_y: Any = 0.0, **constants: float) -> Any:
         state = rebound(

@@ -12,7 +12,6 @@ from ifrfit.errors import DataError
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.error_propagation import propagated_sigma
 from ifrfit.inference.model.noise import NoiseModel, Policy
-from ifrfit.inference.model.observable_values import ties_e_n
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
@@ -86,7 +85,7 @@ def tied_to_e_n(problem: Problem, error_model: ErrorModel) -> list[str]:
     if not error_model.integrates or problem.parameters["e_n"].fixed is not None:
         return []
     seen = problem.rows.observables
-    return [o.name for o in seen if ties_e_n(o) or (o.kind == "normal" and o.has_angle)]
+    return [o.name for o in seen if o.ties_e_n or (o.kind == "normal" and o.has_angle)]
 
 
 def _check_errors_of_angles(problem: Problem, error_model: ErrorModel) -> None:

@@ -10,7 +10,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.model.error_law import ERROR_LAWS, GAUSSIAN, STUDENT_T, ErrorLaw
 
 if TYPE_CHECKING:
-    from ifrfit.physics.closures import Closure
+    from ifrfit.physics.closure import Closure
 
 ITERATED = "weights iterated"  # end of the road by which such a fit was found
 ANGLES = ("none", "effective", "set", "measured")

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.latent_incidence import Latent
-from ifrfit.inference.model.observable_values import by_impulse
 from ifrfit.inference.model.rows import Index
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.observables import OBSERVABLES
@@ -205,15 +204,9 @@ def _values(law: LatentRows, rows: Index, i: Incidence, at: At) -> Array:
 
 
 def _value(law: LatentRows, name: str, i: Incidence, k: Array, at: At) -> Array:
-    observable = OBSERVABLES[name]
     e_n, mu = at.e_n[..., None, None], at.mu[..., None, None]
-    if observable.kind == "normal":
-        assert observable.by_e_n is not None
-        return np.asarray(e_n * observable.by_e_n(i)[:, None])
-    if observable.kind == "friction":
-        return np.asarray(mu)
     lifted = Incidence(*(part[:, None] for part in _parts(i)))
-    return by_impulse(observable, lifted, k, e_n, law.inertia_factor)
+    return OBSERVABLES[name].by_form(lifted, k, e_n, mu, law.inertia_factor)
 
 
 def _restated(law: LatentRows, name: str, rows: Index, i: Incidence, value: Array) -> Array:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.model.entry_names import entry_name
-from ifrfit.physics.closures import Closure
+from ifrfit.physics.closure import Closure
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

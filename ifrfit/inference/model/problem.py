@@ -18,7 +18,8 @@ from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.noise import POLICIES, NoiseModel, Policy
 from ifrfit.inference.model.parameters import Parameter, ParameterSet, make_parameters
 from ifrfit.inference.model.rows import OBLIQUE, Array, Index, Rows
-from ifrfit.physics.closures import Closure, Coefficients
+from ifrfit.physics.closure import Closure
+from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.rebound import rebound_with
 
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)

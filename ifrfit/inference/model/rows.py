@@ -11,7 +11,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.observables import OBSERVABLES, Observable
+from ifrfit.physics.observable import Observable
+from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.rows import Rows
-from ifrfit.physics.closures import Closure, Coefficients
+from ifrfit.physics.closure import Closure
+from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]

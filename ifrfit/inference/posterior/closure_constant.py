@@ -19,7 +19,7 @@ from ifrfit.inference.posterior.clenshaw_curtis import rule
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.quadratic_sums import Quadratic
 from ifrfit.inference.posterior.sum_of_squares import AT_ONCE, SumOfSquares
-from ifrfit.physics.closures import Coefficients
+from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
 
@@ -122,7 +122,7 @@ def conditional_coordinate(
     # rounding leaves a curvature a little below 0 where the constant takes no part
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
-    size = np.maximum(_broadcast(size, d.shape), 1e-300)
+    size = _broadcast(np.where(size > 0.0, size, 1.0), d.shape)  # any will do for a domain without width
     mode = np.clip(reference + d, lower, upper)
     slope = np.abs(reference + d - mode) / size  # of the log density at the bound, per size
     fall = tail

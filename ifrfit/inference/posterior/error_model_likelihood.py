@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.latent_quadrature import At
-from ifrfit.inference.model.observable_values import ties_e_n
 from ifrfit.inference.model.row_likelihood import RowLaw
-from ifrfit.physics.closures import Coefficients
+from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
@@ -31,7 +30,7 @@ def error_model_log_likelihood(
     seen = [OBSERVABLES[law.names[which]] for which in np.unique(law.which)]
     by_x = any(o.kind in ("tangential", "curved") for o in seen)
     by_mu = any(o.kind == "friction" for o in seen)
-    by_e = any(o.kind == "normal" or ties_e_n(o) for o in seen)
+    by_e = any(o.kind == "normal" or o.ties_e_n for o in seen)
     nothing = np.zeros((1, 1, 1, 1))
     e_n, mu = (e_n[..., None] if by_e else nothing), (mu if by_mu else nothing)
     x, c = (x[..., None], c) if by_x else (nothing, nothing)

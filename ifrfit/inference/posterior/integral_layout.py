@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.observable_values import ties_e_n
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -96,7 +95,7 @@ def make_layout(
     # rows of its own or meets kappa in a row or, where b depends on c, in the domain of mu
     e_n_is_fixed = settings.parameter("e_n").fixed is not None
     tied = not separated and (
-        e_n_is_fixed or any(map(ties_e_n, problem.rows.observables)) or _bound_varies(settings)
+        e_n_is_fixed or any(o.ties_e_n for o in problem.rows.observables) or _bound_varies(settings)
     )
     holds_all_rows = len(blocks) == 1 and (tied or not is_normal.any()) and problem.error_model.is_plain
     if separated:
@@ -178,7 +177,7 @@ def e_n_is_separable(settings: GridSettings) -> bool:
         return False
     if not problem.has_oblique or problem.rows.has_kind("friction"):
         return False
-    return not (any(map(ties_e_n, problem.rows.observables)) or _noise_is_closed_with_e_n(settings))
+    return not (any(o.ties_e_n for o in problem.rows.observables) or _noise_is_closed_with_e_n(settings))
 
 
 def _noise_is_closed_with_e_n(settings: GridSettings) -> bool:

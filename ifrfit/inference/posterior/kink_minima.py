@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.observable_values import scale_factor
 from ifrfit.inference.posterior.quadratic_sums import PAIRS
 from ifrfit.inference.posterior.sum_of_squares import SumOfSquares
+from ifrfit.physics.observable import scale_factor
 
 Array = NDArray[np.float64]
 

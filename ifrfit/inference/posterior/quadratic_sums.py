@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.observable_values import scale_factor
+from ifrfit.physics.observable import scale_factor
 
 Array = NDArray[np.float64]
 

@@ -18,12 +18,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.model.observable_values import by_impulse, scale_factor
 from ifrfit.inference.model.rows import OBLIQUE, Index, Rows
 from ifrfit.inference.posterior.chebyshev import on_grid
 from ifrfit.inference.posterior.quadratic_sums import PAIRS, PrefixSums, Quadratic, expand
-from ifrfit.physics.closures import Closure, Coefficients
-from ifrfit.physics.impulse_laws import Law
+from ifrfit.physics.closure import Closure
+from ifrfit.physics.impulse_laws import Coefficients, Law
+from ifrfit.physics.observable import scale_factor
 from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
@@ -216,13 +216,9 @@ class SumOfSquares:
             if at.size:
                 whole = at.size == part.tau.size
                 i = part.incidence if whole else part.take(at).incidence
-                value = by_impulse(
-                    OBSERVABLES[name],
-                    i,
-                    factor if whole else factor[..., at],
-                    e_n[..., None],
-                    self.inertia_factor,
-                )
+                k = factor if whole else factor[..., at]
+                mu = np.asarray(np.nan)  # takes no part in oblique observables once k is known
+                value = OBSERVABLES[name].by_form(i, k, e_n[..., None], mu, self.inertia_factor)
                 if whole:
                     out = value
                 else:

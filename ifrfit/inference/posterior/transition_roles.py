@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.physics.closures import Coefficients
+from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from ifrfit.inference.summary.estimates import kappa_of_constants
 from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
 from ifrfit.inference.summary.status import KAPPA, Known, fixed_estimate, linear
-from ifrfit.physics.closures import Meaning
+from ifrfit.physics.closure import Meaning
 from ifrfit.physics.transition import transition_angles
 
 

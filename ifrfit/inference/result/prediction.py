@@ -15,7 +15,8 @@ from ifrfit.inference.model.entry_names import name_in, split_name
 from ifrfit.inference.result.state import to_coordinates
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import get_closure
-from ifrfit.physics.observables import Observable, get_observable
+from ifrfit.physics.observable import Observable
+from ifrfit.physics.observables import OBSERVABLES
 from ifrfit.physics.rebound import rebound_of
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def predict(
     """Predict; see `FitResult.predict`."""
     import pandas as pd
 
-    wanted = get_observable(observable)
+    wanted = OBSERVABLES[observable]
     gamma, s_x, s_y = np.broadcast_arrays(
         np.atleast_1d(np.asarray(gamma, dtype=float)), np.asarray(spin_x, float), np.asarray(spin_y, float)
     )

@@ -12,7 +12,8 @@ from ifrfit.inference.distributions.protocol import LEVELS, Distribution, transi
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.result.types import Angles, Constants, Derived, Estimate
-from ifrfit.physics.closures import Coefficients, Meaning
+from ifrfit.physics.closure import Meaning
+from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.transition import transition_angles
 
 

@@ -16,7 +16,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.summary.status import on_bound
-from ifrfit.physics.closures import Coefficients
+from ifrfit.physics.impulse_laws import Coefficients
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,12 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
+# Dupre's work of adhesion per area, J/m^2
+INTERFACE_ENERGY = ContactNumber("interface_energy", 0.0, 1e3, "J_m2")
 # work of separation over (Gamma^5 R^4/E*^2)^(1/3): from contact at zero overlap to detachment at fixed
 # displacement, the integral of the Johnson-Kendall-Roberts force (checked in the tests)
 SEPARATION = 7.0922
@@ -25,14 +27,14 @@ def sticking_speed(contact: Contact, radius: Array) -> Array:
     V_s = (2 W_s/m)^(1/2), W_s = 7.0922 (Gamma^5 R^4/E*^2)^(1/3).
     """
     # roots before products: at 1 nm the fourth power of R would cost digits
-    cube = known(contact.interface_energy) ** (5.0 / 3.0) * radius ** (4.0 / 3.0)
+    cube = contact.number(INTERFACE_ENERGY) ** (5.0 / 3.0) * radius ** (4.0 / 3.0)
     work = SEPARATION * cube / known(contact.modulus) ** (2.0 / 3.0)
     return np.asarray(np.sqrt(2.0 * work / contact.masses(radius)))
 
 
 def tabor(contact: Contact, radius: Array) -> Array:
     """Tabor's number (R Gamma^2/(E*^2 z0^3))^(1/3) with z0 = 0.3 nm."""
-    energy = known(contact.interface_energy) / known(contact.modulus)
+    energy = contact.number(INTERFACE_ENERGY) / known(contact.modulus)
     return np.asarray(radius ** (1.0 / 3.0) * energy ** (2.0 / 3.0) / _ATOMIC)
 
 
@@ -49,6 +51,7 @@ class Adhesion:
     stage: Stage = "adhesion"
     replaces: Literal[""] = ""
     cost_ns: float = 16.0
+    numbers: tuple[ContactNumber, ...] = (INTERFACE_ENERGY,)
     source: str = (
         "Thornton & Ning (1998), Powder Technol. 99, 154; Johnson & Pollock (1994), "
         "J. Adhesion Sci. Technol. 8, 1323; with plasticity our own combination"
@@ -56,7 +59,7 @@ class Adhesion:
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:
         """Mass, elastic constants and interface energy."""
-        return contact.lacks("mass", "modulus", "interface_energy")
+        return contact.lacks("mass", "modulus", INTERFACE_ENERGY)
 
     def validity(self, contact: Contact, impacts: Impacts) -> Validity:
         """Remark where bodies are too small or too stiff for the theory."""

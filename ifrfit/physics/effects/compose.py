@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.closures import rotational_share
+from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.effects.contact import Contact, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import ORDER

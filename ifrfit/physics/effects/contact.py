@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.physics.angles import Array, Incidence
-from ifrfit.physics.closures import Closure
+from ifrfit.physics.closure import Closure
 
 SOLID = 0.4  # I/(m R^2) of a homogeneous sphere, the only body whose contact is taken as Hertzian here
 
-# what a number is called, and the key of a scene that gives it
+# what bodies and fluid give is called so
 _CALLED = {
     "mass": "mass (sphere.mass_g, or a material)",
     "modulus": "elastic constants (of both materials)",
     "stiffness_ratio": "Poisson's ratios (of both materials), or constants.chi",
-    "limiting_pressure": "contact.limiting_pressure_GPa",
-    "interface_energy": "contact.interface_energy_J_m2",
-    "dissipation_time": "contact.dissipation_time_us",
-    "rolling_friction": "contact.rolling_friction",
     "fluid": "the table [fluid]",
 }
 
@@ -46,6 +43,32 @@ class Fluid:
 
 
 @dataclass(frozen=True)
+class ContactNumber:
+    """A number that an effect takes from the table ``[contact]`` of a scene, where it is unknown by default.
+
+    Attributes
+    ----------
+    name : str
+        In `Contact.numbers`.
+    low, high : float
+        What is possible, in SI units; included.
+    unit : str
+        The usual one, which ends the key in a scene, of `ifrfit.physics.units.UNITS`; any other of the same
+        dimension will do there. Empty for a pure number.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str = ""
+
+    @property
+    def key(self) -> str:
+        """Key of a scene that gives it."""
+        return f"contact.{self.name}_{self.unit}" if self.unit else f"contact.{self.name}"
+
+
+@dataclass(frozen=True)
 class Contact:
     """A sphere on a wall, in SI units; None where a number is not known.
 
@@ -61,15 +84,9 @@ class Contact:
         E* = [(1 - nu1^2)/E1 + (1 - nu2^2)/E2]^-1, Pa.
     stiffness_ratio : float or None
         Tangential over normal contact stiffness, 4 G*/E*; 2(1 - nu)/(2 - nu) for similar materials.
-    limiting_pressure : float or None
-        Contact pressure at which the softer body yields, Pa.
-    interface_energy : float or None
-        Dupre's work of adhesion per area, J/m^2.
-    dissipation_time : float or None
-        A of the viscoelastic Hertz law, s.
-    rolling_friction : float or None
-        Coefficient mu_r of the resisting couple, 1.
     fluid : Fluid or None
+    numbers : mapping of str to float
+        Name of a `ContactNumber` of an effect to its value, of those that are known.
     """
 
     inertia_factor: float = SOLID
@@ -77,11 +94,23 @@ class Contact:
     mass: float | None = None
     modulus: float | None = None
     stiffness_ratio: float | None = None
-    limiting_pressure: float | None = None
-    interface_energy: float | None = None
-    dissipation_time: float | None = None
-    rolling_friction: float | None = None
     fluid: Fluid | None = None
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    def with_numbers(self, **numbers: float | None) -> Contact:
+        """The same with some `numbers` changed; None makes one unknown."""
+        both = {**self.numbers, **numbers}
+        return replace(self, numbers={name: value for name, value in both.items() if value is not None})
+
+    def number(self, which: ContactNumber) -> float:
+        """A number that an effect has checked to be there.
+
+        Raises
+        ------
+        ValueError
+            If it is not: `lacks` was not asked.
+        """
+        return known(self.numbers.get(which.name))
 
     def masses(self, radius: Array) -> Array:
         """Mass of spheres of these radii, kg.
@@ -95,25 +124,28 @@ class Contact:
             return np.full_like(radius, self.mass)
         return 4.0 / 3.0 * math.pi * known(self.density) * radius**3
 
-    def lacks(self, *names: str, hertzian: bool = True) -> str:
+    def lacks(self, *needed: str | ContactNumber, hertzian: bool = True) -> str:
         """Say what is not known of the numbers an effect needs; empty if nothing is missing.
 
         Parameters
         ----------
-        *names : str
-            Attributes, ``mass`` standing for mass or density.
+        *needed : str or ContactNumber
+            Attributes, ``mass`` standing for mass or density, and numbers of effects.
         hertzian : bool
             Whether the effect rests on Hertz contact, which only a homogeneous sphere is taken to have.
         """
         if hertzian and not math.isclose(self.inertia_factor, SOLID, rel_tol=1e-9):
             return "not a homogeneous sphere, so not taken as a Hertz contact"
-        absent = [name for name in names if not self._has(name)]
-        return "not given: " + ", ".join(_CALLED[name] for name in absent) if absent else ""
+        absent = [each for each in needed if not self._has(each)]
+        called = [_CALLED[each] if isinstance(each, str) else each.key for each in absent]
+        return "not given: " + ", ".join(called) if called else ""
 
-    def _has(self, name: str) -> bool:
-        if name == "mass":
+    def _has(self, needed: str | ContactNumber) -> bool:
+        if isinstance(needed, ContactNumber):
+            return needed.name in self.numbers
+        if needed == "mass":
             return self.mass is not None or self.density is not None
-        return getattr(self, name) is not None
+        return getattr(self, needed) is not None
 
 
 def known(value: float | None) -> float:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
@@ -43,6 +43,7 @@ class AmbientFluid:
     stage: Stage = "fluid"
     replaces: Literal[""] = ""
     cost_ns: float = 11.0
+    numbers: tuple[ContactNumber, ...] = ()
     source: str = (
         "Legendre, Daniel & Guiraud (2005), Phys. Fluids 17, 097105; Joseph, Zenit, Hunt & Rosenwinkel "
         "(2001), J. Fluid Mech. 433, 329; Gondret, Lance & Petit (2002), Phys. Fluids 14, 643"

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from ifrfit.physics.effects.contact import Contact, Impacts
+from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
@@ -24,6 +24,7 @@ class LateralSpin:
     stage: Stage = "plane"
     replaces: Literal[""] = ""
     cost_ns: float = 36.0
+    numbers: tuple[ContactNumber, ...] = ()
     source: str = "Doménech-Carbó (2023), appendix A2"
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:

@@ -9,10 +9,12 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
+# contact pressure at which the softer body yields, Pa; materials may state it
+LIMITING_PRESSURE = ContactNumber("limiting_pressure", 1.0, 1e13, "GPa")
 _QUASI_STATIC = 1e-3  # rho V^2/p_y beyond which plastic flow is not quasi-static, Johnson (1985)
 
 
@@ -23,7 +25,7 @@ def yield_speed(contact: Contact, radius: Array) -> Array:
     """
     size = np.sqrt(8.0 * math.pi * radius**3 / (15.0 * contact.masses(radius)))
     return np.asarray(
-        (0.5 * math.pi / known(contact.modulus)) ** 2 * size * known(contact.limiting_pressure) ** 2.5
+        (0.5 * math.pi / known(contact.modulus)) ** 2 * size * contact.number(LIMITING_PRESSURE) ** 2.5
     )
 
 
@@ -63,16 +65,17 @@ class Plasticity:
     stage: Stage = "normal"
     replaces: Literal["e_n"] = "e_n"
     cost_ns: float = 22.0
+    numbers: tuple[ContactNumber, ...] = (LIMITING_PRESSURE,)
     source: str = "Thornton (1997), J. Appl. Mech. 64, 383; Thornton & Ning (1998), Powder Technol. 99, 154"
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:
         """Mass, elastic constants and limiting pressure."""
-        return contact.lacks("mass", "modulus", "limiting_pressure")
+        return contact.lacks("mass", "modulus", LIMITING_PRESSURE)
 
     def validity(self, contact: Contact, impacts: Impacts) -> Validity:
         """Remark where the flow is not quasi-static any more."""
         density = contact.masses(impacts.radius) / (4.0 / 3.0 * math.pi * impacts.radius**3)
-        number = float(np.max(density * impacts.normal_speed**2)) / known(contact.limiting_pressure)
+        number = float(np.max(density * impacts.normal_speed**2)) / contact.number(LIMITING_PRESSURE)
         fast = f"rho V^2/p_y = {number:.2g} exceeds 1e-3: plastic flow is not quasi-static"
         return Validity(True, fast if number > _QUASI_STATIC else "")
 

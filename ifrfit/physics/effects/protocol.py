@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
-from ifrfit.physics.effects.contact import Contact, Impacts
+from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 
 Stage = Literal["plane", "normal", "adhesion", "tangential", "rolling", "fluid"]
@@ -78,6 +78,10 @@ class Effect(Protocol):
     @property
     def replaces(self) -> Literal["", "e_n", "tangential"]:
         """Which constant it takes the place of: e_n, or the closure's own one."""
+
+    @property
+    def numbers(self) -> tuple[ContactNumber, ...]:
+        """What it needs to know of the contact beyond bodies and fluid: keys of a scene's table [contact]."""
 
     @property
     def cost_ns(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ifrfit.errors import UsageError
 from ifrfit.physics.effects.adhesion import Adhesion
 from ifrfit.physics.effects.compliance import Compliance
 from ifrfit.physics.effects.fluid import AmbientFluid
@@ -10,7 +11,30 @@ from ifrfit.physics.effects.plasticity import Plasticity
 from ifrfit.physics.effects.protocol import ORDER, Effect
 from ifrfit.physics.effects.rolling import Rolling
 from ifrfit.physics.effects.viscoelastic import Viscoelastic
+from ifrfit.physics.units import dimension_of
 from ifrfit.registry import Registry
+
+
+def check_effect(effect: Effect) -> None:
+    """Refuse an effect that has no place in the order, or whose numbers no scene could give.
+
+    Raises
+    ------
+    UsageError
+        For an unknown stage, for a number with an unknown unit, and for one whose name another effect has
+        given another range or unit.
+    """
+    if effect.stage not in ORDER:
+        raise UsageError(f"Effect {effect.name} has the stage '{effect.stage}': take {', '.join(ORDER)}.")
+    for number in effect.numbers:
+        dimension_of(number.unit)
+        for other in EFFECTS.values():
+            if any(each.name == number.name and each != number for each in other.numbers):
+                raise UsageError(
+                    f"Effect {effect.name} takes contact.{number.name}, which effect {other.name} describes "
+                    "otherwise: take its number, or another name."
+                )
+
 
 EFFECTS: Registry[Effect] = Registry(
     "effect",
@@ -24,5 +48,6 @@ EFFECTS: Registry[Effect] = Registry(
         Rolling(),
         AmbientFluid(),
     ),
+    check=check_effect,
     order=lambda effect: ORDER.index(effect.stage),
 )

@@ -7,9 +7,12 @@ from typing import Literal
 
 import numpy as np
 
-from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
+
+# coefficient mu_r of the resisting couple
+ROLLING_FRICTION = ContactNumber("rolling_friction", 0.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -25,11 +28,12 @@ class Rolling:
     stage: Stage = "rolling"
     replaces: Literal[""] = ""
     cost_ns: float = 22.0
+    numbers: tuple[ContactNumber, ...] = (ROLLING_FRICTION,)
     source: str = "our own option: balance of angular momentum with a Coulomb-like couple"
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:
         """Coefficient of rolling friction."""
-        return contact.lacks("rolling_friction", hertzian=False)
+        return contact.lacks(ROLLING_FRICTION, hertzian=False)
 
     def validity(self, contact: Contact, impacts: Impacts) -> Validity:
         """Holds by definition."""
@@ -39,14 +43,14 @@ class Rolling:
         """Largest mu_r/mu_app: change of spin by the couple over that by friction."""
         friction = np.asarray(outcome.mu_app_magnitude)
         friction = friction[friction > 0.0]
-        ratio = known(contact.rolling_friction) / float(np.min(friction)) if friction.size else 0.0
+        ratio = contact.number(ROLLING_FRICTION) / float(np.min(friction)) if friction.size else 0.0
         return Criterion("mu_r/mu_app", ratio, accuracy)
 
     def apply(self, contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce:
         """Slow the spin; the contact point follows."""
         out = bounce.done
         spin = np.hypot(out.spin_x, out.spin_y)
-        couple = known(contact.rolling_friction) * (1.0 + out.e_n) * out.incidence.cosine
+        couple = contact.number(ROLLING_FRICTION) * (1.0 + out.e_n) * out.incidence.cosine
         loss = np.minimum(couple / contact.inertia_factor, spin)
         with np.errstate(divide="ignore", invalid="ignore"):
             kept = np.where(spin > 0.0, 1.0 - loss / spin, 0.0)

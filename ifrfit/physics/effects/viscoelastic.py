@@ -8,10 +8,12 @@ from typing import Literal
 import numpy as np
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.effects.contact import Contact, Impacts, known
+from ifrfit.physics.effects.contact import Contact, ContactNumber, Impacts, known
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import Criterion, Stage, Validity
 
+# A of the viscoelastic Hertz law, s
+DISSIPATION_TIME = ContactNumber("dissipation_time", 0.0, 1e3, "us")
 _FIRST = (
     1.153449  # 1 - e = 1.153449 x for small x, exactly sqrt(pi) Gamma(3/5)/(2^(1/5) 5^(2/5) Gamma(21/10))
 )
@@ -49,13 +51,14 @@ class Viscoelastic:
     stage: Stage = "normal"
     replaces: Literal["e_n"] = "e_n"
     cost_ns: float = 12.0
+    numbers: tuple[ContactNumber, ...] = (DISSIPATION_TIME,)
     source: str = (
         "Brilliantov, Spahn, Hertzsch & Pöschel (1996), PRE 53, 5382; Müller & Pöschel (2011), PRE 84, 021302"
     )
 
     def lacks(self, contact: Contact, impacts: Impacts) -> str:
         """Mass, elastic constants and dissipation time."""
-        return contact.lacks("mass", "modulus", "dissipation_time")
+        return contact.lacks("mass", "modulus", DISSIPATION_TIME)
 
     def validity(self, contact: Contact, impacts: Impacts) -> Validity:
         """Remark beyond the range in which the approximant was checked."""
@@ -66,7 +69,7 @@ class Viscoelastic:
     def number(self, contact: Contact, impacts: Impacts) -> Array:
         """x of each impact."""
         stiffness = 4.0 / 3.0 * known(contact.modulus) * np.sqrt(impacts.radius)
-        time = 1.5 * known(contact.dissipation_time)
+        time = 1.5 * contact.number(DISSIPATION_TIME)
         return np.asarray(
             time * (stiffness / contact.masses(impacts.radius)) ** 0.4 * impacts.normal_speed**0.2
         )

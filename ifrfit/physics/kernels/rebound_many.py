@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
-from ifrfit.physics.closures import Closure, get_closure, rotational_share
+from ifrfit.physics.closure import Closure, rotational_share
+from ifrfit.physics.closures import get_closure
 from ifrfit.physics.compiling import available
 from ifrfit.physics.compliance.law import Compliance
 from ifrfit.physics.compliance.table import compliance_table

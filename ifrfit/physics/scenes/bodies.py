@@ -7,11 +7,13 @@ from dataclasses import replace
 from typing import Any
 
 from ifrfit.errors import DataError
-from ifrfit.physics.effects import Contact, Fluid
+from ifrfit.physics.effects import EFFECTS, Contact, Fluid
 from ifrfit.physics.effects.contact import SOLID
+from ifrfit.physics.effects.plasticity import LIMITING_PRESSURE
 from ifrfit.physics.scenes.materials import FLUIDS, MATERIALS, Material
 from ifrfit.physics.scenes.quantities import Quantity
 from ifrfit.physics.scenes.toml_table import Table
+from ifrfit.physics.units import dimension_of
 
 DIAMETERS = (1e-10, 100.0)
 Bodies = tuple[Contact, Quantity, str, str, tuple[str, ...]]
@@ -50,17 +52,11 @@ def read_contact(top: Table) -> Bodies:
     ball, plane = _material(sphere), _material(wall)
     sphere.done()
     wall.done()
-    pressure = between.number("limiting_pressure", "pressure", low=1.0, high=1e13)
-    contact = replace(
-        contact_of(ball, plane, j),
-        mass=mass,
-        interface_energy=between.number("interface_energy", "energy per area", low=0.0, high=1e3),
-        dissipation_time=between.number("dissipation_time", "time", low=0.0, high=1e3),
-        rolling_friction=between.number("rolling_friction", low=0.0, high=10.0),
-        fluid=_fluid(top),
-    )
-    if pressure is not None:
-        contact = replace(contact, limiting_pressure=pressure)
+    contact = replace(contact_of(ball, plane, j), mass=mass, fluid=_fluid(top))
+    for each in (number for effect in EFFECTS.values() for number in effect.numbers):
+        value = between.number(each.name, dimension_of(each.unit), low=each.low, high=each.high)
+        if value is not None:
+            contact = contact.with_numbers(**{each.name: value})
     between.done()
     sources = tuple(f"{m.name}: {m.source}" for m in dict.fromkeys((ball, plane)) if m.source)
     return contact, diameter, ball.name, plane.name, sources
@@ -82,8 +78,7 @@ def contact_of(ball: Material, plane: Material, inertia_factor: float = SOLID) -
         density=ball.density if math.isclose(inertia_factor, SOLID, rel_tol=1e-9) else None,
         modulus=modulus,
         stiffness_ratio=stiffness_ratio,
-        limiting_pressure=_softer(ball, plane),
-    )
+    ).with_numbers(**{LIMITING_PRESSURE.name: _softer(ball, plane)})
 
 
 def _material(table: Table) -> Material:
@@ -103,7 +98,7 @@ def _material(table: Table) -> Material:
         own.number("young", "pressure", low=1.0, high=1e13),
         own.number("poisson", low=0.0, high=0.5),
         own.number("density", "density", low=1e-3, high=1e5),
-        own.number("limiting_pressure", "pressure", low=1.0, high=1e13),
+        own.number("limiting_pressure", "pressure", low=LIMITING_PRESSURE.low, high=LIMITING_PRESSURE.high),
         own.text("source"),
     )
     own.done()

@@ -9,7 +9,7 @@ from typing import Any
 
 from ifrfit.errors import DataError
 from ifrfit.physics.scenes.quantities import Quantity
-from ifrfit.physics.scenes.units import names, to_si
+from ifrfit.physics.units import names, to_si
 
 _FORMS = "a number, a list of numbers, { from, to, count }, { mean, sd }, { low, high } or { median, gsd }"
 _MOST = 100_000
@@ -86,7 +86,7 @@ class Table:
         base : str
             Name without unit.
         dimension : str
-            Of `ifrfit.physics.scenes.units.UNITS`.
+            Of `ifrfit.physics.units.UNITS`.
         low, high : float
             What is possible, in SI units; included.
         """

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from ifrfit.registry import Registry
-from ifrfit.report.page import html, markdown, pdf
+from ifrfit.report.page import (
+    html,
+    markdown,
+    pdf,
+)
 from ifrfit.report.page.plugins import ReportFormat, ReportSection
 from ifrfit.report.page.sections import (
     chains,

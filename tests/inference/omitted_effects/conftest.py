@@ -105,7 +105,7 @@ def make() -> Make:
         if effect == "memory":
             state: Outcome | Rebound = by_memory(impacts, chi)
         else:
-            body = Contact(**(GLASS | STRENGTH.get(effect, {}) | (contact or {})))
+            body = Contact(**(GLASS | (contact or {}))).with_numbers(**STRENGTH.get(effect, {}))
             state = compose(body, impacts, (effect,) if effect else ())
         return observed(state, impacts, observables, noise, known, rng)
 

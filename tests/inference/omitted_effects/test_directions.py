@@ -37,14 +37,14 @@ def effect(problem, theta, contact, name, radius=RADIUS):
 
 
 def test_rolling_friction(problem):
-    contact = Contact(rolling_friction=1e-5)
+    contact = Contact().with_numbers(rolling_friction=1e-5)
     change = effect(*problem, contact, "rolling")
     assert np.allclose(by_name(*problem)["rolling"].change * 1e-5, change, rtol=1e-4, atol=1e-12)
 
 
 def test_adhesion(problem):
     """Per square of the sticking speed, to first order."""
-    contact = replace(GLASS, interface_energy=1e-3)
+    contact = GLASS.with_numbers(interface_energy=1e-3)
     square = float(sticking_speed(contact, np.array(RADIUS))) ** 2
     change = effect(*problem, contact, "adhesion")
     # adhesion takes its part before friction presses, so the derivative holds for what follows, too
@@ -54,8 +54,8 @@ def test_adhesion(problem):
 @pytest.mark.parametrize(
     ("name", "contact"),
     [
-        ("viscoelastic", replace(GLASS, dissipation_time=2e-9)),
-        ("plasticity", replace(GLASS, limiting_pressure=3e8)),
+        ("viscoelastic", GLASS.with_numbers(dissipation_time=2e-9)),
+        ("plasticity", GLASS.with_numbers(limiting_pressure=3e8)),
     ],
 )
 def test_laws_of_e_n(problem, name, contact):

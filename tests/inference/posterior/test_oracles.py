@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from factories import SCHEMA
 from posterior_dense import Dense, grid_for, observe, reference, tau_of
 from posterior_precise import Precise
 from posterior_questions import OWN, Question, Row, measured
@@ -16,7 +17,7 @@ FAN = (10.0, 20.0, 30.0, 50.0, 70.0)
 
 
 @pytest.mark.parametrize("closure", ["ifr", "ifr-contact", "fr", "f"])
-@pytest.mark.parametrize("observable", sorted(OBSERVABLES))
+@pytest.mark.parametrize("observable", sorted(SCHEMA))
 def test_the_law_written_down_for_the_oracles_is_the_law(closure: str, observable: str) -> None:
     rng = np.random.default_rng(1)
     for _ in range(10):

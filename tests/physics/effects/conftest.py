@@ -14,12 +14,8 @@ GLASS = Contact(
     density=2563.0,
     modulus=38.3e9,
     stiffness_ratio=2 * (1 - 0.222) / (2 - 0.222),
-    limiting_pressure=5.6e9,
-    interface_energy=0.1,
-    dissipation_time=1e-9,
-    rolling_friction=1e-3,
     fluid=Fluid("water", 1e-3),
-)
+).with_numbers(limiting_pressure=5.6e9, interface_energy=0.1, dissipation_time=1e-9, rolling_friction=1e-3)
 
 
 def make_impacts(

@@ -76,7 +76,7 @@ def test_after_yield_it_acts_with_the_radius_of_unloading(impacts, glass):
 @given(st.floats(1e-9, 1.0), st.floats(1e-9, 1e150), st.floats(0.0, 1.0), st.floats(0.0, 1e3), st.booleans())
 @settings(max_examples=100, deadline=None)
 def test_it_only_ever_takes(impacts, glass, radius, speed, e_n, energy, yields):
-    contact = replace(glass, interface_energy=energy)
+    contact = glass.with_numbers(interface_energy=energy)
     some = impacts([0.0, 60.0, 90.0], speed=speed, radius=radius, e_n=e_n)
     before = ["plasticity"] if yields else []
     with_it, without = compose(contact, some, [*before, "adhesion"]), compose(contact, some, before)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -79,6 +78,6 @@ def test_remark_where_flow_is_fast(impacts, glass):
     effect = EFFECTS["plasticity"]
     assert effect.validity(glass, impacts(speed=10.0)).words == ""
     assert "not quasi-static" in effect.validity(glass, impacts(speed=100.0)).words
-    assert effect.lacks(replace(glass, limiting_pressure=None), impacts()).startswith(
+    assert effect.lacks(glass.with_numbers(limiting_pressure=None), impacts()).startswith(
         "not given: contact.limiting"
     )

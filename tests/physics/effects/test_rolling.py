@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -27,7 +25,7 @@ def test_angular_momentum_about_the_contact_changes_by_the_couple(impacts, glass
 
 
 def test_it_never_reverses_the_spin(impacts, glass):
-    strong = replace(glass, rolling_friction=10.0)
+    strong = glass.with_numbers(rolling_friction=10.0)
     out = compose(strong, impacts([5.0, 60.0], 0.1, -0.3), ON)
     assert (out.spin_x == 0.0).all()
     assert (out.spin_y == 0.0).all()
@@ -43,7 +41,7 @@ def test_it_never_reverses_the_spin(impacts, glass):
 )
 @settings(max_examples=120, deadline=None)
 def test_energy_is_that_of_the_velocities_and_falls(impacts, gamma, s_x, s_y, mu_r, e_n, j):
-    contact = Contact(inertia_factor=j, rolling_friction=mu_r)
+    contact = Contact(inertia_factor=j).with_numbers(rolling_friction=mu_r)
     some = impacts([gamma], s_x, s_y, e_n=e_n, constant=-0.9)
     out, plain = compose(contact, some, ON), compose(contact, some, ["lateral-spin"])
     after = out.v_x**2 + out.v_y**2 + out.v_n**2 + j * (out.spin_x**2 + out.spin_y**2)

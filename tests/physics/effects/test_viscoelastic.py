@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,7 +67,7 @@ def test_number_is_that_of_the_dimensional_law(impacts, glass):
 def test_remark_only_beyond_the_checked_range(impacts, glass):
     effect = EFFECTS["viscoelastic"]
     assert effect.validity(glass, impacts()).words == ""
-    far = effect.validity(replace(glass, dissipation_time=1.0), impacts())
+    far = effect.validity(glass.with_numbers(dissipation_time=1.0), impacts())
     assert far.holds
     assert "lies beyond 2, up to which" in far.words
 

@@ -29,7 +29,7 @@ def test_a_plain_scene(write):
     assert scene.contact.density == glass.density
     assert scene.contact.modulus == pytest.approx(glass.young / (2 * (1 - glass.poisson**2)))
     assert scene.contact.stiffness_ratio == pytest.approx(2 * (1 - 0.222) / (2 - 0.222))
-    assert scene.contact.limiting_pressure == glass.limiting_pressure
+    assert scene.contact.numbers["limiting_pressure"] == glass.limiting_pressure
     assert any("s41598-021-04045-6" in source for source in scene.sources)
 
 
@@ -60,7 +60,7 @@ def test_own_materials_in_any_unit(write):
     )
     one, two = (read_scene(write((material, f"\n[sphere.material]\n{form}\n\n[wall]"))) for form in forms)
     assert one.contact == two.contact
-    assert one.contact.limiting_pressure == 4e9
+    assert one.contact.numbers["limiting_pressure"] == 4e9
     assert one.contact.density == 2500.0
     assert one.body == "own material"
 

@@ -20,11 +20,12 @@ from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS, reference_speed
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE
-from ifrfit.physics.closures import Coefficients, get_closure
+from ifrfit.physics.closures import get_closure
 from ifrfit.physics.compliance import chi_of
 from ifrfit.physics.compliance.law import chi_range
 from ifrfit.physics.effects import Contact
 from ifrfit.physics.effects.contact import SOLID
+from ifrfit.physics.impulse_laws import Coefficients
 
 # no effects of the registry, but what a misfit may be instead
 RIVALS = ("sticking-law", "sliding-law", "friction-by-speed", "inertia-factor")
@@ -212,7 +213,7 @@ def _rolling(problem: Problem, theta: Array) -> Iterator[Direction]:
     """Derivative by the coefficient of rolling friction."""
     nowhere = np.full(problem.rows.value.size, np.nan)
     impacts = impacts_of(problem, theta, nowhere, nowhere)
-    contact = Contact(inertia_factor=problem.inertia_factor, rolling_friction=_SMALL_COUPLE)
+    contact = Contact(inertia_factor=problem.inertia_factor).with_numbers(rolling_friction=_SMALL_COUPLE)
     slowed, free = (computed(problem, contact, impacts, on) for on in (("rolling",), ()))
     yield Direction("rolling", np.nan_to_num((slowed - free) / _SMALL_COUPLE))
 

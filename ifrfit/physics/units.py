@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ifrfit.errors import UsageError
+
 # (multiplier, divisor) to SI: 30 um is 30/1e6, the double nearest to 3e-5, so that equal conditions in
 # different units are equal to the last bit
 _Factor = tuple[float, float]
@@ -18,6 +20,21 @@ UNITS: dict[str, dict[str, _Factor]] = {
     "viscosity": {"Pa_s": (1, 1), "mPa_s": (1, 1e3)},
     "number": {"": (1, 1)},
 }
+
+
+def dimension_of(unit: str) -> str:
+    """What a unit measures, as "pressure" for "GPa"; "number" for the empty one.
+
+    Raises
+    ------
+    UsageError
+        For a unit that is none of `UNITS`.
+    """
+    for dimension, units in UNITS.items():
+        if unit in units:
+            return dimension
+    known = ", ".join(each for units in UNITS.values() for each in units if each)
+    raise UsageError(f"There is no unit '{unit}'. Choose one of {known}.")
 
 
 def names(base: str, dimension: str) -> list[str]:
