@@ -147,7 +147,7 @@ def named_role(name: str, header: str, given_unit: str | None) -> Role:
 
 
 def uncertainty_of(name: str) -> str | None:
-    """Return the sigma column that the name of an uncertainty means ("beta_err": sigma_beta), None for others.
+    """Return the sigma column that an uncertainty means ("beta_err": sigma_beta), None for other names.
 
     Only what is left of the name without its "err", "u_", "std" and so on counts, and it must be known.
     """

@@ -104,7 +104,9 @@ def scatter_too_small(problem: Problem, fit: LeastSquaresFit, residuals: Residua
     p = float(special.chdtr(dof, chi2))
     figures = {"p": p, "chi2": chi2, "dof": dof}
     if p >= REFUTED:
-        return Fact(True, f"the scatter is not below sigma (p = {p_text(p)})", figures, FACTS["scatter_too_small"])
+        return Fact(
+            True, f"the scatter is not below sigma (p = {p_text(p)})", figures, FACTS["scatter_too_small"]
+        )
     says = (
         f"the values scatter {math.sqrt(dof / max(chi2, 1e-300)):.2g} times less than their sigma "
         f"(chi2 = {chi2:.3g} for {dof} degrees of freedom, p = {p_text(p)}): sigma is too large, or is no "

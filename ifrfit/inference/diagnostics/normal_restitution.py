@@ -1,4 +1,4 @@
-"""What readings of e_n say of themselves: one value at all angles and speeds, as fixed or known before, at most 1."""
+"""Readings of e_n: one value at all angles and speeds, as fixed or known before, and at most 1."""
 
 from __future__ import annotations
 
@@ -71,16 +71,16 @@ class _Readings:
 
     @property
     def of(self) -> str:
-        """ " of SERIES", or nothing."""
+        """Words that name the series where there are several, else nothing."""
         return f" of {self.series}" if self.series else ""
 
 
 def normal_restitution(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     """Hold the readings of e_n against angle, speed, what was fixed or known before, and 1.
 
-    Each look is a test of its own; p values are multiplied by their number (Bonferroni). A trend is a parabola
-    in the angle, or in the logarithm of the speed, tested against a constant: by F, or by chi2 where sigma is
-    known.
+    Each look is a test of its own; p values are multiplied by their number (Bonferroni). A trend is a
+    parabola in the angle, or in the logarithm of the speed, tested against a constant: by F, or by chi2 where
+    sigma is known.
 
     Returns
     -------
@@ -186,7 +186,10 @@ def _above_one(readings: _Readings) -> Iterator[_Finding]:
     sd = np.sqrt(readings.variance / readings.weight)
     far = readings.value > 1.0 + _ABOVE * sd
     if far.any():
-        p = min(p, readings.value.size * 0.5 * _two_sided(float(((readings.value - 1.0) / sd).max()), readings.dof))
+        p = min(
+            p,
+            readings.value.size * 0.5 * _two_sided(float(((readings.value - 1.0) / sd).max()), readings.dof),
+        )
         says = (
             f"{int(far.sum())} of {far.size} readings of e_n{readings.of} lie above 1, up to "
             f"{float(readings.value.max()):.4g}: no impact gains energy; look at the scale of the velocities"

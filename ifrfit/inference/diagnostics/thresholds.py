@@ -20,9 +20,9 @@ STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
     "one_sided": "the optimum lies on a bound, or the 95 % interval does not close on one side within the "
     "domain: the interval runs from the bound to its 95 % quantile",
-    "prior": "your own prior narrows it: sd with the prior below half of the sd that the data leave within the "
-    "domain; or the data leave it open, and your own bounds confine it: sd below half of that over the passive "
-    "domain",
+    "prior": "your own prior narrows it: sd with the prior below half of the sd that the data leave within "
+    "the domain; or the data leave it open, and your own bounds confine it: sd below half of that over the "
+    "passive domain",
     "not_determined": "otherwise; no value, the compatible interval kept, the reason in words",
     "fixed": "by you",
 }
@@ -47,10 +47,10 @@ FACTS = {
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
     "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
-    "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola in the angle "
-    "and in the logarithm of the speed against one value; their mean against a fixed value or a prior, and "
-    "against 1; no single reading 4 sd above 1",
-    "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, where sigma is known",
+    "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola "
+    "in the angle and in the logarithm of the speed against one value; their mean against a fixed value or a "
+    "prior, and against 1; no single reading 4 sd above 1",
+    "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
     "viscoelasticity or yield, adhesion and rolling friction would move the values, and of other laws of "

@@ -29,10 +29,10 @@ def starts(
     """Places of all walkers, (ensembles, walkers, d), inside the domain.
 
     About each optimum that least squares knows of (all local minima within 4 of the least; with unknown
-    noises all modes within 12) walkers are drawn from its Gaussian, at its own noise, about a centre that lies 2 sd off, in another direction for each ensemble. Of several
-    optima each ensemble has another as its own: three quarters of its walkers start there, and the others
-    share the rest. So every ensemble can reach every mode, and if their weights do not settle, the ensembles
-    disagree: R-hat sees it.
+    noises all modes within 12) walkers are drawn from its Gaussian, at its own noise, about a centre that
+    lies 2 sd off, in another direction for each ensemble. Of several optima each ensemble has another as its
+    own: three quarters of its walkers start there, and the others share the rest. So every ensemble can reach
+    every mode, and if their weights do not settle, the ensembles disagree: R-hat sees it.
 
     Parameters
     ----------
@@ -68,9 +68,7 @@ def _gaussian(coordinates: Coordinates, found: LeastSquaresFit, theta: Array) ->
     theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
     free = problem.parameters.free
     sigma = noise_at_mode(problem, theta, 0.0).sigma if found.rivals else found.sigma
-    covariance = gaussian_approximation(problem, sigma, theta).covariance(capped=True)[
-        np.ix_(free, free)
-    ]
+    covariance = gaussian_approximation(problem, sigma, theta).covariance(capped=True)[np.ix_(free, free)]
     noise, spread = _noise(coordinates, sigma)
     point = np.concatenate((theta[free], noise))
     inside = _INSIDE * (density.upper - density.lower)

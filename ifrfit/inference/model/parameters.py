@@ -143,7 +143,7 @@ class Kappa:
 
     @property
     def is_informed(self) -> bool:
-        """Whether it is fixed, or has a prior that says more than its domain: sd below half of its default."""
+        """Whether it is fixed, or a prior says more than its domain: sd below half of the default one."""
         return self.fixed is not None or (self.prior is not None and self.prior[1] < HALF * self.prior_sd)
 
     @property

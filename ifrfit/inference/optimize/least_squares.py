@@ -72,9 +72,9 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresF
     """Fit by least squares under the problem's noise policy.
 
     known: sigma is taken at its word. scaled: sigma times one common factor, from the misfit.
-    unknown: one sigma a series and observable, from the misfit. The modes of the
-    likelihood are those of `noise_modes`; about the best of them constants and noises are iterated, with the
-    degrees of freedom that each noise keeps. With heavy tails or errors of angles the weights are iterated as well, see
+    unknown: one sigma a series and observable, from the misfit. The modes of the likelihood are those of
+    `noise_modes`; about the best of them constants and noises are iterated, with the degrees of freedom that
+    each noise keeps. With heavy tails or errors of angles the weights are iterated as well, see
     `_iteratively_reweighted`.
 
     Parameters
@@ -124,9 +124,7 @@ def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSqu
     gaussian = gaussian_approximation(problem, sigma, optimum.theta)
     if not modes.follows_squares:
         optimum = _with_modes(optimum, modes)
-    return LeastSquaresFit(
-        optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian, modes.rivals
-    )
+    return LeastSquaresFit(optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian, modes.rivals)
 
 
 def _with_modes(optimum: Optimum, modes: NoiseModes) -> Optimum:

@@ -1,9 +1,9 @@
 """Least squares where noises are unknown: the modes of the likelihood, and a proof that no better one exists.
 
 With each group's noise at its best for the constants, minus twice the log likelihood is, up to a constant,
-Phi(theta) = sum_g n_g log(S_g(theta)/n_g) + the priors' chi2: eq. (12) of docs/theory/certificate.md. The same
-Phi is that of the posterior where the noises are integrated out. It may have several modes, one for each
-group that is taken at its word while others are called noisy.
+Phi(theta) = sum_g n_g log(S_g(theta)/n_g) + the priors' chi2: eq. (12) of docs/theory/certificate.md. The
+posterior with the noises integrated out has the same Phi. It may have several modes, one for each group that
+is taken at its word while others are called noisy.
 
 The logarithm is concave. Its tangent majorises it, so weights n_g/S_g lead downhill from any theta (13); its
 chord over an interval of S_g minorises it, so one certified weighted fit bounds Phi over a box of (S_g) from
@@ -199,7 +199,9 @@ class _Search:
     def variance(self, theta: Array) -> Array:
         """S_g/n_g of each group, kept off zero."""
         residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
-        return np.array([max(float(residual[rows] @ residual[rows]) / rows.size, self._least) for rows in self.groups])
+        return np.array(
+            [max(float(residual[rows] @ residual[rows]) / rows.size, self._least) for rows in self.groups]
+        )
 
     @cached_property
     def _least(self) -> float:

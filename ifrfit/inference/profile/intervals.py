@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ifrfit.inference.distributions.truncated_normal import half_width
-from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.profile.curve import ProfileCurve
 from ifrfit.inference.profile.objective import limit
 from ifrfit.inference.profile.quantities import Quantity

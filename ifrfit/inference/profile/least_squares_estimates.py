@@ -122,6 +122,4 @@ def _confined(e_n: Parameter, interval68: Interval, interval95: Interval) -> Est
         return None
     low, high = interval95
     sd = (high - low) / np.sqrt(12.0)
-    return Estimate(
-        0.5 * (low + high), float(sd), interval68, interval95, "prior", f"{ON_BOUNDS} of e_n"
-    )
+    return Estimate(0.5 * (low + high), float(sd), interval68, interval95, "prior", f"{ON_BOUNDS} of e_n")

@@ -96,8 +96,10 @@ class Misfit:
         return min((self._descend(constrained, near, s) for s in sigmas), key=lambda found: found.rise)
 
     def _descend(self, constrained: ConstrainedOptimum, near: Array, sigma: Array) -> Minimum:
-        """Improve constants and noises in turn; each round minimises a bound on the logarithms that touches
-        them, so the rise never grows."""
+        """Improve constants and noises in turn.
+
+        Each round minimises a bound on the logarithms that touches them, so the rise never grows.
+        """
         theta = constrained(sigma, near)
         rise = self.rise(theta)
         if len(self.groups) == 1 and not self._has_prior:

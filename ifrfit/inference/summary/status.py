@@ -108,8 +108,8 @@ def estimate_of(domain: Domain, marginal: Marginal, known: Known) -> Estimate:
     as good, its sd is below half of that of the default prior, and the 95 % region reaches no bound.
     one_sided: the region reaches one bound; the value is kept where the rest of these conditions holds and it
     lies near that bound. not_determined: otherwise, also where the only limit is an upper one near the end of
-    the default prior. Where bounds of the user leave less than half of the sd that the passive domain has, what
-    the data leave open is prior, too.
+    the default prior. Where bounds of the user leave less than half of the sd that the passive domain has,
+    what the data leave open is prior, too.
     """
     certain = known.seen and known.unique
     enough = HALF * domain.prior_sd

@@ -24,7 +24,10 @@ def table(path, e_n, *, noise=0.01, sigma=None, speed=None, seed=0):
         columns |= {"sigma_beta": 0.01 + 0 * ANGLES, "sigma_e_n": sigma + 0 * ANGLES}
     if speed is not None:
         columns["speed_m_s"] = speed
-    rows = [",".join(columns), *(",".join(f"{x:.6g}" for x in row) for row in zip(*columns.values(), strict=True))]
+    rows = [
+        ",".join(columns),
+        *(",".join(f"{x:.6g}" for x in row) for row in zip(*columns.values(), strict=True)),
+    ]
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
     return path
 

@@ -23,7 +23,10 @@ def test_a_sigma_that_is_too_large_is_a_finding(tmp_path, noise, alarm):
 
 def test_a_row_that_is_fitted_exactly_is_no_outlier(tmp_path):
     """One row alone slides, so mu runs through it: whatever rounding leaves of it is no residual."""
-    parts = [{"gamma": np.linspace(5.0, 18.0, 9), "noise": 0.02, "sigma": None}, {"gamma": [80.0], "sigma": None}]
+    parts = [
+        {"gamma": np.linspace(5.0, 18.0, 9), "noise": 0.02, "sigma": None},
+        {"gamma": [80.0], "sigma": None},
+    ]
     result = fit(impacts_file(tmp_path / "t.csv", *parts), method="lsq", fix={"e_n": 0.94})
     last = result.points[result.points["gamma_deg"] == 80.0]
     assert abs(last["standardised"].iloc[0]) < 1e-6

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from ifrfit import fit, read
-from ifrfit.inference.options import Model
+from ifrfit import fit
 from ifrfit.inference.fit import make_question
-from ifrfit.inference.options import Noise
 from ifrfit.inference.optimize.noise_modes import noise_modes
+from ifrfit.inference.options import Model, Noise
 from ifrfit.physics.closures import get_closure
 from tests.factories import BILINEAR, impacts_file, own_constant
 
@@ -59,7 +58,7 @@ def test_every_method_reports_the_better_of_two_contradicting_series(tmp_path, s
 @pytest.mark.parametrize("closure", BILINEAR)
 @pytest.mark.parametrize("seed", range(4))
 def test_no_search_goes_below_the_bound(tmp_path, closure, seed):
-    """Random tables of several groups and priors; the bound is compared with local searches from everywhere."""
+    """Random tables of several groups and priors, against local searches from everywhere."""
     rng = np.random.default_rng([seed, len(closure)])
     truth = own_constant(closure, rng.uniform(0.1, 0.9))
     parts = []

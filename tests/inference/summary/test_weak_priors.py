@@ -1,4 +1,4 @@
-"""A prior that says nothing determines nothing; bounds that confine a constant are said to be what it rests on."""
+"""A prior that says nothing determines nothing; bounds that confine a constant are named."""
 
 from __future__ import annotations
 
