@@ -135,12 +135,15 @@ class Question:
     noise : Noise
     conditions : Setting or None
         The scene of the data.
+    separate_noise : bool
+        Whether each series has unknown noises of its own.
     """
 
     observations: Observations
     inertia_factor: float
     noise: Noise
     conditions: Setting | None
+    separate_noise: bool = False
 
     def problem(self, closure: Closure, parameters: Sequence[Parameter]) -> Problem:
         """The question for a closure.
@@ -150,7 +153,14 @@ class Question:
         UsageError, DataError
             As `make_problem` and `with_error_model`.
         """
-        made = make_problem(self.observations, closure, self.inertia_factor, parameters, self.noise.policy)
+        made = make_problem(
+            self.observations,
+            closure,
+            self.inertia_factor,
+            parameters,
+            self.noise.policy,
+            separate_noise=self.separate_noise,
+        )
         return with_error_model(made, self.noise.error_model)
 
 
@@ -176,7 +186,8 @@ def make_question(
     if seed < 0:
         raise UsageError(f"--seed {seed}: it must be 0 or more.")
     observations = with_propagated_sigma(observations, noise.error_model)
-    return Question(observations, inertia_factor, noise, setting_of(observations, inertia_factor, scene))
+    conditions = setting_of(observations, inertia_factor, scene)
+    return Question(observations, inertia_factor, noise, conditions, model.separates_noise)
 
 
 def fit_problem(

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 POLICIES = ("known", "scaled", "unknown")
 
+NOISE = "noise"  # among the names that may be separate
+
 Range = tuple[float, float]
 
 
@@ -35,7 +37,7 @@ class Model(Options):
     bounds : mapping of str to (float, float)
         Constant to lower and upper bound, in the place of the passive domain.
     separate : str or collection of str
-        Constants with a value of their own in each series.
+        Constants with a value of their own in each series; "noise" for unknown noises.
     inertia_factor : float or None
         J = I/(m R^2); by default the dataset's, else 2/5.
 
@@ -55,7 +57,7 @@ class Model(Options):
         {}, "Bounds in the place of the physical ones.", form="pairs", metavar="NAME=LO,HI"
     )
     separate: str | Collection[str] = option(
-        (), "This constant has a value of its own in each series.", form="names", metavar="NAME"
+        (), "This constant, or noise, has a value of its own in each series.", form="names", metavar="NAME"
     )
     inertia_factor: float | None = option(
         None, "I/(m R^2): 2/5 solid (default), 2/3 hollow ball, 1/2 disc.", form="number", metavar="J"
@@ -92,8 +94,13 @@ class Model(Options):
             fix=self.fix,
             prior=self.prior,
             bounds=self.bounds,
-            separate=self.separate,
+            separate=tuple(name for name in self.separate if name != NOISE),
         )
+
+    @property
+    def separates_noise(self) -> bool:
+        """Whether each series has unknown noises of its own: as said, or with constants of its own."""
+        return bool(self.separate)
 
     def with_closure(self, closure: Closure) -> Model:
         """The same with another closure, and of the choices those for constants that it has."""
@@ -104,12 +111,13 @@ class Model(Options):
             fix={name: value for name, value in self.fix.items() if name in own},
             prior={name: value for name, value in self.prior.items() if name in own},
             bounds={name: value for name, value in self.bounds.items() if name in own},
-            separate=tuple(name for name in self.separate if name in own),
+            separate=tuple(name for name in self.separate if name in (*own, NOISE)),
         )
 
     def named_constants(self) -> Mapping[str, Iterable[str]]:
         """Constants that each of the choices names."""
-        return {key: tuple(getattr(self, key)) for key in ("fix", "prior", "bounds", "separate")}
+        named = {key: tuple(getattr(self, key)) for key in ("fix", "prior", "bounds", "separate")}
+        return named | {"separate": tuple(name for name in named["separate"] if name != NOISE)}
 
 
 @dataclass(frozen=True, repr=False)

@@ -19,6 +19,8 @@ HEADLINES = {
     "noise_modes": "several sets of constants explain the data",
     "identifiable": "the data do not determine every constant",
     "lack_of_fit": "the data contradict the closure",
+    "pooling": "the series do not share their constants",
+    "unequal_noise": "the series do not share their noise",
     "scatter_too_small": "the data scatter less than their sigma",
     "normal_restitution": "the readings of e_n contradict what is taken of them",
     "effects": "the residuals call for a further effect",
@@ -143,6 +145,7 @@ def headline(result: FitResult) -> str:
         if not fact.ok
         and not is_quiet(name, fact)
         and not (name == "predictive" and _covers_predictive(result))
+        and not (name == "lack_of_fit" and _series_differ(result))
     ]
     open_constants = undetermined(result)
     phrases = [
@@ -154,6 +157,11 @@ def headline(result: FitResult) -> str:
         verb = "are" if len(open_constants) > 1 else "is"
         phrases.append(f"{joined(open_constants)} {verb} not determined")
     return "; ".join(phrases)
+
+
+def _series_differ(result: FitResult) -> bool:
+    """Whether series do not share their constants: then no closure is to blame for a misfit of all."""
+    return "pooling" in result.facts and not result.facts["pooling"].ok
 
 
 def _covers_predictive(result: FitResult) -> str:

@@ -206,7 +206,7 @@ class Residuals:
     def of(cls, problem: Problem, found: LeastSquaresFit) -> Residuals:
         """Residuals of a fit."""
         residual = corrected(problem, found) / found.sigma
-        groups = problem.groups() if problem.noise.is_unknown else {"all": np.arange(residual.size)}
+        groups = problem.noise_groups() if problem.noise.is_unknown else {"all": np.arange(residual.size)}
         pools, few = [], []
         for name, rows in groups.items():
             own = residual[rows][1.0 - found.gaussian.leverage[rows] > _OWN]

@@ -115,7 +115,7 @@ def psi_rows(problem: Problem) -> tuple[PsiRows | None, dict[str, str]]:
     base = problem.noise.base[rows]
     group = np.zeros(rows.size, dtype=np.intp)
     if problem.noise.is_unknown:
-        for number, own in enumerate(problem.groups().values()):
+        for number, own in enumerate(problem.noise_groups().values()):
             group[np.isin(rows, own)] = number
     return PsiRows(problem.rows.tau[rows], value, weight, base, group), left_out
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.outliers import outliers
+from ifrfit.inference.diagnostics.series_compared import pooling, unequal_noise
 from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.problem import Problem
@@ -33,10 +34,17 @@ def misfit_facts(
         effects = {}  # velocities and spins say it themselves
     # microslip is no remedy where the residuals call for something else
     restitution = normal_restitution(problem, found)
+    shared = None if brief else pooling(problem, found)
+    noises = None if brief else unequal_noise(problem, found)
+    if shared is not None and not shared.ok:
+        effects = {}  # constants that differ feign effects: they are looked for when the series are apart
+        called = ["series"]
     small = scatter_too_small(problem, found, residuals)
     remedy = not brief and (not called or "compliance" in called)
     fitted = lack_of_fit(problem, found, residuals, remedy=remedy)
     facts = {
+        **({} if shared is None else {"pooling": shared}),
+        **({} if noises is None else {"unequal_noise": noises}),
         "lack_of_fit": fitted,
         **({} if small is None or small.ok else {"scatter_too_small": small}),
         **({} if restitution is None else {"normal_restitution": restitution}),

@@ -103,8 +103,11 @@ class _Model:
 
 
 def _with_separate(problem: Problem, separate: frozenset[str]) -> Problem:
-    """The same question with these constants separate."""
-    return problem.with_parameters(replace(p, separate=p.name in separate) for p in problem.parameters)
+    """The same question with these constants separate, and the unknown noises with them."""
+    noise = replace(problem.noise, separate=bool(separate))
+    return problem.with_noise(noise).with_parameters(
+        replace(p, separate=p.name in separate) for p in problem.parameters
+    )
 
 
 def _fact(models: list[_Model], tested: list[str], *, separate: bool) -> Fact:

@@ -115,7 +115,9 @@ def _noise(noise: NoiseInFile) -> NoiseSummary:
     estimates = {"" if name == FACTOR else name: estimate for name, estimate in noise.estimates.items()}
     prior = {"" if name == FACTOR else name: bounds for name, bounds in noise.prior.items()}
     chosen = {key: getattr(noise.scatter or PLAIN, each.name) for each, key, _ in layout(ErrorModel)}
-    return NoiseSummary(noise.policy, noise.sigma, estimates, prior, make_error_model(**chosen))
+    return NoiseSummary(
+        noise.policy, noise.sigma, estimates, prior, make_error_model(**chosen), noise.separate
+    )
 
 
 def _sample(node: Node, names: tuple[str, ...]) -> Any:

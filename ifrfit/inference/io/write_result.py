@@ -48,6 +48,7 @@ class NoiseInFile:
     estimates: Mapping[str, Estimate] = field(default_factory=dict, metadata=OPTIONAL)
     prior: Mapping[str, Interval] = field(default_factory=dict, metadata=OPTIONAL)
     scatter: ErrorModel | None = field(default=None, metadata=OPTIONAL)
+    separate: bool = field(default=False, metadata=OPTIONAL)
 
 
 @dataclass(frozen=True)
@@ -141,7 +142,7 @@ def _noise(noise: NoiseSummary) -> NoiseInFile:
     error_model = None if noise.error_model == PLAIN else noise.error_model
     estimates = {name or FACTOR: estimate for name, estimate in noise.estimates.items()}
     prior = {name or FACTOR: bounds for name, bounds in noise.prior.items()}
-    return NoiseInFile(noise.policy, noise.sigma, estimates, prior, error_model)
+    return NoiseInFile(noise.policy, noise.sigma, estimates, prior, error_model, noise.separate)
 
 
 def _points(points: Any) -> tuple[dict[str, list[Any]] | None, list[str]]:

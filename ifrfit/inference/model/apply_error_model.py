@@ -62,11 +62,11 @@ def with_error_model(problem: Problem, error_model: ErrorModel) -> Problem:
     if error_model.is_plain:
         return replace(problem, error_model=error_model)
     if problem.noise.is_unknown:
-        groups = problem.groups()
+        groups = problem.noise_groups()
         if len(groups) > 1:
             raise DataError(
                 f"{len(groups)} unknown noises ({', '.join(groups)}) beside {error_model.option}: give a "
-                "sigma in every row and --noise scaled, or fit one observable of one series at a time."
+                "sigma in every row and --noise scaled, or fit one observable at a time."
             )
         (ends,) = problem.noise_bounds().values()
         problem = problem.with_noise(NoiseModel("scaled", np.ones(len(problem.rows)), {"": ends}))

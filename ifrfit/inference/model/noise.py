@@ -28,8 +28,9 @@ class NoiseModel:
     """What is known of the size of the errors.
 
     Rows whose errors share an unknown size form a group, and the group's noise is a parameter: under "scaled"
-    one factor on the given sigma of all rows, its group named ""; under "unknown" one sigma for each series
-    and observable, its group named "series/observable".
+    one factor on the given sigma of all rows, its group named ""; under "unknown" one sigma for each
+    observable, its group named "observable" ("series/observable" where there is one series), or one for each
+    series and observable, its group named "series/observable".
 
     Attributes
     ----------
@@ -38,11 +39,14 @@ class NoiseModel:
         Standard uncertainty of each row as given; nan where none is.
     prior_bounds : mapping of str to (float, float)
         Ends of the log-uniform prior of a group's noise, where they are chosen; see `bounds` for the others.
+    separate : bool
+        Whether an unknown noise is one of each series.
     """
 
     policy: Policy
     sigma: Array
     prior_bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    separate: bool = False
 
     @property
     def is_known(self) -> bool:
@@ -56,7 +60,7 @@ class NoiseModel:
 
     @property
     def is_unknown(self) -> bool:
-        """Whether each series and observable has an unknown sigma, and given ones are not used."""
+        """Whether each observable has an unknown sigma, and given ones are not used."""
         return self.policy == "unknown"
 
     @cached_property
@@ -64,17 +68,21 @@ class NoiseModel:
         """Standard uncertainty of each row up to the noise of its group, (n,): 1 where that is unknown."""
         return np.ones(self.sigma.size) if self.is_unknown else self.sigma
 
-    def groups(self, measured: Mapping[str, Index]) -> Mapping[str, Index]:
+    def groups(self, measured: Mapping[str, Index], n_series: int) -> Mapping[str, Index]:
         """Rows of each group with an unknown noise, by its name; empty where sigma is known.
 
         Parameters
         ----------
         measured : mapping of str to ndarray of int
             Rows of each "series/observable".
+        n_series : int
+            Of the problem, also where these rows are of fewer.
         """
         if self.is_known:
             return {}
-        return {"": np.arange(self.sigma.size)} if self.is_scaled else measured
+        if self.is_scaled:
+            return {"": np.arange(self.sigma.size)}
+        return measured if self.separate or n_series == 1 else _by_observable(measured)
 
     def sigma_at(self, noise: Array, groups: Iterable[Index]) -> Array:
         """Standard uncertainty of each row, (m, n), or (1, n) where it is known.
@@ -93,7 +101,9 @@ class NoiseModel:
             sigma[:, rows] = own[:, None] * self.base[rows]
         return sigma
 
-    def bounds(self, rows: Rows, measured: Mapping[str, Index]) -> Mapping[str, tuple[float, float]]:
+    def bounds(
+        self, rows: Rows, measured: Mapping[str, Index], n_series: int
+    ) -> Mapping[str, tuple[float, float]]:
         """Ends of the log-uniform prior of each group's noise; empty where sigma is known.
 
         From the resolution of the values (their last decimal, at most the sixth, over sqrt(12): what rounding
@@ -103,7 +113,8 @@ class NoiseModel:
         if self.is_known:
             return {}
         found = {}
-        for name, own in measured.items():
+        groups = self.groups(measured, n_series) if self.is_unknown else measured
+        for name, own in groups.items():
             value = rows.value[own]
             unit = rows.observables[rows.which[own[0]]].unit
             natural = max(90.0 if unit == "deg" else 1.0, float(np.abs(value).max()))
@@ -126,6 +137,14 @@ class NoiseModel:
 def noise_name(group: str) -> str:
     """Name of a group's noise among the parameters: "noise", or "noise[series/observable]"."""
     return entry_name("noise", group)
+
+
+def _by_observable(measured: Mapping[str, Index]) -> Mapping[str, Index]:
+    """Rows of each observable, whatever the series."""
+    parts: dict[str, list[Index]] = {}
+    for name, rows in measured.items():
+        parts.setdefault(name.rpartition("/")[2], []).append(rows)
+    return {name: np.sort(np.concatenate(rows)) for name, rows in parts.items()}
 
 
 def _resolution(value: Array) -> float:

@@ -50,6 +50,11 @@ class Domain:
         return (self.prior_upper - self.lower) / math.sqrt(12.0)
 
 
+def _prior_upper(lower: float, upper: float) -> float:
+    """Upper end of the default prior over a domain, finite."""
+    return upper if math.isfinite(upper) else max(_PRIOR_MU, 2.0 * lower)
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter of a fit: a constant of the closure.
@@ -85,17 +90,33 @@ class Parameter:
     @property
     def prior_upper(self) -> float:
         """Upper end of the default prior, finite."""
-        return self.upper if math.isfinite(self.upper) else max(_PRIOR_MU, 2.0 * self.lower)
+        return _prior_upper(self.lower, self.upper)
 
     @property
     def prior_sd(self) -> float:
         """Standard deviation of the default prior, uniform over the domain."""
-        return self.domain.prior_sd
+        return (self.prior_upper - self.lower) / math.sqrt(12.0)
 
     @property
     def domain(self) -> Domain:
         """Values that it may have, a fixed value aside."""
         return Domain(self.lower, self.upper, self.prior_upper, self.passive_sd)
+
+    @property
+    def passive_sd(self) -> float:
+        """Standard deviation of the default prior over the passive domain, whatever bounds the user set."""
+        lower, upper = self.passive or (self.lower, self.upper)
+        return (_prior_upper(lower, upper) - lower) / math.sqrt(12.0)
+
+    @property
+    def is_informed(self) -> bool:
+        """Whether it is fixed, or a prior says more than its domain: sd below half of the default one."""
+        return self.fixed is not None or (self.prior is not None and self.prior[1] < HALF * self.prior_sd)
+
+    @property
+    def is_confined(self) -> bool:
+        """Whether bounds of the user leave less than half of the passive domain."""
+        return self.fixed is None and self.prior_sd < HALF * self.passive_sd
 
 
 @dataclass(frozen=True)
@@ -132,24 +153,6 @@ class Kappa:
         if mu.fixed is not None:
             low = high = prior = mu.fixed
         return Domain(low * (1.0 + low_e), high * (1.0 + high_e), prior * (1.0 + high_e))
-
-    @property
-    def passive_sd(self) -> float:
-        """Standard deviation of the default prior over the passive domain, whatever bounds the user set."""
-        if self.passive is None:
-            return self.prior_sd
-        lower, upper = self.passive
-        return replace(self, lower=lower, upper=upper, passive=None).prior_sd
-
-    @property
-    def is_informed(self) -> bool:
-        """Whether it is fixed, or a prior says more than its domain: sd below half of the default one."""
-        return self.fixed is not None or (self.prior is not None and self.prior[1] < HALF * self.prior_sd)
-
-    @property
-    def is_confined(self) -> bool:
-        """Whether bounds of the user leave less than half of the passive domain."""
-        return self.fixed is None and self.prior_sd < HALF * self.passive_sd
 
 
 @dataclass(frozen=True)

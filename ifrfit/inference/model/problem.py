@@ -216,11 +216,11 @@ class Problem:
 
     def noise_groups(self) -> Mapping[str, Index]:
         """Rows that share an unknown noise, by the name of the group; see `NoiseModel`."""
-        return self.noise.groups(self.groups())
+        return self.noise.groups(self.groups(), len(self.series))
 
     def noise_bounds(self) -> Mapping[str, tuple[float, float]]:
         """Ends of the log-uniform prior of each unknown noise, by the name of its group."""
-        return self.noise.bounds(self.rows, self.groups())
+        return self.noise.bounds(self.rows, self.groups(), len(self.series))
 
     def with_parameters(self, parameters: Iterable[Parameter]) -> Problem:
         """The same question with other parameters in the place of those of the same names."""
@@ -292,6 +292,8 @@ def make_problem(
     inertia_factor: float,
     parameters: Iterable[Parameter],
     noise: str | None,
+    *,
+    separate_noise: bool = False,
 ) -> Problem:
     """Turn selected observations into a problem.
 
@@ -304,6 +306,8 @@ def make_problem(
     noise : {"known", "scaled", "unknown"} or None
         None: unknown where a row has no sigma; else the most careful policy that a dataset states, and known
         where none states one.
+    separate_noise : bool
+        Whether each series has unknown noises of its own.
 
     Raises
     ------
@@ -317,7 +321,7 @@ def make_problem(
         raise DataError("No rows are left to fit.")
     rows, series = Rows.of(table)
     sigma = table["sigma"].to_numpy(dtype=float)
-    model = NoiseModel(_noise_policy(observations, sigma, noise), sigma)
+    model = NoiseModel(_noise_policy(observations, sigma, noise), sigma, separate=separate_noise)
     return Problem(
         rows, closure, inertia_factor, ParameterSet(tuple(parameters), series), model, observations
     )

@@ -41,7 +41,7 @@ class GridSettings:
     @cached_property
     def groups(self) -> Mapping[str, Index]:
         """Rows that share a noise."""
-        return self.problem.groups()
+        return self.problem.noise_groups()
 
     @property
     def order(self) -> int:

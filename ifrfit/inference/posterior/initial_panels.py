@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -97,7 +98,7 @@ def _noise(
         of_rows = [(name, group[group >= 0]) for name, group in of_rows if (group >= 0).any()]
         names = tuple(name for name, _ in of_rows)
         noise = tuple(NoiseScale(group.size, *settings.bounds[name]) for name, group in of_rows)
-        sigma = np.array([start.noise[name] for name in names])
+        sigma = np.array([math.sqrt(float((start.sigma[settings.groups[n]] ** 2).mean())) for n in names])
         return names, [group for _, group in of_rows], noise, np.ones(at.size), sigma
     everything = [np.arange(at.size)]
     factor = np.array(

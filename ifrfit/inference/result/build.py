@@ -153,7 +153,12 @@ def build_result(
     free = zip(problem.parameters.names, problem.parameters.free, strict=True)
     names = tuple(name for name, is_free in free if is_free)
     distribution: Distribution = about.gaussian if own is None else own
-    noise = NoiseSummary(reported_policy(problem), optimum.noise, error_model=problem.error_model)
+    noise = NoiseSummary(
+        reported_policy(problem),
+        optimum.noise,
+        error_model=problem.error_model,
+        separate=problem.noise.separate,
+    )
     drawn = None
     if own is not None:
         bounds = problem.noise_bounds() if estimation.is_posterior else {}

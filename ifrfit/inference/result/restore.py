@@ -46,7 +46,14 @@ def question(result: FitResult) -> tuple[Problem, LeastSquaresFit]:
             f"The result names other constants than closure {closure.title} has. Fit the data again."
         )
     observations = Observations(result.points[list(TABLE_COLUMNS)], result.inputs)
-    problem = make_problem(observations, closure, result.inertia_factor, result.asked, result.noise.policy)
+    problem = make_problem(
+        observations,
+        closure,
+        result.inertia_factor,
+        result.asked,
+        result.noise.policy,
+        separate_noise=result.noise.separate,
+    )
     problem = with_error_model(problem, result.noise.error_model)
     return problem, least_squares(problem)
 

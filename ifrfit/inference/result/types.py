@@ -102,6 +102,8 @@ class NoiseSummary:
         Bounds of the log-uniform prior of each of these; empty where the method needs none.
     error_model : ErrorModel
         How values scatter about the model, where that is not plainly Gaussian.
+    separate : bool
+        Whether unknown noises are those of each series.
     """
 
     policy: str
@@ -109,6 +111,7 @@ class NoiseSummary:
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     prior: Mapping[str, Interval] = field(default_factory=dict)
     error_model: ErrorModel = PLAIN
+    separate: bool = False
 
 
 @dataclass(frozen=True)

@@ -212,14 +212,17 @@ def noise_of(
         )
     sigma = dict(local.sigma)
     if problem.noise.is_unknown:
-        sigma |= {name: float(e.value) for name, e in estimates.items() if e.value is not None}
+        for name in sigma:
+            own = estimates.get(name, estimates.get(name.rpartition("/")[2]))
+            if own is not None and own.value is not None:
+                sigma[name] = own.value
     elif "" in estimates and (factor := estimates[""].value) is not None:
         for name, rows in problem.groups().items():
             sigma[name] = factor * float(np.sqrt((problem.noise.sigma[rows] ** 2).mean()))
     if problem.noise.is_scaled and local.policy == "unknown":  # the factor is on a sigma of 1
-        (group,) = problem.groups()
+        (group,) = replace(problem.noise, policy="unknown").groups(problem.groups(), len(problem.series))
         estimates, bounds = {group: estimates[""]}, {group: bounds[""]}
-    return NoiseSummary(local.policy, sigma, estimates, dict(bounds), local.error_model)
+    return NoiseSummary(local.policy, sigma, estimates, dict(bounds), local.error_model, local.separate)
 
 
 def correlation_of(distribution: Distribution, names: tuple[str, ...]) -> Array:

@@ -1,0 +1,167 @@
+"""Do the series share their constants, and their noise? Asked of every fit of several series."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from ifrfit.errors import DataError
+from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.optimize.solve import solve
+from ifrfit.inference.result.types import Fact
+from ifrfit.text import joined, p_text, plus_minus
+
+_MOST_SERIES = 30  # beyond, constants of each series are a question of their own
+_MOST_NAMED = 4
+_FEWEST = 2.0  # degrees of freedom of a series whose noise is compared
+
+
+def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+    """Test one constant for all series against one each, of every free constant that they share.
+
+    The constant whose separation gains most is parted first, and the others are tested beside it. Tested is
+    the fall of the weighted sum of squares, at the noise of the wider model: by F, or by chi2 where sigma is
+    known. p values are multiplied by the number of constants (Bonferroni).
+
+    Returns
+    -------
+    Fact or None
+        None where there is nothing to ask: one series, or very many, or no shared constant.
+    """
+    names = [c.name for c in problem.parameters if c.fixed is None and not c.separate]
+    if not 2 <= len(problem.series) <= _MOST_SERIES or not names:
+        return None
+    count = len(names)
+    parted: list[_Parted] = []
+    smallest: dict[str, float] = {}
+    now = problem
+    while names:
+        tested = [one for name in names if (one := _test(now, name)) is not None]
+        for one in tested:
+            smallest.setdefault(one.name, min(1.0, count * one.p))
+        best = min(tested, key=lambda one: one.p, default=None)
+        if best is None or count * best.p >= REFUTED:
+            break
+        parted.append(best)
+        now = best.problem
+        names.remove(best.name)
+    if not smallest:
+        return None
+    figures = {"p": smallest, "separate": [one.name for one in parted]}
+    rule = FACTS["pooling"]
+    if not parted:
+        p = min(smallest.values())
+        return Fact(True, f"one {joined(list(smallest))} for all series (p = {p_text(p)})", figures, rule)
+    words = [_words(now, one, parted[-1].fit, count) for one in parted]
+    remedy = " ".join(f"--separate {one.name}" for one in parted)
+    return Fact(False, f"the series do not share {joined(words)}: {remedy}", figures, rule)
+
+
+@dataclass(frozen=True)
+class _Parted:
+    """The test of one constant: the wider problem with its fit, and the p value."""
+
+    name: str
+    problem: Problem
+    fit: LeastSquaresFit
+    p: float
+
+
+def _words(problem: Problem, one: _Parted, fit: LeastSquaresFit, count: int) -> str:
+    """A constant with its value in each series by the widest fit, as far as they can be listed."""
+    p = f"p = {p_text(count * one.p)}"
+    if len(problem.series) > _MOST_NAMED:
+        return f"{one.name} ({p})"
+    to_theta = fit.gaussian.to_theta
+    sd = np.sqrt(np.diag(to_theta @ fit.gaussian.covariance(capped=True) @ to_theta.T))
+    places = problem.parameters.positions[one.name]
+    each = [
+        f"{plus_minus(float(fit.optimum.theta[i]), float(sd[i]))} in {series}"
+        for series, i in zip(problem.series, places.tolist(), strict=True)
+    ]
+    return f"{one.name} ({', '.join(each)}; {p})"
+
+
+def _test(problem: Problem, name: str) -> _Parted | None:
+    """One constant shared against separate; None where there are too few rows."""
+    wider = problem.with_parameters([replace(problem.parameters[name], separate=True)])
+    try:
+        fit = least_squares(wider)
+    except DataError:
+        return None
+    gained = max(solve(problem, fit.sigma).objective - fit.optimum.objective, 0.0)
+    k = len(problem.series) - 1
+    if problem.noise.is_known:
+        p = float(special.chdtrc(k, gained))
+    elif fit.noise_dof > 1.0:
+        p = float(special.fdtrc(k, fit.noise_dof, gained / k))
+    else:
+        return None
+    return _Parted(name, wider, fit, p)
+
+
+def unequal_noise(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+    """Compare the scatter of the series that share an unknown noise, by Bartlett's test.
+
+    Returns
+    -------
+    Fact or None
+        None where no noise is shared by series, or the test is passed.
+
+    References
+    ----------
+    Bartlett (1937), Proc. R. Soc. A 160, 268.
+    """
+    if not problem.noise.is_unknown or problem.noise.separate or len(problem.series) < 2:
+        return None
+    compared: dict[str, Mapping[str, float]] = {}
+    smallest = 1.0
+    for name, rows in problem.noise_groups().items():
+        scatter = _scatter_by_series(problem, found, rows)
+        if len(scatter) < 2:
+            continue
+        p = _bartlett([pair for _, pair in scatter])
+        smallest = min(smallest, p)
+        if p < REFUTED:
+            compared[name] = {series: math.sqrt(square / dof) for series, (square, dof) in scatter}
+    p = min(1.0, smallest * max(len(problem.noise_groups()), 1))
+    if not compared or p >= REFUTED:
+        return None
+    words = [
+        f"that of {name} is "
+        + ", ".join(f"{s:.2g} in {series}" for series, s in list(own.items())[:_MOST_NAMED])
+        for name, own in compared.items()
+    ]
+    says = f"the series do not share their noise (p = {p_text(p)}): {'; '.join(words)}; --separate noise"
+    return Fact(False, says, {"p": p, "noise": compared}, FACTS["unequal_noise"])
+
+
+def _scatter_by_series(
+    problem: Problem, found: LeastSquaresFit, rows: np.ndarray
+) -> list[tuple[str, tuple[float, float]]]:
+    """Sum of squares and degrees of freedom of the rows of each series."""
+    residual = problem.rows.value - problem.predict(found.optimum.theta)
+    made = []
+    for number, series in enumerate(problem.series):
+        own = rows[problem.rows.series[rows] == number]
+        dof = own.size - float(found.gaussian.leverage[own].sum())
+        if dof >= _FEWEST:
+            made.append((series, (float(residual[own] @ residual[own]), dof)))
+    return made
+
+
+def _bartlett(scatter: list[tuple[float, float]]) -> float:
+    """p value of equal variances, from sums of squares and degrees of freedom."""
+    squares, dof = np.array(scatter).T
+    if (squares <= 0.0).any():
+        return 1.0
+    pooled = squares.sum() / dof.sum()
+    statistic = float(dof.sum() * math.log(pooled) - dof @ np.log(squares / dof))
+    correction = 1.0 + (float((1.0 / dof).sum()) - 1.0 / float(dof.sum())) / (3.0 * (dof.size - 1))
+    return float(special.chdtrc(dof.size - 1, max(statistic, 0.0) / correction))
