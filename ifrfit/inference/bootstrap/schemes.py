@@ -185,7 +185,7 @@ class Residuals:
     """Fitted values plus residuals drawn with replacement, row by row, within rows of one noise.
 
     Residuals are taken over sigma and over sqrt(1 - leverage), then centred. One noise have all rows where
-    sigma is given (known or scaled), else those of one series and observable. Rows of one impact are drawn
+    sigma is given (known or scaled), else those of one unknown noise. Rows of one impact are drawn
     apart, so errors that they share are lost.
 
     References

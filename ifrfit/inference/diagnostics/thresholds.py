@@ -52,8 +52,8 @@ FACTS = {
     "prior, and against 1; no single reading 4 sd above 1",
     "pooling": f"with several series: p >= {REFUTED:g}, times the number of constants, that one of each "
     "describes all series as well as one each (F, or chi2 for known sigma)",
-    "unequal_noise": f"stands only where it fails: p < {REFUTED:g}, times the number of noises, of Bartlett's "
-    "test over the series that share an unknown noise",
+    "unequal_noise": f"stands only where it fails: p < {REFUTED:g}, times the number of noises, of "
+    "Bartlett's test over the series that share an unknown noise",
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "

@@ -72,7 +72,7 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresF
     """Fit by least squares under the problem's noise policy.
 
     known: sigma is taken at its word. scaled: sigma times one common factor, from the misfit.
-    unknown: one sigma a series and observable, from the misfit. The modes of the likelihood are those of
+    unknown: the noise of each group from the misfit. The modes of the likelihood are those of
     `noise_modes`; about the best of them constants and noises are iterated, with the degrees of freedom that
     each noise keeps. With heavy tails or errors of angles the weights are iterated as well, see
     `_iteratively_reweighted`.
