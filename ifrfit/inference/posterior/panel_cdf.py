@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ class PanelCdf:
         made *= axis.width[:, None]
         cumulative = np.zeros((made.shape[0], made.shape[1] + 1))
         np.cumsum(made.sum(axis=-1), axis=1, out=cumulative[:, 1:])
-        return cls(axis, made, cumulative)
+        return cls(replace(axis), made, cumulative)  # its panels as they are: the axis goes on to be refined
 
     @property
     def total(self) -> Array:

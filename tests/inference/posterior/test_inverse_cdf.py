@@ -63,3 +63,11 @@ def test_an_empty_row_gives_its_end() -> None:
     nothing = PanelCdf.of(axis, np.zeros((1, *axis.shape)))
     value, _ = InverseCdfTable.of(nothing).inverse(np.zeros(3, dtype=int), np.array([0.1, 0.5, 1.0]), places)
     assert np.isfinite(value).all()
+
+
+def test_a_distribution_stays_when_its_axis_is_refined():
+    axis, panels, _ = made(2)
+    at = np.linspace(axis.low[0], axis.low[-1] + axis.width[-1], 41)
+    before = panels.below_in_all(at, 2)
+    axis.split(axis.low + 0.3 * axis.width)
+    assert panels.below_in_all(at, 2) == pytest.approx(before, abs=0.0)
