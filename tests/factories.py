@@ -100,15 +100,16 @@ def problem_of(
     closure: str = "ifr",
     *,
     noise: str | None = None,
+    separate_noise: bool = False,
     inertia_factor: float = 0.4,
     **choices: Any,
 ) -> Problem:
     """The question of one closure; `choices` are those of its parameters (fix, prior, bounds, separate)."""
     data = Observations(data) if isinstance(data, pd.DataFrame) else data
     chosen = get_closure(closure)
-    return make_problem(
-        data, chosen, inertia_factor, make_parameters(chosen, inertia_factor, **choices), noise
-    )
+    parameters = make_parameters(chosen, inertia_factor, **choices)
+    own = bool(choices.get("separate"))
+    return make_problem(data, chosen, inertia_factor, parameters, noise, separate_noise=separate_noise or own)
 
 
 def at_most(n: int, p: float, tail: float = 1e-3) -> int:

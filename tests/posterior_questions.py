@@ -109,7 +109,14 @@ class Question:
                 "sigma": np.array([math.nan if row.sigma is None else row.sigma for row in self.rows]),
             }
         )
-        problem = make_problem(Observations(table), closure, self.inertia_factor, constants, self.noise)
+        problem = make_problem(
+            Observations(table),
+            closure,
+            self.inertia_factor,
+            constants,
+            self.noise,
+            separate_noise=bool(self.separate),
+        )
         return problem.with_noise(problem.noise.with_bounds(self.noise_bounds))
 
 

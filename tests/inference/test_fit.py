@@ -65,7 +65,7 @@ def test_scaled_noise_multiplies_the_errors_by_one_factor(impacts):
 def test_two_groups_of_unknown_noise_are_told_apart(impacts):
     quiet = {"gamma": GAMMA, "noise": 0.01, "sigma": None, "c": -0.7, "series": "quiet", "seed": 1}
     loud = {"gamma": GAMMA, "noise": 0.1, "sigma": None, "c": -0.7, "series": "loud", "seed": 2}
-    found = ifrfit.fit(impacts(quiet, loud), fix={"e_n": 0.94}, method="lsq")
+    found = ifrfit.fit(impacts(quiet, loud), fix={"e_n": 0.94}, method="lsq", separate="noise")
     assert found.noise.sigma["quiet/beta"] == pytest.approx(0.01, rel=0.35)
     assert found.noise.sigma["loud/beta"] == pytest.approx(0.1, rel=0.35)
     assert found.facts["converged"].ok

@@ -13,7 +13,7 @@ from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined
 
-_APART = 3.0  # sd between modes, in at least one constant, that are no kinks of one hill
+_DISTANCE = 3.0  # sd between modes, in at least one constant, that are no kinks of one hill
 
 
 def several_modes(problem: Problem, found: LeastSquaresFit) -> Fact | None:
@@ -36,7 +36,7 @@ def several_modes(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         sigma = noise_at_mode(problem, theta, rise).sigma if found.rivals else found.sigma
         covariance = gaussian_approximation(problem, sigma, theta).covariance(capped=True)
         sd = np.sqrt(np.diag(covariance))
-        if all(_apart(theta - other, np.maximum(sd, spread)) for _, other, spread in kept):
+        if all(_differ(theta - other, np.maximum(sd, spread)) for _, other, spread in kept):
             free = problem.parameters.free
             volume = 0.5 * np.linalg.slogdet(covariance[np.ix_(free, free)])[1]
             kept.append((-0.5 * rise + float(volume), theta, sd))
@@ -57,8 +57,8 @@ def several_modes(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     return Fact(False, says, {"modes": told}, FACTS["noise_modes"])
 
 
-def _apart(difference: Array, sd: Array) -> bool:
-    return bool((np.abs(difference) > _APART * sd).any())
+def _differ(difference: Array, sd: Array) -> bool:
+    return bool((np.abs(difference) > _DISTANCE * sd).any())
 
 
 def _words(values: Array, names: list[str], weight: float) -> str:

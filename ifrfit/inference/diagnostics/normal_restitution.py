@@ -17,6 +17,7 @@ from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text, plus_minus
 
 _FEWEST = 6  # readings of a series from which a trend is looked for
+_NEGLIGIBLE = 2e-3  # change over the whole range that matters to no use of e_n, and may be rounding
 _ABOVE = 4.0  # sd by which a single reading may exceed 1
 
 
@@ -147,6 +148,8 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str) -> Iterator[_Fin
         p = 0.0 if gained > 0.0 else 1.0
     order = np.argsort(x)
     ends = (design @ coefficients)[order[[0, -1]]]
+    if np.ptp(design @ coefficients) <= _NEGLIGIBLE:
+        return
     shown = np.exp(x[order[[0, -1]]]) if unit == "m/s" else x[order[[0, -1]]]
     yield _Finding(
         p,

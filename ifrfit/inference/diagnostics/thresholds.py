@@ -20,9 +20,9 @@ STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
     "one_sided": "the optimum lies on a bound, or the 95 % interval does not close on one side within the "
     "domain: the interval runs from the bound to its 95 % quantile",
-    "prior": "your own prior narrows it: sd with the prior below half of the sd that the data leave within "
-    "the domain; or the data leave it open, and your own bounds confine it: sd below half of that over the "
-    "passive domain",
+    "prior": "your own prior narrows it: sd with the prior below half of the sd without (a prior as wide as "
+    "half of its constant's domain counts for nothing where the data do not see it); or the data leave it "
+    "open, and your own bounds confine it: sd below half of that over the passive domain",
     "not_determined": "otherwise; no value, the compatible interval kept, the reason in words",
     "fixed": "by you",
 }

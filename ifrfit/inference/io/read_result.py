@@ -104,7 +104,8 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
         "state": replace(file.state, sample=sample),
         "points": _points(root["points"]),
         "asked": tuple(
-            Parameter(name, *c.bounds, c.fixed, c.prior, c.separate) for name, c in file.asked.items()
+            Parameter(name, *c.bounds, c.fixed, c.prior, c.separate, c.passive)
+            for name, c in file.asked.items()
         ),
     }
     same = {each.name for each in fields(FitResult)} & {each.name for each in fields(ResultFile)}
@@ -116,7 +117,7 @@ def _noise(noise: NoiseInFile) -> NoiseSummary:
     prior = {"" if name == FACTOR else name: bounds for name, bounds in noise.prior.items()}
     chosen = {key: getattr(noise.scatter or PLAIN, each.name) for each, key, _ in layout(ErrorModel)}
     return NoiseSummary(
-        noise.policy, noise.sigma, estimates, prior, make_error_model(**chosen), noise.separate
+        noise.policy, noise.sigma, estimates, prior, make_error_model(**chosen), bool(noise.separate)
     )
 
 

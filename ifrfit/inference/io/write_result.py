@@ -48,7 +48,7 @@ class NoiseInFile:
     estimates: Mapping[str, Estimate] = field(default_factory=dict, metadata=OPTIONAL)
     prior: Mapping[str, Interval] = field(default_factory=dict, metadata=OPTIONAL)
     scatter: ErrorModel | None = field(default=None, metadata=OPTIONAL)
-    separate: bool = field(default=False, metadata=OPTIONAL)
+    separate: bool | None = field(default=None, metadata=OPTIONAL)
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,7 @@ class ParameterInFile:
     fixed: float | None
     prior: Interval | None
     separate: bool
+    passive: Interval | None = field(default=None, metadata=OPTIONAL)
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,8 @@ def to_dict(result: Findings) -> dict[str, Any]:
         "inertia_factor": float(result.inertia_factor),
         "noise": _noise(result.noise),
         "asked": {
-            c.name: ParameterInFile((c.lower, c.upper), c.fixed, c.prior, c.separate) for c in result.asked
+            c.name: ParameterInFile((c.lower, c.upper), c.fixed, c.prior, c.separate, c.passive)
+            for c in result.asked
         },
         "correlation": Correlation(*result.correlation),
         "points": None,
@@ -142,7 +144,7 @@ def _noise(noise: NoiseSummary) -> NoiseInFile:
     error_model = None if noise.error_model == PLAIN else noise.error_model
     estimates = {name or FACTOR: estimate for name, estimate in noise.estimates.items()}
     prior = {name or FACTOR: bounds for name, bounds in noise.prior.items()}
-    return NoiseInFile(noise.policy, noise.sigma, estimates, prior, error_model, noise.separate)
+    return NoiseInFile(noise.policy, noise.sigma, estimates, prior, error_model, noise.separate or None)
 
 
 def _points(points: Any) -> tuple[dict[str, list[Any]] | None, list[str]]:

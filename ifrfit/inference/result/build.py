@@ -157,7 +157,7 @@ def build_result(
         reported_policy(problem),
         optimum.noise,
         error_model=problem.error_model,
-        separate=problem.noise.separate,
+        separate=problem.noise.is_unknown and problem.noise.separate,
     )
     drawn = None
     if own is not None:

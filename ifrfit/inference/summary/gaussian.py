@@ -113,8 +113,8 @@ def _bounds(problem: Problem, fit: LeastSquaresFit) -> tuple[Array, Array, Array
 def prior_reasons(problem: Problem, fit: LeastSquaresFit) -> dict[str, str]:
     """Free entries of theta and kappas that lean on the user's priors, with the reason in words.
 
-    A prior counts where it halves the sd that the data leave within the domain. The reason is empty where the
-    data do not see the quantity, and the priors say no more of it than its domain.
+    A prior counts where it halves the sd that the data leave. The reason is empty where the data do not see
+    the quantity, and no prior says more than the domain of its constant.
     """
     named = [c.name for c in problem.parameters if c.prior is not None]
     if not named:
@@ -131,13 +131,12 @@ def prior_reasons(problem: Problem, fit: LeastSquaresFit) -> dict[str, str]:
         if kappa.name:
             functionals[kappa.name] = kappa_at(problem, fit, number)[1], kappa.domain.prior_sd
     reason = f"rests on your prior of {' and '.join(named)}"
-    default = bare.covariance(capped=True)
+    informed = any(c.is_informed for c in problem.parameters if c.prior is not None)
     found = {}
     for name, (functional, prior_sd) in functionals.items():
         without = bare.variance(functional, prior_sd)
-        known = min(without, float(functional @ default @ functional))
-        if fit.gaussian.variance(functional, prior_sd) < HALF**2 * known:
+        if math.isinf(without):
+            found[name] = reason if informed else ""
+        elif fit.gaussian.variance(functional, prior_sd) < HALF**2 * without:
             found[name] = reason
-        elif math.isinf(without):
-            found[name] = ""
     return found

@@ -147,11 +147,11 @@ def test_the_noise_of_each_draw_is_used(noise):
     rng = np.random.default_rng(4)
     problem = build(60, ("beta", "e_n"), noise=noise, series=2)
     z = rng.standard_normal(60)
-    sizes = {group: 0.02 * (1 + i) for i, group in enumerate(problem.groups())}
+    sizes = {group: 0.02 * (1 + i) for i, group in enumerate(problem.noise_groups())}
     if noise == "scaled":
         sizes = dict.fromkeys(sizes, 2.5 * SIGMA)
     sigma = np.empty(60)
-    for group, rows in problem.groups().items():
+    for group, rows in problem.noise_groups().items():
         sigma[rows] = sizes[group]
     draws = dict(TRUTH)
     if noise == "scaled":

@@ -59,7 +59,7 @@ def test_integral_of_the_density_is_the_exact_evidence(choice):
 
 
 def test_each_noise_of_its_own_is_in_the_exact_evidence():
-    problem = beta_of(fix={"e_n": 0.9, "e_t": -0.8, "mu": 0.15}, noise="unknown")
+    problem = beta_of(fix={"e_n": 0.9, "e_t": -0.8, "mu": 0.15}, noise="unknown", separate_noise=True)
     density = Density(problem)
     assert density.names == ("noise[a/beta]", "noise[b/beta]")
     points, cell = grid_of(density, 900)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -19,7 +21,7 @@ SERIES = ({"mu": 0.14, "c": -0.85, "series": "A"}, {"mu": 0.25, "c": -0.70, "ser
 
 def question(path, closure="ifr", **choices):
     model = Model(closure, **choices)
-    asked = make_question(path, model, Noise("unknown"), 0, None, {})
+    asked = replace(make_question(path, model, Noise("unknown"), 0, None, {}), separate_noise=True)
     return asked.problem(get_closure(closure), model.parameters(asked.inertia_factor))
 
 
@@ -51,7 +53,7 @@ def test_every_method_reports_the_better_of_two_contradicting_series(tmp_path, s
     if modes[1].value - modes[0].value < 4.0:
         pytest.fail("a seed whose modes are alike tells nothing here")
     for method in ("lsq", "exact", "profile"):
-        found = fit(path, fix={"e_n": 0.9}, method=method)
+        found = fit(path, fix={"e_n": 0.9}, method=method, separate="noise")
         assert found.constants["mu"].value == pytest.approx(modes[0].theta[2], abs=0.003), method
 
 

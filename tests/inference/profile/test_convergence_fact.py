@@ -58,7 +58,7 @@ def test_several_noises_that_run_out_of_rounds_are_noticed(
     for seed, (series, size) in enumerate((("calm", 0.01), ("wild", 0.08)), start=1):
         beta = values(FAN, "beta", e_t=-0.9) + noise(len(FAN), size, seed)
         text += rows(FAN, beta, None, "beta", series)
-    problem, fit = question(tmp_path, text)
+    problem, fit = question(tmp_path, text, separate="noise")
     assert profile_converged(profile_all(problem, fit, curves=False), SETTLED).ok
     monkeypatch.setattr(objective, "_ROUNDS", 1)
     found = profile_all(problem, fit, curves=False)
