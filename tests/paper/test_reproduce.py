@@ -81,6 +81,7 @@ def test_the_table_has_its_columns_and_says_where_everything_comes_from(whole):
     assert len(rows) == 3 * len(cases.CASES)
     assert {row["dataset"]: row["provenance"] for row in rows} == {
         "kharaz-2001": "digitised",
+        "cornell-glass": "measured",
         "netl-glass-acrylic": "measured",
         **dict.fromkeys(
             ("cross-2019", "buck-2017", "hashemnia-2019", "reagle-2013", "wang-2020"), "stand-in"

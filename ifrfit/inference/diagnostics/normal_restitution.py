@@ -17,6 +17,7 @@ from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text, plus_minus
 
 _FEWEST = 6  # readings of a series from which a trend is looked for
+_GRAZING = 0.05  # share of the incoming speed that goes into the wall, below which v_n says nothing of e_n
 _NEGLIGIBLE = 2e-3  # change over the whole range that matters to no use of e_n, and may be rounding
 _ABOVE = 4.0  # sd by which a single reading may exceed 1
 
@@ -102,16 +103,19 @@ def normal_restitution(problem: Problem, found: LeastSquaresFit) -> Fact | None:
 
 def _by_series(problem: Problem, found: LeastSquaresFit) -> Iterator[_Readings]:
     table = problem.observations.table
-    normal = problem.rows.of_kind("normal")
+    # v_n is e_n times the cosine of the angle: every reading is brought to e_n by its slope
+    place = problem.parameters.positions["e_n"][problem.rows.series]
+    slope = problem.jacobian(found.optimum.theta)[np.arange(len(problem.rows)), place]
+    normal = problem.rows.of_kind("normal") & (slope > _GRAZING)
     for number, series in enumerate(problem.series):
         rows = np.flatnonzero(normal & (problem.rows.series == number))
         if rows.size == 0:
             continue
         known = problem.noise.is_known
-        base = found.sigma[rows] if known else problem.noise.base[rows]
+        base = (found.sigma[rows] if known else problem.noise.base[rows]) / slope[rows]
         yield _Readings(
             series if len(problem.series) > 1 else "",
-            problem.rows.value[rows],
+            problem.rows.value[rows] / slope[rows],
             1.0 / base**2,
             math.inf if known else rows.size - 1.0,
             table["gamma_deg"].to_numpy(dtype=float)[rows],
