@@ -42,7 +42,7 @@ def phi(problem, theta):
     return sum(r.size * np.log(np.mean(residual[r] ** 2)) for r in groups) + prior @ prior
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_every_method_reports_the_better_of_two_contradicting_series(tmp_path, seed):
     path = contradiction(tmp_path, seed)
     problem = question(path, fix={"e_n": 0.9})
@@ -58,7 +58,7 @@ def test_every_method_reports_the_better_of_two_contradicting_series(tmp_path, s
 
 
 @pytest.mark.parametrize("closure", BILINEAR)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_no_search_goes_below_the_bound(tmp_path, closure, seed):
     """Random tables of several groups and priors, against local searches from everywhere."""
     rng = np.random.default_rng([seed, len(closure)])
@@ -84,7 +84,7 @@ def test_no_search_goes_below_the_bound(tmp_path, closure, seed):
     low, high = problem.parameters.bounds()
     high = np.minimum(high, 2.0)
     lowest = np.inf
-    for _ in range(25):
+    for _ in range(8):
         theta = low + (high - low) * rng.uniform(size=low.size)
         theta[~free] = found.best.theta[~free]
 
