@@ -32,7 +32,6 @@ def misfit_facts(
     momentum = _angular_momentum(problem) if problem.observations.momentum else None
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
         effects = {}  # velocities and spins say it themselves
-    # microslip is no remedy where the residuals call for something else
     restitution = normal_restitution(problem, found)
     shared = None if brief else pooling(problem, found)
     noises = None if brief else unequal_noise(problem, found)
@@ -40,13 +39,13 @@ def misfit_facts(
         effects = {}  # constants that differ feign effects: they are looked for when the series are apart
         called = ["series"]
     small = scatter_too_small(problem, found, residuals)
+    # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called)
-    fitted = lack_of_fit(problem, found, residuals, remedy=remedy)
     facts = {
         **({} if shared is None else {"pooling": shared}),
         **({} if noises is None else {"unequal_noise": noises}),
-        "lack_of_fit": fitted,
-        **({} if small is None or small.ok else {"scatter_too_small": small}),
+        "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
+        **({} if small is None else {"scatter_too_small": small}),
         **({} if restitution is None else {"normal_restitution": restitution}),
         **({} if brief else {"outliers": outliers(problem, found, residuals)}),
         **effects,

@@ -96,7 +96,7 @@ def lack_of_fit(problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *,
 
 
 def scatter_too_small(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fact | None:
-    """Whether the rows scatter less than their sigma says: chi2 from below. None where sigma is not given."""
+    """Whether the rows scatter less than their sigma says: chi2 from below; None where they do not."""
     dof = residuals.raw.size - round(float(fit.gaussian.leverage.sum()))
     if not problem.noise.is_known or dof < 1:
         return None
@@ -104,9 +104,7 @@ def scatter_too_small(problem: Problem, fit: LeastSquaresFit, residuals: Residua
     p = float(special.chdtr(dof, chi2))
     figures = {"p": p, "chi2": chi2, "dof": dof}
     if p >= REFUTED:
-        return Fact(
-            True, f"the scatter is not below sigma (p = {p_text(p)})", figures, FACTS["scatter_too_small"]
-        )
+        return None
     says = (
         f"the values scatter {math.sqrt(dof / max(chi2, 1e-300)):.2g} times less than their sigma "
         f"(chi2 = {chi2:.3g} for {dof} degrees of freedom, p = {p_text(p)}): sigma is too large, or is no "

@@ -21,7 +21,7 @@ from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
-from ifrfit.inference.optimize.noise_modes import NoiseModes, noise_factors, noise_modes
+from ifrfit.inference.optimize.noise_modes import NoiseModes, noise_factors, noise_modes, phi
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
@@ -30,6 +30,7 @@ _ITERATIONS = 100
 _CONVERGED = 1e-10
 _REWEIGHTINGS = 60
 _WEIGHTS_CONVERGED = 1e-8
+_SAME_MODE = 1.0  # rise of -2 log likelihood that the degrees of freedom of the noises may cause
 _SMALLEST_FACTOR = 1e-6  # on sigma: a smaller one says that the misfit is nothing but rounding
 
 
@@ -123,16 +124,20 @@ def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSqu
     dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
     gaussian = gaussian_approximation(problem, sigma, optimum.theta)
     if not modes.follows_squares:
-        optimum = _with_modes(optimum, modes)
+        optimum = _with_modes(optimum, modes, phi(problem, optimum.theta) - modes.best.value)
     return LeastSquaresFit(optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian, modes.rivals)
 
 
-def _with_modes(optimum: Optimum, modes: NoiseModes) -> Optimum:
-    """The optimum at the noise of the best mode, with the proof and the rivals of the modes themselves."""
+def _with_modes(optimum: Optimum, modes: NoiseModes, moved: float) -> Optimum:
+    """The optimum at the noise of the best mode, with the proof and the rivals of the modes themselves.
+
+    The degrees of freedom of the noises have `moved` it off the mode, up in Phi: a little, or the proof is of
+    another place.
+    """
     rivals = tuple((optimum.objective + rise, theta) for rise, theta in modes.rivals if rise <= NEAR)
     return replace(
         optimum,
-        gap=modes.gap,
+        gap=modes.gap if modes.gap is None or moved <= _SAME_MODE else modes.gap + moved,
         minima=((optimum.objective, optimum.theta), *rivals),
         method=optimum.method if modes.gap is None else f"{optimum.method}, noise included",
         tolerance=NOISE_GAP,

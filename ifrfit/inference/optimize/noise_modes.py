@@ -46,13 +46,10 @@ class Mode:
         Phi.
     optimum : Optimum
         Of the weighted fit whose weights are those of the mode itself.
-    change : float
-        Last relative change of any group's sum of squares.
     """
 
     value: float
     optimum: Optimum
-    change: float
 
     @property
     def theta(self) -> Array:
@@ -112,12 +109,17 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
     search = _Search(problem)
     if search.is_monotone:
         optimum = solve(problem, search.base, start)
-        mode = Mode(search.value(optimum.theta), optimum, 0.0)
+        mode = Mode(search.value(optimum.theta), optimum)
         return NoiseModes((mode,), optimum.gap, follows_squares=True)
-    first = solve(problem, search.sigma(search.spread()), start)
+    first = search.solve(search.spread(), start)
     search.descend(first)
     gap = None if first.gap is None else search.prove()
-    return NoiseModes(tuple(search.modes), gap)
+    return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
+
+
+def phi(problem: Problem, theta: Array) -> float:
+    """Phi at theta, eq. (12)."""
+    return _Search(problem).value(theta)
 
 
 def noise_factors(problem: Problem, theta: Array) -> Array:
@@ -176,6 +178,7 @@ class _Search:
         self.sizes = np.array([float(rows.size) for rows in self.groups])
         self.base = problem.noise.base
         self.modes: list[Mode] = []
+        self.all_proven = True  # every weighted fit so far; one that was only searched bounds nothing
         scale = np.array([each.prior_sd for each in problem.parameters.entries])
         self.scale = np.where(np.isfinite(scale) & (scale > 0.0), scale, 1.0)
 
@@ -183,6 +186,12 @@ class _Search:
     def is_monotone(self) -> bool:
         """Whether Phi rises with the sum of squares: one noise for all rows, and no priors."""
         return len(self.groups) == 1 and all(each.prior is None for each in self.problem.parameters)
+
+    def solve(self, variance: Array, near: Array | None = None) -> Optimum:
+        """The weighted fit where each group's factor has this variance."""
+        found = solve(self.problem, self.sigma(variance), near)
+        self.all_proven &= found.gap is not None
+        return found
 
     def spread(self) -> Array:
         """Variance of the values of each group, in units of base: weights to begin with."""
@@ -214,19 +223,14 @@ class _Search:
 
     def descend(self, optimum: Optimum) -> None:
         """Follow the tangents down from an optimum to a mode, and keep it if it is a new one."""
-        value, variance = self.value(optimum.theta), self.variance(optimum.theta)
-        change = np.inf
+        variance = self.variance(optimum.theta)
         for _ in range(_DESCENTS):
-            near = optimum.theta if optimum.gap is None else None
-            optimum = solve(self.problem, self.sigma(variance), near)
-            new = self.variance(optimum.theta)
-            change = float(np.abs(new / variance - 1.0).max())
-            variance = new
-            if change <= _AT_REST or self._known(optimum.theta):
+            optimum = self.solve(variance, optimum.theta if optimum.gap is None else None)
+            before, variance = variance, self.variance(optimum.theta)
+            if np.abs(variance / before - 1.0).max() <= _AT_REST or self._known(optimum.theta):
                 break
-        value = self.value(optimum.theta)
         if not self._known(optimum.theta):
-            self.modes.append(Mode(value, optimum, change))
+            self.modes.append(Mode(self.value(optimum.theta), optimum))
             self.modes.sort(key=lambda mode: mode.value)
 
     def _known(self, theta: Array) -> bool:
@@ -265,15 +269,14 @@ class _Search:
         plain = self.problem.with_parameters([replace(each, prior=None) for each in self.problem.parameters])
         found = np.empty(len(self.groups))
         for number, rows in enumerate(self.groups):
-            # the other groups count next to nothing: they only choose among equals
-            others = np.full(len(self.groups), 1e8)
-            others[number] = 1.0
             alone = solve(plain.with_rows(rows), self.base[rows])
+            self.all_proven &= alone.gap is not None
             found[number] = max((alone.objective - (alone.gap or 0.0)) / rows.size, self._least)
             if len(self.groups) > 1:
-                variance = self.variance(self.modes[0].theta) * others
+                # the other groups count next to nothing: they only choose among equals
+                variance = 1e8 * self.variance(self.modes[0].theta)
                 variance[number] = max(found[number], 1e-12)
-                self.descend(solve(self.problem, self.sigma(variance)))
+                self.descend(self.solve(variance))
         return found
 
     def _top(self, low: Array) -> Array:
@@ -290,7 +293,7 @@ class _Search:
     def _box(self, low: Array, high: Array, number: int, at_least: float = -np.inf) -> _Box:
         """Bound Phi over a box by the certified fit with the chords' slopes for weights."""
         slope = self._slope(low, high)
-        optimum = solve(self.problem, self.sigma(1.0 / slope))
+        optimum = self.solve(1.0 / slope)
         linear = optimum.objective - (optimum.gap or 0.0)
         bound = linear + float(self.sizes @ (low - slope * np.exp(low)))
         return _Box(max(bound, at_least), number, low, high, optimum)

@@ -7,6 +7,7 @@ and with which Jacobian, depends on which ones are known: eq. (1) and (2) of ``d
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -45,7 +46,7 @@ class Values:
 
 
 @dataclass(frozen=True)
-class TransitionRole:
+class TransitionRole(ABC):
     """Which parameter of a series follows from the transition; as it stands, with mu fixed or shared."""
 
     k: Coefficients
@@ -60,9 +61,9 @@ class TransitionRole:
         kappa = known.mu * (1.0 + known.e_n)
         return kappa, kappa
 
+    @abstractmethod
     def solve(self, x: Array, known: Values) -> tuple[Values, Array, Array]:
         """The parameters at transitions, the transitions, and the log of the Jacobian, eq. (2)."""
-        raise NotImplementedError
 
     def friction(self, values: Values, x: Array, c: Array) -> Array:
         """mu at closure constants (m, n_e, n_x, n_c), broadcastable."""
@@ -75,9 +76,9 @@ class TransitionRole:
         """
         return 0.0, 0.0
 
+    @abstractmethod
     def complete(self, draws: Mapping[str, Array]) -> dict[str, Array]:
         """Draws of e_n, c, mu and x from those of the ones that are known or integrated."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

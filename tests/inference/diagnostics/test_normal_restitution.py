@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import impacts_file
 
 from ifrfit import fit
 from ifrfit.physics import rebound
@@ -94,3 +95,11 @@ def test_false_alarms_are_as_rare_as_stated(tmp_path):
         smallest.append(normal_restitution(problem, found).figures["p"])
     assert sum(p < 0.001 for p in smallest) < 4
     assert 0.02 < np.mean(np.array(smallest) < 0.1) < 0.15  # Bonferroni is at most 0.1, and little below it
+
+
+def test_readings_of_v_n_are_brought_to_e_n(tmp_path):
+    """v_n falls with the angle because the normal velocity does, not because e_n does."""
+    parts = {"gamma": ANGLES, "observables": ("beta", "v_n"), "noise": 0.01, "sigma": 0.01, "e_n": 0.9}
+    found = restitution(impacts_file(tmp_path / "t.csv", parts))
+    assert found.ok
+    assert found.figures["p"] > 0.001

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import impacts_file
 
 from ifrfit import fit
-from tests.factories import impacts_file
 
 ANGLES = np.linspace(4.0, 84.0, 17)
 

@@ -6,14 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from factories import BILINEAR, impacts_file, own_constant
 from scipy.optimize import minimize
 
 from ifrfit import fit
 from ifrfit.inference.fit import make_question
-from ifrfit.inference.optimize.noise_modes import noise_modes
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.optimize.noise_modes import noise_factors, noise_modes
+from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.options import Model, Noise
 from ifrfit.physics.closures import get_closure
-from tests.factories import BILINEAR, impacts_file, own_constant
 
 ANGLES = np.linspace(4.0, 84.0, 17)
 SERIES = ({"mu": 0.14, "c": -0.85, "series": "A"}, {"mu": 0.25, "c": -0.70, "series": "B"})
@@ -74,7 +76,7 @@ def test_no_search_goes_below_the_bound(tmp_path, closure, seed):
                 "sigma": None, "series": f"s{series}", "seed": int(rng.integers(1000)),
             }
         )  # fmt: skip
-    choices = {"fix": {"e_n": 0.85}} if seed % 2 else {"prior": {"mu": (0.2, 0.1)}}
+    choices = {"fix": {"e_n": 0.85}} | ({} if seed % 2 else {"prior": {"mu": (0.2, 0.1)}})
     problem = question(impacts_file(tmp_path / "t.csv", *parts), closure, **choices)
     found = noise_modes(problem)
     assert found.gap is not None
@@ -104,3 +106,29 @@ def test_a_single_noise_needs_no_boxes(tmp_path):
     assert found.follows_squares
     assert len(found.modes) == 1
     assert found.gap < 1e-9
+
+
+def test_one_fit_without_a_proof_leaves_no_proof_of_the_whole(tmp_path, monkeypatch):
+    """The bound is only as good as each weighted fit: a single one that was searched spoils it."""
+    problem = question(contradiction(tmp_path, 0), fix={"e_n": 0.9})
+    alone = int(min(rows.size for rows in problem.noise_groups().values()))
+
+    def searched(part, sigma, near=None):
+        found = solve(part, sigma, near)
+        return replace(found, gap=None) if len(part.rows) == alone else found
+
+    assert noise_modes(problem).gap is not None
+    monkeypatch.setattr("ifrfit.inference.optimize.noise_modes.solve", searched)
+    assert noise_modes(problem).gap is None
+
+
+def test_constants_that_left_the_best_mode_are_not_certified(tmp_path, monkeypatch):
+    """The noise's degrees of freedom move the constants a little; into another mode they must not."""
+    problem = question(contradiction(tmp_path, 0), fix={"e_n": 0.9})
+    assert least_squares(problem).optimum.certified
+    modes = noise_modes(problem)
+    rival = noise_factors(problem, modes.modes[1].theta)
+    monkeypatch.setattr("ifrfit.inference.optimize.least_squares.noise_factors", lambda *_: rival)
+    strayed = least_squares(problem).optimum
+    assert strayed.theta[2] == pytest.approx(modes.modes[1].theta[2], abs=0.01)
+    assert not strayed.certified

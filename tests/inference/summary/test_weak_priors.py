@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import impacts_file
 
 from ifrfit import fit
 from ifrfit.errors import UsageError
-from tests.factories import impacts_file
 
 ANGLES = np.linspace(5.0, 80.0, 17)
 METHODS = ("lsq", "exact", "profile")
