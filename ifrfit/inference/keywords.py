@@ -16,7 +16,7 @@ from ifrfit.inference.options import Model, Noise, Range
 if TYPE_CHECKING:
     from ifrfit.data import Selection
 
-_STAYS = ("noise",)  # of the options of noise and methods those whose keyword is no shortcut that will go
+_STAYS = ("noise", "angle_offset")  # of the options of noise and methods those whose keyword is no shortcut that will go
 
 
 class DataKeywords(TypedDict, total=False):
@@ -34,7 +34,7 @@ class DataKeywords(TypedDict, total=False):
 
 
 class NoiseKeywords(TypedDict, total=False):
-    """Shortcuts for fields of `Noise`; deprecated."""
+    """Shortcuts for fields of `Noise`; deprecated, but for the angle offset."""
 
     tails: str
     dof: float | None
@@ -43,6 +43,7 @@ class NoiseKeywords(TypedDict, total=False):
     sigma_gamma: float | None
     sigma_velocity: float | None
     sigma_spin: float | None
+    angle_offset: float | None
 
 
 class ConstantKeywords(TypedDict, total=False):

@@ -134,6 +134,9 @@ class AngleErrors(Options):
         Standard uncertainty of the angle, degrees, in rows that state none.
     population : (float, float) or None
         Degrees between which the true angles lie, for "measured".
+    offset_sd : float or None
+        Degrees: prior standard deviation, about 0, of an offset that all set angles have in common. It is
+        fitted beside the constants. None: the angles are set without one.
 
     Raises
     ------
@@ -160,6 +163,13 @@ class AngleErrors(Options):
         form="number",
         metavar="DEG",
         keyword="sigma_gamma",
+    )
+    offset_sd: float | None = option(
+        None,
+        "Fit a common offset of the angles; its prior sd.",
+        form="number",
+        metavar="DEG",
+        keyword="angle_offset",
     )
 
     def __post_init__(self) -> None:
@@ -226,6 +236,7 @@ class Noise(Options):
             sigma_gamma=angles.sigma_deg,
             sigma_velocity=self.sigma_velocity,
             sigma_spin=self.sigma_spin,
+            angle_offset=angles.offset_sd,
         )
 
     @property

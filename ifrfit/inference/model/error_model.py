@@ -39,6 +39,9 @@ class ErrorModel:
     tails : str
         Name of the law of errors, in `ERROR_LAWS`. Left empty it becomes gaussian without `dof`, student-t
         with it.
+    offset : float or None
+        Prior sd, degrees, of an unknown offset that all set angles of incidence have in common; None where
+        there is none. See `ifrfit.inference.model.problem.Problem.at_offset`.
     """
 
     # in files they go by the names of the options
@@ -49,6 +52,7 @@ class ErrorModel:
     velocity: float | None = field(default=None, metadata={"key": "sigma_velocity"})
     spin: float | None = field(default=None, metadata={"key": "sigma_spin"})
     tails: str = ""
+    offset: float | None = field(default=None, metadata={"key": "angle_offset", "optional": True})
 
     def __post_init__(self) -> None:
         if not self.tails:
@@ -61,7 +65,7 @@ class ErrorModel:
 
     @property
     def is_plain(self) -> bool:
-        """Whether errors are independent, Gaussian, and of the values alone."""
+        """Whether errors are independent, Gaussian, and of the values alone, given the offset if any."""
         return self.tails == GAUSSIAN.name and self.angles == "none"
 
     @property
@@ -110,6 +114,8 @@ class ErrorModel:
                 "measured angles and spins scatter about the true ones, "
                 f"integrated out over angles from {low:g} to {high:g} degrees"
             )
+        if self.offset is not None:
+            parts.append(f"a common offset of the set angles fitted (prior 0 +- {self.offset:g} degrees)")
         return "; ".join(parts)
 
 
@@ -125,6 +131,7 @@ def make_error_model(
     sigma_gamma: float | None = None,
     sigma_velocity: float | None = None,
     sigma_spin: float | None = None,
+    angle_offset: float | None = None,
 ) -> ErrorModel:
     """Turn the user's choices into a law.
 
@@ -147,6 +154,7 @@ def make_error_model(
             raise UsageError(f"{option} {value:g}: it must be positive (per incoming speed).")
     if sigma_spin is not None and sigma_velocity is None:
         raise UsageError("--sigma-spin needs --sigma-velocity: errors are propagated from both.")
+    _check_offset(angle_offset, tails, angle_errors)
     return ErrorModel(
         default_dof if dof is None else dof,
         angle_errors,
@@ -155,6 +163,7 @@ def make_error_model(
         sigma_velocity,
         sigma_spin,
         tails,
+        angle_offset,
     )
 
 
@@ -187,3 +196,20 @@ def check_angle_errors(
             raise UsageError("--sigma-gamma needs --angle-errors effective, set or measured.")
         if not 0.0 < sigma_gamma <= 45.0:
             raise UsageError(f"--sigma-gamma {sigma_gamma:g}: it must lie above 0 and at most at 45 degrees.")
+
+
+def _check_offset(angle_offset: float | None, tails: str, angle_errors: str) -> None:
+    """Refuse a prior of the angle offset that is none, and errors beside which it cannot be fitted."""
+    if angle_offset is None:
+        return
+    if not 0.0 < angle_offset <= 30.0:
+        raise UsageError(
+            f"--angle-offset {angle_offset:g}: give the standard deviation of its prior, above 0 and at most "
+            "30 degrees."
+        )
+    if tails != GAUSSIAN.name or angle_errors != "none":
+        other = f"--tails {tails}" if tails != GAUSSIAN.name else f"--angle-errors {angle_errors}"
+        raise UsageError(
+            f"--angle-offset is fitted beside independent Gaussian errors of the values only: leave {other} "
+            "out."
+        )

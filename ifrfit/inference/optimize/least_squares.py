@@ -19,6 +19,13 @@ from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
 from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.angle_offset import (
+    AngleOffset,
+    offset_at,
+    offset_minima,
+    prior_sd_of,
+    slope_by_offset,
+)
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
 from ifrfit.inference.optimize.noise_modes import NoiseModes, noise_factors, noise_modes, phi
@@ -53,6 +60,9 @@ class LeastSquaresFit:
     rivals : tuple of (float, ndarray)
         Other modes over constants and noises: how far minus twice their log likelihood lies above that of the
         best, and theta.
+    angle_offset : AngleOffset or None
+        Offset of the set angles at which all of this holds, where one is fitted; `gaussian` has its
+        uncertainty integrated out.
     """
 
     optimum: Optimum
@@ -62,6 +72,7 @@ class LeastSquaresFit:
     change: float
     gaussian: GaussianApproximation
     rivals: tuple[tuple[float, Array], ...] = ()
+    angle_offset: AngleOffset | None = None
 
     @property
     def converged(self) -> bool:
@@ -91,14 +102,57 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresF
     """
     if not problem.error_model.is_plain:
         return _iteratively_reweighted(problem)
+    if problem.error_model.offset is not None:
+        return _with_angle_offset(problem, start)
     return _with_plain_errors(problem, start)
 
 
-def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSquaresFit:
-    """Fit under normal errors of the values alone; see `least_squares`."""
+def at_fitted_offset(problem: Problem, found: LeastSquaresFit) -> Problem:
+    """The problem at the offset of the set angles that a fit found; itself where there is none."""
+    return problem if found.angle_offset is None else problem.at_offset(found.angle_offset.value)
+
+
+def _with_angle_offset(problem: Problem, start: Array | None = None) -> LeastSquaresFit:
+    """Fit under an unknown offset of the set angles: the fit at the best offset, and what that adds to it.
+
+    Other local minima over the offset count as other minima of the constants.
+    """
+    prior_sd = prior_sd_of(problem)
+    minima = offset_minima(problem, start)
+    at_best = problem.at_offset(minima[0][1])
+    found = _with_plain_errors(at_best, start, prior_sd)
+    offset = offset_at(at_best, found.sigma, found.optimum.theta, minima, prior_sd)
+    prior = offset.pull**2
+    others = [(value + prior, theta) for value, theta in found.optimum.minima]
+    for rise, degrees in offset.minima:
+        if rise <= NEAR:
+            theta = solve(problem.at_offset(degrees), found.sigma, start).theta
+            others.append((found.optimum.objective + prior + rise, theta))
+    optimum = replace(
+        found.optimum,
+        objective=found.optimum.objective + prior,
+        minima=tuple(sorted(others, key=lambda pair: pair[0])),
+        method=f"{found.optimum.method}, at the best angle offset",
+    )
+    return replace(found, optimum=optimum, angle_offset=offset)
+
+
+def _with_plain_errors(
+    problem: Problem, start: Array | None = None, offset_sd: float | None = None
+) -> LeastSquaresFit:
+    """Fit under normal errors of the values alone; see `least_squares`.
+
+    The Gaussian has an offset of the angles about those of the problem integrated out, where the sd of its
+    prior is given.
+    """
+
+    def expanded(sigma: Array, theta: Array) -> GaussianApproximation:
+        common = None if offset_sd is None else offset_sd * slope_by_offset(problem, theta)
+        return gaussian_approximation(problem, sigma, theta, common=common)
+
     if problem.noise.is_known:
         optimum = solve(problem, problem.noise.sigma, start)
-        gaussian = gaussian_approximation(problem, problem.noise.sigma, optimum.theta)
+        gaussian = expanded(problem.noise.sigma, optimum.theta)
         return LeastSquaresFit(
             optimum, problem.noise.sigma, group_sigma(problem, problem.noise.sigma), math.inf, 0.0, gaussian
         )
@@ -111,7 +165,7 @@ def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSqu
     near = start  # a search that found the optimum once follows it while the noise settles
     for _ in range(_ITERATIONS):
         optimum = solve(problem, base * factor, near)
-        gaussian = gaussian_approximation(problem, base * factor, optimum.theta)
+        gaussian = expanded(base * factor, optimum.theta)
         new = _factors(problem, optimum.theta, base, groups, gaussian)
         change = float(np.abs(new / factor - 1.0).max())
         factor = new
@@ -122,7 +176,7 @@ def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSqu
     if near is not None:
         optimum = solve(problem, sigma, start)
     dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
-    gaussian = gaussian_approximation(problem, sigma, optimum.theta)
+    gaussian = expanded(sigma, optimum.theta)
     if not modes.follows_squares:
         optimum = _with_modes(optimum, modes, phi(problem, optimum.theta) - modes.best.value)
     return LeastSquaresFit(optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian, modes.rivals)
