@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.pooling import sharing
 from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.posterior import TOLERANCE, QuadraturePosterior, integrate, integrate_over_offset
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact

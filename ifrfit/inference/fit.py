@@ -12,7 +12,7 @@ from ifrfit.data import Observations, combine, resolve, select
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
-from ifrfit.inference.estimators import Estimator
+from ifrfit.inference.estimators import Estimator, refuses_offset
 from ifrfit.inference.keywords import (
     FitKeywords,
     check_keywords,
@@ -89,6 +89,9 @@ def fit(
         Take faces of the same impacts as independent all the same.
     convention : sequence or mapping
         How columns are meant, see `read`.
+    angle_offset : float
+        Prior standard deviation, degrees, of an offset that all set angles have in common: it is fitted. A
+        field of `AngleErrors` (offset_sd).
     tails, dof, angle_errors, angle_population, sigma_gamma, sigma_velocity, sigma_spin
         Deprecated: fields of `Noise` and of its `AngleErrors` (kind, population, sigma_deg).
     accuracy, budget, max_steps, resume, resample, replicates, workers
@@ -209,7 +212,7 @@ def fit_problem(
     DataError
         As the method.
     """
-    reason = estimator.refuses(problem)
+    reason = refuses_offset(estimator, problem) or estimator.refuses(problem)
     if reason:
         raise UsageError(reason)
     optimum = least_squares(problem)

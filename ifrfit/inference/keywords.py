@@ -16,7 +16,8 @@ from ifrfit.inference.options import Model, Noise, Range
 if TYPE_CHECKING:
     from ifrfit.data import Selection
 
-_STAYS = ("noise", "angle_offset")  # of the options of noise and methods those whose keyword is no shortcut that will go
+# of the options of noise and methods those whose keyword is no shortcut that will go
+_STAYS = ("noise", "angle_offset")
 
 
 class DataKeywords(TypedDict, total=False):

@@ -16,6 +16,7 @@ from ifrfit.text import fixed, joined, p_text
 HEADLINES = {
     "converged": "the estimator did not converge",
     "global_optimum": "the optimum is not proven to be the best",
+    "angle_offset": "the angle offset lies far outside its prior",
     "noise_modes": "several sets of constants explain the data",
     "identifiable": "the data do not determine every constant",
     "lack_of_fit": "the data contradict the closure",

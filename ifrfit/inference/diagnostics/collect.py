@@ -9,11 +9,13 @@ from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit, sca
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.series_compared import pooling, unequal_noise
-from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.diagnostics.thresholds import FACTS, PULL
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.angle_offset import AngleOffset
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
+from ifrfit.text import plus_minus
 
 
 def misfit_facts(
@@ -91,8 +93,9 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
     rivals = optimum.n_near - 1
     if optimum.certified:
         alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
-        noise = "" if optimum.tolerance is None else ", unknown noise included"
-        return Fact(optimum.n_same == 1, f"global optimum certified{noise}, {alone}", figures, rule)
+        what = "" if optimum.tolerance is None else ", unknown noise included"
+        what += "" if found.angle_offset is None else ", at each angle offset that was tried"
+        return Fact(optimum.n_same == 1, f"global optimum certified{what}, {alone}", figures, rule)
     if optimum.gap is not None:
         proof = f"gap {optimum.gap:.1e}"
     elif optimum.method.endswith(ITERATED):
@@ -100,6 +103,18 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
     else:
         proof = f"no bound is known for {'these observables' if bilinear else 'this closure'}"
     return Fact(False, f"the optimum is not proven to be global ({optimum.method}; {proof})", figures, rule)
+
+
+def angle_offset(found: AngleOffset) -> Fact:
+    """Whether the offset of the set angles at the optimum is one that its prior allows."""
+    figures = {"value": found.value, "sd": found.sd, "prior_sd": found.prior_sd, "pull": found.pull}
+    says = f"the angle offset is {plus_minus(found.value, found.sd)} degrees, prior 0 +- {found.prior_sd:g}"
+    ok = abs(found.pull) <= PULL
+    if not ok:
+        says += f", {abs(found.pull):.1f} sd off: look for what turned the angles, or widen --angle-offset"
+    elif not found.is_determined:
+        says += ": the data tell it no better than the prior does"
+    return Fact(ok, says, figures, FACTS["angle_offset"])
 
 
 def at_bound(constants: Constants) -> Fact:

@@ -15,6 +15,7 @@ RHAT = 1.01
 ESS = 2000
 LENGTH = 50
 STABLE = 0.2
+PULL = 3.0
 
 STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
@@ -63,6 +64,8 @@ FACTS = {
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",
+    "angle_offset": f"stands where --angle-offset is given: the fitted offset lies within {PULL:g} sd of its "
+    "prior",
     "resampling": "bootstrap: at least 5 impacts of each kind and series (cases), 5 residuals of each noise "
     "(residual), or no row without a residual (wild): of 5 the sd comes out 10 % too small, of fewer more so",
     "sharing": "constants shared by all series are not refuted: evidence of separate ones less than 20 times "

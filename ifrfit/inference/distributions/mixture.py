@@ -36,11 +36,11 @@ class Tabulated:
 
     def quantile(self, p: ArrayLike) -> Array:
         """Quantiles; p scalar or array, 0 to 1."""
-        return np.interp(np.asarray(p, dtype=float), self.below, self.places)
+        return np.asarray(np.interp(np.asarray(p, dtype=float), self.below, self.places))
 
     def cdf(self, value: ArrayLike) -> Array:
         """Probability below a value."""
-        return np.interp(np.asarray(value, dtype=float), self.places, self.below)
+        return np.asarray(np.interp(np.asarray(value, dtype=float), self.places, self.below))
 
 
 @dataclass(frozen=True)
@@ -184,16 +184,13 @@ class Mixture:
         """
         from scipy import special
 
-        scores = special.ndtr(_NORMAL)
         tables = []
         for each in self.components:
-            x = np.asarray(each.quantile(name, scores))
+            x = np.asarray(each.quantile(name, special.ndtr(_NORMAL)))
             with np.errstate(invalid="ignore"):
                 tables.append(np.where(np.isinf(x), 1.0, x / (1.0 + x)))
         places = np.unique(tables)
-        below = self.weights @ np.array(
-            [special.ndtr(np.interp(places, own, _NORMAL, -np.inf, np.inf)) for own in tables]
-        )
+        below = self.weights @ np.array([special.ndtr(_score(places, own)) for own in tables])
         share = np.interp(p, below, places)
         with np.errstate(divide="ignore"):
             return np.where(share >= 1.0, np.inf, share / (1.0 - share))
@@ -208,3 +205,15 @@ class Mixture:
             for name, values in {**own, self.name: np.full(rows.size, self.places[number])}.items():
                 found[name][rows] = values
         return found
+
+
+def _score(places: Array, quantiles: Array) -> Array:
+    """Normal score of a distribution function at places, from its quantiles at `_NORMAL`."""
+    from scipy.interpolate import PchipInterpolator
+
+    rises = np.concatenate((np.diff(quantiles) > 0.0, [True]))  # of equal ones the last
+    score = np.where(places < quantiles[0], -np.inf, np.inf)
+    inside = (places >= quantiles[0]) & (places <= quantiles[-1])
+    if rises.sum() > 1:
+        score[inside] = PchipInterpolator(quantiles[rises], _NORMAL[rises])(places[inside])
+    return np.asarray(score)

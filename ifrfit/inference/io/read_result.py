@@ -117,7 +117,13 @@ def _noise(noise: NoiseInFile) -> NoiseSummary:
     prior = {"" if name == FACTOR else name: bounds for name, bounds in noise.prior.items()}
     chosen = {key: getattr(noise.scatter or PLAIN, each.name) for each, key, _ in layout(ErrorModel)}
     return NoiseSummary(
-        noise.policy, noise.sigma, estimates, prior, make_error_model(**chosen), bool(noise.separate)
+        noise.policy,
+        noise.sigma,
+        estimates,
+        prior,
+        make_error_model(**chosen),
+        bool(noise.separate),
+        noise.angle_offset,
     )
 
 

@@ -49,6 +49,7 @@ class NoiseInFile:
     prior: Mapping[str, Interval] = field(default_factory=dict, metadata=OPTIONAL)
     scatter: ErrorModel | None = field(default=None, metadata=OPTIONAL)
     separate: bool | None = field(default=None, metadata=OPTIONAL)
+    angle_offset: Estimate | None = field(default=None, metadata=OPTIONAL)
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,15 @@ def _noise(noise: NoiseSummary) -> NoiseInFile:
     error_model = None if noise.error_model == PLAIN else noise.error_model
     estimates = {name or FACTOR: estimate for name, estimate in noise.estimates.items()}
     prior = {name or FACTOR: bounds for name, bounds in noise.prior.items()}
-    return NoiseInFile(noise.policy, noise.sigma, estimates, prior, error_model, noise.separate or None)
+    return NoiseInFile(
+        noise.policy,
+        noise.sigma,
+        estimates,
+        prior,
+        error_model,
+        noise.separate or None,
+        noise.angle_offset,
+    )
 
 
 def _points(points: Any) -> tuple[dict[str, list[Any]] | None, list[str]]:

@@ -115,7 +115,7 @@ class ErrorModel:
                 f"integrated out over angles from {low:g} to {high:g} degrees"
             )
         if self.offset is not None:
-            parts.append(f"a common offset of the set angles fitted (prior 0 +- {self.offset:g} degrees)")
+            parts.append(f"angle offset fitted (prior 0 +- {self.offset:g} degrees)")
         return "; ".join(parts)
 
 

@@ -181,8 +181,8 @@ class Problem:
         """
         if self.error_model.offset is not None:
             raise UsageError(
-                "The angle offset is unknown, too: take ifrfit.inference.model.log_posterior.Density(problem), "
-                "or give problem.at_offset(degrees) a log_posterior."
+                "The angle offset is unknown, too. Take "
+                "ifrfit.inference.model.log_posterior.Density(problem), or problem.at_offset(degrees)."
             )
         if not self.error_model.is_plain:
             raise UsageError(
@@ -286,7 +286,9 @@ class Problem:
         degrees : float, or ndarray, (m, 1)
             Of several, `predict` takes one for each of m theta; nothing else takes several.
         """
-        return replace(self, rows=self.rows.turned(degrees), error_model=replace(self.error_model, offset=None))
+        return replace(
+            self, rows=self.rows.turned(degrees), error_model=replace(self.error_model, offset=None)
+        )
 
     @cached_property
     def offset(self) -> FreeParameter | None:

@@ -179,9 +179,7 @@ class Rows:
         incidence = Incidence(
             *(x[..., rows] for x in (i.sine, i.cosine, i.spin_x, i.spin_y, i.slip_x, i.slip_y))
         )
-        return Rows(
-            incidence, names=self.names, **{name: getattr(self, name)[..., rows] for name in _BY_ROW}
-        )
+        return Rows(incidence, names=self.names, **{name: getattr(self, name)[..., rows] for name in _BY_ROW})
 
     def turned(self, degrees: float | Array) -> Rows:
         """The same where the angle of incidence is larger, in rows that it enters; see `Problem.at_offset`.

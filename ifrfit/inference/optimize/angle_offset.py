@@ -87,8 +87,8 @@ def offset_minima(problem: Problem, start: Array | None = None) -> list[tuple[fl
             found[i] = misfit + (each / prior_sd) ** 2
         return found
 
-    span = _SPAN * prior_sd
-    return scalar_minima(objective, max(low, -span), min(high, span), (0.0,), n_grid=_GRID, xatol=_XATOL * prior_sd)
+    low, high = max(low, -_SPAN * prior_sd), min(high, _SPAN * prior_sd)
+    return scalar_minima(objective, low, high, (0.0,), n_grid=_GRID, xatol=_XATOL * prior_sd)
 
 
 def prior_sd_of(problem: Problem) -> float:

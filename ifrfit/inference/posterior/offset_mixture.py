@@ -8,7 +8,6 @@ whole line it converges faster than any power of the step where the integrand is
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +25,14 @@ from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
 Array = NDArray[np.float64]
 
 _FINEST = 1.0 / 16.0  # least step between nodes, in sd of the law that they are laid by
-_OUTERMOST = 6  # sd of that law to the first and last node
-_TAIL = 1e-6  # share of the mass that an outermost node may have
+_OUTERMOST = 5  # sd of that law to the first and last node
+_TAIL = 1e-5  # share of the mass that an outermost node may have
 _WIDER = 1.6  # factor on the sd of that law where it has more
 _TRIES = 6
 _DEEP = 12.0  # of minus twice the log likelihood: other minima that lie higher have no weight
 _SMOOTH = 1.3  # sd of a component from the mean of one to the next; more would leave bumps in their sum
 _COUNTED = 1e-4  # weight of components that are looked at for that
-_NOTHING = 1e-9  # weight of components that are left out
+_NOTHING = 1e-8  # weight of components that are left out
 _DENSE = 1.0 / 32.0  # step at which the density of the offset is tabulated, in sd of the law
 
 
@@ -107,13 +106,15 @@ def _nodes(problem: Problem, tolerance: float, start: LeastSquaresFit | None) ->
     """Nodes about the optimum, and about every other minimum that may have weight."""
     start = least_squares(problem) if start is None else start
     offset = start.angle_offset
-    assert problem.offset is not None and offset is not None
+    assert problem.offset is not None
+    assert offset is not None
     places = [offset.value, *(place for rise, place in offset.minima if rise <= _DEEP)]
     center = 0.5 * (min(places) + max(places))
     sd = offset.sd + 0.5 * (max(places) - min(places)) / _OUTERMOST
+    near = None if problem.closure.bilinear else start.optimum.theta
     for _ in range(_TRIES):
         law = TruncatedNormal(center, center, sd, problem.offset.lower, problem.offset.upper)
-        nodes = _Nodes(problem, problem.offset, law, tolerance)
+        nodes = _Nodes(problem, problem.offset, law, tolerance, near)
         if nodes.cover_the_mass:
             break
         sd *= _WIDER
@@ -143,12 +144,20 @@ class _Nodes:
     law : TruncatedNormal
         The closer it is to the posterior of the offset, the fewer nodes are needed.
     tolerance : float
+    near : ndarray or None
+        theta of the optimum, where only a search can find the optima at the nodes.
     """
 
     def __init__(
-        self, problem: Problem, prior: FreeParameter, law: TruncatedNormal, tolerance: float
+        self,
+        problem: Problem,
+        prior: FreeParameter,
+        law: TruncatedNormal,
+        tolerance: float,
+        near: Array | None,
     ) -> None:
         self.problem, self.prior, self.law, self.tolerance = problem, prior, law, tolerance
+        self._near = near
         self._log_mass = math.log(
             special.ndtr((law.upper - law.center) / law.sd) - special.ndtr((law.lower - law.center) / law.sd)
         )
@@ -164,7 +173,7 @@ class _Nodes:
         if x not in self._evaluated:
             offset = self.offset_at(x)
             problem = self.problem.at_offset(offset)
-            fit = least_squares(problem)
+            fit = least_squares(problem, self._near)
             evidence = evidence_of_constants(problem, self.tolerance, fit)
             score = (offset - self.law.center) / self.law.sd
             # of the offset by x: ratio of the normal density and of that of the law
@@ -197,7 +206,7 @@ class _Nodes:
         return bool(max(weights[0], weights[-1]) <= _TAIL)
 
     def converged_step(self) -> tuple[float, float]:
-        """Largest step whose evidence, mean and sd half of it changes by the tolerance at most; the change."""
+        """The largest step half of which changes evidence, mean and sd within the tolerance; the change."""
         step = 1.0
         while True:
             change = self._change(step)

@@ -104,6 +104,8 @@ class NoiseSummary:
         How values scatter about the model, where that is not plainly Gaussian.
     separate : bool
         Whether unknown noises are those of each series.
+    angle_offset : Estimate or None
+        Offset of the set angles, degrees, where it was fitted; its prior is in `error_model`.
     """
 
     policy: str
@@ -112,6 +114,7 @@ class NoiseSummary:
     prior: Mapping[str, Interval] = field(default_factory=dict)
     error_model: ErrorModel = PLAIN
     separate: bool = False
+    angle_offset: Estimate | None = None
 
 
 @dataclass(frozen=True)
