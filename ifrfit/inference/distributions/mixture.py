@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 _TABLE = 65  # places at which a distribution function is tabulated before its quantiles are looked for
 _EXACT = 1e-7  # sd: how exactly quantiles are found
 _NORMAL = np.linspace(-5.0, 5.0, 81)  # normal scores at which quantile functions are tabulated
+_BELOW_ONE = float(np.nextafter(1.0, 0.0))
 _EXTREME = 1e-12  # least probability of a quantile
 
 
@@ -180,7 +181,8 @@ class Mixture:
     def _quantiles_by_quantiles(self, name: str, p: Array) -> Array:
         """Quantiles of what has no distribution function, and may be infinite: from tables of quantiles.
 
-        x/(1 + x) is finite, and the normal score of its distribution function is nearly linear.
+        x/(1 + x) is finite, and the normal score of its distribution function is nearly linear. What is
+        infinite lies at 1, and nothing between 1 and the last finite place.
         """
         from scipy import special
 
@@ -189,7 +191,7 @@ class Mixture:
             x = np.asarray(each.quantile(name, special.ndtr(_NORMAL)))
             with np.errstate(invalid="ignore"):
                 tables.append(np.where(np.isinf(x), 1.0, x / (1.0 + x)))
-        places = np.unique(tables)
+        places = np.unique([*np.ravel(tables), _BELOW_ONE])
         below = self.weights @ np.array([special.ndtr(_score(places, own)) for own in tables])
         share = np.interp(p, below, places)
         with np.errstate(divide="ignore"):
@@ -211,9 +213,15 @@ def _score(places: Array, quantiles: Array) -> Array:
     """Normal score of a distribution function at places, from its quantiles at `_NORMAL`."""
     from scipy.interpolate import PchipInterpolator
 
-    rises = np.concatenate((np.diff(quantiles) > 0.0, [True]))  # of equal ones the last
+    finite = quantiles < 1.0
     score = np.where(places < quantiles[0], -np.inf, np.inf)
-    inside = (places >= quantiles[0]) & (places <= quantiles[-1])
+    if not finite.any():
+        return score
+    table, normal = quantiles[finite], _NORMAL[finite]
+    if not finite.all():
+        score[(places > table[-1]) & (places < 1.0)] = normal[-1]
+    rises = np.concatenate((np.diff(table) > 0.0, [True]))  # of equal ones the last
+    inside = (places >= table[0]) & (places <= table[-1])
     if rises.sum() > 1:
-        score[inside] = PchipInterpolator(quantiles[rises], _NORMAL[rises])(places[inside])
+        score[inside] = PchipInterpolator(table[rises], normal[rises])(places[inside])
     return np.asarray(score)
