@@ -85,7 +85,8 @@ class Source:
     descriptor : Descriptor or None
         For bundled or installed datasets.
     headers : mapping of str to tuple of str
-        Columns of the file that a column of the schema comes from, for the uncertainties of angle and spin.
+        Columns of the file that a column of the schema comes from, for the uncertainties of angle and spin;
+        under ``spin`` those of the spin before impact.
     """
 
     name: str

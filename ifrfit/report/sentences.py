@@ -108,6 +108,11 @@ def misfit_line(result: FitResult) -> str:
     return "; ".join(parts)
 
 
+def assumed_line(result: FitResult) -> str:
+    """What decides the answer although nobody said so; empty where all was said."""
+    return f"assumed: {', '.join(result.assumed)}" if result.assumed else ""
+
+
 def effort_line(result: FitResult) -> str:
     """What an asked accuracy or time came to; empty where neither was asked."""
     return "" if result.effort is None else f"effort: {effort_says(result.effort)}"

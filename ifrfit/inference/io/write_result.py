@@ -87,6 +87,7 @@ class ResultFile:
     method: str
     noise: NoiseInFile
     asked: Mapping[str, ParameterInFile] = field(default_factory=dict, metadata=OPTIONAL)
+    assumed: tuple[str, ...] = field(default=(), metadata=OPTIONAL)
     effort: Effort | None = field(default=None, metadata=OPTIONAL)
     constants: Constants
     derived: Mapping[str, Estimate | Mapping[str, Angles]]

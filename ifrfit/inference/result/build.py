@@ -39,6 +39,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DRAWS = 2000  # kept in the result, for predictions
+_ASSUMED_OF_NOISE = {
+    "known": (),
+    "scaled": ("errors as large as the scatter, in the proportions of sigma",),
+    "unknown": ("errors as large as the scatter",),
+}
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
@@ -121,6 +126,7 @@ def build_result(
     seed: int = 0,
     command: str = "",
     conditions: Setting | None = None,
+    assumed: tuple[str, ...] = (),
     brief: bool = False,
     summary: OptimumSummary | None = None,
 ) -> FitResult:
@@ -140,6 +146,8 @@ def build_result(
         The command line, for the record.
     conditions : Setting, optional
         The scene of the data, for the effects' criteria.
+    assumed : tuple of str
+        What was taken of ball and impacts although nobody said so, in words.
     brief : bool
         Leave out what takes further fits and serves readers of this one alone: outliers, remedies, effects.
     summary : OptimumSummary, optional
@@ -188,6 +196,7 @@ def build_result(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions() | dict(estimation.versions),
         asked=problem.parameters.parameters,
+        assumed=(*(assumed if problem.has_oblique else ()), *_ASSUMED_OF_NOISE[noise.policy]),
         effort=estimation.effort,
         scene=None if conditions is None else conditions.scene,
         effects=about.effects,

@@ -65,6 +65,9 @@ class Findings:
     asked : tuple of Parameter
         The constants as they were asked for: domain, fixed value, prior, separate or shared. Empty where the
         file that the result was read from does not say.
+    assumed : tuple of str
+        What decides the answer although neither user nor data said so, in words: the inertia factor, no spin,
+        the size of the errors.
     effort : Effort or None
         What --accuracy or --budget asked and reached; None where neither was given.
     scene : SceneOfData or None
@@ -102,6 +105,7 @@ class Findings:
     created: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     asked: tuple[Parameter, ...] = ()
+    assumed: tuple[str, ...] = ()
     effort: Effort | None = None
     scene: SceneOfData | None = None
     effects: tuple[EffectLine, ...] = ()
