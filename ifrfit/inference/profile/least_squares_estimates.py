@@ -68,7 +68,7 @@ def estimates_of_optimum(
             if constant.fixed is not None:
                 each[series] = fixed_estimate(constant.fixed)
             elif constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
-                each[series] = _through_kappa(problem, constant, kappas[series])
+                each[series] = through_kappa(problem, constant, kappas[series])
             elif constant.separate or number == 0:
                 at = [float(theta[place]) for theta in outlying(fit.optimum)]
                 quantity = entry(problem, fit, place)
@@ -95,7 +95,7 @@ def _profiled(problem: Problem, fit: LeastSquaresFit, quantity: Quantity, known:
     return profile_of(quantity, curve, value, dof, known, fill=False).estimate()
 
 
-def _through_kappa(problem: Problem, constant: Parameter, kappa: Estimate) -> Estimate:
+def through_kappa(problem: Problem, constant: Parameter, kappa: Estimate) -> Estimate:
     """e_n is anywhere in its domain, and mu is what kappa leaves of it."""
     e_n = problem.parameters["e_n"]
     if constant.name == "e_n":

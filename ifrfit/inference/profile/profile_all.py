@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
+from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.intervals import profile_of
+from ifrfit.inference.profile.least_squares_estimates import through_kappa
 from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, profile_curve, quantities_of, transition_tau
 from ifrfit.inference.profile.types import ProfileLikelihood
@@ -127,6 +129,11 @@ def estimates_of_profiles(
     gaussian : TruncatedGaussian
     local_kappas : mapping
         Those of least squares, for what has no profile.
+
+    Notes
+    -----
+    Where the data see kappa alone, a prior of e_n or mu that says less than half of its domain counts for
+    nothing, as in every method: e_n is anywhere, and mu what the profile of kappa leaves of it.
     """
     constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
     places = problem.parameters.positions
@@ -143,6 +150,11 @@ def estimates_of_profiles(
         derived = kappa_of_constants(problem, number, constants)
         of_profile = local_kappas[series] if profile is None else profile.estimate()
         kappas[series] = of_profile if derived is None else derived
+    pair = [problem.parameters[name] for name in ("e_n", "mu")]
+    if only_kappa_is_seen(problem) and any(constant.prior is not None for constant in pair):
+        for constant in pair:
+            each = {series: through_kappa(problem, constant, kappas[series]) for series in problem.series}
+            constants[constant.name] = each if constant.separate else each[problem.series[0]]
     local = transitions_of(problem, gaussian, kappas)
     transitions = {
         series: _transition_of(series, kappas[series], profiles, local[series]) for series in problem.series
