@@ -12,7 +12,7 @@ from scipy import special
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text, plus_minus
@@ -42,14 +42,14 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     smallest: dict[str, float] = {}
     now = problem
     while names:
-        tested = [one for name in names if (one := _test(now, name)) is not None]
+        tested = [one for name in names if (one := _test(now, name, found)) is not None]
         for one in tested:
             smallest.setdefault(one.name, min(1.0, count * one.p))
         best = min(tested, key=lambda one: one.p, default=None)
         if best is None or count * best.p >= REFUTED:
             break
         parted.append(best)
-        now = best.problem
+        now, found = best.problem, best.fit
         names.remove(best.name)
     if not smallest:
         return None
@@ -88,11 +88,11 @@ def _words(problem: Problem, one: _Parted, fit: LeastSquaresFit, count: int) -> 
     return f"{one.name} ({', '.join(each)}; {p})"
 
 
-def _test(problem: Problem, name: str) -> _Parted | None:
+def _test(problem: Problem, name: str, found: LeastSquaresFit) -> _Parted | None:
     """One constant shared against separate; None where there are too few rows."""
     wider = problem.with_parameters([replace(problem.parameters[name], separate=True)])
     try:
-        fit = least_squares(wider)
+        fit = refit(wider, found.sigma)
     except DataError:
         return None
     gained = max(solve(problem, fit.sigma).objective - fit.optimum.objective, 0.0)
