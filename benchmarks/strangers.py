@@ -1,11 +1,11 @@
-"""Random tables over the whole space of questions: CPU seconds, memory, convergence and errors, worst first.
+"""Random tables over the whole space of questions: CPU seconds, memory and errors, worst first.
 
-    python benchmarks/strangers.py                 # 200 tables, the better part of an hour; --quick: 20 tables
-    python benchmarks/strangers.py --seed 0 --only 17   # one table again, its CSV and its commands are printed
+    python benchmarks/strangers.py                      # 200 tables, an hour or more; --quick: 20 tables
+    python benchmarks/strangers.py --seed 0 --only 17   # one table again, with its CSV and its commands
 
-A table has 10 to 300 rows, 1 to 5 series, up to 10 groups of noise, any observables, any closure (the one that made
-it or another), sigma stated or not, constants that the series share or not, e_n fixed, known before or open.
-Each command runs in a process of its own, start of the interpreter included.
+A table has 10 to 300 rows, 1 to 5 series, up to 10 groups of noise, any observables, any closure (the one
+that made it or another), sigma stated or not, constants that the series share or not, e_n fixed, known before
+or open. Each command runs in a process of its own, start of the interpreter included.
 """
 
 from __future__ import annotations
@@ -20,9 +20,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from _common import RESULTS, benchmark_parser, machine, publish, verdict
-
 import numpy as np
+from _common import benchmark_parser, machine, publish, verdict
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import logsumexp
@@ -119,7 +118,7 @@ def draw(seed: int, number: int) -> Stranger:
     if entry.constant is not None:
         low, high = entry.domain(INERTIA_FACTOR)
         own = {entry.constant: float(rng.uniform(low, min(high, low + 2.0)))}
-    n_rows = int(round(10.0 ** rng.uniform(*np.log10(ROWS))))
+    n_rows = round(10.0 ** rng.uniform(*np.log10(ROWS)))
     n_each = max(1, n_rows // (n_series * names.size))
     contradicts = n_series > 1 and bool(rng.uniform() < 0.3)
     states_sigma = bool(rng.uniform() < 0.6)
@@ -266,8 +265,8 @@ def errors_of(problem: Problem, searches: int = 10, draws: int = 20_000) -> Erro
     """Hold least squares against local searches, and the exact posterior against importance sampling.
 
     The proposal is a mixture of t distributions (5 degrees of freedom): one with the moments of the answer,
-    wider by a half, and one about each place where the local searches ended within 20 of the best, so that a mode
-    which the answer lacks shows as an error and not as agreement.
+    wider by a half, and one about each place where the local searches ended within 20 of the best, so that a
+    mode which the answer lacks shows as an error and not as agreement.
     """
     rng = np.random.default_rng(0)
     found = least_squares(problem)
@@ -308,7 +307,8 @@ def errors_of(problem: Problem, searches: int = 10, draws: int = 20_000) -> Erro
     sample = np.concatenate(
         [np.reshape(law.rvs(int(n)), (int(n), -1)) for law, n in zip(laws, counts, strict=True) if n]
     )
-    proposal = logsumexp([law.logpdf(sample) + np.log(s) for law, s in zip(laws, shares, strict=True)], axis=0)
+    parts = [law.logpdf(sample) + np.log(share) for law, share in zip(laws, shares, strict=True)]
+    proposal = logsumexp(parts, axis=0)
     weights = np.concatenate([density(part) for part in np.array_split(sample, 20)]) - proposal
     weights = np.exp(weights - logsumexp(weights))
     effective = float(1.0 / np.sum(weights**2))
@@ -377,8 +377,8 @@ def summary(rows: Sequence[Mapping[str, object]]) -> tuple[list[list[str]], list
         known = errors[np.isfinite(errors)]
         if known.size:
             goals.append(
-                f"means within 0.1 sd of importance sampling ({known.size} tables; largest {known.max():.3f}): "
-                f"{verdict(bool(known.max() < 0.1))}"
+                f"means within 0.1 sd of importance sampling ({known.size} tables; largest "
+                f"{known.max():.3f}): {verdict(bool(known.max() < 0.1))}"
             )
     return table, goals
 
@@ -399,12 +399,13 @@ def main() -> None:
             row = measure(table, Path(name), reference=not options.no_reference)
             rows.append(row)
             seconds = "  ".join(f"{each} {row[f'{each} cpu']:.2f}" for each in GOALS)
-            print(f"{number:3d}  {table.rows:3d} rows  {table.groups:2d} groups  {seconds}  {table.says}", flush=True)
+            size = f"{number:3d}  {table.rows:3d} rows  {table.groups:2d} groups"
+            print(f"{size}  {seconds}  {table.says}", flush=True)
             if options.only is not None:
                 print(table.text, *(f"ifrfit {' '.join(c)}\n" for c in commands(table).values()), sep="\n")
                 print(*(f"{key}: {value}" for key, value in row.items()), sep="\n")
                 return
-    worst = sorted(rows, key=lambda row: max(float(row[f"{n} cpu"]) / g for n, g in GOALS.items()), reverse=True)
+    worst = sorted(rows, key=lambda row: -max(float(row[f"{n} cpu"]) / g for n, g in GOALS.items()))  # type: ignore[arg-type]
     print("\nworst first")
     for row in worst[:10]:
         print("  ".join(f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}"
