@@ -94,7 +94,7 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
     if optimum.certified:
         alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
         what = "" if optimum.tolerance is None else ", unknown noise included"
-        what += "" if found.angle_offset is None else ", at each angle offset that was tried"
+        what += "" if found.angle_offset is None else ", at the fitted angle offset"
         return Fact(optimum.n_same == 1, f"global optimum certified{what}, {alone}", figures, rule)
     if optimum.gap is not None:
         proof = f"gap {optimum.gap:.1e}"

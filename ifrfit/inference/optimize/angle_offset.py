@@ -1,11 +1,12 @@
 """An unknown offset that all set angles have in common: where least squares puts it, and how well.
 
-At a given offset the question is an ordinary one, with a certified optimum: so the search goes over one
-number, of minus twice the log likelihood of that optimum plus the square of the offset over its prior sd.
+At a given offset the question is an ordinary one: so the search goes over one number, of minus twice the log
+likelihood at the optimum there plus the square of the offset over its prior sd.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from ifrfit.inference.diagnostics.thresholds import HALF, RANK
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import weighted_jacobian
-from ifrfit.inference.optimize.noise_modes import noise_modes
+from ifrfit.inference.optimize.noise_modes import best_mode_from
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.optimize.scalar_search import scalar_minima
 from ifrfit.inference.optimize.solve import solve
@@ -21,7 +22,7 @@ from ifrfit.inference.optimize.solve import solve
 _SPAN = 6.0  # prior sd to either side within which the offset is looked for
 _GRID = 25  # places over that span
 _STEP = 1e-4  # degrees, of central differences
-_XATOL = 1e-6  # prior sd: how exactly the best offset is found
+_XATOL = 1e-5  # prior sd: how exactly the best offset is found
 
 
 @dataclass(frozen=True)
@@ -60,32 +61,28 @@ class AngleOffset:
         return self.sd < HALF * self.prior_sd
 
 
-def offset_minima(problem: Problem, start: Array | None = None) -> list[tuple[float, float]]:
+def offset_minima(problem: Problem, modes: Sequence[Array]) -> list[tuple[float, float]]:
     """Local minima over the offset as (minus twice the log likelihood with the prior, degrees), best first.
 
     They are looked for between 6 prior sd to either side, on a grid of half of a prior sd and by Brent's
-    method about its dips; each value is that of a certified optimum, where the closure has a certificate.
+    method about its dips. Where sigma is known each value is that of a certified optimum (if the closure has
+    a certificate), else that of the best mode downhill from the given ones.
 
     Parameters
     ----------
     problem : Problem
         With an unknown offset.
-    start : ndarray, optional
-        theta of a neighbouring problem, where only a search can find an optimum.
+    modes : sequence of ndarray
+        theta of the modes at some offset; the first of them is where a search begins if nothing else finds an
+        optimum.
     """
     assert problem.offset is not None
     low, high = problem.offset.lower, problem.offset.upper
     prior_sd = prior_sd_of(problem)
-    near = start
 
     def objective(degrees: Array) -> Array:
-        nonlocal near
-        found = np.empty(degrees.size)
-        for i, each in enumerate(degrees.tolist()):
-            misfit, theta = _misfit(problem.at_offset(each), near)
-            near = None if problem.closure.bilinear else theta
-            found[i] = misfit + (each / prior_sd) ** 2
-        return found
+        misfit = [_misfit(problem.at_offset(each), modes) for each in degrees.tolist()]
+        return np.array(misfit) + (degrees / prior_sd) ** 2
 
     low, high = max(low, -_SPAN * prior_sd), min(high, _SPAN * prior_sd)
     return scalar_minima(objective, low, high, (0.0,), n_grid=_GRID, xatol=_XATOL * prior_sd)
@@ -97,13 +94,12 @@ def prior_sd_of(problem: Problem) -> float:
     return problem.error_model.offset
 
 
-def _misfit(problem: Problem, near: Array | None) -> tuple[float, Array]:
-    """Minus twice the log likelihood (up to a constant) with the priors at its optimum, and theta there."""
+def _misfit(problem: Problem, modes: Sequence[Array]) -> float:
+    """Minus twice the log likelihood (up to a constant) with the priors at its optimum."""
     if problem.noise.is_known:
-        optimum = solve(problem, problem.noise.sigma, near)
-        return optimum.objective, optimum.theta
-    best = noise_modes(problem, near).best
-    return best.value, best.theta
+        near = None if problem.closure.bilinear else modes[0]
+        return solve(problem, problem.noise.sigma, near).objective
+    return best_mode_from(problem, modes).value
 
 
 def offset_at(

@@ -35,6 +35,7 @@ from ifrfit.inference.optimize.solve import solve
 
 _ITERATIONS = 100
 _CONVERGED = 1e-10
+_SEARCHES = 3  # over an angle offset
 _REWEIGHTINGS = 60
 _WEIGHTS_CONVERGED = 1e-8
 _SAME_MODE = 1.0  # rise of -2 log likelihood that the degrees of freedom of the noises may cause
@@ -115,12 +116,24 @@ def at_fitted_offset(problem: Problem, found: LeastSquaresFit) -> Problem:
 def _with_angle_offset(problem: Problem, start: Array | None = None) -> LeastSquaresFit:
     """Fit under an unknown offset of the set angles: the fit at the best offset, and what that adds to it.
 
-    Other local minima over the offset count as other minima of the constants.
+    The search follows the modes of the fit without an offset; it is repeated with those that the fit at the
+    best one finds beside them. Other local minima over the offset count as other minima of the constants.
     """
+    assert problem.offset is not None
     prior_sd = prior_sd_of(problem)
-    minima = offset_minima(problem, start)
-    at_best = problem.at_offset(minima[0][1])
-    found = _with_plain_errors(at_best, start, offset_sd=prior_sd)
+    first = _with_plain_errors(problem.at_offset(min(0.0, problem.offset.upper)), start)
+    modes = [first.optimum.theta, *(theta for _, theta in first.rivals)]
+    for _ in range(_SEARCHES):
+        minima = offset_minima(problem, modes)
+        at_best = problem.at_offset(minima[0][1])
+        near = None if problem.closure.bilinear else modes[0]
+        found = _with_plain_errors(at_best, near, offset_sd=prior_sd)
+        if problem.noise.is_known:
+            break
+        expected = minima[0][0] - (minima[0][1] / prior_sd) ** 2
+        if phi(at_best, found.optimum.theta) >= expected - NOISE_GAP:
+            break
+        modes.append(found.optimum.theta)
     offset = offset_at(at_best, found.sigma, found.optimum.theta, minima, prior_sd)
     prior = offset.pull**2
     others = [(value + prior, theta) for value, theta in found.optimum.minima]

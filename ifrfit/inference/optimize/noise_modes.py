@@ -117,6 +117,26 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
 
 
+def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
+    """The best of the modes that lie downhill from some places; nothing is proven of others.
+
+    Parameters
+    ----------
+    problem : Problem
+        With an unknown noise.
+    thetas : sequence of ndarray
+        Modes of a neighbouring problem.
+    """
+    search = _Search(problem)
+    searched = not problem.closure.bilinear
+    if search.is_monotone:
+        optimum = solve(problem, search.base, thetas[0] if searched else None)
+        return Mode(search.value(optimum.theta), optimum)
+    for theta in thetas:
+        search.descend(search.solve(search.variance(theta), theta if searched else None))
+    return search.modes[0]
+
+
 def phi(problem: Problem, theta: Array) -> float:
     """Phi at theta, eq. (12)."""
     return _Search(problem).value(theta)

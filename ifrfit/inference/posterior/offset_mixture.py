@@ -17,7 +17,7 @@ from ifrfit.inference.distributions.mixture import Mixture, Tabulated
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import OFFSET, Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares, refit
 from ifrfit.inference.posterior.adaptive_quadrature import TOLERANCE, integrate
 from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_of_constants
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
@@ -111,10 +111,9 @@ def _nodes(problem: Problem, tolerance: float, start: LeastSquaresFit | None) ->
     places = [offset.value, *(place for rise, place in offset.minima if rise <= _DEEP)]
     center = 0.5 * (min(places) + max(places))
     sd = offset.sd + 0.5 * (max(places) - min(places)) / _OUTERMOST
-    near = None if problem.closure.bilinear else start.optimum.theta
     for _ in range(_TRIES):
         law = TruncatedNormal(center, center, sd, problem.offset.lower, problem.offset.upper)
-        nodes = _Nodes(problem, problem.offset, law, tolerance, near)
+        nodes = _Nodes(problem, problem.offset, law, tolerance, start)
         if nodes.cover_the_mass:
             break
         sd *= _WIDER
@@ -144,8 +143,8 @@ class _Nodes:
     law : TruncatedNormal
         The closer it is to the posterior of the offset, the fewer nodes are needed.
     tolerance : float
-    near : ndarray or None
-        theta of the optimum, where only a search can find the optima at the nodes.
+    start : LeastSquaresFit
+        The optimum, over the offset as well.
     """
 
     def __init__(
@@ -154,10 +153,12 @@ class _Nodes:
         prior: FreeParameter,
         law: TruncatedNormal,
         tolerance: float,
-        near: Array | None,
+        start: LeastSquaresFit,
     ) -> None:
         self.problem, self.prior, self.law, self.tolerance = problem, prior, law, tolerance
-        self._near = near
+        self._start = start
+        # only a search needs a place to begin
+        self._near = None if problem.closure.bilinear else start.optimum.theta
         self._log_mass = math.log(
             special.ndtr((law.upper - law.center) / law.sd) - special.ndtr((law.lower - law.center) / law.sd)
         )
@@ -173,7 +174,7 @@ class _Nodes:
         if x not in self._evaluated:
             offset = self.offset_at(x)
             problem = self.problem.at_offset(offset)
-            fit = least_squares(problem, self._near)
+            fit = refit(problem, self._start.sigma, self._near)
             evidence = evidence_of_constants(problem, self.tolerance, fit)
             score = (offset - self.law.center) / self.law.sd
             # of the offset by x: ratio of the normal density and of that of the law
