@@ -1,7 +1,8 @@
 """Options as fields of frozen classes: one place for the name, the help and the default of each.
 
-`ifrfit.fit` takes an option as a field of its class or as a keyword, the command line as ``--keyword``. Both
-lists are read from the classes. This module imports nothing heavy, because ``ifrfit fit --help`` needs it.
+In Python an option is a field of its class, and those of `Model` are keywords of `ifrfit.fit`, too; the command
+line takes it as ``--keyword``, from a list that is read from the classes. This module imports nothing heavy,
+because ``ifrfit fit --help`` needs it.
 """
 
 from __future__ import annotations
@@ -29,11 +30,9 @@ class Option:
     metavar : str or None
         Stands for the value in the help text.
     keyword : str
-        Keyword of `ifrfit.fit`; with dashes the option of the command line. By default the field's name.
+        With dashes the option of the command line. By default the field's name.
     default : object
         Of the field.
-    written : str
-        The option as a field of its class, for messages: ``Noise(dof=...)``.
     """
 
     help: str
@@ -41,7 +40,6 @@ class Option:
     metavar: str | None = None
     keyword: str = ""
     default: object = None
-    written: str = ""
 
     @property
     def flag(self) -> str:
@@ -97,12 +95,9 @@ def options_of(owner: type) -> dict[str, Option]:
         if _KEY in each.metadata:
             stated: Option = each.metadata[_KEY]
             keyword = stated.keyword or each.name
-            written = f"{owner.__name__}({each.name}=...)"
-            found[keyword] = replace(stated, keyword=keyword, default=_default(each), written=written)
+            found[keyword] = replace(stated, keyword=keyword, default=_default(each))
         elif _NESTED in each.metadata:
-            for keyword, inner in options_of(each.metadata[_NESTED]).items():
-                written = f"{owner.__name__}({each.name}={inner.written})"
-                found[keyword] = replace(inner, written=written)
+            found |= options_of(each.metadata[_NESTED])
     return found
 
 

@@ -11,9 +11,9 @@ from ifrfit import AngleErrors, Noise
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.io.plain import Node, from_plain, to_plain
-from ifrfit.inference.keywords import noise_of
 from ifrfit.inference.model.error_law import STUDENT_T
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel, make_error_model
+from ifrfit.inference.option_fields import build
 from ifrfit.inference.result.restore import question
 from ifrfit.physics import rebound
 from ifrfit.report.page import page
@@ -112,9 +112,7 @@ def test_support_of_method_by_noise_by_closure(tmp_path, closure, method, choice
     path = table_of(tmp_path)
 
     def run():
-        return ifrfit.fit(
-            path, closure=closure, method=method, noise=noise_of(None, choice), fix={"e_n": 0.9}
-        )
+        return ifrfit.fit(path, closure=closure, method=method, noise=build(Noise, choice), fix={"e_n": 0.9})
 
     if refusal:
         assert refusal in said(run)
