@@ -1,8 +1,8 @@
 """Options as fields of frozen classes: one place for the name, the help and the default of each.
 
-In Python an option is a field of its class, and those of `Model` are keywords of `ifrfit.fit`, too; the command
-line takes it as ``--keyword``, from a list that is read from the classes. This module imports nothing heavy,
-because ``ifrfit fit --help`` needs it.
+In Python an option is a field of its class, and those of `Model` are keywords of `ifrfit.fit`, too; the
+command line takes it as ``--keyword``, from a list that is read from the classes. This module imports nothing
+heavy, because ``ifrfit fit --help`` needs it.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, Literal, TypeVar
+
+from ifrfit.errors import UsageError
 
 Form = Literal["text", "number", "integer", "path", "names", "values", "pairs", "range", "flag"]
 
@@ -33,6 +35,8 @@ class Option:
         With dashes the option of the command line. By default the field's name.
     default : object
         Of the field.
+    least : int or None
+        Smallest value of a number.
     """
 
     help: str
@@ -40,6 +44,7 @@ class Option:
     metavar: str | None = None
     keyword: str = ""
     default: object = None
+    least: int | None = None
 
     @property
     def flag(self) -> str:
@@ -60,9 +65,10 @@ def option(
     form: Form = "text",
     metavar: str | None = None,
     keyword: str = "",
+    least: int | None = None,
 ) -> Any:
     """A field of a dataclass that is an option; the arguments are those of `Option`."""
-    metadata = {_KEY: Option(help, form, metavar, keyword)}
+    metadata = {_KEY: Option(help, form, metavar, keyword, least=least)}
     if isinstance(default, dict):
         return field(default_factory=dict, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -74,7 +80,20 @@ def nested(owner: type) -> Any:
 
 
 class Options:
-    """Base of the classes whose fields are options: shown with what differs from the defaults only."""
+    """Base of the classes whose fields are options: shown with what differs from the defaults only.
+
+    Raises
+    ------
+    UsageError
+        For a number below its least value.
+    """
+
+    def __post_init__(self) -> None:
+        for each in fields(self):  # type: ignore[arg-type]
+            stated, value = each.metadata.get(_KEY), getattr(self, each.name)
+            if stated is not None and stated.least is not None and value is not None and value < stated.least:
+                flag = replace(stated, keyword=stated.keyword or each.name).flag
+                raise UsageError(f"{flag} {value}: it must be {stated.least} or more.")
 
     def __repr__(self) -> str:
         values = ((each, getattr(self, each.name)) for each in fields(self))  # type: ignore[arg-type]

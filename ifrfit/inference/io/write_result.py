@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ifrfit._version import __version__
 from ifrfit.data import Source
-from ifrfit.inference.accuracy.types import Effort
+from ifrfit.inference.accuracy.effort import Effort
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
 from ifrfit.inference.io.plain import OPTIONAL, Nulls, Shape, to_plain
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel

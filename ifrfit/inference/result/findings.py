@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.types import Effort
+from ifrfit.inference.accuracy.effort import Effort
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.model.parameters import Parameter
