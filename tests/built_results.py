@@ -11,7 +11,7 @@ import pandas as pd
 from ifrfit.data import Descriptor, Source
 from ifrfit.data.observations import make_table
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate, Fact, FitStatistics, NoiseSummary, State
+from ifrfit.inference.result.types import Correlation, Estimate, Fact, FitStatistics, NoiseSummary, State
 from ifrfit.physics import OBSERVABLES, get_closure, rebound, transition_angles, transition_tau
 
 IFR = get_closure("ifr")
@@ -171,7 +171,7 @@ def build(
             "transition_angle_deg": {run.name: transition_of(run, kappa) for run in runs},
             "beta_sticking": estimate(values["e_t"] + 1.4, 0.0131),
         },
-        "correlation": (("e_t", "mu"), np.array([[1.0, -0.68], [-0.68, 1.0]])),
+        "correlation": Correlation(("e_t", "mu"), np.array([[1.0, -0.68], [-0.68, 1.0]])),
         "fit": FitStatistics(
             len(points),
             len(points) - sticking,

@@ -29,7 +29,7 @@ from ifrfit.cli.main import app
 from ifrfit.inference import keywords as typed
 from ifrfit.inference.estimators import Estimator, label_of, make_estimator, method_options, title_of
 from ifrfit.inference.keywords import estimator_of, model_of
-from ifrfit.inference.model.error_model import make_error_model
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.option_fields import build, option, options_of
 from ifrfit.registry import registered
 
@@ -151,7 +151,7 @@ def test_a_model_keeps_its_own_copy():
 
 def test_the_noise_is_the_error_model_of_its_choices():
     noise = Noise("scaled", tails="student-t", angles=AngleErrors("set", sigma_deg=1.0))
-    assert noise.error_model == make_error_model(tails="student-t", angle_errors="set", sigma_gamma=1.0)
+    assert noise.error_model == ErrorModel(tails="student-t", angles="set", gamma=1.0)
     assert noise.with_gaussian_values() == Noise("scaled")
 
 

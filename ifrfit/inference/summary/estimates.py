@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
-from ifrfit.inference.model.entry_names import entry_name
+from ifrfit.inference.model.entry_names import entry_name, split_name
 from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.result.estimation import Unresolved
-from ifrfit.inference.result.types import Constants, Estimate, Interval, NoiseSummary
+from ifrfit.inference.result.types import FACTOR, Constants, Estimate, Interval, NoiseSummary
 from ifrfit.inference.summary.status import (
     AT_BOUND,
     KAPPA,
@@ -202,7 +202,7 @@ def noise_of(
         if not name.startswith("noise"):
             continue
         low95, low68, median, high68, high95 = (float(q) for q in distribution.quantile(name, LEVELS))
-        estimates[name[len("noise[") : -1]] = Estimate(
+        estimates[split_name(name)[1] or FACTOR] = Estimate(
             median,
             distribution.sd(name),
             (low68, high68),
@@ -216,13 +216,14 @@ def noise_of(
             own = estimates.get(name, estimates.get(name.rpartition("/")[2]))
             if own is not None and own.value is not None:
                 sigma[name] = own.value
-    elif "" in estimates and (factor := estimates[""].value) is not None:
+    elif FACTOR in estimates and (factor := estimates[FACTOR].value) is not None:
         for name, rows in problem.groups().items():
             sigma[name] = factor * float(np.sqrt((problem.noise.sigma[rows] ** 2).mean()))
     if problem.noise.is_scaled and local.policy == "unknown":  # the factor is on a sigma of 1
         (group,) = replace(problem.noise, policy="unknown").groups(problem.groups(), len(problem.series))
-        estimates, bounds = {group: estimates[""]}, {group: bounds[""]}
-    return NoiseSummary(local.policy, sigma, estimates, dict(bounds), local.error_model, local.separate)
+        estimates, bounds = {group: estimates[FACTOR]}, {group: bounds[""]}
+    prior = {name or FACTOR: ends for name, ends in bounds.items()}
+    return NoiseSummary(local.policy, sigma, estimates, prior, local.error_model, local.separate)
 
 
 def correlation_of(distribution: Distribution, names: tuple[str, ...]) -> Array:

@@ -138,7 +138,7 @@ def test_the_factor_common_to_all_sigmas_has_a_name_in_the_file():
     content = to_dict(made.scaled_posterior())
     assert list(content["noise"]["estimates"]) == list(content["noise"]["prior"]) == ["factor"]
     back = from_dict(json.loads(json.dumps(content)))
-    assert list(back.noise.estimates) == list(back.noise.prior) == [""]
+    assert list(back.noise.estimates) == list(back.noise.prior) == ["factor"]
 
 
 def test_draws_take_one_line_a_name_and_keep_all_digits(tmp_path):
