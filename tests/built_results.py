@@ -336,7 +336,7 @@ def posterior(policy: str = "unknown") -> StubResult:
     """Two series with the exact posterior: means, noises with intervals, draws and evidence."""
     runs = (Run("dry"), Run("wet & <oiled>", spin_y=-0.4))
     base = build(runs)
-    names = [f"{run.name}/beta" for run in runs] if policy == "unknown" else [""]
+    names = [f"{run.name}/beta" for run in runs] if policy == "unknown" else ["factor"]
     noises = {
         name: replace(estimate(value, 0.0062), mean=value + 0.001)
         for name, value in zip(names, (0.0481, 0.0555), strict=False)

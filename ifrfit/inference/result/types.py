@@ -175,7 +175,7 @@ class State:
 
 Constants = Mapping[str, Estimate | Mapping[str, Estimate]]
 Angles = Estimate | Sequence[Estimate] | None  # one transition, two, or none
-Derived = Mapping[str, Estimate | Mapping[str, Estimate] | Mapping[str, Angles]]
+Derived = Mapping[str, Estimate | Mapping[str, Angles]]
 
 
 def by_entry(constants: Constants) -> dict[str, Estimate]:
