@@ -140,8 +140,8 @@ def by_constant(
     of_entry : callable
         From the place of a free entry of theta to its estimate.
     of_kappa : callable
-        From the number of a series to the estimate of its kappa, where e_n and mu are free; asked of the first
-        of those that share it.
+        From the number of a series to the estimate of its kappa, where e_n and mu are free; asked of the
+        first of those that share it.
     """
     constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
     estimates = [
