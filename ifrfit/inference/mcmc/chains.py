@@ -37,15 +37,6 @@ class Chains:
         for array in (self.at, self.log_density, self.accepted):
             array.flags.writeable = False
 
-    @classmethod
-    def begin(cls, ends: Sequence[Rest]) -> Chains:
-        """Ensembles before their first step."""
-        walkers, dimensions = ends[0].at.shape
-        shape = (len(ends), 0, walkers)
-        return cls(
-            np.empty((*shape, dimensions)), np.empty(shape), np.zeros(len(ends), np.int64), tuple(ends)
-        )
-
     @property
     def steps(self) -> int:
         """Steps that each ensemble has walked."""

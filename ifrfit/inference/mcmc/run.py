@@ -34,8 +34,10 @@ def begin(target: Target, starts: Array, seed: np.random.SeedSequence) -> Chains
     starts : ndarray, (ensembles, walkers, d)
     seed : numpy.random.SeedSequence
     """
-    seeds = seed.spawn(len(starts))
-    return Chains.begin([Rest.begin(target, at, own) for at, own in zip(starts, seeds, strict=True)])
+    ensembles, walkers, dimensions = starts.shape
+    ends = [Rest.begin(target, at, own) for at, own in zip(starts, seed.spawn(ensembles), strict=True)]
+    shape = (ensembles, 0, walkers)
+    return Chains(np.empty((*shape, dimensions)), np.empty(shape), np.zeros(ensembles, np.int64), tuple(ends))
 
 
 def run(
