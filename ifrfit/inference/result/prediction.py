@@ -36,8 +36,7 @@ def draw(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:
     """Draw constants; see `FitResult.draws`."""
     if result.problem is None or result.state.sample is None:
         return draw_kept(result, n, rng)
-    names = result.state.names
-    return _table(names, to_coordinates(result.problem, names, result.distribution.draws(n, rng)))
+    return _table(result.state.names, to_coordinates(result.problem, result.distribution.draws(n, rng)))
 
 
 def draw_kept(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:

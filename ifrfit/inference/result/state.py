@@ -40,7 +40,7 @@ def state_of(
     if drawn is None:
         return gaussian.state
     names, point = gaussian.state.names, gaussian.state.point.copy()
-    sample = to_coordinates(problem, names, drawn)
+    sample = to_coordinates(problem, drawn)
     for i, name in enumerate(names):
         kind, series = split_name(name)
         own = name_in(distribution.names, kind, series) if kind == "kappa" else name
@@ -51,8 +51,8 @@ def state_of(
     return replace(gaussian.state, point=point, sample=sample)
 
 
-def to_coordinates(problem: Problem, names: tuple[str, ...], drawn: Mapping[str, Array]) -> Array:
-    """Draws of all entries of theta, (n, p), with kappa in the place of mu where the coordinates have it."""
+def to_coordinates(problem: Problem, drawn: Mapping[str, Array]) -> Array:
+    """Draws of all entries of theta, (n, p), with kappa in the place of mu where it can stand there."""
     n = next((values.size for values in drawn.values()), 0)
     parameters = problem.parameters
     columns = [
@@ -60,10 +60,8 @@ def to_coordinates(problem: Problem, names: tuple[str, ...], drawn: Mapping[str,
         for name, entry in zip(parameters.names, parameters.entries, strict=True)
     ]
     sample = np.column_stack(columns)
-    places = parameters.positions
-    for e_n, mu in {(int(e), int(m)) for e, m in zip(places["e_n"], places["mu"], strict=True)}:
-        if names[mu] != parameters.names[mu]:
-            sample[:, mu] *= 1.0 + sample[:, e_n]
+    for mu, e_n in parameters.kappa_places:
+        sample[:, mu] *= 1.0 + sample[:, e_n]
     return sample
 
 

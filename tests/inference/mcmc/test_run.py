@@ -63,9 +63,9 @@ def test_a_walk_in_pieces_is_the_walk_in_one(pieces: list[int]) -> None:
     parts = []
     for steps in pieces:
         parts.append(walk(Normal(), rest, steps))
-        rest = parts[-1].end
-    assert np.array_equal(np.concatenate([part.at for part in parts]), whole.at)
-    assert np.array_equal(np.concatenate([part.log_density for part in parts]), whole.log_density)
+        rest = parts[-1].ends[0]
+    assert np.array_equal(np.concatenate([part.at for part in parts], axis=1), whole.at)
+    assert np.array_equal(np.concatenate([part.log_density for part in parts], axis=1), whole.log_density)
     assert sum(part.accepted for part in parts) == whole.accepted
 
 
