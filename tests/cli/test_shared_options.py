@@ -9,7 +9,7 @@ import typer
 
 from ifrfit.cli.main import app
 from ifrfit.inference.estimators import ESTIMATORS
-from ifrfit.inference.keywords import method_options
+from ifrfit.inference.estimators import method_options
 from ifrfit.inference.model.error_law import ERROR_LAWS
 from ifrfit.physics import CLOSURES
 
