@@ -90,15 +90,6 @@ def test_unknown_option_is_named(cli):
     assert "No such option: --nonsense" in cli("fit", "kharaz-2001", "--nonsense").stderr
 
 
-def test_refused_data_are_3_and_nothing_is_written(cli):
-    """One of the many that hard_cases/refusals.py goes through."""
-    Path("bad.csv").write_text("gamma_deg,beta\n10,0.4\n20,abc\n", encoding="utf-8")
-    found = cli("fit", "bad.csv", "--out", "results/one", "--json")
-    assert found.returncode == 3
-    assert "bad.csv, line 3, column beta: 'abc' is not a number." in sentence(found)
-    assert [path.name for path in Path().iterdir()] == ["bad.csv"]
-
-
 def test_a_missing_file_is_3_and_close_names_are_offered(cli):
     found = cli("fit", "kharaz")
     assert found.returncode == 3

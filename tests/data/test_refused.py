@@ -1,4 +1,7 @@
-"""What is refused, and in which words: file, line, column, remedy, in one or two sentences."""
+"""What is refused, and in which words: file, line, column, remedy, in one or two sentences.
+
+What tests/hard_cases/refusals.py feeds to the whole command is not repeated here.
+"""
 
 from __future__ import annotations
 
@@ -15,49 +18,21 @@ from ifrfit.errors import DataError
 LONG = "series,observable,gamma_deg,value\n"
 
 CASES = {
-    "empty": ("", "x.csv: the file is empty. 'ifrfit template' prints a table to fill in."),
     "comments only": ("# gamma_deg,beta\n\n", "x.csv: the file is empty. 'ifrfit template' prints"),
-    "header only": (
-        "gamma_deg,beta\n",
-        "x.csv: there is a header, but no row under it. Add one impact a line.",
-    ),
-    "binary": (b"\x00\x01\x02\x03", "x.csv: the file is binary, not a text table. Export it as CSV."),
     "spreadsheet": (b"PK\x03\x04abc", "x.csv: the file is a spreadsheet or an archive, not a text table."),
     "compressed": (b"\x1f\x8b\x08abc", "x.csv: the file is compressed, not a text table."),
     "no header": ("10,0.4\n20,0.3\n", "x.csv, line 1: there is no header, the file begins with numbers."),
     "header as comment": ("# gamma_deg,beta\n10,0.4\n", "without '#': for example gamma_deg, beta."),
-    "text in a number": (
-        "gamma_deg,beta,sigma\n10,0.4,0.1\n20,abc,0.1\n",
-        "x.csv, line 3, column beta: 'abc' is not a number. Correct it, or leave the cell empty for",
-    ),
     "text behind comments": (
         "# one\ngamma_deg,beta\n# two\n\n10,4e\n",
         "x.csv, line 5, column beta: '4e' is not",
     ),
     "underscore": ("gamma_deg,beta\n10,1_0\n", "x.csv, line 2, column beta: '1_0' is not a number."),
     "thousands": ("gamma_deg;beta\n10;1.234,5\n", "x.csv, line 2, column beta: '1.234,5' is not a number."),
-    "infinity": ("gamma_deg,beta\n10,-inf\n", "x.csv, line 2, column beta: '-inf' is infinite. Correct it"),
-    "overflow": ("gamma_deg,beta\n10,1e999\n", "x.csv, line 2, column beta: '1e999' is infinite."),
-    "two decimal signs": (
-        "gamma_deg;beta\n10,5;0,1\n20;0.4\n",
-        "x.csv, line 3, column beta: '0.4' has a decimal point, line 2 in column gamma_deg a decimal comma.",
-    ),
-    "missing angle": (
-        "beta\n0.4\n",
-        "x.csv: there is no incidence angle, which beta needs. Add a column gamma_deg",
-    ),
-    "missing observable": (
-        "gamma_deg,sigma\n10,0.1\n",
-        "x.csv: no column of an observable. Add one, such as beta",
-    ),
     "missing value": ("observable,gamma_deg\nbeta,1\n", "there is a column observable but no column value."),
     "missing observable column": (
         "value,gamma_deg\n1,1\n",
         "there is a column value but no column observable.",
-    ),
-    "unknown column": (
-        "gamma_deg,betta\n10,0.4\n",
-        "x.csv, line 1, column betta: unknown name, the closest known one is beta. Rename it, say",
     ),
     "nothing known": (
         "foo,bar\n1,2\n",
@@ -111,53 +86,20 @@ CASES = {
         "gamma_deg,delta_deg,delta_rad\n10,20,0.1\n",
         "delta_deg and delta_rad both give delta_deg",
     ),
-    "long line": (
-        "gamma_deg,beta\n10,0.4,3\n",
-        "x.csv, line 2, column 3: the line goes on, 3 cells under a header of 2",
-    ),
     "decimal commas behind commas": (
         "gamma_deg,beta\n10,5,0,4\n",
         "if the numbers have decimal commas, separate",
-    ),
-    "short line": (
-        "gamma_deg,beta\n10,0.4\n20\n",
-        "x.csv, line 3, column beta: the line ends before it, 1 cell under a header of 2. Complete the line",
     ),
     "unclosed quote": (
         'gamma_deg,beta\n10,"0.4\n20,0.3\n',
         "x.csv, line 2: cannot be read (unexpected end of data)",
     ),
     "empty quotes": ('""\n', "x.csv: the file is empty."),
-    "200,000 digits": (
-        "gamma_deg,beta\n10,0." + "1" * 200_000 + "\n",
-        "x.csv, line 2, column beta: '0.111111111111111111...' (200002 characters) is longer than any number",
-    ),
     "200,000 digits in the first column": (
         "gamma_deg,beta\n" + "1" * 200_000 + ",0.4\n",
         "line 2, column gamma_deg",
     ),
-    "sigma 0": (
-        "gamma_deg,beta,sigma\n10,0.4,0\n",
-        "x.csv, line 2, column sigma: 0 cannot be a standard uncertainty.",
-    ),
-    "sigma negative": (
-        "gamma_deg,beta,sigma_beta\n10,0.4,-1\n",
-        "line 2, column sigma_beta: -1 cannot be a standard",
-    ),
-    "sigma tiny": (
-        "gamma_deg,beta,sigma\n10,0.4,1e-300\n",
-        "1e-300 is impossible for a standard uncertainty",
-    ),
-    "sigma huge": ("gamma_deg,beta,sigma\n10,0.4,1e300\n", "1e+300 is impossible for a standard uncertainty"),
     "sigma of gamma": ("gamma_deg,beta,sigma_gamma_deg\n10,0.4,-1\n", "column sigma_gamma_deg: -1 cannot be"),
-    "value tiny": (
-        "gamma_deg,beta\n10,1e-300\n",
-        "x.csv, line 2, column beta: 1e-300 is impossible for beta",
-    ),
-    "value huge": (
-        "gamma_deg,beta\n10,-1e300\n",
-        "x.csv, line 2, column beta: -1e+300 is impossible for beta",
-    ),
     "value huge, long": (
         LONG + "a,e_n,10,1e300\n",
         "x.csv, line 2, column value: 1e+300 is impossible for e_n (0 to 10)",
@@ -166,14 +108,6 @@ CASES = {
     "delta beyond 90": (
         "gamma_deg,delta_deg\n10,95\n",
         "column delta_deg: 95 degrees is impossible for delta_deg",
-    ),
-    "gamma above": (
-        "gamma_deg,beta\n91,0.4\n",
-        "line 2, column gamma_deg: the incidence angle comes to 91 degrees",
-    ),
-    "gamma below": (
-        "gamma_deg,beta\n-1,0.4\n",
-        "the incidence angle comes to -1 degrees from the normal, outside 0 to 90.",
     ),
     "spin huge": (
         "gamma_deg,beta,spin_y\n1,0.4,1e300\n",
@@ -187,10 +121,6 @@ CASES = {
         "gamma_deg,beta,speed\n1,0.4,2\n",
         "line 1, column speed: no unit. Put one into the header, for example speed_m_s, or say --convention "
         "unit:speed=m/s.",
-    ),
-    "unknown unit": (
-        "gamma [grad],beta\n10,0.4\n",
-        "x.csv, line 1, column gamma [grad]: the unit 'grad' does not fit",
     ),
     "unit of another kind": (
         "gamma [mm],beta\n10,0.4\n",
@@ -239,7 +169,6 @@ CASES = {
         "alpha_deg,theta,beta\n10,10,0.4\n",
         "x.csv: two columns could be the incidence angle, 'alpha_deg' and 'theta'. Name it: --conv",
     ),
-    "mixed angles": ("gamma_deg,alpha_deg,beta\n10,80,0.4\n", "two columns could be the incidence angle"),
     "e_t": (
         "gamma_deg,e_t\n10,0.4\n",
         "column e_t: could be v_t'/v_t of the centre (= -beta_cm) or the closure constant",
@@ -247,10 +176,6 @@ CASES = {
     "psi": (
         "gamma_deg,psi_deg\n10,4\n",
         "column psi_deg: could be taken over the incoming or the outgoing normal",
-    ),
-    "mixed psi": (
-        LONG + "a,tan_psi_after,10,1\na,tan_psi,20,1\n",
-        "x.csv, line 3, column observable: 'tan_psi': could be",
     ),
     "magnitude": (
         "gamma_deg,|beta|\n10,0.4\n",
@@ -279,18 +204,8 @@ CASES = {
     "sd without n": ("gamma_deg,beta,sd\n1,1,1\n", "column sd: the deviation of repeats needs their number."),
     "sd and sigma": ("gamma_deg,beta,sd,n,sigma\n1,1,1,2,1\n", "sigma and sd both give an uncertainty."),
     "half a repeat": ("gamma_deg,beta,n\n1,1,2.5\n", "line 2, column n: 2.5 is not a number of repeats."),
-}
-
-UNDEFINED = {
-    "beta at rest": (
-        "gamma_deg,beta\n10,1\n0,0.4\n",
-        "x.csv, line 3, column beta: the contact point does not move",
-    ),
+    # what has no value at this angle or spin
     "beta nearly at rest": ("gamma_deg,beta\n1e-12,0.4\n", "the contact point does not move"),
-    "beta rolling": (
-        "gamma_deg,spin_y,beta\n30,-0.5,0.4\n",
-        "line 2, column beta: the contact point does not move",
-    ),
     "beta_cm": (
         "gamma_deg,spin_y,beta_cm\n0,1,0.4\n",
         "column beta_cm: at gamma = 0 there is no tangential velocity",
@@ -325,9 +240,9 @@ def sentences(message):
     return len(re.findall(r"[.!?](?=\s+[A-Z'-]|$)", message.replace("v_t'/v_t", ""))) or 1
 
 
-@pytest.mark.parametrize("name", [*CASES, *UNDEFINED])
+@pytest.mark.parametrize("name", CASES)
 def test_refusal_names_place_and_remedy(tmp_path, name):
-    text, expected = {**CASES, **UNDEFINED}[name]
+    text, expected = CASES[name]
     message = refusal(tmp_path, text)
     assert expected in message
     assert message.startswith("x.csv")
@@ -354,35 +269,11 @@ def test_what_is_defined_is_not_refused(read, text):
     assert len(read(text)) == 1
 
 
-WORDS = st.sampled_from(
-    [
-        "gamma_deg",
-        "beta",
-        "observable",
-        "value",
-        "u_x_m_s",
-        "u_z_m_s",
-        "v_x_m_s",
-        "psi",
-        "sigma",
-        "alpha",
-        "n",
-        "10",
-        "0,5",
-        "-1e5",
-        "inf",
-        "1e-300",
-        "nan",
-        "é",
-        "#",
-        "90",
-        "0",
-        "beta_[rad]",
-        '"',
-        "_",
-        "line",
-    ]
-)
+WORDS = (
+    "gamma_deg", "beta", "observable", "value", "u_x_m_s", "u_z_m_s", "v_x_m_s", "psi", "sigma", "alpha", "n",
+    "beta_[rad]", "line", "10", "0,5", "-1e5", "inf", "1e-300", "nan", "é", "#", "90", "0", '"', "_",
+)  # fmt: skip
+ROWS = st.lists(st.lists(st.sampled_from(WORDS), max_size=5), max_size=5)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=300)
@@ -390,9 +281,9 @@ WORDS = st.sampled_from(
     st.one_of(
         st.binary(max_size=200),
         st.text(max_size=200).map(lambda text: text.encode("utf-8", "surrogatepass")),
-        st.tuples(st.lists(st.lists(WORDS, max_size=5), max_size=5), st.sampled_from(",;\t")).map(
-            lambda t: "\n".join(t[1].join(row) for row in t[0]).encode()
-        ),
+        st.tuples(
+            st.lists(st.lists(st.sampled_from(WORDS), max_size=5), max_size=5), st.sampled_from(",;\t")
+        ).map(lambda t: "\n".join(t[1].join(row) for row in t[0]).encode()),
     )
 )
 def test_whatever_a_file_holds_it_is_read_or_refused_in_words(tmp_path, raw):

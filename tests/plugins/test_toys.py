@@ -199,22 +199,48 @@ def test_costs_name_every_closure(folder: Path) -> None:
 # ---- every closure of the registry through every command
 
 
-@pytest.mark.usefixtures("brief_costs")
+def through_every_command(
+    cli: Callable[..., str], folder: Path, options: tuple[str, ...], page: str = "page.html"
+) -> dict[str, Any]:
+    """The content of result.json, after predictions, a report, a simulation and costs from it."""
+    data, result = table(folder, GRIP, every=2), folder / "result.json"
+    chosen = ("--fix", "e_n=0.9", *options)
+    result.write_text(cli("fit", data, *chosen, "--json"), encoding="utf-8")
+    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
+    cli("report", result, "--out", folder / page)
+    scene = folder / "scene.toml"
+    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
+    cli("simulate", scene, "--out", folder / "simulated")
+    return dict(json.loads(result.read_text(encoding="utf-8")))
+
+
+def costs(cli: Callable[..., str], folder: Path, options: tuple[str, ...]) -> set[str]:
+    """The methods whose costs are measured."""
+    measured = cli(
+        "cost", table(folder, GRIP, every=2), *options, "--fix", "e_n=0.9",
+        "--kind", "inference", "--quick", "--json",
+    )  # fmt: skip
+    return {cost["method"] for cost in json.loads(measured)["costs"]}
+
+
 @pytest.mark.parametrize("name", [*CLOSURES, "grip", "bend"])
 def test_every_closure_goes_through_every_command(cli: Callable[..., str], tmp_path: Path, name: str) -> None:
-    data, result = table(tmp_path, GRIP, every=2), tmp_path / "result.json"
-    chosen = ("--closure", name, "--fix", "e_n=0.9")
-    result.write_text(cli("fit", data, *chosen, "--method", "lsq", "--json"), encoding="utf-8")
-    assert list(json.loads(result.read_text())["constants"]) == list(CLOSURES[name].constants)
-    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
-    cli("report", result, "--out", tmp_path / "page.html")
+    chosen = ("--closure", name)
+    content = through_every_command(cli, tmp_path, (*chosen, "--method", "lsq"))
+    assert list(content["constants"]) == list(CLOSURES[name].constants)
     assert f"closure {CLOSURES[name].title}" in (tmp_path / "page.html").read_text(encoding="utf-8")
-    others = [*chosen, "--closure", "ifr" if name != "ifr" else "fr"]
-    assert name in json.loads(cli("compare", data, *others, "--no-loo", "--json"))["closures"]
-    scene = tmp_path / "scene.toml"
-    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
-    cli("simulate", scene, "--out", tmp_path / "simulated")
-    assert json.loads(cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json"))["costs"]
+    others = (*chosen, "--closure", "ifr" if name != "ifr" else "fr", "--fix", "e_n=0.9", "--no-loo")
+    found = cli("compare", table(tmp_path, GRIP, every=2), *others, "--json")
+    assert name in json.loads(found)["closures"]
+
+
+@pytest.mark.usefixtures("brief_costs")
+@pytest.mark.parametrize("name", ["maw", "grip", "bend"])
+def test_inference_with_closures_of_every_kind_has_costs(
+    cli: Callable[..., str], tmp_path: Path, name: str
+) -> None:
+    """Laws that are bilinear with a new constant, that are not, and that need a material."""
+    assert {"lsq", "exact", "mcmc"} <= costs(cli, tmp_path, ("--closure", name))
 
 
 # ---- observables
@@ -309,21 +335,12 @@ def test_an_effect_joins_the_plan(folder: Path) -> None:
 
 @pytest.mark.usefixtures("brief_costs")
 def test_a_method_goes_through_every_command(cli: Callable[..., str], tmp_path: Path) -> None:
-    data, result = table(tmp_path, GRIP, every=2), tmp_path / "result.json"
-    chosen = ("--closure", "grip", "--fix", "e_n=0.9")
-    result.write_text(cli("fit", data, *chosen, "--method", "mode", "--json"), encoding="utf-8")
-    content = json.loads(result.read_text())
+    content = through_every_command(cli, tmp_path, ("--closure", "grip", "--method", "mode"), "page.toc")
     assert content["method"] == "mode"
     assert "It waited 3." in content["warnings"]
-    assert "posterior mode" in ifrfit.load_result(result).summary()
-    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
-    cli("report", result, "--out", tmp_path / "page.toc")
+    assert "posterior mode" in ifrfit.load_result(tmp_path / "result.json").summary()
     assert "How many" in (tmp_path / "page.toc").read_text(encoding="utf-8").splitlines()
-    scene = tmp_path / "scene.toml"
-    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
-    cli("simulate", scene, "--out", tmp_path / "simulated")
-    costs = cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json")
-    assert "mode" in {cost["method"] for cost in json.loads(costs)["costs"]}
+    assert "mode" in costs(cli, tmp_path, ("--closure", "grip"))
 
 
 def test_options_of_a_method_are_its_own(folder: Path) -> None:
@@ -337,23 +354,16 @@ def test_options_of_a_method_are_its_own(folder: Path) -> None:
 
 @pytest.mark.usefixtures("brief_costs")
 def test_a_law_of_errors_goes_through_every_command(cli: Callable[..., str], tmp_path: Path) -> None:
-    data, result = table(tmp_path, GRIP, every=2), tmp_path / "result.json"
-    chosen = ("--closure", "grip", "--fix", "e_n=0.9", "--tails", "logistic")
-    for method in ("lsq", "exact"):
-        result.write_text(cli("fit", data, *chosen, "--method", method, "--json"), encoding="utf-8")
-        content = json.loads(result.read_text())
-        assert content["noise"]["scatter"]["tails"] == "logistic"
-        assert "logistic errors" in ifrfit.load_result(result).summary()
-    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
-    cli("report", result, "--out", tmp_path / "page.html")
-    assert (
-        "grip"
-        in json.loads(cli("compare", data, *chosen, "--closure", "f", "--no-loo", "--json"))["closures"]
-    )
-    scene = tmp_path / "scene.toml"
-    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
-    cli("simulate", scene, "--out", tmp_path / "simulated")
-    assert json.loads(cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json"))["costs"]
+    chosen = ("--closure", "grip", "--tails", "logistic")
+    content = through_every_command(cli, tmp_path, chosen)
+    assert (content["method"], content["noise"]["scatter"]["tails"]) == ("exact", "logistic")
+    assert "logistic errors" in ifrfit.load_result(tmp_path / "result.json").summary()
+    data = table(tmp_path, GRIP, every=2)
+    least = json.loads(cli("fit", data, *chosen, "--fix", "e_n=0.9", "--method", "lsq", "--json"))
+    assert least["noise"]["scatter"]["tails"] == "logistic"
+    others = (*chosen, "--closure", "f", "--fix", "e_n=0.9", "--no-loo")
+    assert "grip" in json.loads(cli("compare", data, *others, "--json"))["closures"]
+    assert costs(cli, tmp_path, chosen)
 
 
 def test_a_law_of_errors_gives_the_posterior_of_its_density(folder: Path) -> None:
