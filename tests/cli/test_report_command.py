@@ -87,8 +87,3 @@ def test_what_is_wrong_is_said_in_a_sentence(cli, result, arguments, status, say
     assert (found.returncode, found.stdout) == (status, "")
     assert found.stderr.startswith(f"ifrfit: {says}")
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
-
-
-def test_help_costs_nothing(python):
-    code = "import sys, ifrfit.cli.main; print([m for m in ('jinja2', 'numpy') if m in sys.modules])"
-    assert python("-c", code).stdout == "[]\n"
