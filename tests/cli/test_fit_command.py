@@ -99,16 +99,6 @@ def test_quiet_says_nothing_and_still_writes(cli):
     assert sorted(path.name for path in Path("results").iterdir()) == OWN
 
 
-def test_out_writes_four_files_and_says_which(cli, schema):
-    found = cli("fit", "kharaz-2001", "--out", "deep/results")
-    assert found.returncode == 0
-    assert found.stdout.endswith("\n\nwritten: deep/results/  result.json  fit.svg  fit.png  report.html\n")
-    assert sorted(path.name for path in Path("deep/results").iterdir()) == OWN
-    assert [path.name for path in Path().iterdir()] == ["deep"]
-    assert [path.name for path in Path("deep").iterdir()] == ["results"]
-    schema.validate(strict_json(Path("deep/results/result.json").read_text(encoding="utf-8")))
-
-
 @pytest.mark.usefixtures("small_page")
 def test_json_and_out_are_the_same_numbers(cli):
     shown = cli("fit", "kharaz-2001", "--json", "--out", "results").stdout

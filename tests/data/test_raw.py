@@ -79,37 +79,6 @@ def test_observables_equal_the_impulse_in_any_frame(tmp_path, u_x, u_z, spins, k
     assert set(obs.table.impact_id) == {"line 2"}
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40)
-@given(
-    gamma=st.floats(5, 85),
-    s_x=ordinary(-1, 1),
-    s_y=ordinary(-1, 1),
-    e_t=st.floats(-1, -0.4),
-    mu=st.floats(0, 1),
-)
-def test_observables_equal_the_rebound_of_the_package(tmp_path, gamma, s_x, s_y, e_t, mu):
-    rebound = pytest.importorskip("ifrfit.physics.rebound").rebound
-    speed = 3.0
-    r = rebound(gamma, s_x, s_y, e_n=0.8, e_t=e_t, mu=mu, degrees=True)
-    angle = np.radians(gamma)
-    scale = speed / RADIUS
-    before = [np.array([np.sin(angle), 0, np.cos(angle)]) * speed, np.array([-s_x, s_y, 0]) * scale]
-    after = [
-        np.array([r.v_x, r.v_y, -r.v_n], dtype=float) * speed,
-        np.array([-r.spin_x, r.spin_y, 0.0]) * scale,
-    ]
-    assume(all(abs(float(x)) > 1e-9 for x in (r.v_x, r.v_y, r.spin_x, r.spin_y)))
-    got = values(table_of(tmp_path / "raw.csv", [[*before, *after]]))
-    expected = {
-        "v_x": r.v_x,
-        "v_y": r.v_y,
-        "v_n": r.v_n,
-        "spin_y_after": r.spin_y,
-        "spin_x_after": r.spin_x,
-    }
-    assert got == pytest.approx({n: float(x) for n, x in expected.items()}, abs=1e-9)
-
-
 def test_only_what_was_measured_comes_out(read):
     planar = read("u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s\n3,4,2,-3.5\n1,1,,-0.9\n")
     assert list(planar.table.observable) == ["v_x", "v_n", "v_n"]

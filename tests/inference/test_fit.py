@@ -71,24 +71,6 @@ def test_two_groups_of_unknown_noise_are_told_apart(impacts):
     assert found.facts["converged"].ok
 
 
-def test_beta_alone_does_not_determine_friction_and_says_what_would(impacts):
-    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8))
-    assert found.constants["e_t"].status == "determined"
-    for name in ("e_n", "mu"):
-        assert found.constants[name].status == "not_determined"
-        assert found.constants[name].value is None
-    low, high = found.constants["mu"].interval95
-    assert low < 0.12 < high
-    kappa = found.derived["kappa"]
-    assert kappa.status == "determined"
-    assert abs(kappa.value - 0.12 * 1.94) < 4 * kappa.stderr
-    fact = found.facts["identifiable"]
-    assert not fact.ok
-    assert fact.figures["rank"] == 2
-    assert "never e_n and mu apart" in fact.says
-    assert "--fix e_n=" in fact.says
-
-
 def test_one_angle_cannot_tell_the_constants_apart(impacts):
     found = ifrfit.fit(impacts(gamma=np.full(12, 60.0), noise=0.02, sigma=0.02), fix={"e_n": 0.94})
     assert "one slip ratio" in found.facts["identifiable"].says
