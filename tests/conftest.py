@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from browser_here import PROMISED, lacking
 from factories import impacts_file
 from hypothesis import settings
 
@@ -16,6 +17,20 @@ settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "home")
 
 Impacts = Callable[..., Path]
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deselect the tests that open a page in a browser where there is none."""
+    if lacking() and not PROMISED:
+        left_out = [item for item in items if "browser" in getattr(item, "fixturenames", ())]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say so at the end."""
+    if lacking() and not PROMISED:
+        terminalreporter.write_line(f"Pages were opened in no browser: {lacking()}.", yellow=True)
 
 
 @pytest.fixture

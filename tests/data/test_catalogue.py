@@ -10,6 +10,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import frictionless
 import numpy as np
 import pytest
 
@@ -64,7 +65,6 @@ def test_names():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_is_a_valid_frictionless_data_package(name):
-    frictionless = pytest.importorskip("frictionless")
     report = frictionless.validate(str(ROOT / "datasets" / name / "datapackage.json"))
     assert report.valid, report.flatten(["type", "message"])
 
@@ -435,7 +435,6 @@ def test_install_replaces_and_remove_restores(points, own_folder):
 
 
 def test_installed_data_are_a_data_package_with_the_original_named(points, own_folder):
-    frictionless = pytest.importorskip("frictionless")
     catalogue.install("cross-2019", points)
     folder = own_folder / "cross-2019"
     assert frictionless.validate(str(folder / "datapackage.json")).valid

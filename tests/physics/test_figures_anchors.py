@@ -26,54 +26,6 @@ def hit(gamma: float, spin_x: float = 0.0, spin_y: float = 0.0, **constants: flo
     return rebound(gamma, spin_x, spin_y, degrees=True, **values)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    ("gamma", "expected"),
-    [
-        (0.0, "-90.00"),
-        (5.0, "-68.83"),
-        (10.0, "-52.34"),
-        (20.0, "-33.34"),
-        (30.0, "-24.23"),
-        (31.76, "-23.14"),
-        (35.0, "-18.43"),
-        (45.0, "-9.875"),
-        (60.0, "-4.468"),
-        (75.0, "-2.009"),
-    ],
-)
-def test_lateral_deviation_over_the_angle(gamma: float, expected: str) -> None:
-    digits = len(expected.split(".")[1])
-    assert f"{math.degrees(hit(gamma, 0.30, **LATERAL).lambda_):.{digits}f}" == expected
-
-
-@pytest.mark.parametrize(
-    ("spin_x", "expected"),
-    [(0.1, "-3.648"), (0.2, "-7.004"), (0.3, "-9.875"), (0.4, "-12.21"), (0.6, "-15.46"), (1.0, "-18.70")],
-)
-def test_lateral_deviation_over_the_spin(spin_x: float, expected: str) -> None:
-    r = hit(45.0, spin_x, **LATERAL)
-    digits = len(expected.split(".")[1])
-    assert not bool(r.sticking)
-    assert f"{math.degrees(r.lambda_):.{digits}f}" == expected
-
-
-@pytest.mark.parametrize(
-    ("e_n", "e_t", "k_sticking", "beta"),
-    [
-        (0.94, -0.98, 0.4057, 0.42),
-        (0.78, -0.80, 0.4571, 0.60),
-        (0.60, -0.75, 0.4714, 0.65),
-        (0.38, -0.95, 0.4143, 0.45),
-        (0.90, -0.90, 0.4286, 0.50),
-    ],
-)
-def test_plateau_of_each_figure(e_n: float, e_t: float, k_sticking: float, beta: float) -> None:
-    r = hit(1.0, e_n=e_n, e_t=e_t, mu=0.5)
-    assert bool(r.sticking)
-    assert round(float(r.impulse_factor), 4) == k_sticking
-    assert float(r.beta) == pytest.approx(beta, abs=1e-14)
-
-
 def test_4_the_impulse_changes_the_spin_it_does_not_make_it() -> None:
     r = hit(50.0, 0.2, 0.3, e_t=-1.0, mu=0.0)
     assert (float(r.spin_x), float(r.spin_y)) == (0.2, 0.3)
