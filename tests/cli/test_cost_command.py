@@ -109,12 +109,3 @@ def test_impossible_calls_write_nothing(cli, arguments, status, says):
     assert says in found.stderr
     assert found.stdout == ""
     assert not Path("out").exists()
-
-
-def test_an_earlier_measurement_is_kept(cli):
-    Path("out").mkdir()
-    Path("out/cost.csv").write_text("mine", encoding="utf-8")
-    found = cli(*CROSS, "--out", "out")
-    assert found.returncode == 2
-    assert "holds an earlier measurement of costs; add --force" in found.stderr
-    assert Path("out/cost.csv").read_text(encoding="utf-8") == "mine"

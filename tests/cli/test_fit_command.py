@@ -105,18 +105,6 @@ def test_json_and_out_are_the_same_numbers(cli):
     assert shown == Path("results/result.json").read_text(encoding="utf-8")
 
 
-@pytest.mark.usefixtures("small_page")
-def test_an_earlier_result_is_kept_until_force(cli):
-    assert cli("fit", "kharaz-2001", "--quiet", "--out", "results").returncode == 0
-    refused = cli("fit", "cross-2019", "--quiet", "--out", "results")
-    assert refused.returncode == 2
-    assert refused.stderr == "ifrfit: results holds an earlier result; add --force to replace it.\n"
-    assert (
-        cli("fit", "cross-2019", "--method", "lsq", "--quiet", "--out", "results", "--force").returncode == 0
-    )
-    assert '"cross-2019"' in Path("results/result.json").read_text(encoding="utf-8")
-
-
 def test_an_earlier_result_is_refused_before_the_data_are_read(cli):
     Path("results").mkdir()
     Path("results/result.json").write_text("{}", encoding="utf-8")

@@ -89,22 +89,3 @@ def test_reproduce_writes_figures_and_prints_the_table(cli):
     made = {path.name for path in Path("figures").iterdir()}
     assert made == {f"{stem}.{suffix}" for stem in ("fig3", "figA2.1b") for suffix in ("svg", "png", "csv")}
     assert [path.name for path in Path().iterdir()] == ["figures"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--figure", "10"), "--figure 10: there is no such figure. There are 1, 2, 3, 4a, 4b, "),
-        (
-            ("--figure", "5", "--digitised-only"),
-            "--digitised-only: nothing of fig5 rests on points that were ",
-        ),
-        (("--out", "taken"), "taken is a file. Name a folder with --out."),
-    ],
-)
-def test_reproduce_refuses_in_a_sentence(cli, arguments, said):
-    Path("taken").write_text("")
-    found = cli("reproduce", *arguments)
-    assert (found.returncode, found.stdout) == (2, "")
-    assert found.stderr.startswith(f"ifrfit: {said}")
-    assert [path.name for path in Path().iterdir()] == ["taken"]
