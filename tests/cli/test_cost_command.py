@@ -11,21 +11,6 @@ import pytest
 CROSS = ("cost", "cross-2019", "--fix", "e_n=0.94", "--kind", "inference", "--quick")
 
 
-def test_measures_says_and_writes(cli):
-    found = cli(*CROSS, "--out", "out")
-    assert (found.returncode, found.stderr) == (0, "")
-    assert "STAND-IN" in found.stdout.splitlines()[0] + found.stdout.splitlines()[1]
-    assert "Cheapest for an error of at most so much of an sd" in found.stdout
-    assert found.stdout.rstrip().endswith("written: out/  cost.csv  cost-inference.svg  cost-inference.png")
-    table = pd.read_csv("out/cost.csv", keep_default_na=False)
-    assert set(table["kind"]) == {"inference"}
-    assert {"lsq", "profile", "bootstrap", "exact", "mcmc"} == set(table["method"])
-    assert (table["time_s"] > 0.0).all()
-    exact = table[table["method"] == "exact"]
-    tolerance = exact["setting"].str.removeprefix("tolerance ").astype(float)
-    assert (exact["error"] <= tolerance).all()
-
-
 def test_contact_laws_and_precisions_stand_beside_one_another(cli):
     found = cli(
         "cost", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--quick", "--out", "out",

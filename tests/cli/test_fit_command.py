@@ -56,29 +56,6 @@ def test_the_command_line_is_the_library(cli):
     assert shown == json.loads(json.dumps(called))
 
 
-def test_exact_is_the_default_and_states_its_prior_of_the_noise(cli):
-    content = strict_json(cli("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--json").stdout)
-    assert content["method"] == "exact"
-    assert content["fit"]["log_evidence"] is not None
-    low, high = content["noise"]["prior"]["factor"]
-    assert low < content["noise"]["estimates"]["factor"]["value"] < high
-    assert len(content["state"]["sample"]["kappa"]) == 2000
-
-
-def test_two_files_with_a_constant_of_their_own_tell_whether_they_share_it(cli, impacts):
-    for name, mu in (("dry", 0.12), ("wet", 0.12), ("oiled", 0.05)):
-        path = impacts(gamma=range(5, 85, 5), sigma=0.03, noise=0.03, series=name, mu=mu)
-        path.rename(f"{name}.csv")
-    options = ("--separate", "mu", "--fix", "e_n=0.94")
-    alike = cli("fit", "dry.csv", "wet.csv", *options)
-    assert (alike.returncode, alike.stderr) == (0, "")
-    assert "mu [dry]" in alike.stdout
-    assert "mu [wet]" in alike.stdout
-    assert "  ok    the data favour one mu for all series over separate mu by a factor " in alike.stdout
-    apart = cli("fit", "dry.csv", "oiled.csv", *options)
-    assert "  ok    the data favour separate mu over one mu for all series by a factor " in apart.stdout
-
-
 @pytest.mark.parametrize("form", ["--json", "--quiet"])
 def test_intervals_where_no_table_is_printed_are_refused(cli, form):
     found = cli("fit", "kharaz-2001", "--intervals", form)
@@ -121,49 +98,6 @@ def test_refused_data_leave_an_earlier_result_alone_even_with_force(cli):
     assert sorted(path.name for path in Path().iterdir()) == ["bad.csv", "results"]
 
 
-def test_the_template_can_be_fitted_once_its_examples_are_uncommented(cli):
-    for raw in ((), ("--raw",)):
-        lines = cli("template", *raw).stdout.splitlines()
-        header = max(i for i, line in enumerate(lines) if not line.startswith("#"))
-        text = "\n".join(line if i <= header else line.removeprefix("#") for i, line in enumerate(lines))
-        Path("mine.csv").write_text(text + "\n", encoding="utf-8")
-        found = cli("fit", "mine.csv")
-        assert (found.returncode, found.stderr) == (0, "")
-        assert "mine.csv" in found.stdout
-
-
-def test_the_template_alone_is_refused_as_empty(cli):
-    Path("mine.csv").write_text(cli("template").stdout, encoding="utf-8")
-    found = cli("fit", "mine.csv")
-    assert found.returncode == 3
-    assert "there is a header, but no row under it" in found.stderr
-
-
-def test_a_spreadsheet_of_the_usual_kind(cli):
-    """Excel in German: title, semicolons, decimal commas, Latin-1, Windows line ends, angle from the wall."""
-    lines = ["Stöße, 12.3.;;;", "Winkel zur Wand [°];β [-];σ_β [-];note"]
-    shown = ifrfit.rebound(range(5, 85, 5), e_n=0.94, e_t=-0.9, mu=0.12, degrees=True)
-    for angle, beta in zip(range(5, 85, 5), shown.beta.tolist(), strict=True):
-        lines.append(f"{90 - angle},0;{beta:.6f};0,01;".replace(".", ","))
-    lines[1] = lines[1].replace("β", "beta").replace("σ", "sigma")
-    Path("Messung.csv").write_bytes("\r\n".join(lines).encode("latin-1"))
-    found = cli(
-        "fit",
-        "Messung.csv",
-        "--convention",
-        "angle=Winkel zur Wand [°]:from-wall",
-        "--fix",
-        "e_n=0.94",
-        "--method",
-        "lsq",  # data without noise: the optimum is the truth
-        "--json",
-    )
-    assert (found.returncode, found.stderr) == (0, "")
-    constants = strict_json(found.stdout)["constants"]
-    assert constants["e_t"]["value"] == pytest.approx(-0.9, abs=1e-5)
-    assert constants["mu"]["value"] == pytest.approx(0.12, abs=1e-5)
-
-
 def test_a_scene_says_what_hit_what(cli, impacts):
     data = impacts(gamma=[5.0, 15.0, 25.0, 40.0, 55.0, 70.0, 80.0], noise=0.01, sigma=0.01)
     scene = Path("scene.toml")
@@ -176,22 +110,3 @@ def test_a_scene_says_what_hit_what(cli, impacts):
     found = cli("compare", data, "--scene", scene, "--no-loo", "--closure", "ifr", "--closure", "fr")
     assert found.returncode == 0
     assert "by its conditions the scene calls for compliance: psi_1" in " ".join(found.stdout.split())
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("[wall]\n", "scene.toml: sphere.diameter_mm is missing."),
-        ("[sphere]\ndiameter_mm = 20\n", "the diameter is 20 mm, but that of kharaz-2001 is 5 mm."),
-        ("[sphere]\ndiameter_mm = 5\ninertia_factor = 0.5\n", "but the fit takes 0.4."),
-        (None, "scene.toml: there is no such file."),
-    ],
-)
-def test_a_scene_that_does_not_fit_is_refused(cli, text, says):
-    if text is not None:
-        Path("scene.toml").write_text(text, encoding="utf-8")
-    found = cli("fit", "kharaz-2001", "--scene", "scene.toml", "--out", "results")
-    assert found.returncode == 3
-    assert found.stdout == ""
-    assert says in found.stderr
-    assert not Path("results").exists()

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from ifrfit.data import catalogue
-from ifrfit.data import installation as installing
 from ifrfit.data import locations as finding
 from ifrfit.data.description import listing_lines
 from ifrfit.data.descriptor import package_provenance
@@ -559,8 +558,3 @@ def test_numbers_survive_installation_to_the_last_digit(tmp_path):
 def test_without_the_variable_the_users_data_folder_is_used(monkeypatch):
     monkeypatch.delenv("IFRFIT_DATA_DIR")
     assert finding.user_root().parts[-2:] == ("ifrfit", "datasets")
-
-
-def test_install_is_the_same_function_everywhere():
-    assert catalogue.install is installing.install
-    assert catalogue.remove is installing.remove

@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 from ifrfit.cli.main import app
 from ifrfit.data import read, template_text
 from ifrfit.data.column_names import COMMON, RAW
-from ifrfit.errors import DataError
 from ifrfit.inference.fit import fit
 from ifrfit.physics import OBSERVABLES
 
@@ -22,14 +21,6 @@ TRUTH = {"e_n": 0.94, "e_t": -0.98, "mu": 0.12}
 
 def with_examples(raw: bool) -> str:
     return re.sub(r"^#(?=\d)", "", template_text(raw), flags=re.MULTILINE)
-
-
-@BOTH
-def test_examples_cannot_be_fitted_by_mistake(tmp_path, raw):
-    path = tmp_path / "t.csv"
-    path.write_text(template_text(raw))
-    with pytest.raises(DataError, match="there is a header, but no row under it"):
-        read(path)
 
 
 @BOTH

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from factories import cut_off
 
+import ifrfit
 from ifrfit.errors import UsageError
 from ifrfit.inference.result.types import Fact
 from ifrfit.report import legend, plot
@@ -78,6 +79,15 @@ def test_curve_holds_the_kink_and_both_regimes():
     assert angle in x
     assert x.min() < 1.0
     assert x.max() > 89.0
+
+
+def test_the_curve_of_a_fit_runs_through_its_fitted_values(impacts):
+    path = impacts(gamma=np.linspace(3.0, 82.0, 34), noise=0.05)
+    result = ifrfit.fit(path, fix={"e_n": 0.94})
+    (data, _), *_ = panels_of(plot(result))
+    curve = next(line for line in data.lines if len(line.get_xdata()) > 100)
+    drawn = np.interp(result.points["gamma_deg"], curve.get_xdata(), curve.get_ydata())
+    assert drawn == pytest.approx(result.points["fitted"].to_numpy(), abs=1e-3)
 
 
 def test_all_data_are_inside_the_limits():
