@@ -121,15 +121,6 @@ def test_energy_grows_where_a_constant_is_not_passive(impacts):
     assert compose(Contact(), impacts([60.0], constant=0.0, mu=1.0), []).energy_change[0] > 0.0
 
 
-def test_all_effects_at_once(impacts, glass):
-    some = impacts([5.0, 40.0, 80.0], 0.3, speed=2.0, radius=5e-5)
-    on = [name for name in EFFECTS if name not in ("compliance", "viscoelastic")]
-    on = [name for name in on if not EFFECTS[name].lacks(glass, some)]
-    out = compose(glass, some, on)
-    assert (out.energy_change < 0.0).all()
-    assert np.isfinite(out.beta).all()
-
-
 def test_a_given_constant_is_never_replaced_but_the_plan_warns(impacts, glass):
     fast = impacts([10.0, 40.0], speed=100.0)
     plan = make_plan(glass, fast, OBSERVABLES, accuracy=1e-3, given=GIVEN)
