@@ -48,6 +48,9 @@ def test_json_is_all_that_is_printed(cli):
     table = pd.read_csv("out/cost.csv", keep_default_na=False)
     assert table["time_s"].tolist() == pytest.approx([row["time_s"] for row in content["costs"]], rel=1e-5)
     assert table["error"].tolist() == pytest.approx([row["error"] for row in content["costs"]], rel=1e-5)
+    again = cli(*CROSS, "--out", "out")  # refused before anything is measured
+    assert again.returncode == 2
+    assert "holds an earlier measurement of costs; add --force" in again.stderr
 
 
 def test_quiet_needs_a_folder(cli):

@@ -56,10 +56,14 @@ def test_costs_are_measured_where_they_are_asked_for(cli, one_impact):
     assert "cost" not in json.loads(cli("simulate", one_impact, "--json").stdout)
 
 
-def test_quiet_is_silent(cli, one_impact):
+def test_quiet_is_silent_and_an_earlier_simulation_is_replaced_only_by_force(cli, one_impact):
     found = cli("simulate", one_impact, "--quiet", "--out", "one")
     assert (found.returncode, found.stdout, found.stderr) == (0, "", "")
     assert Path("one/simulation.json").exists()
+    again = cli("simulate", one_impact, "--out", "one")
+    assert (again.returncode, again.stdout) == (2, "")
+    assert "add --force" in again.stderr
+    assert cli("simulate", one_impact, "--out", "one", "--quiet", "--force").returncode == 0
 
 
 def test_a_refused_scene_is_3_and_nothing_is_written(cli):
