@@ -6,9 +6,10 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from browser_here import PROMISED, lacking
-from factories import impacts_file
+from factories import impacts_file, small_report
 from hypothesis import settings
 
 # at home every run looks at new examples; in CI a change is judged by the same ones each time
@@ -40,6 +41,16 @@ def brief_costs(monkeypatch: pytest.MonkeyPatch) -> None:
 
     brief = Extent(tolerances=(1e-1, 1e-3), replicates=(100,), steps=(50,), seeds=1, repeats=1, longest=0.7)
     monkeypatch.setattr("ifrfit.cost.measure.QUICK", brief)
+
+
+@pytest.fixture
+def small_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports of one paragraph and nothing appraised, where only the files of a result matter."""
+    from ifrfit.inference.appraisal import Appraisal
+
+    nothing = Appraisal(pd.DataFrame(), {})
+    monkeypatch.setattr("ifrfit.inference.appraise.appraise", lambda _: nothing)
+    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_: small_report())
 
 
 @pytest.fixture
