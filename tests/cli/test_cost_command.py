@@ -42,7 +42,8 @@ def test_json_is_all_that_is_printed(cli):
     assert content["schema"] == "ifrfit/cost/1"
     assert content["input"][0]["provenance"] == "stand-in"
     assert content["noise"]["scatter"]["tails"] == "student-t"
-    assert {row["method"] for row in content["costs"]} == {"lsq", "exact", "mcmc"}
+    methods = {row["method"] for row in content["costs"]}
+    assert {"lsq", "exact"} <= methods <= {"lsq", "exact", "mcmc"}  # chains only where they are fast enough
     (note,) = (note for note in content["notes"] if note.startswith("Profiles"))
     assert note.endswith("are left out: they know independent Gaussian errors of the values only.")
     table = pd.read_csv("out/cost.csv", keep_default_na=False)
