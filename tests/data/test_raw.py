@@ -266,7 +266,6 @@ def test_the_check_goes_with_its_source(tmp_path):
     assert both.momentum[1].says.startswith("x.csv (2): ")
     some = data.select(both, data.Selection(observable=("v_n",)))
     assert some.momentum == both.momentum
-    assert data.average_replicates(both).momentum == both.momentum
     assert "x.csv (2): the velocities contradict" in both._repr_html_()
 
 
