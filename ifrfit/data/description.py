@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -63,7 +64,8 @@ def description_lines(found: Entry, data: Observations) -> list[str]:
 def _rows(data: Observations) -> list[str]:
     """Say how many rows there are of what, one item a series."""
     counts: dict[str, list[str]] = {}
-    for (label, what), count in data.table.groupby(["series", "observable"], sort=False).size().items():
+    pairs = Counter(zip(data.table["series"], data.table["observable"], strict=True))
+    for (label, what), count in pairs.items():
         counts.setdefault(label, []).append(f"{count} {what}")
     return [f"{label}: {', '.join(found)}" for label, found in counts.items()]
 
