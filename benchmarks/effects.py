@@ -71,8 +71,7 @@ def main() -> None:
         rows.append(
             {"what": name, "cost": cost * unit, "unit": "ms a scene" if name == "plan" else "ns an impact"}
         )
-    table = [["what", "cost", ""]] + [[str(r["what"]), f"{r['cost']:.0f}", str(r["unit"])] for r in rows]
-    publish(given, "effects.csv", "effects", rows, table)
+    publish(given, "effects", rows, {"what": "{what}", "cost": "{cost:.0f}", "": "{unit}"})
 
 
 if __name__ == "__main__":
