@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from _common import benchmark_parser
 from scipy.special import ndtr, ndtri
 
 import ifrfit
@@ -26,7 +28,7 @@ E_N_PRIOR = (0.9, 0.02)
 SEED = 20240607
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """One fit.
 
@@ -46,8 +48,11 @@ class Scene:
     value: Array
     e_n: Array
     sigma: float
-    n_series: int
     unknown_noise: bool
+
+    @property
+    def n_series(self) -> int:
+        return len(self.problem.series)
 
     @property
     def constants(self) -> tuple[str, ...]:
@@ -123,6 +128,17 @@ class Scene:
         if not self.e_n.size:
             return np.append(tangential, (theta[0] - E_N_PRIOR[0]) / E_N_PRIOR[1])
         return np.concatenate((tangential, (self.e_n - theta[0]) / SIGMA_E_N))
+
+
+def scene_options(description: str | None, quick: str = "") -> argparse.Namespace:
+    """Options of a benchmark on scenes; `only` is the list of those that are asked for."""
+    parser = benchmark_parser(description, quick)
+    parser.add_argument("--only", default=",".join(TITLES), help="scenes, as in i,ii")
+    options = parser.parse_args()
+    options.only = options.only.split(",")
+    if unknown := [key for key in options.only if key not in TITLES]:
+        parser.error(f"no scene {', '.join(unknown)}; there are {', '.join(TITLES)}")
+    return options
 
 
 def make_scene(key: str) -> Scene:
@@ -219,6 +235,5 @@ def _scene(
         value=seen["value"],
         e_n=seen["e_n"],
         sigma=sigma,
-        n_series=int(seen["series"].max()) + 1,
         unknown_noise=unknown_noise,
     )
