@@ -55,12 +55,11 @@ def publish(
     options: argparse.Namespace,
     name: str,
     rows: Sequence[Row],
-    columns: Columns,
+    table: Sequence[Sequence[str]],
     goals: Sequence[str] = (),
     about: str = "",
 ) -> None:
     """Print a table and its goals, write the rows as CSV, and both into the README where that is asked."""
-    table = cells(rows, columns)
     print_table(table)
     print(*(f"goal: {goal}" for goal in goals), sep="\n")
     write_csv(options.out / f"{name.replace(' ', '_')}.csv", rows)

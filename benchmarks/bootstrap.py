@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 # first: it sets the number of threads
-from _common import benchmark_parser, machine, publish, ratio_of, rounds_of, verdict
+from _common import benchmark_parser, cells, machine, publish, ratio_of, rounds_of, verdict
 
 # isort: split
 import least_squares as single
@@ -135,7 +135,7 @@ def main() -> None:
     options = benchmark_parser(__doc__, "200 replicates, fewer rounds").parse_args()
     print(machine())
     rows, goals = measure(make_case(200 if options.quick else REPLICATES), 2.0 if options.quick else 20.0)
-    publish(options, "bootstrap", rows, COLUMNS, goals)
+    publish(options, "bootstrap", rows, cells(rows, COLUMNS), goals)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from _common import benchmark_parser, machine, publish, seconds_of, verdict
+from _common import benchmark_parser, cells, machine, publish, seconds_of, verdict
 
 # isort: split
 
@@ -94,7 +94,7 @@ def main() -> None:
         "goal": "{goal}",
         "verdict": "{verdict}",
     }
-    publish(options, "command line", rows, columns)
+    publish(options, "command line", rows, cells(rows, columns))
 
 
 def _imports() -> list[str]:

@@ -13,7 +13,7 @@ import statistics
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from _common import Row, benchmark_parser, machine, publish, ratio_of, rounds_of, verdict
+from _common import Row, benchmark_parser, cells, machine, publish, ratio_of, rounds_of, verdict
 
 # isort: split
 
@@ -138,7 +138,7 @@ def main() -> None:
     rows, said = measured(n, 5.0 if options.quick else 60.0)
     about = f"{machine('numba')}, {numba.get_num_threads()} threads, {n:.0e} impacts"
     print(about)
-    publish(options, "kernels", rows, COLUMNS, said, about)
+    publish(options, "kernels", rows, cells(rows, COLUMNS), said, about)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from _common import (
     Curve,
     Row,
     benchmark_parser,
+    cells,
     draw,
     machine,
     publish,
@@ -251,7 +252,7 @@ def main() -> None:
     print(f"beta with sigma {SIGMA}, IFR, e_n fixed; one thread; ratios are medians within rounds\n")
     rows = [row for n in sizes for row in measure(n, 1.0 if options.quick else 8.0)]
     shown = [row for row in rows if row["method"] != SORT]
-    publish(options, "least squares", shown, COLUMNS, goals_of(rows))
+    publish(options, "least squares", shown, cells(shown, COLUMNS), goals_of(rows))
     draw(options.out / "least_squares.svg", {"": curves_of(rows)}, "values of beta, N", "time (s)")
 
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 # first: it sets the number of threads
-from _common import machine, publish, ratio_of, seconds_of, verdict
+from _common import cells, machine, publish, ratio_of, seconds_of, verdict
 
 # isort: split
 import numpy as np
@@ -107,7 +107,7 @@ def main() -> None:
         f"{least['scene']}, the least: {verdict(times >= GOAL)}"
     )
     print(f"the first {100 * DISCARDED:g} % of the peers' steps are discarded\n")
-    publish(options, "effective draws", rows, COLUMNS, [goal], machine("emcee"))
+    publish(options, "effective draws", rows, cells(rows, COLUMNS), [goal], machine("emcee"))
 
 
 if __name__ == "__main__":
