@@ -12,8 +12,8 @@ from pathlib import Path
 import mpmath
 import numpy as np
 import pytest
+from calibrate_intervals import CONTROLS, page, verdict
 from calibration_methods import COARSE, EXACT, NARROW, NO_KINK, WALTON, WRONG_SIGMA, score_marginals
-from calibration_page import CONTROLS, page, verdict
 from calibration_scenes import SCENES, share_sliding, simulate, understated_sigma, walton, without_kink
 from calibration_study import Task, gather, run, run_many, tasks_of
 from calibration_verdict import (
