@@ -64,7 +64,11 @@ def test_several_results_make_an_index(cli, result):
     [
         (("nix.json",), 3, "nix.json: there is no such file. Name the result.json of a fit."),
         (("broken.txt",), 3, "broken.txt, line 1, column 1: this is not JSON"),
-        (("results/result.json", "--format", "doc"), 2, "--format doc: a report is html, md; choose one of them."),
+        (
+            ("results/result.json", "--format", "doc"),
+            2,
+            "--format doc: a report is html, md; choose one",
+        ),
         (
             ("results/result.json", "--format", "pdf"),
             2,

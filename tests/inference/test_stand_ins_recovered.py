@@ -16,8 +16,8 @@ from ifrfit.data.catalogue import load_dataset, printed_constants
 from ifrfit.data.descriptor import read_package
 from ifrfit.data.locations import entry
 from ifrfit.inference.fit import fit
-from ifrfit.paper.cases import CASES, fit_case
-from ifrfit.paper.recovered_constants import chance, count_recovered
+from ifrfit.paper.cases import CASES
+from ifrfit.paper.recovered_constants import chance, count_recovered, fit_case
 from ifrfit.physics import OBSERVABLES, rebound
 
 STAND_INS = tuple(
