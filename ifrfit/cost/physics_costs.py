@@ -117,7 +117,7 @@ def physics_costs(
         *_solvers(scene, extent),
     ):
         with one_thread():
-            time = timed(law.call, repeats=extent.repeats, enough=extent.enough).per(law.count)
+            time = timed(law.call, repeats=extent.repeats, enough=extent.enough).per(law.impacts)
         error = max(float(np.max(np.abs(law.beta - exact))), own)
         found.append(Cost("physics", law.method, law.setting, "beta", time, error, "1"))
     time = timed(lambda: scene.solved("memory", extent.reference), repeats=1, enough=0.0)
@@ -243,7 +243,7 @@ class Law(NamedTuple):
     setting: str
     beta: Array
     call: Callable[[], object]
-    count: int
+    impacts: int
 
 
 def _closures(scene: Scene, exact: Array, given: Mapping[str, float]) -> Iterator[Law]:
