@@ -16,7 +16,7 @@ from ifrfit import AngleErrors, Bootstrap, Exact, Model, Noise, Profile
 from ifrfit.errors import DataError, IfrfitError, UsageError
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.mcmc.coordinates import Coordinates
-from ifrfit.inference.model.error_model import make_error_model
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.optimize.angle_offset import slope_by_offset
 from ifrfit.inference.optimize.laplace import gaussian_approximation, weighted_jacobian
@@ -24,6 +24,11 @@ from ifrfit.inference.optimize.least_squares import at_fitted_offset, least_squa
 from ifrfit.inference.posterior import integrate, integrate_over_offset, log_evidence
 from ifrfit.inference.result.restore import question
 from ifrfit.physics import rebound
+
+
+def with_offset(sd, policy=None):
+    return Noise(policy, angles=AngleErrors(offset_sd=sd))
+
 
 TRUE = {"e_n": 0.9, "e_t": -0.8, "mu": 0.15}
 SIGMA = 0.02
@@ -53,7 +58,7 @@ def path(tmp_path):
 
 
 def problem_of(file, sd=2.0, **choices):
-    return ifrfit.fit(file, method="lsq", angle_offset=sd, **choices).problem
+    return ifrfit.fit(file, method="lsq", noise=with_offset(sd), **choices).problem
 
 
 def test_the_posterior_is_that_of_a_dense_grid(path):
@@ -101,8 +106,8 @@ def test_the_posterior_is_that_of_a_dense_grid(path):
 
 def test_methods_agree(path):
     file = path()
-    exact, lsq = (ifrfit.fit(file, method=method, angle_offset=2.0) for method in ("exact", "lsq"))
-    chains = ifrfit.fit(file, method=ifrfit.MCMC(max_steps=400), angle_offset=2.0)
+    exact, lsq = (ifrfit.fit(file, method=method, noise=with_offset(2.0)) for method in ("exact", "lsq"))
+    chains = ifrfit.fit(file, method=ifrfit.MCMC(max_steps=400), noise=with_offset(2.0))
     for name in ("e_n", "e_t", "mu"):
         sd = exact.constants[name].stderr
         for other, tolerance in ((lsq, 0.05), (chains, 0.1)):
@@ -125,7 +130,7 @@ def test_two_degrees_are_recovered_and_the_constants_with_them(path):
     missed, plain = dict.fromkeys(names, 0), 0
     for seed in range(20):
         file = path(seed=100 + seed)
-        fit = ifrfit.fit(file, method="lsq", angle_offset=2.0)
+        fit = ifrfit.fit(file, method="lsq", noise=with_offset(2.0))
         truth = {**TRUE, "angle offset": 2.0}
         found = {**fit.constants, "angle offset": fit.noise.angle_offset}
         for name in names:
@@ -142,7 +147,7 @@ def test_two_degrees_are_recovered_and_the_constants_with_them(path):
 def test_a_prior_without_width_is_the_ordinary_fit(path, policy):
     file = path(offset=0.5, n=15)
     plain = ifrfit.fit(file, method="lsq", noise=policy)
-    narrow = ifrfit.fit(file, method="lsq", noise=policy, angle_offset=1e-9)
+    narrow = ifrfit.fit(file, method="lsq", noise=with_offset(1e-9, policy))
     for name, own in plain.constants.items():
         other = narrow.constants[name]
         assert (other.value, other.stderr) == pytest.approx((own.value, own.stderr), rel=1e-9)
@@ -184,7 +189,7 @@ def test_the_gaussian_has_the_offset_integrated_out(path):
 
 def test_unknown_noise_gives_up_a_degree_of_freedom(path):
     file = path(stated=False)
-    free = ifrfit.fit(file, Model(fix={"e_n": 0.9}), method="lsq", observable="beta", angle_offset=5.0)
+    free = ifrfit.fit(file, Model(fix={"e_n": 0.9}), method="lsq", observable="beta", noise=with_offset(5.0))
     fixed = ifrfit.fit(file, Model(fix={"e_n": 0.9}), method="lsq", observable="beta")
     assert (fixed.fit.dof, free.fit.dof) == (23, 22)
     assert free.least_squares.noise_dof == pytest.approx(22.0, abs=0.1)
@@ -227,7 +232,7 @@ def test_the_density_for_samplers_is_that_of_the_problem_at_each_offset(path):
 
 def test_output_and_file_have_the_offset_and_its_prior(path, tmp_path):
     file = path()
-    fit = ifrfit.fit(file, angle_offset=2.0)
+    fit = ifrfit.fit(file, noise=with_offset(2.0))
     text = fit.summary()
     assert "angle offset fitted (prior 0 +- 2 degrees)" in text
     assert "  angle offset  " in text
@@ -250,11 +255,11 @@ def test_output_and_file_have_the_offset_and_its_prior(path, tmp_path):
     assert plain.noise.angle_offset is None
     assert "angle_offset" not in plain.to_dict()["noise"]
     assert plain.problem.digest != fit.problem.digest
-    assert fit.problem.digest != replace(fit.problem, error_model=make_error_model(angle_offset=1.0)).digest
+    assert fit.problem.digest != replace(fit.problem, error_model=ErrorModel(offset=1.0)).digest
 
 
 def test_an_offset_far_outside_its_prior_is_told(path):
-    fit = ifrfit.fit(path(offset=5.0), method="lsq", angle_offset=0.4)
+    fit = ifrfit.fit(path(offset=5.0), method="lsq", noise=with_offset(0.4))
     assert not fit.facts["angle_offset"].ok
     assert (
         "sd off: look for what turned the angles, or widen --angle-offset" in fit.facts["angle_offset"].says
@@ -263,14 +268,14 @@ def test_an_offset_far_outside_its_prior_is_told(path):
 
 
 def test_an_offset_that_the_data_do_not_see_follows_its_prior(path):
-    fit = ifrfit.fit(path(n=4, low=50.0, high=70.0), Model(fix={"e_n": 0.9}), angle_offset=0.3)
+    fit = ifrfit.fit(path(n=4, low=50.0, high=70.0), Model(fix={"e_n": 0.9}), noise=with_offset(0.3))
     found = fit.noise.angle_offset
     assert (found.status, found.reason) == ("prior", "rests on its prior")
     assert found.stderr == pytest.approx(0.3, rel=0.1)
 
 
 def test_a_comparison_passes_it_on(path):
-    found = ifrfit.compare(path(n=12), ["ifr", "fr"], model=Model(fix={"e_n": 0.9}), angle_offset=2.0)
+    found = ifrfit.compare(path(n=12), ["ifr", "fr"], model=Model(fix={"e_n": 0.9}), noise=with_offset(2.0))
     fits = {name: entry.fit for name, entry in found.entries.items()}
     assert all(fit.noise.angle_offset is not None for fit in fits.values())
     for name, fit in fits.items():
@@ -295,14 +300,14 @@ def test_what_is_not_supported_is_refused_in_words(tmp_path, choices, says):
     )
     frame.to_csv(tmp_path / "a.csv", index=False)
     with pytest.raises((UsageError, DataError), match=says):
-        ifrfit.fit(tmp_path / "a.csv", angle_offset=2.0, **choices)
+        ifrfit.fit(tmp_path / "a.csv", noise=with_offset(2.0), **choices)
 
 
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: noise_with(0.0), "--angle-offset 0: give the standard deviation of its prior"),
-        (lambda: noise_with(60.0), "--angle-offset 60: give the standard deviation"),
+        (lambda: with_offset(0.0), "--angle-offset 0: give the standard deviation of its prior"),
+        (lambda: with_offset(60.0), "--angle-offset 60: give the standard deviation"),
         (lambda: Noise(tails="student-t", angles=AngleErrors(offset_sd=1.0)), "leave --tails student-t out"),
         (lambda: Noise(angles=AngleErrors("set", offset_sd=1.0)), "leave --angle-errors set out"),
     ],
@@ -310,7 +315,3 @@ def test_what_is_not_supported_is_refused_in_words(tmp_path, choices, says):
 def test_a_wrong_combination_cannot_be_made(make, says):
     with pytest.raises(IfrfitError, match=says):
         make()
-
-
-def noise_with(sd):
-    return Noise(angles=AngleErrors(offset_sd=sd))

@@ -13,6 +13,7 @@ from ifrfit.report import plot
 from ifrfit.report.page.explorer import payload
 from ifrfit.report.panels import ANGLE, NUMBER, SPEED, abscissa
 
+OFFSET = ifrfit.Noise(angles=ifrfit.AngleErrors(offset_sd=1.0))
 GAMMA = np.linspace(10.0, 80.0, 15)
 
 
@@ -71,7 +72,7 @@ def test_readings_of_one_angle_are_drawn_over_the_speed(tmp_path):
 
 
 def test_points_lie_on_the_curve_where_an_offset_is_fitted(tmp_path):
-    fit = ifrfit.fit(fitted(tmp_path), method="lsq", fix={"e_n": 0.9}, angle_offset=1.0)
+    fit = ifrfit.fit(fitted(tmp_path), method="lsq", fix={"e_n": 0.9}, noise=OFFSET)
     offset = fit.noise.angle_offset
     assert isinstance(offset, Estimate)
     figure = plot(fit)

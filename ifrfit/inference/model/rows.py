@@ -175,10 +175,7 @@ class Rows:
         """The same for some rows."""
         if rows.size == self.value.size and bool((np.diff(rows) == 1).all()):
             return self
-        i = self.incidence
-        incidence = Incidence(
-            *(x[..., rows] for x in (i.sine, i.cosine, i.spin_x, i.spin_y, i.slip_x, i.slip_y))
-        )
+        incidence = self.incidence.take(rows)
         return Rows(incidence, names=self.names, **{name: getattr(self, name)[..., rows] for name in _BY_ROW})
 
     def turned(self, degrees: float | Array) -> Rows:

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.entry_names import quantity_of
@@ -19,10 +21,10 @@ from ifrfit.inference.profile.quantities import Quantity, profile_curve, quantit
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.types import Angles, Constants, Estimate
 from ifrfit.inference.summary.derived import angle_near, constant_bound, median_spin, transitions_of
-from ifrfit.inference.summary.estimates import kappa_of_constants
+from ifrfit.inference.summary.estimates import by_constant
 from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
-from ifrfit.inference.summary.status import KAPPA, Known, fixed_estimate, linear
+from ifrfit.inference.summary.status import KAPPA, Known, linear
 from ifrfit.physics.closure import Meaning
 from ifrfit.physics.transition import transition_angles
 
@@ -135,26 +137,24 @@ def estimates_of_profiles(
     Where the data see kappa alone, a prior of e_n or mu that says less than half of its domain counts for
     nothing, as in every method: e_n is anywhere, and mu what the profile of kappa leaves of it.
     """
-    constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
-    places = problem.parameters.positions
-    for constant in problem.parameters:
-        each = {}
-        for number, series in enumerate(problem.series):
-            name = problem.parameters.names[int(places[constant.name][number])]
-            own = profiles.get(name)
-            each[series] = fixed_estimate(constant.fixed or 0.0) if own is None else own.estimate()
-        constants[constant.name] = each if constant.separate else each[problem.series[0]]
-    kappas: dict[str, Estimate] = {}
-    for number, series in enumerate(problem.series):
+
+    def of_kappa(number: int) -> Estimate:
+        series = problem.series[number]
         profile = profiles.get(f"kappa[{series}]") or profiles.get("kappa")
-        derived = kappa_of_constants(problem, number, constants)
-        of_profile = local_kappas[series] if profile is None else profile.estimate()
-        kappas[series] = of_profile if derived is None else derived
+        return local_kappas[series] if profile is None else profile.estimate()
+
+    names = problem.parameters.names
     pair = [problem.parameters[name] for name in ("e_n", "mu")]
-    if only_kappa_is_seen(problem) and any(constant.prior is not None for constant in pair):
-        for constant in pair:
-            each = {series: through_kappa(problem, constant, kappas[series]) for series in problem.series}
-            constants[constant.name] = each if constant.separate else each[problem.series[0]]
+    loose = only_kappa_is_seen(problem) and any(constant.prior is not None for constant in pair)
+
+    def of_entry(place: int) -> Estimate:
+        constant = problem.parameters.entries[place]
+        if loose and constant.name in ("e_n", "mu"):
+            (number, *_) = np.flatnonzero(problem.parameters.positions[constant.name] == place).tolist()
+            return through_kappa(problem, constant, of_kappa(number))
+        return profiles[names[place]].estimate()
+
+    constants, kappas = by_constant(problem, of_entry, of_kappa)
     local = transitions_of(problem, gaussian, kappas)
     transitions = {
         series: _transition_of(series, kappas[series], profiles, local[series]) for series in problem.series
