@@ -37,6 +37,7 @@ class Case:
         Constant to (mean, sd).
     gamma_min : float, optional
         Degrees.
+    closure : str
     repeats_data : bool
         Its impacts are those of another case, seen through another observable: it is not counted twice.
     readings : tuple of str
@@ -53,6 +54,7 @@ class Case:
     fixed: tuple[str, ...] = ()
     prior: Mapping[str, tuple[float, float]] | None = None
     gamma_min: float | None = None
+    closure: str = "ifr"
     repeats_data: bool = False
     readings: tuple[str, ...] = ()
 
@@ -95,6 +97,7 @@ def fit_case(case: Case, *, reading: str | None = None) -> FittedCase:
             fix={name: own[name] for name in case.fixed},
             prior=case.prior,
             gamma_min=case.gamma_min,
+            closure=case.closure,
         )
     except IfrfitError as error:
         if entry(case.dataset).installed is None:

@@ -71,7 +71,7 @@ def _block(done: FittedCase, result: FitResult) -> str:
         sd = "-" if found.stderr is None or found.value is None else sd_text(found.stderr)
         says = _recovery(line) if done.stand_in else _reading(line, found)
         rows.append(
-            f"  {line.constant:<4} {printed:>7} {value_text(found):>9} {sd:>7}  {span:<18}  "
+            f"  {line.constant:<5} {printed:>6} {value_text(found):>9} {sd:>7}  {span:<18}  "
             f"{found.status.replace('_', ' '):<14}  {says}"
         )
     rows += _wrapped(_facts(result) if done.stand_in else f"verdict: {_verdict(result)}")
