@@ -93,7 +93,9 @@ class MomentumCheck:
 
     @property
     def _sum_of_spins(self) -> str:
-        return ", and that spins are the sum of both spheres' (one of them asks for 2 J)" if self.of_pair else ""
+        return (
+            ", and that spins are the sum of both spheres' (one of them asks for 2 J)" if self.of_pair else ""
+        )
 
 
 def _body(suggested: float) -> tuple[float, str]:

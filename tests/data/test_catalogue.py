@@ -30,9 +30,10 @@ NAMES = (
     "kharaz-2001",
     "netl-glass-acrylic",
     "reagle-2013",
+    "wang-2018-limestone",
     "wang-2020",
 )
-REAL = ("cornell-glass", "kharaz-2001", "netl-glass-acrylic")
+REAL = ("cornell-glass", "kharaz-2001", "netl-glass-acrylic", "wang-2018-limestone")
 STAND_INS = tuple(name for name in NAMES if name not in REAL)
 MINE = (
     "series,observable,gamma_deg,value\nno spin,beta,20,0.41\nno spin,beta,60,-0.47\nno spin,beta,75,-0.75\n"
@@ -132,6 +133,7 @@ def test_default_selections_and_noise_policies():
         "kharaz-2001": (("kratos",), ("beta_cm", "spin_y_after"), "scaled"),
         "netl-glass-acrylic": (("glass-acrylic",), ("e_n", "mu"), "unknown"),
         "reagle-2013": (("27 m/s",), ("beta_tot",), "known"),
+        "wang-2018-limestone": (("0.1 m", "0.2 m"), ("v_x", "v_n", "spin_y_after"), "unknown"),
         "wang-2020": (("no spin",), ("delta_deg",), "known"),
     }
 
@@ -202,6 +204,23 @@ def test_netl_counts_and_spread():
     assert (round(mu.mean(), 4), round(mu.std(), 4)) == (0.2514, 0.0756)
     assert table["sigma"].isna().all()
     assert table["gamma_deg"].isna().all()
+
+
+def test_rocks_are_as_their_authors_measured_them():
+    """Line 18 of the supplement: 0.1 m, from 5.366 and 3.65 m/s to 2.57 and 2.898 m/s, 48.4 rad/s."""
+    table = catalogue.load_dataset("wang-2018-limestone").table
+    assert table.value_counts(["series", "observable"]).to_dict() == {
+        (series, observable): count
+        for series, count in (("0.1 m", 38), ("0.2 m", 37))
+        for observable in ("v_x", "v_n", "spin_y_after")
+    }
+    first = table[table["impact_id"] == "row-18"].set_index("observable")
+    speed = np.hypot(5.366, 3.65)
+    assert first["speed_m_s"].to_numpy() == pytest.approx([speed] * 3, abs=1e-6)
+    assert first["gamma_deg"].to_numpy() == pytest.approx([np.degrees(np.arctan2(3.65, 5.366))] * 3, abs=1e-5)
+    assert first["value"].to_dict() == pytest.approx(
+        {"v_x": 2.898 / speed, "v_n": 2.57 / speed, "spin_y_after": -48.4 * 0.05 / speed}, abs=1e-6
+    )
 
 
 def test_printed_constants_by_series():

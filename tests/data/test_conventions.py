@@ -141,7 +141,10 @@ def test_a_convention_without_effect_is_noted(read):
         ("column:ux=x", r"'ux' is no column; close are u_x\."),
         ("column:qqq=x", r"'qqq' is no column\. A column is"),
         ("z=up", r"--convention z=up: the choices are into-wall, out-of-wall\."),
-        ("provenance=guessed", r"provenance=guessed: the choices are measured, published, digitised, simulated\.$"),
+        (
+            "provenance=guessed",
+            r"provenance=guessed: the choices are measured, published, digitised, simulated\.$",
+        ),
         ("provenance=stand-in", r"digitised, simulated\. A stand-in says so in the file itself\.$"),
         ("ignore=", r"--convention ignore=: write NAME=CHOICE\. Known are"),
         ("angle=from-wall:from-normal", "both 'from-normal' and 'from-wall' are given. Keep one"),

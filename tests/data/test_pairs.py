@@ -166,6 +166,12 @@ def test_relative_velocities_of_glass_spheres_give_the_bundled_observables():
         rows = (table["observable"] == observable).to_numpy()
         assert rows.sum() == 24
         expected = known[known["observable"] == own]
-        assert table["value"].to_numpy()[rows] / share[rows] == pytest.approx(expected["value"].to_numpy(), abs=2e-6)
-        assert table["gamma_deg"].to_numpy()[rows] == pytest.approx(expected["gamma_deg"].to_numpy(), abs=1e-5)
-        assert table["speed_m_s"].to_numpy()[rows] == pytest.approx(expected["speed_m_s"].to_numpy(), abs=1e-6)
+        assert table["value"].to_numpy()[rows] / share[rows] == pytest.approx(
+            expected["value"].to_numpy(), abs=2e-6
+        )
+        assert table["gamma_deg"].to_numpy()[rows] == pytest.approx(
+            expected["gamma_deg"].to_numpy(), abs=1e-5
+        )
+        assert table["speed_m_s"].to_numpy()[rows] == pytest.approx(
+            expected["speed_m_s"].to_numpy(), abs=1e-6
+        )

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
+from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.series_compared import pooling, unequal_noise
 from ifrfit.inference.diagnostics.thresholds import FACTS
@@ -14,6 +15,9 @@ from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
+
+
+_OF_SPEED = [[name] for name in LAWS]
 
 
 def misfit_facts(
@@ -33,6 +37,8 @@ def misfit_facts(
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
         effects = {}  # velocities and spins say it themselves
     restitution = normal_restitution(problem, found)
+    if "p_laws_of_speed" in ({} if restitution is None else restitution.figures) and called[:1] in _OF_SPEED:
+        effects = {}  # a rise of e_n with the angle feigns a law of the speed
     shared = None if brief else pooling(problem, found)
     noises = None if brief else unequal_noise(problem, found)
     if shared is not None and not shared.ok:
