@@ -16,7 +16,6 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
 
-
 _OF_SPEED = [[name] for name in LAWS]
 
 
