@@ -45,8 +45,8 @@ OPEN_QUESTIONS = {
     "Give the signed values, beta = -V_t/U_t",
 }
 _WHY_PAIR = (
-    " Two equal spheres are a wall in the relative frame; of other pairs radii, masses and inertia factors of "
-    "both bodies enter, and ifrfit does not read them. For impacts on a wall leave the convention away."
+    " Two equal spheres are a wall in the relative frame; of other pairs radii, masses and inertia factors "
+    "of both bodies enter, and ifrfit does not read them. For impacts on a wall leave the convention away."
 )
 OPEN_QUESTIONS["tan_psi"] = OPEN_QUESTIONS["psi"]
 

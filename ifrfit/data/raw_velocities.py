@@ -5,9 +5,9 @@ right-handed frame; spins are right-handed. If the tangential velocity is not al
 about z until it is. In the paper's signs omega_x is minus the right-handed one and omega_y is the same. A
 file whose z points out of the wall is first turned half round about x (see `ifrfit.data.column_roles`).
 
-Two equal spheres with masses m, radii R and the impulse P on the first change their relative velocity by 2 P/m
-and the sum of their spins by 2 R n x P/(J m R^2), n from the first to the second: those of one sphere on a
-wall under the impulse per mass 2 P/m, so the same equations read both (docs/pairs.md).
+Two equal spheres of mass m and radius R, with the impulse P on the first, change their relative velocity by
+2 P/m and the sum of their spins by 2 R n x P/(J m R^2), n from the first to the second: as one sphere on a
+wall does under the impulse per mass 2 P/m. So the same equations read both (docs/pairs.md).
 """
 
 from __future__ import annotations

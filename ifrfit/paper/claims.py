@@ -54,8 +54,9 @@ class Answer:
 def across_regimes(done: FittedCase) -> Answer | None:
     """Answer whether one set of constants holds in sticking and in sliding.
 
-    "No" where the fit of one set shows lack of fit, where readings of e_n contradict one value, or where the evidence favours an e_t of its own for each
-    regime by a factor of 20; impacts are sorted into regimes by the fit of one set.
+    "No" where the fit of one set shows lack of fit, where readings of e_n contradict one value, or where the
+    evidence favours an e_t of its own for each regime by a factor of 20; impacts are sorted into regimes by
+    the fit of one set.
     """
     if done.result is None:
         return None

@@ -151,7 +151,8 @@ def select_figures(names: Sequence[str], digitised_only: bool) -> Choice:
     Raises
     ------
     UsageError
-        If there is no such figure, or none of those wanted has points that were measured, published or digitised.
+        If there is no such figure, or none of those wanted has points that were measured, published or
+        digitised.
     """
     requested = _named(names)
     if not digitised_only:

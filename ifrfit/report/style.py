@@ -135,7 +135,7 @@ def save_figure(figure: Figure, path: Path) -> None:
 def svg_text(figure: Figure) -> str:
     """A figure as svg, without a date, its clipped regions numbered in order.
 
-    matplotlib names them by a hash of their corners, whose last bits depend on the processor and on addresses.
+    matplotlib names them by a hash of their corners, whose last bits depend on processor and addresses.
     """
     text = io.StringIO()
     with drawing():

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ifrfit import fit
 from ifrfit.data import catalogue
 from ifrfit.data import installation as installing
 from ifrfit.data import locations as finding
@@ -282,9 +283,9 @@ def test_describe_states_the_place_of_all_conditions_once():
 def test_the_list_fits_a_terminal_and_says_what_a_stand_in_is():
     lines = listing_lines(catalogue.listing())
     assert max(map(len, lines)) <= 88
-    assert "hashemnia-2019      stand-in   Steel ball on a steel plate (Hashemnia & Askari 2019)" in lines
+    assert "hashemnia-2019       stand-in   Steel ball on a steel plate (Hashemnia & Askari 2019)" in lines
     at = next(i for i, line in enumerate(lines) if line.startswith("kharaz-2001 "))
-    assert lines[at + 1] == " " * 31 + "Gorham & Salman 2001): two readings"
+    assert lines[at + 1] == " " * 32 + "Gorham & Salman 2001): two readings"
     text = " ".join(lines)
     assert "A stand-in is generated from the constants a paper prints" in text
     real = [entry for entry in catalogue.listing() if entry.provenance != "stand-in"]
@@ -482,8 +483,31 @@ def test_rows_keep_the_provenance_they_state(tmp_path):
     assert "your measurement replaces" in catalogue.load_dataset("cross-2019").notes[0]
 
 
+def test_a_printed_table_is_published_up_to_the_result(tmp_path):
+    path = tmp_path / "table.csv"
+    rows = (
+        "series,gamma_deg,beta,sigma",
+        *(f"no spin,{row},0.02" for row in ("20,0.41", "60,-0.47", "75,-0.75")),
+    )
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    catalogue.install("cross-2019", path, provenance="published")
+    data = catalogue.load_dataset("cross-2019")
+    assert data.provenance == ("published",)
+    assert data.notes[0].startswith("cross-2019: your table replaces the bundled stand-in (from table.csv); ")
+    found = fit(data, fix={"e_n": 0.94}, method="lsq")
+    assert "3 impacts, beta, published, sigma given" in found.summary()
+    assert "Printed in a table of a publication, rounded as it stands there." in found.summary()
+    assert found.to_dict()["input"][0]["provenance"] == "published"
+    figure = found.plot()
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes)]
+    legend = [text.get_text() for one in legends if one is not None for text in one.get_texts()]
+    assert any("(published)" in text for text in legend)
+
+
 def test_the_least_claim_counts():
     assert package_provenance(["measured", "simulated", "digitised"]) == "simulated"
+    assert package_provenance(["measured", "published"]) == "published"
+    assert package_provenance(["published", "digitised"]) == "digitised"
 
 
 def test_a_stand_in_cannot_be_installed(tmp_path):
@@ -494,7 +518,7 @@ def test_a_stand_in_cannot_be_installed(tmp_path):
     ):
         catalogue.install("cross-2019", path)
     with pytest.raises(
-        UsageError, match="Provenance 'stand-in' cannot be installed: use one of measured, digitised"
+        UsageError, match="Provenance 'stand-in' cannot be installed: use one of measured, published"
     ):
         catalogue.install("cross-2019", path, provenance="stand-in")
 

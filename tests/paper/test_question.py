@@ -126,5 +126,5 @@ def test_real_data_are_answered_today():
 
 
 def test_every_case_has_a_figure_of_the_paper_or_no_place_in_one():
-    """Repeats have no angle to draw over, and rocks that contradict every closure would draw a wrong curve."""
+    """Repeats have no angle to draw over, and of rocks that contradict the closure no curve is right."""
     assert [case.name for case in CASES if not case.figures] == ["wang-2018-limestone", "netl-glass-acrylic"]

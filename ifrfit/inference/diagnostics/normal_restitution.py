@@ -105,8 +105,8 @@ def normal_restitution(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     if wrong and (of_law := _laws_of_speed(every)) < REFUTED:
         figures["p_laws_of_speed"] = of_law
         wrong.append(
-            f"neither yield nor viscosity makes e_n rise so with the angle (p = {p_text(of_law)}); a shape that is "
-            "not round does, as of faceted rocks"
+            f"neither yield nor viscosity makes e_n rise so with the angle (p = {p_text(of_law)}); a shape "
+            "that is not round does, as of faceted rocks"
         )
     if wrong:
         return Fact(False, "; ".join(wrong), figures, rule)
@@ -172,7 +172,7 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str) -> Iterator[_Fin
 
 
 def _parabola(x: Array, value: Array, root: Array) -> tuple[Array, float]:
-    """A parabola in x by weighted least squares, `root` squared the weights: its values, and the misfit left."""
+    """A parabola in x by least squares with weights `root` squared: its values, and the sum left."""
     scaled = (x - x.mean()) / np.ptp(x)
     design = np.stack((np.ones(x.size), scaled, scaled**2), axis=1)
     coefficients, *_ = np.linalg.lstsq(design * root[:, None], value * root, rcond=None)
@@ -184,7 +184,7 @@ def _laws_of_speed(every: Sequence[_Readings]) -> float:
     """The p value of e_n by yield or viscosity, one number a series, against a rise with the angle.
 
     1 where e_n does not rise with the angle, or where the normal speed explains it better: a parabola in its
-    logarithm beside one in the angle. F of the better law against that parabola, or chi2 where sigma is known.
+    logarithm beside one in the angle. F of the better law against the latter, or chi2 where sigma is known.
     """
     p, looks, gained = 1.0, 0, 0.0
     for readings in every:
