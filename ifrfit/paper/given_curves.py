@@ -72,7 +72,7 @@ class Model:
             setting.spin_y,
             closure=self.closure,
             degrees=True,
-            **self.constants,  # type: ignore[arg-type]
+            **self.constants,
         )
         if self.misprint is not None:
             values = self.misprint(impact)

@@ -1,10 +1,11 @@
-"""Readings that the closure cannot give, whatever its constants: a refutation that no further impact mends."""
+"""Readings that the closure cannot give, whatever its constants: no further impact mends that."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
@@ -51,7 +52,13 @@ def beyond_closure(problem: Problem, found: LeastSquaresFit) -> Fact | None:
 
 
 def _fact(
-    problem: Problem, found: LeastSquaresFit, rows: Array, at: Array, slope: Array, name: str, high: float
+    problem: Problem,
+    found: LeastSquaresFit,
+    rows: NDArray[np.intp],
+    at: Array,
+    slope: Array,
+    name: str,
+    high: float,
 ) -> Fact | None:
     """Of one observable: `at` holds its values at the least and the greatest impulse factor, (n, 2)."""
     value, sigma = problem.rows.value[rows], found.sigma[rows]
@@ -70,8 +77,8 @@ def _fact(
     gamma = float(problem.observations.table["gamma_deg"].to_numpy(dtype=float)[rows[worst]])
     says = (
         f"{int(beyond.sum())} of {z.size} readings of {name} lie beyond all that closure "
-        f"{problem.closure.title} gives (p = {p_text(p)}): {value[worst]:.3g} at {gamma:.3g} degrees, where it "
-        f"ends at {end:.3g}. {_reason(problem, high, gripped)}"
+        f"{problem.closure.title} gives (p = {p_text(p)}): {value[worst]:.3g} at {gamma:.3g} degrees, where "
+        f"it ends at {end:.3g}. {_reason(problem, high, gripped)}"
     )
     figures = {"p": p, "n_beyond": int(beyond.sum()), "observable": name}
     return Fact(False, says, figures, FACTS["beyond_closure"])
@@ -84,12 +91,12 @@ def _reason(problem: Problem, high: float, gripped: bool) -> str:
     reversal = high * (1.0 + 1.0 / problem.inertia_factor) - 1.0
     if reversal < _ROUNDING:
         return (
-            "In it the contact point at most stops, and here it springs back, as a superball's does: a closure "
-            "with tangential restitution, --closure fr or ifr, lets it"
+            "In it the contact point at most stops, and here it springs back, as a superball's does: a "
+            "closure with tangential restitution, --closure fr or ifr, lets it"
         )
     if reversal < 1.0 - _ROUNDING:
         return f"In it the contact point springs back with {reversal:.3g} of its speed at most"
     return (
-        "A contact point that leaves faster than it came gains energy, which no closure of a rigid sphere gives: "
-        "look at signs, units and the inertia factor"
+        "A contact point that leaves faster than it came gains energy, which no closure of a rigid sphere "
+        "gives: look at signs, units and the inertia factor"
     )

@@ -68,6 +68,18 @@ def test_a_single_outlier_among_many_is_an_outlier(tmp_path):
     assert not found.facts["outliers"].ok
 
 
+def test_many_rows_of_few_are_no_outliers_to_leave_out(tmp_path):
+    """beta of 0.2 in sticking, where IFR has 2/5 at least: so that most rows stick out."""
+    value = rebound(ANGLES, degrees=True, closure="fr", e_n=0.8, beta0=0.2, mu=0.25).beta
+    found = fit(table(tmp_path / "t.csv", noisy(value)), method="lsq", fix={"e_n": 0.8})
+    assert found.summary().startswith("LOOK  the data contradict the closure")
+    assert "--exclude" not in found.facts["outliers"].says
+    assert (
+        "so many of so few rows are no outliers: the law does not hold for them"
+        in found.facts["outliers"].says
+    )
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_data_at_the_end_of_the_domain_are_not_beyond_it(tmp_path, seed):
     """beta of 1 while sticking, the most there is: noise carries half of the readings beyond."""
