@@ -14,7 +14,7 @@ HEAD = """# Hard cases
 
 What ifrfit must answer where programs usually stumble. The tests run every row, with warnings as errors;
 whatever is fitted is fitted by least squares, by profiles, by the exact posterior and by Markov chains, with
-the same answers.
+the same answers (tables that contradict themselves: by least squares and by the exact posterior).
 This page is written by `python scripts/write_hard_cases.py` from the table in `tests/hard_cases/`.
 """
 TITLES = {
@@ -22,6 +22,7 @@ TITLES = {
     "scenes": "Simulated scenes",
     "data refused": "Data refused or skipped",
     "identifiability": "What the data can say",
+    "strangers": "Tables that contradict themselves or mislead",
     "numerics": "Numerics",
 }
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, fields
 
 from scipy.special import bdtr
 
-from ifrfit.inference.diagnostics.thresholds import GAP
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.provenance import STAND_IN, provenance_words
 from ifrfit.text import decimals, fixed
@@ -101,8 +100,7 @@ def lines_of(
 ) -> tuple[Line, ...]:
     """Lines of a fit, one a constant."""
     provenance = provenance_words(tuple(str(kind) for kind in result.points["provenance"].unique()))
-    gap = result.facts["global_optimum"].figures["gap"]
-    objective = result.fit.chi2 + result.fit.prior_chi2
+    _, least_squares = result.problem_and_optimum()
     lack = result.facts["lack_of_fit"]
     return tuple(
         Line(
@@ -118,7 +116,7 @@ def lines_of(
             identifiable=result.facts["identifiable"].ok,
             lack_of_fit_ok=lack.ok,
             lack_of_fit_p=lack.figures["p"],
-            certified=gap is not None and gap <= GAP * max(1.0, objective),
+            certified=least_squares.optimum.certified,
             provenance=provenance,
             case=case,
             figure=" ".join(figures),
