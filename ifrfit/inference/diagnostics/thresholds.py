@@ -52,8 +52,7 @@ FACTS = {
     "its observable beyond it at 0.025",
     "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola "
     "in the angle and in the logarithm of the speed against one value; their mean against a fixed value or a "
-    "prior, and against 1; no single reading 4 sd above 1. A rise with the angle is not blamed on yield or "
-    "viscosity where F of their laws against a parabola in the angle has a p below the same",
+    "prior, and against 1; no single reading 4 sd above 1",
     "pooling": f"with several series: p >= {REFUTED:g}, times the number of constants, that one of each "
     "describes all series as well as one each (F, or chi2 for known sigma)",
     "unequal_noise": f"stands only where it fails: p < {REFUTED:g}, times the number of noises, of "
