@@ -22,19 +22,21 @@ def result(cli, fitted):
     return path
 
 
-def test_report_writes_the_page_of_fit_again_closures_compared(cli, fitted):
-    assert cli(*fitted, "--out", "results", "--quiet").returncode == 0
-    result = Path("results/result.json")
-    written = Path("results/report.html").read_text(encoding="utf-8")
+def test_fit_writes_four_files_and_report_the_same_page_again_closures_compared(cli, fitted):
+    found = cli(*fitted, "--out", "deep/results")
+    assert found.returncode == 0
+    assert found.stdout.endswith("\n\nwritten: deep/results/  result.json  fit.svg  fit.png  report.html\n")
+    four = ["fit.png", "fit.svg", "report.html", "result.json"]
+    assert [path.name for path in Path("deep").iterdir()] == ["results"]
+    assert sorted(path.name for path in Path("deep/results").iterdir()) == four
+    written = Path("deep/results/report.html").read_text(encoding="utf-8")
     own = written.split('<section id="closures"')[1].split("</section>", 1)[0]
     assert [name for name in ("F", "FR", "IFR", "IFR-contact", "MAW") if f">{name}<" not in own] == []
-    found = cli("report", result)
+    found = cli("report", "deep/results/result.json")
     assert (found.returncode, found.stderr) == (0, "")
-    assert found.stdout == "written: results/report.html\n"
-    assert Path("results/report.html").read_text(encoding="utf-8") == written
-    assert sorted(path.name for path in Path("results").iterdir()) == [
-        "fit.png", "fit.svg", "report.html", "result.json"
-    ]  # fmt: skip
+    assert found.stdout == "written: deep/results/report.html\n"
+    assert Path("deep/results/report.html").read_text(encoding="utf-8") == written
+    assert sorted(path.name for path in Path("deep/results").iterdir()) == four
 
 
 @pytest.mark.usefixtures("small_page")
@@ -87,8 +89,3 @@ def test_what_is_wrong_is_said_in_a_sentence(cli, result, arguments, status, say
     assert (found.returncode, found.stdout) == (status, "")
     assert found.stderr.startswith(f"ifrfit: {says}")
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
-
-
-def test_help_costs_nothing(python):
-    code = "import sys, ifrfit.cli.main; print([m for m in ('jinja2', 'numpy') if m in sys.modules])"
-    assert python("-c", code).stdout == "[]\n"

@@ -65,13 +65,13 @@ def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None)
     count = f"{len(found)} outlier{'s' if many else ''}{' or more' if len(found) == _MOST else ''}"
     remedy = " ".join(f"--exclude {_exclude_name(problem, i)}" for i, _ in found)
     them = "them" if many else "it"
+    if len(found) == _MOST and problem.noise.is_known:
+        remedy = "with so many, sigma is rather too small for the scatter: --noise scaled or unknown"
+        return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
     if len(found) > max(2.0, _FEW * problem.rows.value.size):
         remedy = (
             "so many of so few rows are no outliers: the law does not hold for them, or sigma is too small"
         )
-        return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
-    if len(found) == _MOST and problem.noise.is_known:
-        remedy = "with so many, sigma is rather too small for the scatter: --noise scaled or unknown"
         return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
     says = f"{count}: {named}; check {them}, or leave {them} out with {remedy}"
     return Fact(False, says, figures, FACTS["outliers"])

@@ -41,12 +41,6 @@ def test_a_report_is_written_and_replaced_but_nothing_else_is(results, appraisal
     assert path.read_bytes() == first
 
 
-def test_another_suffix_is_refused(results, tmp_path):
-    with pytest.raises(UsageError, match=r"a report ends in \.html, \.md, \.pdf"):
-        results("lsq").report(tmp_path / "report.docx")
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.usefixtures("small")
 def test_a_folder_that_cannot_be_written_is_said(results, appraisals, tmp_path):
     (tmp_path / "taken").write_text("a file")
