@@ -43,8 +43,8 @@ def test_fit_writes_four_files_and_report_the_same_page_again_closures_compared(
 def test_the_form_follows_the_option_or_the_name(cli, result):
     assert cli("report", result, "--format", "md").stdout == "written: results/report.md\n"
     assert [path.suffix for path in Path("results/report-figures").iterdir()] == [".png"]
-    assert cli("report", result, "--out", "mine.pdf").stdout == "written: mine.pdf\n"
-    assert Path("mine.pdf").read_bytes()[:5] == b"%PDF-"
+    assert cli("report", result, "--out", "mine.md").stdout == "written: mine.md\n"
+    assert Path("mine.md").read_bytes().startswith(b"<!-- ifrfit report -->")
     assert cli("report", result, "--out", "folder", "--quiet").stdout == ""
     assert Path("folder/report.html").exists()
 
@@ -66,9 +66,18 @@ def test_several_results_make_an_index(cli, result):
     [
         (("nix.json",), 3, "nix.json: there is no such file. Name the result.json of a fit."),
         (("broken.txt",), 3, "broken.txt, line 1, column 1: this is not JSON"),
-        (("results/result.json", "--format", "doc"), 2, "--format doc: choose one of html, md, pdf."),
-        (("results/result.json", "--out", "a.md", "--format", "pdf"), 2, "--out a.md does not end in .pdf"),
-        (("results/result.json", "--out", "a.doc"), 2, "a.doc: a report ends in .html, .md, .pdf."),
+        (
+            ("results/result.json", "--format", "doc"),
+            2,
+            "--format doc: a report is html, md; choose one",
+        ),
+        (
+            ("results/result.json", "--format", "pdf"),
+            2,
+            "--format pdf: a report is html, md; print the page from a browser for a PDF.",
+        ),
+        (("results/result.json", "--out", "a.md", "--format", "html"), 2, "--out a.md does not end in .html"),
+        (("results/result.json", "--out", "a.doc"), 2, "a.doc: a report is html, md; choose one of them."),
         (
             ("results/result.json", "results/result.json"),
             2,

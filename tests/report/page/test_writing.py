@@ -1,4 +1,4 @@
-"""Reports as files: Markdown, PDF, many at once; what lies there of others stays."""
+"""Reports as files: Markdown, many at once; what lies there of others stays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ifrfit.report.page.batch import index, named_entries
 from ifrfit.report.page.html import fill
 from ifrfit.report.page.markdown import escaped, markdown_files
 
-KINDS = {"html": b"<!DOCTYPE html>", "md": b"<!-- ifrfit report -->", "pdf": b"%PDF-"}
+KINDS = {"html": b"<!DOCTYPE html>", "md": b"<!-- ifrfit report -->"}
 
 
 @pytest.fixture
