@@ -244,6 +244,8 @@ def _facts(
     offset = optimum.angle_offset
     several = several_modes(problem, optimum)
     facts = {
+        # what refutes the closure comes first: no remedy of what follows would help
+        **{name: fact for name, fact in about.facts.items() if name == "beyond_closure"},
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
         **({} if several is None else {"noise_modes": several}),
