@@ -28,7 +28,7 @@ def misfit_facts(
 
     Brief, it leaves out outliers, and the search for a remedy of a misfit.
     """
-    called = effects["effects"].figures["called"] if effects else []
+    called = [name for fact in effects.values() for name in fact.figures["called"]]
     momentum = _angular_momentum(problem) if problem.observations.momentum else None
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
         effects = {}  # velocities and spins say it themselves

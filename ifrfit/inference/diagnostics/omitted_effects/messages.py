@@ -41,6 +41,11 @@ def called_title(name: str) -> str:
     return _CALLED[name].partition(",")[0]
 
 
+def short_words(name: str) -> str:
+    """An effect, or what may be mistaken for one, in a few words."""
+    return _SHORT.get(name) or called_title(name)
+
+
 def called_words(problem: Problem, named: Sequence[Score]) -> str:
     """The effect that the residuals call for, where, how large, what else it may be, what to do."""
     first = named[0]
