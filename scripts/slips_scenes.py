@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,7 +96,7 @@ def experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
         gamma.sort()
     given_spin = np.resize([0.0, 0.3, -0.15], scene.n) if scene.spins else np.zeros(scene.n)
     speed = np.exp(rng.uniform(np.log(0.5), np.log(3.0), scene.n))
-    constants = {"e_n": rng.uniform(0.6, 0.95), "mu": rng.uniform(0.08, 0.25)}
+    constants = {"e_n": rng.uniform(0.6, 0.95), "mu": rng.uniform(0.08, 0.25)} | scene.fixed
     own = get_closure(scene.closure)
     c = 0.0
     if own.constant:
@@ -176,7 +175,7 @@ def _written(scene, cause, gamma, spin, speed, values, rng):
     written = dict(zip(names, rows, strict=True))
     kind, _, of = cause.name.partition(" ")
     names = list(names)
-    if kind == "sign" or kind.endswith("-after") and kind.startswith("sign"):
+    if kind == "sign" or (kind.endswith("-after") and kind.startswith("sign")):
         written[of or "spin_y_after"] = -written[of or "spin_y_after"]
     elif kind == "sign-of-spin-y-before":
         spin = -spin

@@ -16,8 +16,8 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions, parse_conventions
-from ifrfit.data.long_table import read_long
 from ifrfit.data.impact_numbers import refuse_restarted_impacts
+from ifrfit.data.long_table import read_long
 from ifrfit.data.observations import Observations, Source, make_table
 from ifrfit.data.partial_table import Piece, uncertainty_headers
 from ifrfit.data.raw_velocities import is_raw, read_raw

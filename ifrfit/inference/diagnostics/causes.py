@@ -38,26 +38,32 @@ def slips_first(
     rest = {} if effects is None else {"effects": effects}
     rule = FACTS["slips"]
     if too_few(problem, fit):
-        return {"slips": Fact(True, "too few rows to tell a slip in the table", {"called": [], "tests": {}}, rule)} | rest
+        return {
+            "slips": Fact(True, "too few rows to tell a slip in the table", {"called": [], "tests": {}}, rule)
+        } | rest
     slips = tried(problem, fit)
     found: dict[str, float] = {}
     if any(is_decisive(slip) for slip in slips):
         found = {name: drop_of_effect(problem, fit, one) for name, one in scores.items() if one.p < REFUTED}
     named = named_slips(slips, max(found.values(), default=0.0))
-    figures = {"called": [slip.name for slip in named], "tests": {_key(slip): _figures(slip) for slip in slips}}
+    figures: dict[str, object] = {
+        "called": [_key(slip) for slip in named],
+        "tests": {_key(slip): _figures(slip) for slip in slips},
+    }
     if not named:
         return {"slips": Fact(True, none_words(slips), figures, rule)} | rest
-    top = max(slip.drop for slip in named)
-    alike = [name for name, drop in found.items() if drop >= top - ALIKE and name not in figures["called"]]
-    figures["effects"] = alike
-    return {"slips": Fact(False, slip_words(problem, named, alike), figures, rule)}
+    top = max(slip.rank for slip in named)
+    others = found.keys() - {slip.name for slip in named}
+    alike = [name for name in found if name in others and found[name] >= top - ALIKE]
+    says = slip_words(problem, named, alike)
+    return {"slips": Fact(False, says, figures | {"effects": alike}, rule)}
 
 
 def named_slips(slips: Sequence[Slip], of_effects: float) -> list[Slip]:
     """Decisive slips that explain as much as anything else does, the most telling first."""
-    decisive = sorted((slip for slip in slips if is_decisive(slip)), key=lambda slip: -slip.drop)
-    top = max([of_effects, *(slip.drop for slip in decisive)])
-    return [slip for slip in decisive if slip.drop >= top - ALIKE]
+    decisive = sorted((slip for slip in slips if is_decisive(slip)), key=lambda slip: -slip.rank)
+    top = max([of_effects, *(slip.rank for slip in decisive)])
+    return [slip for slip in decisive if slip.rank >= top - ALIKE]
 
 
 def _key(slip: Slip) -> str:

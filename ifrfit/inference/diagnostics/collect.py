@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from ifrfit.inference.diagnostics.duplicates import duplicates
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.outliers import outliers
@@ -36,13 +37,16 @@ def misfit_facts(
     shared = None if brief else pooling(problem, found)
     noises = None if brief else unequal_noise(problem, found)
     if shared is not None and not shared.ok:
-        effects = {}  # constants that differ feign effects: they are looked for when the series are apart
+        # constants that differ feign effects: they are looked for when the series are apart
+        effects = {name: fact for name, fact in effects.items() if _precedes(fact, shared)}
         called = ["series"]
+    double = None if brief else duplicates(problem, found)
     small = scatter_too_small(problem, found, residuals)
     # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called)
     facts = {
         **({} if shared is None else {"pooling": shared}),
+        **({} if double is None else {"duplicates": double}),
         **({} if noises is None else {"unequal_noise": noises}),
         "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
         **({} if small is None else {"scatter_too_small": small}),
@@ -53,6 +57,13 @@ def misfit_facts(
     if momentum is not None:
         facts["angular_momentum"] = momentum
     return facts
+
+
+def _precedes(fact: Fact, shared: Fact) -> bool:
+    """Whether a slip is surer than that the series differ, which it may feign."""
+    tests = fact.figures["tests"]
+    least = min((tests[name]["p"] for name in fact.figures["called"]), default=1.0)
+    return not fact.ok and least < min(shared.figures["p"].values())
 
 
 def noise_converged(found: LeastSquaresFit) -> Fact:

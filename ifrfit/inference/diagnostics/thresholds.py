@@ -60,7 +60,7 @@ FACTS = {
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
     "viscoelasticity or yield, adhesion and rolling friction would move the values, and of other laws of "
-    "sticking, sliding and friction and of another inertia factor, which may be mistaken for them; named is "
+    "sticking, sliding, friction and restitution and of another inertia factor, which may be mistaken for them; named is "
     "the largest fall of -2 log likelihood, with those within 4 of it",
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
     "speaks most: of an offset of the angles, a turned camera, the scale of speeds and of spins, spin before "

@@ -219,11 +219,16 @@ def _facts(
     """Findings on the optimum, on the estimates and on the method, in the order of the report."""
     counts = about.statistics
     several = several_modes(problem, optimum)
+    slips = {name: about.facts[name] for name in ("duplicates", "slips") if name in about.facts}
+    first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
     facts = {
+        **first,
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
         **({} if several is None else {"noise_modes": several}),
-        "identifiable": identifiable(problem, optimum, constants, counts.n_sticking, counts.n_sliding),
+        "identifiable": identifiable(
+            problem, optimum, constants, counts.n_sticking, counts.n_sliding, slip="slips" in first
+        ),
         "at_bound": at_bound(constants),
         **about.facts,
     }

@@ -10,7 +10,7 @@ from scipy import special
 
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
-from ifrfit.inference.diagnostics.slips.alternatives import Alternative, alternatives
+from ifrfit.inference.diagnostics.slips.alternatives import alternatives
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, direction_of, nuisances
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
@@ -37,6 +37,8 @@ class Slip:
         without the row that speaks most for it.
     size, sd : float
         Of a slip with a size; 0 else.
+    usual : float
+        Prior standard deviation of the size.
     observable : str
         Whose values it is in; empty where it is in none.
     rows : tuple of int
@@ -48,8 +50,14 @@ class Slip:
     p: float
     size: float = 0.0
     sd: float = 0.0
+    usual: float = math.inf
     observable: str = ""
     rows: tuple[int, ...] = ()
+
+    @property
+    def rank(self) -> float:
+        """Fall of -2 log likelihood less what the prior of the size takes: by it slips and effects compare."""
+        return self.drop - (self.size / self.usual) ** 2
 
 
 def degrees_of_freedom(problem: Problem, fit: LeastSquaresFit) -> int:
@@ -97,8 +105,8 @@ def _sized(problem: Problem, fit: LeastSquaresFit, residual: Array) -> list[Slip
             best[score.direction.name] = (score, p)
     found = []
     for score, p in best.values():
-        slip = Slip(score.direction.name, score.drop, p, score.strength, score.sd)
         nuisance = next(each for each, direction in every if direction is score.direction)
+        slip = Slip(nuisance.name, score.drop, p, score.strength, score.sd, nuisance.usual)
         found.append(_fitted(problem, fit, nuisance, slip) if p < REFUTED else slip)
     return found
 
@@ -140,8 +148,12 @@ def _with_size(
     free = np.ones(start.size, dtype=bool)
     x, after = search(values, misfit, value, start, bounds, free)
     free[-1] = False
-    _, before = search(values, misfit, value, np.append(start[:-1], 0.0), bounds, free)
-    return float(misfit.likelihood(before) - misfit.likelihood(after)), float(x[-1])
+    none, before = search(values, misfit, value, np.append(start[:-1], 0.0), bounds, free)
+    drop = float(misfit.likelihood(before) - misfit.likelihood(after))
+    if drop < 0.0:  # the step of first order has led astray
+        x, after = search(values, misfit, value, none, bounds, np.ones(start.size, dtype=bool))
+        drop = float(misfit.likelihood(before) - misfit.likelihood(after))
+    return drop, float(x[-1])
 
 
 def _unsized(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
@@ -203,6 +215,12 @@ def _zeros(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
         dof = max(sigma.size - theta.size, 1)
         far = at[np.abs(z) > -float(special.stdtrit(dof, 0.5 * REFUTED / own.size))]
         if far.size:
-            p = own.size * 2.0 * float(special.stdtr(dof, -np.abs(z).min(initial=np.inf, where=np.isin(at, far))))
-            found.append(Slip("zero-for-missing", float((z**2).sum()), p, observable=name, rows=tuple(far.tolist())))
+            p = (
+                own.size
+                * 2.0
+                * float(special.stdtr(dof, -np.abs(z).min(initial=np.inf, where=np.isin(at, far))))
+            )
+            found.append(
+                Slip("zero-for-missing", float((z**2).sum()), p, observable=name, rows=tuple(far.tolist()))
+            )
     return found

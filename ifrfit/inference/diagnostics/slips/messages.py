@@ -13,15 +13,11 @@ from ifrfit.text import joined, p_text, plus_minus
 
 _LONGEST = 4  # rows that are named
 # of what is looked for, for the sentence that nothing was found
-_SHORT = {
-    "angle-offset": "offset of the angle",
-    "camera-turn": "turned camera",
-    "speed-scale": "scale of speeds",
-    "spin-scale": "scale of spins",
-    "incoming-spin": "spin before",
-    "incoming-roll": "rolling before",
-    "inertia-factor": "inertia factor",
-    "restitution-drift": "drift of e_n",
+_KINDS = {
+    "angles": ("angle-offset", "camera-turn"),
+    "scales": ("speed-scale", "spin-scale", "inertia-factor"),
+    "spin before": ("incoming-spin", "incoming-roll"),
+    "drift of e_n": ("restitution-drift",),
 }
 _BODIES = ((0.4, "solid sphere"), (2.0 / 3.0, "thin hollow ball"), (0.5, "disc on its edge"))
 _NEAR = 0.02  # of an inertia factor, from that of a known body
@@ -29,11 +25,10 @@ _NEAR = 0.02  # of an inertia factor, from that of a known body
 
 def none_words(tested: Sequence[Slip]) -> str:
     """What was looked for in vain."""
-    sized = [_SHORT[slip.name] for slip in tested if slip.name in _SHORT]
-    names = [*sized, "signs, angles, names and units"]
-    p = min((slip.p for slip in tested if slip.name in _SHORT), default=math.nan)
-    shown = "" if math.isnan(p) else f"; p = {p_text(p)}"
-    return f"no slip in the table shows ({joined(names)} looked for{shown})"
+    sized = {slip.name: slip.p for slip in tested if slip.sd}
+    kinds = [kind for kind, names in _KINDS.items() if any(name in sized for name in names)]
+    shown = f"; p = {p_text(min(sized.values()))}" if sized else ""
+    return f"no slip in the table shows ({joined([*kinds, 'signs and units'])} looked for{shown})"
 
 
 def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str]) -> str:
@@ -140,7 +135,7 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
         some = [exclude_name(problem, i) for i in slip.rows[:_LONGEST]]
         more = " and so on" if len(slip.rows) > _LONGEST else ""
         return (
-            f"0 for 'not measured' in {len(slip.rows)} cells of {observable}",
+            f"0 for 'not measured' in {observable} ({len(slip.rows)} of its cells)",
             f"empty these cells, or {' '.join(f'--exclude {one}' for one in some)}{more}",
         )
     if name.startswith("sign-of-spin"):

@@ -1,4 +1,4 @@
-"""Slips with a size: one unknown number beside the constants, whose derivative the residuals are tested along."""
+"""Slips with a size: one unknown number beside the constants, along whose derivative residuals are tested."""
 
 from __future__ import annotations
 
@@ -30,35 +30,38 @@ class Nuisance:
     values : callable
         From theta and the size to the value of each row, (n,).
     most : float
-        Largest size that a slip has; beyond it the cause is another.
+        Largest size that is searched.
+    usual : float
+        Prior standard deviation of the size: a slip of several times that is unlikely, however well it fits.
     """
 
     name: str
     values: Sized
     most: float
+    usual: float
 
 
 def nuisances(problem: Problem) -> Iterator[Nuisance]:
     """Every slip of unknown size that these rows could show."""
 
-    def read(name: str, most: float, flaw: Callable[[float], Flaw]) -> Nuisance:
-        return Nuisance(name, lambda theta, size: readings(problem, theta, flaw(size)), most)
+    def read(name: str, most: float, usual: float, flaw: Callable[[float], Flaw]) -> Nuisance:
+        return Nuisance(name, lambda theta, size: readings(problem, theta, flaw(size)), most, usual)
 
     measured = {each.numerator for each in problem.rows.observables}
     oblique = [each for each in problem.rows.observables if each.kind in OBLIQUE]
     if any(each.has_angle for each in problem.rows.observables):
-        yield read("angle-offset", 10.0, lambda x: Flaw(offset=x))
-        yield read("camera-turn", 10.0, lambda x: Flaw(turn=x))
+        yield read("angle-offset", 10.0, 2.0, lambda x: Flaw(offset=x))
+        yield read("camera-turn", 10.0, 2.0, lambda x: Flaw(turn=x))
     if "velocity" in measured or any(not each.numerator for each in oblique):
-        yield read("speed-scale", 0.5, lambda x: Flaw(speed=x))
+        yield read("speed-scale", 0.5, 0.1, lambda x: Flaw(speed=x))
     if "spin" in measured or problem.rows.incidence.spin_y.any():
-        yield read("spin-scale", 0.5, lambda x: Flaw(spin=x))
+        yield read("spin-scale", 0.5, 0.2, lambda x: Flaw(spin=x))
     if oblique and not (problem.rows.incidence.spin_y.any() or problem.rows.incidence.spin_x.any()):
-        yield read("incoming-spin", 5.0, lambda x: Flaw(constant_spin=x))
-        yield read("incoming-roll", 1.5, lambda x: Flaw(rolled=x))
+        yield read("incoming-spin", 5.0, 0.5, lambda x: Flaw(constant_spin=x))
+        yield read("incoming-roll", 1.5, 0.5, lambda x: Flaw(rolled=x))
     if {each.numerator == "spin" for each in oblique} == {True, False}:
         # spins beside velocities show it as they do rolling
-        yield Nuisance("inertia-factor", lambda theta, size: of_inertia(problem, theta, size), 0.9)
+        yield Nuisance("inertia-factor", lambda theta, size: of_inertia(problem, theta, size), 0.9, 0.3)
     yield from _drifts(problem)
 
 
@@ -72,9 +75,9 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
     for column in ("gamma_deg", "speed_m_s"):
         x = table[column].to_numpy(dtype=float)
         known = np.isfinite(x)
-        if known.any() and np.ptp(x[known]) > 0.0:
-            if abs(np.corrcoef(x[known], impact[known])[0, 1]) > _TIED:
-                return
+        varies = known.any() and float(np.ptp(x[known])) > 0.0
+        if varies and abs(np.corrcoef(x[known], impact[known])[0, 1]) > _TIED:
+            return
     place = problem.parameters.positions["e_n"][problem.rows.series]
     row = np.arange(impact.size)
 
@@ -82,7 +85,7 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
         def values(theta: Array, size: float) -> Array:
             return problem.predict(theta) + size * shape * problem.jacobian(theta)[row, place]
 
-        return Nuisance("restitution-drift", values, 0.5)
+        return Nuisance("restitution-drift", values, 0.5, 0.1)
 
     for part in _PARTS:
         yield drifting(np.where(impact < part * n, -0.5, 0.5))

@@ -70,7 +70,7 @@ class Misfit:
 
 def starts(problem: Problem, theta: Array) -> Array:
     """Places all over the domain, and theta, (m, p)."""
-    axes = []
+    axes: list[tuple[float, ...]] = []
     for name, places in problem.parameters.positions.items():
         one = problem.parameters.entries[int(places[0])]
         if one.fixed is not None:
