@@ -54,5 +54,6 @@ def refuse_restarted_impacts(layout: Layout, columns: Mapping[str, Any], rows: N
                 np.arange(len(cells)) == rows[place],
                 layout.header("impact_id"),
                 f"impact {show(str(ids[place]))} has the {noun} {value[place]:g}{unit} here and "
-                f"{value[other]:g}{unit} in {cells.word} {cells.lines[rows[other]]}. Number the impacts through the whole table{free}.",
+                f"{value[other]:g}{unit} in {cells.word} {cells.lines[rows[other]]}. "
+                f"Number the impacts through the whole table{free}.",
             )

@@ -76,7 +76,7 @@ def _fact(problem: Problem, copies: list[int], p: float) -> Fact:
     shown = lines[:_MOST_NAMED]
     says = (
         f"{len(lines)} impact{'s stand' if len(lines) > 1 else ' stands'} in the table twice, alike in every "
-        f"decimal (lines {joined(shown)}{more}; p = {p_text(p)} by noise and rounding): remove the copies, or "
+        f"decimal (lines {joined(shown)}{more}; p = {p_text(p)} by noise and rounding): remove them, or "
         f"{' '.join(f'--exclude {line}' for line in shown)}{more}"
     )
     return Fact(False, says, {"p": p, "n": len(lines), "rows": lines}, FACTS["duplicates"])

@@ -168,9 +168,8 @@ def _of_speed(
                 yield direction
         if e_n_known:
             # a face that stands oblique sends a part of the tangential velocity away from the wall
-            yield Direction(
-                "restitution-by-angle", by_e_n * i.sine / np.maximum(i.cosine, _GRAZING), two_sided=True
-            )
+            tangent = i.sine / np.maximum(i.cosine, _GRAZING)
+            yield Direction("restitution-by-angle", by_e_n * tangent, two_sided=True)
         # e_n^2 falls by (V_s/V)^2: per V_s^2
         less = -0.5 / (np.maximum(e_n, _LOWEST) * np.where(coming, normal, np.inf) ** 2)
         yield Direction("adhesion", by_e_n * less)

@@ -68,14 +68,14 @@ def _turn(problem: Problem, slip: Slip) -> tuple[str, str]:
 def _speed(problem: Problem, slip: Slip) -> tuple[str, str]:
     return (
         f"speeds after impact {_percent(slip)} off beside those before",
-        f"check scale and times of the camera; divide the velocities after by {1.0 + slip.size:.4g} to try it",
+        f"check scale and times of the camera; to try it, divide velocities after by {1.0 + slip.size:.4g}",
     )
 
 
 def _spin(problem: Problem, slip: Slip) -> tuple[str, str]:
     return (
         f"spins {_percent(slip)} off beside the speeds",
-        f"check the radius and the scale; divide the spins by {1.0 + slip.size:.4g} to try it",
+        f"check the radius and the scale; to try it, divide the spins by {1.0 + slip.size:.4g}",
     )
 
 

@@ -66,7 +66,7 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
 
 
 def _drifts(problem: Problem) -> Iterator[Nuisance]:
-    """e_n that is another one from some row on; only where the rows are not in the order of angle or speed."""
+    """Another e_n from some row on; only where the rows are not in the order of angle or speed."""
     impact = problem.rows.impacts
     n = int(impact.max()) + 1
     if n < 8 or not problem.rows.of_kind("normal", "curved").any():
