@@ -13,7 +13,7 @@ from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Index
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text
 
@@ -90,7 +90,7 @@ def lack_of_fit(problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *,
     says = (
         f"the data contradict one set of constants (p = {p_text(p)}, {test}); "
         f"the misfit sits {where}: {signs}"
-        f"{_oblique_remedy(problem) if near_normal and remedy and problem.closure.bilinear else ''}"
+        f"{_oblique_remedy(problem, fit) if near_normal and remedy and problem.closure.bilinear else ''}"
     )
     return Fact(False, says, figures, rule)
 
@@ -113,16 +113,17 @@ def scatter_too_small(problem: Problem, fit: LeastSquaresFit, residuals: Residua
     return Fact(False, says, figures, FACTS["scatter_too_small"])
 
 
-def _oblique_remedy(problem: Problem) -> str:
+def _oblique_remedy(problem: Problem, whole: LeastSquaresFit) -> str:
     """Whether the oblique impacts alone can be described, found by trying."""
     says = ". Microslip does this near the normal: try --closure maw"
     gamma = problem.observations.table["gamma_deg"].to_numpy(dtype=float)
     angles = np.unique(gamma[gamma < _NEAR_NORMAL])
     for angle in angles[:: 1 + angles.size // _TRIALS]:
         cut = math.floor(float(angle)) + 1
-        part = problem.with_rows(np.flatnonzero(~(gamma < cut)))
+        kept = np.flatnonzero(~(gamma < cut))
+        part = problem.with_rows(kept)
         try:
-            fit = least_squares(part)
+            fit = refit(part, whole.sigma[kept])
         except DataError:  # too few rows are left to tell their noise
             break
         found = lack_of_fit(part, fit, residuals_of(part, fit), remedy=False)

@@ -11,7 +11,7 @@ from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, residuals_of
 from ifrfit.inference.diagnostics.thresholds import FACTS, OUTLIER
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.result.types import Fact
 
 _MOST = 8  # outliers that are looked for
@@ -38,7 +38,7 @@ def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fa
         kept = np.delete(np.arange(places.size), worst)
         places, kept_problem = places[kept], kept_problem.with_rows(kept)
         try:
-            fit = least_squares(kept_problem, fit.optimum.theta)
+            fit = refit(kept_problem, fit.sigma[kept], fit.optimum.theta)
         except DataError:  # too few rows are left to tell their noise
             break
         residuals = residuals_of(kept_problem, fit)

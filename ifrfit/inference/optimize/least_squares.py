@@ -94,8 +94,31 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresF
     return _with_plain_errors(problem, start)
 
 
-def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSquaresFit:
-    """Fit under normal errors of the values alone; see `least_squares`."""
+def refit(problem: Problem, sigma: Array, start: Array | None = None) -> LeastSquaresFit:
+    """Fit a problem that differs little from one whose fit is known, without a proof over unknown noises.
+
+    Parameters
+    ----------
+    problem : Problem
+    sigma : ndarray, (n,)
+        Standard uncertainty of its rows in the known fit: the mode of the noises that is followed.
+    start : ndarray, optional
+        As for `least_squares`.
+
+    Raises
+    ------
+    DataError
+        As `least_squares`.
+    """
+    if not problem.error_model.is_plain:
+        return _iteratively_reweighted(problem)
+    return _with_plain_errors(problem, start, sigma)
+
+
+def _with_plain_errors(
+    problem: Problem, start: Array | None = None, known_sigma: Array | None = None
+) -> LeastSquaresFit:
+    """Fit under normal errors of the values alone; see `least_squares` and `refit`."""
     if problem.noise.is_known:
         optimum = solve(problem, problem.noise.sigma, start)
         gaussian = gaussian_approximation(problem, problem.noise.sigma, optimum.theta)
@@ -106,8 +129,12 @@ def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSqu
     for name, rows in groups.items():
         refuse_exact_group(problem, name, rows)
     base = problem.noise.base
-    modes = noise_modes(problem, start)
-    factor, change = noise_factors(problem, modes.best.theta), math.inf
+    modes = None if known_sigma is not None else noise_modes(problem, start)
+    if modes is not None:
+        factor = noise_factors(problem, modes.best.theta)
+    else:
+        factor = np.asarray(known_sigma) / base
+    change = math.inf
     near = start  # a search that found the optimum once follows it while the noise settles
     for _ in range(_ITERATIONS):
         optimum = solve(problem, base * factor, near)
@@ -123,9 +150,13 @@ def _with_plain_errors(problem: Problem, start: Array | None = None) -> LeastSqu
         optimum = solve(problem, sigma, start)
     dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
     gaussian = gaussian_approximation(problem, sigma, optimum.theta)
-    if not modes.follows_squares:
+    rivals: tuple[tuple[float, Array], ...] = ()
+    if modes is None:
+        optimum = replace(optimum, gap=None)
+    elif not modes.follows_squares:
         optimum = _with_modes(optimum, modes, phi(problem, optimum.theta) - modes.best.value)
-    return LeastSquaresFit(optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian, modes.rivals)
+        rivals = modes.rivals
+    return LeastSquaresFit(optimum, sigma, group_sigma(problem, sigma), dof, change, gaussian, rivals)
 
 
 def _with_modes(optimum: Optimum, modes: NoiseModes, moved: float) -> Optimum:
