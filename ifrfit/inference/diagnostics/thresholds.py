@@ -65,9 +65,9 @@ FACTS = {
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
     "speaks most: of an offset of the angles, a turned camera, the scale of speeds and of spins, spin before "
     "that is not in the table, another inertia factor, an e_n that changes in the course of the table; and a "
-    f"fall of -2 log likelihood below {DECISIVE:g} for the table with another sign, with angles from the wall "
-    "or in radians, percent, centre for contact point, 0 for 'not measured'. It fails only where no effect "
-    f"explains more by {ALIKE:g}; what explains as much is named beside it",
+    f"fall of -2 log likelihood below {DECISIVE:g} for the table with another sign, with angles from the "
+    "wall or in radians, percent, centre for contact point, 0 for 'not measured'. It fails only where no "
+    f"effect explains more by {ALIKE:g}; what explains as much is named beside it",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
     "every decimal, by noise and rounding (Poisson)",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",

@@ -56,7 +56,7 @@ class Slip:
 
     @property
     def rank(self) -> float:
-        """Fall of -2 log likelihood less what the prior of the size takes; slips and effects compare by it."""
+        """Fall of -2 log likelihood less what the prior of the size takes: by it causes compare."""
         return self.drop - (self.size / self.usual) ** 2
 
 

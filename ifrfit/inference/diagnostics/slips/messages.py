@@ -161,11 +161,5 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
     if name == "radians":
         return f"{observable} in radians", f"call the column {observable.removesuffix('_deg')}_rad"
     there = name.removeprefix("meant-")
-    option = {
-        "beta_cm": "--convention beta=centre",
-        "tan_psi_out": "--convention psi=over-outgoing",
-        "psi_out_deg": "--convention psi=over-outgoing",
-        "tan_psi_after": "--convention psi=over-incoming",
-        "psi_after_deg": "--convention psi=over-incoming",
-    }.get(there, f"--convention column:{there}=HEADER")
-    return f"{there} in the column of {observable}", option
+    option = "beta=centre" if there == "beta_cm" else f"column:{there}={observable}"
+    return f"{there} in the column of {observable}", f"--convention {option}"
