@@ -48,7 +48,7 @@ def test_a_clean_table_has_no_slip(scene):
     for seed in (0, 1):
         slips = fitted(scene, Cause(), seed).facts["slips"]
         assert slips.ok, slips.says
-        assert slips.says.startswith("no slip in the table shows (")
+        assert slips.says.startswith("no slip shows in the table (")
 
 
 @pytest.mark.long

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from ifrfit.inference.diagnostics.omitted_effects.messages import short_words
 from ifrfit.inference.diagnostics.outliers import exclude_name
 from ifrfit.inference.diagnostics.slips.evidence import Slip
+from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.text import joined, p_text, plus_minus
 
@@ -27,8 +28,11 @@ def none_words(tested: Sequence[Slip]) -> str:
     """What was looked for in vain."""
     sized = {slip.name: slip.p for slip in tested if slip.sd}
     kinds = [kind for kind, names in _KINDS.items() if any(name in sized for name in names)]
-    shown = f"; p = {p_text(min(sized.values()))}" if sized else ""
-    return f"no slip in the table shows ({joined([*kinds, 'signs and units'])} looked for{shown})"
+    looked = joined([*kinds, "signs", "units"])
+    least = min(sized.values(), default=1.0)
+    if least < REFUTED:
+        return f"no slip in the table explains as much as an effect does ({looked} looked at)"
+    return f"no slip shows in the table ({looked} looked at{f'; p = {p_text(least)}' if sized else ''})"
 
 
 def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str]) -> str:
