@@ -69,9 +69,10 @@ def table_rows(result: FitResult) -> list[Row]:
 
 
 def constant_symbols() -> dict[str, str]:
-    """Every closure's constant in LaTeX, as mathtext knows it, too."""
+    """The constants, every closure's own among them, in LaTeX as mathtext knows it, too."""
     constants = (closure.own for closure in CLOSURES.values())
-    return {own.name: f"${own.latex}$" for own in constants if own is not None}
+    own = {each.name: f"${each.latex}$" for each in constants if each is not None}
+    return {"e_n": "$e_n$", "mu": r"$\mu$", "kappa": r"$\kappa$"} | own
 
 
 def _kappa_words(estimate: Estimate) -> str:

@@ -37,15 +37,6 @@ def test_correlated_draws_keep_mean_and_covariance():
     np.testing.assert_allclose(np.cov(drawn.T), covariance, atol=0.05)
 
 
-@pytest.mark.parametrize("dof", [np.inf, 7.0])
-@pytest.mark.parametrize(("center", "low", "high"), [(0.3, 0.0, 1.0), (-0.5, 0.0, 1.0), (1.8, 0.0, 1.0)])
-def test_truncated_quantiles_invert_the_cut_law(dof, center, low, high):
-    law = stats.norm(center, 0.4) if np.isinf(dof) else stats.t(dof, center, 0.4)
-    for p in (0.025, 0.5, 0.95):
-        x = quantile(p, center, 0.4, low, high, dof)
-        assert (law.cdf(x) - law.cdf(low)) / (law.cdf(high) - law.cdf(low)) == pytest.approx(p, abs=1e-9)
-
-
 def test_a_far_tail_keeps_its_digits():
     # centre 50 sd below the bound: the cut law is exponential with rate 50
     assert quantile(0.95, -50.0, 1.0, 0.0, np.inf) == pytest.approx(np.log(20.0) / 50.0, rel=1e-2)

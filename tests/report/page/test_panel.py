@@ -171,6 +171,9 @@ def test_paper_shows_no_controls_and_reduced_motion_does_not_glide(opened, pages
     assert not shown.tab.is_visible("#explorer")
     assert not shown.tab.is_visible("nav")
     assert shown.tab.is_visible("#constants table")
+    for part in (".picture", ".scroll", ".verdict"):  # on sheets these are not cut in two
+        inside = f"getComputedStyle(document.querySelector('{part}')).breakInside"
+        assert shown.tab.evaluate(inside) == "avoid", part
 
 
 def test_the_policy_stops_what_is_not_ours(opened, pages):
