@@ -38,7 +38,9 @@ def misfit_facts(
     noises = None if brief else unequal_noise(problem, found)
     if shared is not None and not shared.ok:
         # constants that differ feign effects: they are looked for when the series are apart
-        effects = {name: fact for name, fact in effects.items() if name == "slips" and _precedes(fact, shared)}
+        effects = {
+            name: fact for name, fact in effects.items() if name == "slips" and _precedes(fact, shared)
+        }
         called = ["series"]
     double = None if brief else duplicates(problem, found)
     small = scatter_too_small(problem, found, residuals)

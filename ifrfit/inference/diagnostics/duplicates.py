@@ -23,7 +23,8 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     """Count impacts of one setting whose values agree, and compare with what noise and rounding make of them.
 
     Two readings of one setting agree with probability r/(2 sqrt(pi) sigma) in an observable that is rounded
-    to steps of r; the number of pairs that do is taken as Poisson distributed.
+    to steps of r; the number of pairs that do is taken as Poisson distributed. Repeats of single readings are
+    left out: what steps an instrument has is not known.
 
     Returns
     -------
@@ -42,10 +43,12 @@ def duplicates(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     for own in members.values():
         own.sort(key=lambda row: tuple(keys[row]))
         settings.setdefault(tuple(map(tuple, keys[own].tolist())), []).append(own)
+    repeated = [impacts for impacts in settings.values() if len(impacts) > 1]
+    if any(len(own[0]) == 1 and np.ptp(rows.value[own]) > 0.0 for own in map(np.array, repeated)):
+        # single readings that are repeated: an instrument's own steps may be coarser than the last decimal
+        repeated = [impacts for impacts in repeated if len(impacts[0]) > 1]
     expected, pairs, copies = 0.0, 0, []
-    for impacts in settings.values():
-        if len(impacts) < 2:
-            continue
+    for impacts in repeated:
         expected += 0.5 * len(impacts) * (len(impacts) - 1) * float(np.prod(chance[impacts[0]]))
         first: dict[tuple[float, ...], int] = {}
         for own in impacts:

@@ -13,14 +13,14 @@ from ifrfit.physics import rebound
 GAMMA = np.repeat(np.linspace(10.0, 70.0, 7), 6)
 
 
-def repeats(path, decimals, seed, copies=0):
-    """Six readings of each setting, rounded; the first `copies` rows once more at the end."""
+def repeats(path, decimals, seed):
+    """Six readings of each setting, rounded."""
     rng = np.random.default_rng(seed)
     beta = rebound(GAMMA, e_n=0.9, e_t=-0.9, mu=0.15, degrees=True).beta + 0.02 * rng.standard_normal(
         GAMMA.size
     )
     rows = [f"{g:g},{b:.{decimals}f}" for g, b in zip(GAMMA, beta, strict=True)]
-    path.write_text("\n".join(["gamma_deg,beta", *rows, *rows[:copies]]) + "\n", encoding="utf-8")
+    path.write_text("\n".join(["gamma_deg,beta", *rows]) + "\n", encoding="utf-8")
     return fit(path, method="lsq", fix={"e_n": 0.9}).facts.get("duplicates")
 
 
@@ -35,8 +35,20 @@ def test_copied_impacts_are_named_by_their_lines():
 
 @pytest.mark.parametrize(("decimals", "found"), [(5, True), (1, False)])
 def test_rounding_decides(tmp_path, decimals, found):
-    """Five copies of beta stand out where it has five decimals, and not where it has one."""
-    assert (repeats(tmp_path / "t.csv", decimals, 0, copies=5) is not None) == found
+    """A table of single readings of different angles, copied: it is seen where beta has enough decimals."""
+    data = experiment(Scene(("beta",), 20, 0.02, known=False), Cause(), 2).table
+    rows = [f"{g:.1f},{b:.{decimals}f}" for g, b in zip(data["gamma_deg"], data["value"], strict=True)]
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(["gamma_deg,beta", *rows, *rows]) + "\n", encoding="utf-8")
+    assert ("duplicates" in fit(path, method="lsq", fix={"e_n": 0.8}).facts) == found
+
+
+def test_steps_of_an_instrument_are_no_copies(tmp_path):
+    """Single readings of one setting in steps that are coarser than their decimals."""
+    path = tmp_path / "t.csv"
+    steps = np.random.default_rng(1).integers(-3, 4, 40)
+    path.write_text("\n".join(["e_n", *(f"{0.9 + s / 137:.6f}" for s in steps)]) + "\n", encoding="utf-8")
+    assert "duplicates" not in fit(path, method="lsq").facts
 
 
 @pytest.mark.parametrize("decimals", [1, 2, 3, 4])

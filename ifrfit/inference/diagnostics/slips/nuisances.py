@@ -56,7 +56,9 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         yield read("speed-scale", 0.5, 0.1, lambda x: Flaw(speed=x))
     if "spin" in measured or problem.rows.incidence.spin_y.any():
         yield read("spin-scale", 0.5, 0.2, lambda x: Flaw(spin=x))
-    if oblique and not (problem.rows.incidence.spin_y.any() or problem.rows.incidence.spin_x.any()):
+    # who knows the velocity of the contact point before impact knows its spin
+    of_parts = any(not {"Tx", "Sy"} <= each.takes for each in oblique)
+    if of_parts and not (problem.rows.incidence.spin_y.any() or problem.rows.incidence.spin_x.any()):
         yield read("incoming-spin", 5.0, 0.5, lambda x: Flaw(constant_spin=x))
         yield read("incoming-roll", 1.5, 0.5, lambda x: Flaw(rolled=x))
     if {each.numerator == "spin" for each in oblique} == {True, False}:
