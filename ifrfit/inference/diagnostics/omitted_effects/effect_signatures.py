@@ -166,7 +166,7 @@ def _of_speed(
             direction = _restitution_law(problem, (e_n, c, mu), normal, weight, name, e_n_known)
             if direction is not None:
                 yield direction
-        if e_n_known:
+        if problem.rows.of_kind("normal").any():
             # a face that stands oblique sends a part of the tangential velocity away from the wall
             tangent = i.sine / np.maximum(i.cosine, _GRAZING)
             yield Direction("restitution-by-angle", by_e_n * tangent, two_sided=True)
