@@ -272,7 +272,7 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
 def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
     """Chains of given lengths that walk as those of `--method mcmc` do, with several seeds."""
     from ifrfit.inference import mcmc
-    from ifrfit.inference.mcmc.ensemble import walk
+    from ifrfit.inference.mcmc.run import walk
 
     def run(steps: int, own: int) -> Numbers:
         coordinates = mcmc.Coordinates(Density(problem))

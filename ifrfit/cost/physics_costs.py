@@ -200,10 +200,8 @@ class Scene:
 
     def repeated(self, count: int) -> Incidence:
         """So many impacts, these over and over."""
-        i, rows = self.incidence, np.resize(np.arange(self.psi1.size), count)
-        return Incidence(
-            i.sine[rows], i.cosine[rows], i.spin_x[rows], i.spin_y[rows], i.slip_x[rows], i.slip_y[rows]
-        )
+        rows = np.resize(np.arange(self.psi1.size), count)
+        return self.incidence.take(rows)
 
 
 def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> tuple[float, float]:

@@ -23,7 +23,7 @@ def test_the_covariance_agrees_with_lmfit(impacts):
     for name in ("e_n", "e_t", "mu"):
         assert found.constants[name].value == pytest.approx(theirs.params[name].value, abs=1e-7)
         assert found.constants[name].stderr == pytest.approx(theirs.params[name].stderr, rel=1e-4)
-    names, matrix = found.correlation
+    names, matrix = found.correlation.names, found.correlation.matrix
     at = names.index("e_t"), names.index("mu")
     assert matrix[at] == pytest.approx(theirs.params["e_t"].correl["mu"], abs=1e-4)
 

@@ -10,6 +10,7 @@ import ifrfit
 from ifrfit import UsageError
 from ifrfit.inference.distributions.truncated_gaussian import truncated_draws
 from ifrfit.inference.distributions.truncated_normal import quantile
+from ifrfit.inference.result.types import State
 
 GAMMA = np.linspace(4.0, 86.0, 34)
 
@@ -18,7 +19,9 @@ def drawn_from(center, covariance, lower, upper, n, seed):
     center = np.array(center, dtype=float)
     lower, upper = np.array(lower, dtype=float), np.array(upper, dtype=float)
     point = np.clip(center, lower, upper)
-    return truncated_draws(point, center, np.array(covariance), lower, upper, n, np.random.default_rng(seed))
+    names = tuple(f"c{i}" for i in range(center.size))
+    state = State(names, point, center, np.array(covariance), lower, upper)
+    return truncated_draws(state, n, np.random.default_rng(seed))
 
 
 def test_draws_follow_the_truncated_law():
