@@ -20,6 +20,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 _FEWEST = 3  # degrees of freedom below which no slip is looked for
 _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not measured"
+_LARGEST = 4.5  # prior standard deviations of a size
 _USUAL = 1e-3  # quantile of chi2 that a right table is not below
 
 
@@ -81,7 +82,9 @@ def tried(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
 
 
 def is_decisive(slip: Slip) -> bool:
-    """Whether the evidence suffices to name a slip."""
+    """Whether the evidence suffices to name a slip, and its size is one that a slip has."""
+    if abs(slip.size) > _LARGEST * slip.usual:
+        return False
     return slip.p < (REFUTED if slip.sd or slip.rows else math.exp(-0.5 * DECISIVE))
 
 
