@@ -25,7 +25,7 @@ class Descriptor:
     name, title : str
         Short name and one-line title.
     provenance : str
-        ``measured``, ``digitised``, ``simulated`` or ``stand-in``.
+        ``measured``, ``published``, ``digitised``, ``simulated`` or ``stand-in``.
     conditions : mapping
         Diameter, material, wall, speed, spin and so on, as the source states them.
     default_observables, default_series : tuple of str
@@ -78,8 +78,8 @@ class Source:
     rows_skipped : mapping of str to int
         Count of the others by reason.
     provenance : str
-        ``measured``, ``digitised``, ``simulated``, ``stand-in``, several joined by ``, ``, or empty: not
-        stated.
+        ``measured``, ``published``, ``digitised``, ``simulated``, ``stand-in``, several joined by ``, ``,
+        or empty: not stated.
     selection : str
         What was chosen from the source, in words; empty where all of it is used.
     descriptor : Descriptor or None

@@ -43,8 +43,8 @@ def read(
     ----------
     path : str or Path
     convention : sequence of ``NAME=CHOICE`` or mapping, optional
-        ``angle``, ``beta``, ``e_t``, ``psi``, ``z``, ``column:NAME``, ``unit:HEADER``, ``ignore``,
-        ``provenance``; see `ifrfit.data.conventions.parse_conventions`.
+        ``angle``, ``beta``, ``e_t``, ``psi``, ``z``, ``pair``, ``column:NAME``, ``unit:HEADER``,
+        ``ignore``, ``provenance``; see `ifrfit.data.conventions.parse_conventions`.
     inertia_factor : float
         J = I/(m R^2), used by the check of angular momentum of raw velocities.
 

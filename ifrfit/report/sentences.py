@@ -13,6 +13,7 @@ from ifrfit.report.rounding import by_series, labelled
 from ifrfit.text import fixed, joined, p_text
 
 HEADLINES = {
+    "beyond_closure": "readings lie beyond what the closure can give",
     "converged": "the estimator did not converge",
     "global_optimum": "the optimum is not proven to be the best",
     "noise_modes": "several sets of constants explain the data",

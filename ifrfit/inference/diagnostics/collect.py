@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
 from ifrfit.inference.diagnostics.duplicates import duplicates
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
+from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.series_compared import pooling, unequal_noise
 from ifrfit.inference.diagnostics.thresholds import FACTS
@@ -15,6 +17,8 @@ from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
+
+_OF_SPEED = [[name] for name in LAWS]
 
 
 def misfit_facts(
@@ -34,6 +38,9 @@ def misfit_facts(
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
         effects = {}  # velocities and spins say it themselves
     restitution = normal_restitution(problem, found)
+    if "p_laws_of_speed" in ({} if restitution is None else restitution.figures) and called[:1] in _OF_SPEED:
+        # a rise of e_n with the angle feigns a law of the speed
+        effects = {name: fact for name, fact in effects.items() if name == "slips"}
     shared = None if brief else pooling(problem, found)
     noises = None if brief else unequal_noise(problem, found)
     if shared is not None and not shared.ok:
@@ -42,18 +49,21 @@ def misfit_facts(
             name: fact for name, fact in effects.items() if name == "slips" and _precedes(fact, shared)
         }
         called = ["series"]
+    beyond = beyond_closure(problem, found)
     double = None if brief else duplicates(problem, found)
     small = scatter_too_small(problem, found, residuals)
     # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called)
     facts = {
+        **({} if beyond is None else {"beyond_closure": beyond}),
         **({} if shared is None else {"pooling": shared}),
         **({} if double is None else {"duplicates": double}),
         **({} if noises is None else {"unequal_noise": noises}),
         "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
         **({} if small is None else {"scatter_too_small": small}),
         **({} if restitution is None else {"normal_restitution": restitution}),
-        **({} if brief else {"outliers": outliers(problem, found, residuals)}),
+        # rows that the closure cannot give are no outliers: left out one by one, none would be left
+        **({} if brief or beyond is not None else {"outliers": outliers(problem, found, residuals)}),
         **effects,
     }
     if momentum is not None:

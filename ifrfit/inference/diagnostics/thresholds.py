@@ -49,6 +49,9 @@ FACTS = {
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
     "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
+    "beyond_closure": f"stands only where it fails: p < {REFUTED:g}, times the number of rows, that a "
+    "reading lies within what the closure gives between the ends of its domain, and a quarter of the rows of "
+    "its observable beyond it at 0.025",
     "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola "
     "in the angle and in the logarithm of the speed against one value; their mean against a fixed value or a "
     "prior, and against 1; no single reading 4 sd above 1",

@@ -231,6 +231,8 @@ def _facts(
     first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
     facts = {
         **first,
+        # what refutes the closure comes first: no remedy of what follows would help
+        **{name: fact for name, fact in about.facts.items() if name == "beyond_closure"},
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
         **({} if several is None else {"noise_modes": several}),
