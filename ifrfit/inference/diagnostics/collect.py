@@ -20,7 +20,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
 from ifrfit.text import plus_minus
 
-_OF_SPEED = [[name] for name in LAWS]
+_OF_RESTITUTION = {*LAWS, "restitution-by-angle"}
 
 
 def misfit_facts(
@@ -40,8 +40,9 @@ def misfit_facts(
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
         effects = {}  # velocities and spins say it themselves
     restitution = normal_restitution(problem, found)
-    if "p_laws_of_speed" in ({} if restitution is None else restitution.figures) and called[:1] in _OF_SPEED:
-        # a rise of e_n with the angle feigns a law of the speed
+    laws_fail = restitution is not None and "p_laws_of_speed" in restitution.figures
+    if laws_fail and called and set(called) <= _OF_RESTITUTION:
+        # the readings of e_n say it themselves: a rise with the angle feigns a law of the speed
         effects = {name: fact for name, fact in effects.items() if name == "slips"}
     shared = None if brief else pooling(problem, found)
     noises = None if brief else unequal_noise(problem, found)

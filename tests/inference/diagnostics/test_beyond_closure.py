@@ -34,7 +34,13 @@ def test_a_ball_that_springs_back_is_beyond_closure_f(tmp_path, observable, sign
     assert fact.figures["observable"] == observable
     assert "as a superball's does: a closure with tangential restitution, --closure fr or ifr" in fact.says
     assert "outliers" not in found.facts
-    assert found.summary().startswith("LOOK  readings lie beyond what the closure can give")
+    first = found.summary().split(". Details")[0]  # only a slip of the hand may stand before it
+    assert first.removeprefix("LOOK  the table looks as if it had a slip in it; ").startswith(
+        (
+            "readings lie beyond what the closure can give",
+            "LOOK  readings lie beyond what the closure can give",
+        )
+    )
     assert "beyond_closure" not in fit(tmp_path / "t.csv", closure="fr", method="lsq", fix={"e_n": 0.8}).facts
 
 
