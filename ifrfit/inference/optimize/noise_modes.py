@@ -23,7 +23,9 @@ import numpy as np
 from ifrfit.inference.diagnostics.thresholds import NOISE_GAP
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.concentrated_likelihood import Minimum
 from ifrfit.inference.optimize.laplace import gaussian_approximation
+from ifrfit.inference.optimize.noise_components import NoiseComponent, noise_components
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
@@ -34,6 +36,10 @@ _CUTS = 300  # boxes that are cut, at the most
 _SAME = 1e-4  # modes nearer than this, in units of each constant's prior sd, are one
 _EDGE = 0.1  # a cut keeps this share of the box on either side
 _SMALLEST = 1e-26  # of S_g over the squares of the values: below it is rounding
+_CLOSED = 0.005  # share of `NOISE_GAP` to which cells are bounded: it costs no more than the whole
+_MOST_COMBINED = 3  # minima of one component that are combined with those of others
+_MOST_PRODUCTS = 1000
+_MOST_RIVALS = 16  # modes beside the best
 
 
 @dataclass(frozen=True)
@@ -111,6 +117,9 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
         optimum = solve(problem, search.base, start)
         mode = Mode(search.value(optimum.theta), optimum)
         return NoiseModes((mode,), optimum.gap, follows_squares=True)
+    components = noise_components(problem)
+    if components is not None:
+        return search.over_cells(components)
     first = search.solve(search.spread(), start)
     search.descend(first)
     gap = None if first.gap is None else search.prove()
@@ -169,6 +178,24 @@ def noise_at_mode(problem: Problem, theta: Array, rise: float) -> NoiseAtMode:
     return NoiseAtMode(rise, theta, search.sigma(squares / dof), dof, squares)
 
 
+def _combinations(minima: Sequence[Sequence[Minimum]]) -> list[tuple[Minimum, ...]]:
+    """The best minimum of every component, every other one beside the best, and what is nearly as good."""
+
+    def rise(chosen: tuple[Minimum, ...]) -> float:
+        return sum(one.value - own[0].value for one, own in zip(chosen, minima, strict=True))
+
+    best = tuple(own[0] for own in minima)
+    single = [(*best[:i], one, *best[i + 1 :]) for i, own in enumerate(minima) for one in own[1:]]
+    few = [own[:_MOST_COMBINED] for own in minima]
+    several = [
+        chosen
+        for chosen in itertools.islice(itertools.product(*few), _MOST_PRODUCTS)
+        if sum(one is not first for one, first in zip(chosen, best, strict=True)) > 1
+        and rise(chosen) <= 2.0 * NEAR
+    ]
+    return [best, *sorted(single + several, key=rise)[:_MOST_RIVALS]]
+
+
 class _Search:
     """Descents from many places, and branch and bound over boxes of the groups' sums of squares."""
 
@@ -192,6 +219,22 @@ class _Search:
         found = solve(self.problem, self.sigma(variance), near)
         self.all_proven &= found.gap is not None
         return found
+
+    def over_cells(self, components: Sequence[NoiseComponent]) -> NoiseModes:
+        """Modes and the bound of each component alone, put together."""
+        open_ones = sum(not each.is_monotone for each in components)
+        solved = [each.solve(_CLOSED * NOISE_GAP / max(open_ones, 1)) for each in components]
+        bound = sum(low for _, low in solved)
+        for chosen in _combinations([minima for minima, _ in solved]):
+            variance = np.empty(self.sizes.size)
+            for each, minimum in zip(components, chosen, strict=True):
+                variance[each.groups] = minimum.variance
+            optimum = self.solve(variance)
+            if not self._known(optimum.theta):
+                self.modes.append(Mode(self.value(optimum.theta), optimum))
+        self.modes.sort(key=lambda mode: mode.value)
+        gap = max(0.0, self.modes[0].value - bound)
+        return NoiseModes(tuple(self.modes), gap if np.isfinite(gap) else None)
 
     def spread(self) -> Array:
         """Variance of the values of each group, in units of base: weights to begin with."""

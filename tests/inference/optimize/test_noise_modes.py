@@ -110,7 +110,7 @@ def test_a_single_noise_needs_no_boxes(tmp_path):
 
 def test_one_fit_without_a_proof_leaves_no_proof_of_the_whole(tmp_path, monkeypatch):
     """The bound is only as good as each weighted fit: a single one that was searched spoils it."""
-    problem = question(contradiction(tmp_path, 0), fix={"e_n": 0.9})
+    problem = question(contradiction(tmp_path, 0), fix={"e_n": 0.9}, separate=("mu",))
     alone = int(min(rows.size for rows in problem.noise_groups().values()))
 
     def searched(part, sigma, near=None):
