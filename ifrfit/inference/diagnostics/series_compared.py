@@ -12,6 +12,7 @@ from scipy import special
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.result.types import Fact
@@ -19,6 +20,7 @@ from ifrfit.text import joined, p_text, plus_minus
 
 _MOST_SERIES = 30  # beyond, constants of each series are a question of their own
 _MOST_NAMED = 4
+_WORTH_A_FIT = 0.1  # p of the score test below which a constant of each series is fitted
 _FEWEST = 2.0  # degrees of freedom of a series whose noise is compared
 
 
@@ -27,7 +29,8 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
 
     The constant whose separation gains most is parted first, and the others are tested beside it. Tested is
     the fall of the weighted sum of squares, at the noise of the wider model: by F, or by chi2 where sigma is
-    known. p values are multiplied by the number of constants (Bonferroni).
+    known. p values are multiplied by the number of constants (Bonferroni). Where the score test, which takes
+    the expansion about the shared constants in the place of a fit, sees nothing, its p value stands.
 
     Returns
     -------
@@ -42,9 +45,16 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     smallest: dict[str, float] = {}
     now = problem
     while names:
-        tested = [one for name in names if (one := _test(now, name, found)) is not None]
-        for one in tested:
-            smallest.setdefault(one.name, min(1.0, count * one.p))
+        tested = []
+        for name in names:
+            wider = now.with_parameters([replace(now.parameters[name], separate=True)])
+            p = _score_test(now, wider, found)
+            if p is None or p < _WORTH_A_FIT:
+                one = _test(now, wider, name, found)
+                tested += [] if one is None else [one]
+                p = p if one is None else one.p
+            if p is not None:
+                smallest.setdefault(name, min(1.0, count * p))
         best = min(tested, key=lambda one: one.p, default=None)
         if best is None or count * best.p >= REFUTED:
             break
@@ -88,9 +98,29 @@ def _words(problem: Problem, one: _Parted, fit: LeastSquaresFit, count: int) -> 
     return f"{one.name} ({', '.join(each)}; {p})"
 
 
-def _test(problem: Problem, name: str, found: LeastSquaresFit) -> _Parted | None:
-    """One constant shared against separate; None where there are too few rows."""
-    wider = problem.with_parameters([replace(problem.parameters[name], separate=True)])
+def _score_test(problem: Problem, wider: Problem, found: LeastSquaresFit) -> float | None:
+    """p value of a wider problem, to first order about the shared constants; None without degrees of freedom.
+
+    A bound is not looked at: what it forbids counts as gained, and is left to the fit.
+    """
+    theta = np.empty(len(wider.parameters.names))
+    for name, places in wider.parameters.positions.items():
+        theta[places] = found.optimum.theta[problem.parameters.positions[name]]
+    expansion = gaussian_approximation(wider, found.sigma, theta)
+    gained = expansion.decrease
+    k = len(problem.series) - 1
+    if problem.noise.is_known:
+        return float(special.chdtrc(k, gained))
+    dof = len(problem.rows) - float(expansion.leverage.sum())
+    z = (problem.rows.value - problem.predict(found.optimum.theta)) / found.sigma
+    left = float(z @ z) - gained
+    if dof <= 1.0 or left <= 0.0:
+        return None
+    return float(special.fdtrc(k, dof, gained / k / (left / dof)))
+
+
+def _test(problem: Problem, wider: Problem, name: str, found: LeastSquaresFit) -> _Parted | None:
+    """One constant shared against separate, each fitted; None where there are too few rows."""
     try:
         fit = refit(wider, found.sigma)
     except DataError:

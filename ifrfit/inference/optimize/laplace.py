@@ -73,6 +73,12 @@ class GaussianApproximation:
         seen = self.seen
         return float(((loading[seen] / self.singular[seen]) ** 2).sum())
 
+    @property
+    def decrease(self) -> float:
+        """Fall of the objective from theta to the least of the expansion."""
+        slope = self.gradient @ self.vectors[:, self.seen]
+        return float(0.25 * ((slope / self.singular[self.seen]) ** 2).sum())
+
     def covariance(self, *, capped: bool) -> Array:
         """Covariance of phi; loose directions have at most the variance of the default prior if `capped`."""
         seen = self.seen
