@@ -135,7 +135,8 @@ def _with_plain_errors(
     else:
         factor = np.asarray(known_sigma) / base
     change = math.inf
-    near = start  # a search that found the optimum once follows it while the noise settles
+    # a search that found the optimum once follows it while the noise settles
+    near = modes.best.theta if start is None and modes is not None else start
     for _ in range(_ITERATIONS):
         optimum = solve(problem, base * factor, near)
         gaussian = gaussian_approximation(problem, base * factor, optimum.theta)
@@ -144,9 +145,9 @@ def _with_plain_errors(
         factor = new
         if change <= _CONVERGED:
             break
-        near = None if problem.closure.bilinear else optimum.theta
+        near = optimum.theta
     sigma = base * factor
-    if near is not None:
+    if optimum.is_local and modes is not None:
         optimum = solve(problem, sigma, start)
     dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
     gaussian = gaussian_approximation(problem, sigma, optimum.theta)

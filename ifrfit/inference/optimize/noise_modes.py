@@ -25,6 +25,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.concentrated_likelihood import Minimum
 from ifrfit.inference.optimize.laplace import gaussian_approximation
+from ifrfit.inference.optimize.multistart import best_start
 from ifrfit.inference.optimize.noise_components import NoiseComponent, noise_components
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
@@ -32,7 +33,7 @@ from ifrfit.inference.optimize.solve import solve
 
 _DESCENTS = 200  # weighted fits of one descent, at the most
 _AT_REST = 1e-10  # relative change of every S_g
-_CUTS = 300  # boxes that are cut, at the most
+_CUTS = 60  # boxes that are cut, at the most
 _SAME = 1e-4  # modes nearer than this, in units of each constant's prior sd, are one
 _EDGE = 0.1  # a cut keeps this share of the box on either side
 _SMALLEST = 1e-26  # of S_g over the squares of the values: below it is rounding
@@ -122,6 +123,8 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
         return search.over_cells(components)
     first = search.solve(search.spread(), start)
     search.descend(first)
+    if first.gap is None and start is None:
+        search.descend_from_groups()
     gap = None if first.gap is None else search.prove()
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
 
@@ -268,13 +271,22 @@ class _Search:
         """Follow the tangents down from an optimum to a mode, and keep it if it is a new one."""
         variance = self.variance(optimum.theta)
         for _ in range(_DESCENTS):
-            optimum = self.solve(variance, optimum.theta if optimum.gap is None else None)
+            optimum = self.solve(variance, optimum.theta)
             before, variance = variance, self.variance(optimum.theta)
             if np.abs(variance / before - 1.0).max() <= _AT_REST or self._known(optimum.theta):
                 break
         if not self._known(optimum.theta):
             self.modes.append(Mode(self.value(optimum.theta), optimum))
             self.modes.sort(key=lambda mode: mode.value)
+
+    def descend_from_groups(self) -> None:
+        """Look for a mode from where each group alone would begin, the others counting next to nothing."""
+        best = self.variance(self.modes[0].theta)
+        for number in range(len(self.groups)):
+            variance = 1e8 * best
+            variance[number] = best[number]
+            near = best_start(self.problem, self.sigma(variance))
+            self.descend(self.solve(variance, near))
 
     def _known(self, theta: Array) -> bool:
         def same(mode: Mode) -> bool:
@@ -292,6 +304,8 @@ class _Search:
         for _ in range(_CUTS):
             if not queue or queue[0].bound >= self.modes[0].value - NOISE_GAP:
                 break
+            if (queue[0].optimum.gap or 0.0) > NOISE_GAP:
+                break  # no box is bounded better than its own fit
             box = heapq.heappop(queue)
             if self.value(box.optimum.theta) <= self.modes[0].value + 2.0 * NEAR:
                 self.descend(box.optimum)

@@ -35,7 +35,9 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
         return multistart(problem, sigma, near)
     if len(problem.series) == 1 or not any(c.separate for c in problem.parameters):
         group = whole_group(problem, sigma)
-        found = solve_group(group)
+        found = solve_group(
+            group, None if near is None else float(near[problem.parameters.positions["e_n"][0]])
+        )
         if found is None:
             return multistart(problem, sigma, near)
         return _optimum(problem, found)
@@ -85,7 +87,9 @@ def _optimum(problem: Problem, found: GroupOptimum) -> Optimum:
 
     minima = tuple((value, theta(constants)) for value, constants in found.minima)
     extremes = tuple(theta(constants) for constants in found.extremes)
-    return Optimum(minima[0][1], found.objective, found.gap, minima, found.method, extremes)
+    return Optimum(
+        minima[0][1], found.objective, found.gap, minima, found.method, extremes, is_local=found.is_local
+    )
 
 
 def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
