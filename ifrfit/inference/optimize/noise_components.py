@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +85,76 @@ class NoiseComponent:
         return [Minimum(n * float(np.log(best)), np.array([best]))], n * float(np.log(low))
 
 
+class Component(Protocol):
+    """Rows whose noises are theirs alone, and share no constant with other rows."""
+
+    @property
+    def groups(self) -> Index:
+        """The problem's groups of noise."""
+        ...
+
+    @property
+    def is_monotone(self) -> bool:
+        """Whether no gap can be asked for."""
+        ...
+
+    def solve(self, gap: float) -> tuple[list[Minimum], float]:
+        """Minima of Phi, best first, and a lower bound."""
+        ...
+
+
+@dataclass(frozen=True)
+class SolvedComponent:
+    """A component whose minima and bound are known."""
+
+    groups: Index
+    minima: list[Minimum]
+    bound: float
+    is_monotone: bool = True
+
+    def solve(self, gap: float) -> tuple[list[Minimum], float]:
+        """What is known."""
+        return self.minima, self.bound
+
+
+@dataclass(frozen=True)
+class SplitProblem:
+    """What measures e_n alone, and the rest with e_n fixed: it knows kappa only."""
+
+    restitution: list[NoiseComponent]
+    rest: Problem
+
+
+def without_restitution(problem: Problem) -> SplitProblem | None:
+    """Split off the rows that measure e_n alone, where series share some constants; None where it is tied.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    whole = whole_group(problem, problem.noise.base)
+    normal = problem.rows.of_kind("normal")
+    rest = np.flatnonzero(~normal)
+    if (
+        not (problem.noise.is_unknown and problem.closure.bilinear and normal.any() and rest.size)
+        or whole.e_n.fixed is not None
+        or problem.rows.has_kind("curved")
+        or not is_separable(whole)
+        or (whole.e_n.separate and not whole.mu.separate)
+        or np.unique(problem.rows.series[rest]).size < len(problem.series)
+    ):
+        return None
+    at = np.flatnonzero(normal)
+    places = [at]
+    if whole.e_n.separate:
+        places = [at[problem.rows.series[at] == i] for i in range(len(problem.series))]
+    components = _components(problem, [_restitution(whole, own) for own in places if own.size])
+    if components is None:
+        return None
+    e_n = replace(problem.parameters["e_n"], fixed=whole.e_n.lower, prior=None)
+    return SplitProblem(components, problem.with_rows(rest).with_parameters([e_n]))
+
+
 def noise_components(problem: Problem) -> list[NoiseComponent] | None:
     """Split a problem with unknown noises; None where it is not made of piecewise problems.
 
@@ -92,8 +163,13 @@ def noise_components(problem: Problem) -> list[NoiseComponent] | None:
     problem : Problem
     """
     parts = _parts(problem)
-    if parts is None:
-        return None
+    return None if parts is None else _components(problem, parts)
+
+
+def _components(
+    problem: Problem, parts: Sequence[tuple[ParameterGroup, Index]]
+) -> list[NoiseComponent] | None:
+    """The parts in linear form; None where one has none, or two share a noise."""
     names = list(problem.noise_groups().values())
     label = np.empty(len(problem.rows), dtype=np.intp)
     for number, rows in enumerate(names):
@@ -135,7 +211,12 @@ def _split(group: ParameterGroup, at: Index) -> Sequence[tuple[ParameterGroup, I
     oblique = bool(group.rows.of_kind("tangential", "curved").any())
     if group.e_n.fixed is not None or (oblique and not is_separable(group)):
         return [(group, at)]
-    own, rest = np.flatnonzero(normal), np.flatnonzero(~normal)
+    alone, own = _restitution(group, np.flatnonzero(normal))
+    return [(alone, at[own]), (without_normal_rows(group, 0.0), at[~normal])]
+
+
+def _restitution(group: ParameterGroup, own: Index) -> tuple[ParameterGroup, Index]:
+    """The rows that measure e_n alone."""
     alone = replace(
         group,
         rows=group.rows.take(own),
@@ -143,4 +224,4 @@ def _split(group: ParameterGroup, at: Index) -> Sequence[tuple[ParameterGroup, I
         c=replace(group.c, fixed=group.c.lower, prior=None),
         mu=replace(group.mu, fixed=group.mu.lower, prior=None),
     )
-    return [(alone, at[own]), (without_normal_rows(group, 0.0), at[rest])]
+    return alone, own

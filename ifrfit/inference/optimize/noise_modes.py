@@ -26,7 +26,12 @@ from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.concentrated_likelihood import Minimum
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.multistart import best_start
-from ifrfit.inference.optimize.noise_components import NoiseComponent, noise_components
+from ifrfit.inference.optimize.noise_components import (
+    Component,
+    SolvedComponent,
+    noise_components,
+    without_restitution,
+)
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
@@ -35,6 +40,7 @@ _DESCENTS = 200  # weighted fits of one descent, at the most
 _AT_REST = 1e-10  # relative change of every S_g
 _CUTS = 60  # boxes that are cut, at the most
 _SAME = 1e-4  # modes nearer than this, in units of each constant's prior sd, are one
+_SAME_NOISE = 1e-6  # relative; modes whose noises are nearer than this are one
 _EDGE = 0.1  # a cut keeps this share of the box on either side
 _SMALLEST = 1e-26  # of S_g over the squares of the values: below it is rounding
 _CLOSED = 0.005  # share of `NOISE_GAP` to which cells are bounded: it costs no more than the whole
@@ -120,7 +126,11 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
         return NoiseModes((mode,), optimum.gap, follows_squares=True)
     components = noise_components(problem)
     if components is not None:
-        return search.over_cells(components)
+        return search.over_components(components)
+    split = without_restitution(problem)
+    if split is not None:
+        rest = noise_modes(split.rest, start)
+        return search.over_components([*split.restitution, search.component(split.rest, rest)])
     first = search.solve(search.spread(), start)
     search.descend(first)
     if first.gap is None and start is None:
@@ -223,16 +233,28 @@ class _Search:
         self.all_proven &= found.gap is not None
         return found
 
-    def over_cells(self, components: Sequence[NoiseComponent]) -> NoiseModes:
+    def component(self, part: Problem, found: NoiseModes) -> SolvedComponent:
+        """The modes of a part of the rows, whose noises are theirs alone."""
+        own = _Search(part)
+        names = list(self.problem.noise_groups())
+        groups = np.array([names.index(name) for name in part.noise_groups()], dtype=np.intp)
+        minima = [Minimum(mode.value, own.variance(mode.theta)) for mode in found.modes]
+        return SolvedComponent(
+            groups, minima, found.best.value - (np.inf if found.gap is None else found.gap)
+        )
+
+    def over_components(self, components: Sequence[Component]) -> NoiseModes:
         """Modes and the bound of each component alone, put together."""
         open_ones = sum(not each.is_monotone for each in components)
         solved = [each.solve(_CLOSED * NOISE_GAP / max(open_ones, 1)) for each in components]
         bound = sum(low for _, low in solved)
+        near: Array | None = None
         for chosen in _combinations([minima for minima, _ in solved]):
             variance = np.empty(self.sizes.size)
             for each, minimum in zip(components, chosen, strict=True):
                 variance[each.groups] = minimum.variance
-            optimum = self.solve(variance)
+            optimum = self.solve(variance, near)
+            near = optimum.theta if near is None else near
             if not self._known(optimum.theta):
                 self.modes.append(Mode(self.value(optimum.theta), optimum))
         self.modes.sort(key=lambda mode: mode.value)
@@ -293,7 +315,11 @@ class _Search:
             both = np.isfinite(theta) & np.isfinite(mode.theta)
             return bool((np.abs(theta - mode.theta)[both] <= _SAME * self.scale[both]).all())
 
-        return any(same(mode) for mode in self.modes)
+        variance = self.variance(theta)
+        return any(
+            same(mode) or bool((np.abs(variance / self.variance(mode.theta) - 1.0) <= _SAME_NOISE).all())
+            for mode in self.modes
+        )
 
     def prove(self) -> float:
         """Cut boxes until their bounds meet the best mode; gives what is left between them."""
