@@ -19,10 +19,11 @@ from ifrfit.inference.diagnostics.thresholds import GAP
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.piecewise import Array, PiecewiseOptimum, PiecewiseProblem
 from ifrfit.inference.optimize.piecewise_profile import PiecewiseProfile
-from ifrfit.inference.optimize.scalar_search import are_distinct, bounded_minimum, scalar_minima
+from ifrfit.inference.optimize.scalar_search import are_distinct, bounded_minimum, minimum_near, scalar_minima
 
 _CUTS = 300  # at the most
 _NARROW = 1e-13
+_SHARE = 0.01  # of the range, to either side of a place near the optimum
 _CUT = 0.125  # of an interval, to either side of the minimum in it
 
 
@@ -132,7 +133,7 @@ class LinkedOptimum:
     minima : tuple of (float, float)
         Value and place of the distinct local minima that were found, best first.
     bound : float
-        Nothing lies lower than this.
+        Nothing lies lower than this; -inf without a proof.
     """
 
     minima: tuple[tuple[float, float], ...]
@@ -166,17 +167,30 @@ class Decomposition:
         multipliers = np.mean(slopes) - np.array(slopes)
         return lagrangian_bound(self.members, multipliers.tolist(), low, high)
 
-    def minimise(self, seeds: Sequence[float] = ()) -> LinkedOptimum:
+    def minimise(
+        self, seeds: Sequence[float] = (), near: float | None = None, *, proven: bool = True
+    ) -> LinkedOptimum:
         """Search the profile, then prove the best of what is found.
 
         Parameters
         ----------
         seeds : sequence of float
             Places to look at, beside a grid.
+        near : float, optional
+            The only place to look at; then nothing is proven.
+        proven : bool
+            Without it there is no bound.
         """
-        dips = scalar_minima(self.profile, self.low, self.high, seeds)
+        if near is None:
+            dips = scalar_minima(self.profile, self.low, self.high, seeds)
+        else:
+
+            def profile(x: float) -> float:
+                return float(self.profile(np.array([x]))[0])
+
+            dips = [minimum_near(profile, near, self.low, self.high, share=_SHARE, n_grid=33, xatol=1e-12)]
         found = sorted((self.value(x), x) for _, x in dips)
-        best, bound = self._prove(found[0])
+        best, bound = self._prove(found[0]) if proven and near is None else (found[0], -np.inf)
         others = (dip for dip in found if are_distinct(dip[1], best[1]))
         return LinkedOptimum((best, *others), bound)
 

@@ -120,7 +120,7 @@ def _with_plain_errors(
 ) -> LeastSquaresFit:
     """Fit under normal errors of the values alone; see `least_squares` and `refit`."""
     if problem.noise.is_known:
-        optimum = solve(problem, problem.noise.sigma, start)
+        optimum = solve(problem, problem.noise.sigma, start, proven=known_sigma is None)
         gaussian = gaussian_approximation(problem, problem.noise.sigma, optimum.theta)
         return LeastSquaresFit(
             optimum, problem.noise.sigma, group_sigma(problem, problem.noise.sigma), math.inf, 0.0, gaussian
@@ -138,7 +138,7 @@ def _with_plain_errors(
     # a search that found the optimum once follows it while the noise settles
     near = modes.best.theta if start is None and modes is not None else start
     for _ in range(_ITERATIONS):
-        optimum = solve(problem, base * factor, near)
+        optimum = solve(problem, base * factor, near, proven=modes is not None)
         gaussian = gaussian_approximation(problem, base * factor, optimum.theta)
         new = _factors(problem, optimum.theta, base, groups, gaussian)
         change = float(np.abs(new / factor - 1.0).max())

@@ -229,9 +229,7 @@ class _Search:
 
     def solve(self, variance: Array, near: Array | None = None) -> Optimum:
         """The weighted fit where each group's factor has this variance."""
-        found = solve(self.problem, self.sigma(variance), near)
-        self.all_proven &= found.gap is not None
-        return found
+        return solve(self.problem, self.sigma(variance), near)
 
     def component(self, part: Problem, found: NoiseModes) -> SolvedComponent:
         """The modes of a part of the rows, whose noises are theirs alone."""
@@ -377,6 +375,7 @@ class _Search:
         """Bound Phi over a box by the certified fit with the chords' slopes for weights."""
         slope = self._slope(low, high)
         optimum = self.solve(1.0 / slope)
+        self.all_proven &= optimum.gap is not None
         linear = optimum.objective - (optimum.gap or 0.0)
         bound = linear + float(self.sizes @ (low - slope * np.exp(low)))
         return _Box(max(bound, at_least), number, low, high, optimum)

@@ -16,7 +16,7 @@ from ifrfit.inference.optimize.parameter_group import Constants, GroupOptimum, P
 from ifrfit.inference.optimize.shared_parameter import solve_shared
 
 
-def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
+def solve(problem: Problem, sigma: Array, near: Array | None = None, *, proven: bool = True) -> Optimum:
     """Find the optimum.
 
     Parameters
@@ -25,7 +25,9 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
     sigma : ndarray
         Standard uncertainty of each row.
     near : ndarray, optional
-        theta of a neighbouring problem, where only a search can find the optimum.
+        theta of a neighbouring problem: a search looks for the optimum there alone, and proves nothing.
+    proven : bool
+        Whether a proof is needed where it is dear: series that share some constants.
 
     Returns
     -------
@@ -47,7 +49,9 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
             return _join(problem, [part for part in parts if part is not None])
         return multistart(problem, sigma, near)
     groups = series_groups(problem, sigma)
-    return solve_shared(problem, groups, whole_group(problem, sigma)) or multistart(problem, sigma, near)
+    whole = whole_group(problem, sigma)
+    linked = solve_shared(problem, groups, whole, near, proven=proven)
+    return multistart(problem, sigma, near) if linked is None else linked
 
 
 def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
