@@ -168,7 +168,12 @@ class Decomposition:
         return lagrangian_bound(self.members, multipliers.tolist(), low, high)
 
     def minimise(
-        self, seeds: Sequence[float] = (), near: float | None = None, *, proven: bool = True
+        self,
+        seeds: Sequence[float] = (),
+        near: float | None = None,
+        *,
+        proven: bool = True,
+        slack: float = 0.0,
     ) -> LinkedOptimum:
         """Search the profile, then prove the best of what is found.
 
@@ -180,6 +185,8 @@ class Decomposition:
             The only place to look at; then nothing is proven.
         proven : bool
             Without it there is no bound.
+        slack : float
+            Gap that is small enough, if that is more than rounding.
         """
         if near is None:
             dips = scalar_minima(self.profile, self.low, self.high, seeds)
@@ -190,11 +197,11 @@ class Decomposition:
 
             dips = [minimum_near(profile, near, self.low, self.high, share=_SHARE, n_grid=33, xatol=1e-12)]
         found = sorted((self.value(x), x) for _, x in dips)
-        best, bound = self._prove(found[0]) if proven and near is None else (found[0], -np.inf)
+        best, bound = self._prove(found[0], slack) if proven and near is None else (found[0], -np.inf)
         others = (dip for dip in found if are_distinct(dip[1], best[1]))
         return LinkedOptimum((best, *others), bound)
 
-    def _prove(self, best: tuple[float, float]) -> tuple[tuple[float, float], float]:
+    def _prove(self, best: tuple[float, float], slack: float) -> tuple[tuple[float, float], float]:
         """Bound F by branching on x; gives the optimum, a better one if the branching met it, and a bound.
 
         The interval with the lowest bound is cut first, so that the bound of the whole rises with each cut.
@@ -207,7 +214,8 @@ class Decomposition:
         queue = [bounded(self.low, self.high)]
         for _ in range(_CUTS):
             bound, low, high = queue[0]
-            if bound >= best[0] - 0.5 * GAP * max(1.0, best[0]) or high - low <= _NARROW * (1.0 + abs(high)):
+            small = max(0.5 * GAP * max(1.0, best[0]), slack)
+            if bound >= best[0] - small or high - low <= _NARROW * (1.0 + abs(high)):
                 break
             heapq.heappop(queue)
             middle = 0.5 * (low + high)

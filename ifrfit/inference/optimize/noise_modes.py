@@ -36,11 +36,15 @@ from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
 
-_DESCENTS = 200  # weighted fits of one descent, at the most
-_AT_REST = 1e-10  # relative change of every S_g
+_DESCENTS = 30  # weighted fits of one descent, at the most
+_AT_REST = 1e-6  # relative change of every S_g; it enters Phi in the second order
+_DEGREES_OF_FREEDOM = 200  # iterations of leverage and noise, at the most
+_LAST_CHANGE = 1e-10
 _CUTS = 60  # boxes that are cut, at the most
+_CUTS_OF_GROUPS = 200  # the same, times the number of groups: of many the bound does not close
 _SAME = 1e-4  # modes nearer than this, in units of each constant's prior sd, are one
 _SAME_NOISE = 1e-6  # relative; modes whose noises are nearer than this are one
+_SLACK = 0.1  # share of `NOISE_GAP` that the fit of a box may be off
 _EDGE = 0.1  # a cut keeps this share of the box on either side
 _SMALLEST = 1e-26  # of S_g over the squares of the values: below it is rounding
 _CLOSED = 0.005  # share of `NOISE_GAP` to which cells are bounded: it costs no more than the whole
@@ -127,6 +131,10 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
     components = noise_components(problem)
     if components is not None:
         return search.over_components(components)
+    if _share_nothing(problem):
+        return search.over_components(
+            [search.component(each, noise_modes(each)) for each in problem.by_series]
+        )
     split = without_restitution(problem)
     if split is not None:
         rest = noise_modes(split.rest, start)
@@ -137,6 +145,12 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
         search.descend_from_groups()
     gap = None if first.gap is None else search.prove()
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
+
+
+def _share_nothing(problem: Problem) -> bool:
+    """Whether the series share no constant and no noise."""
+    separate = all(each.separate or each.fixed is not None for each in problem.parameters)
+    return len(problem.series) > 1 and separate and problem.noise.is_unknown and problem.noise.separate
 
 
 def phi(problem: Problem, theta: Array) -> float:
@@ -180,13 +194,13 @@ def noise_at_mode(problem: Problem, theta: Array, rise: float) -> NoiseAtMode:
     search = _Search(problem)
     squares = search.variance(theta) * search.sizes
     dof = search.sizes
-    for _ in range(_DESCENTS):
+    for _ in range(_DEGREES_OF_FREEDOM):
         sigma = search.sigma(squares / dof)
         leverage = gaussian_approximation(problem, sigma, theta).leverage
         new = np.array([max(rows.size - float(leverage[rows].sum()), 0.5) for rows in search.groups])
         change = float(np.abs(new / dof - 1.0).max())
         dof = new
-        if change <= _AT_REST:
+        if change <= _LAST_CHANGE:
             break
     return NoiseAtMode(rise, theta, search.sigma(squares / dof), dof, squares)
 
@@ -325,7 +339,7 @@ class _Search:
         counter = itertools.count()
         left_out = np.inf  # least bound of the boxes that need no cut
         queue = [self._box(low, self._top(low), next(counter))]
-        for _ in range(_CUTS):
+        for _ in range(min(_CUTS, _CUTS_OF_GROUPS // len(self.groups))):
             if not queue or queue[0].bound >= self.modes[0].value - NOISE_GAP:
                 break
             if (queue[0].optimum.gap or 0.0) > NOISE_GAP:
@@ -374,7 +388,7 @@ class _Search:
     def _box(self, low: Array, high: Array, number: int, at_least: float = -np.inf) -> _Box:
         """Bound Phi over a box by the certified fit with the chords' slopes for weights."""
         slope = self._slope(low, high)
-        optimum = self.solve(1.0 / slope)
+        optimum = solve(self.problem, self.sigma(1.0 / slope), slack=_SLACK * NOISE_GAP)
         self.all_proven &= optimum.gap is not None
         linear = optimum.objective - (optimum.gap or 0.0)
         bound = linear + float(self.sizes @ (low - slope * np.exp(low)))

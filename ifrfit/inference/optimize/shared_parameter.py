@@ -33,6 +33,7 @@ def solve_shared(
     near: Array | None = None,
     *,
     proven: bool = True,
+    slack: float = 0.0,
 ) -> Optimum | None:
     """Optimum of series under one shared parameter; None if more than one ties them together.
 
@@ -47,6 +48,8 @@ def solve_shared(
         theta beside which alone the optimum is looked for, without a proof.
     proven : bool
         Whether a proof is needed.
+    slack : float
+        Gap that is small enough.
     """
     if any(group.rows.of_kind("curved").any() for group in groups):
         return None
@@ -61,7 +64,7 @@ def solve_shared(
     if linked is None:
         return None
     place = None if near is None else float(near[problem.parameters.positions[shared[0]][0]]) * linked.unit
-    found = linked.decomposition.minimise(linked.seeds, place, proven=proven)
+    found = linked.decomposition.minimise(linked.seeds, place, proven=proven, slack=slack)
     least = found.minima[0][0]
     minima = tuple(
         (value + base, theta_of(problem, linked.constants(x)))

@@ -9,14 +9,16 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.group_optimum import solve_group
+from ifrfit.inference.optimize.group_optimum import raised, solve_group
 from ifrfit.inference.optimize.multistart import multistart
 from ifrfit.inference.optimize.optimum import Array, Optimum, theta_of
 from ifrfit.inference.optimize.parameter_group import Constants, GroupOptimum, ParameterGroup
-from ifrfit.inference.optimize.shared_parameter import solve_shared
+from ifrfit.inference.optimize.shared_parameter import fix_restitution, solve_shared
 
 
-def solve(problem: Problem, sigma: Array, near: Array | None = None, *, proven: bool = True) -> Optimum:
+def solve(
+    problem: Problem, sigma: Array, near: Array | None = None, *, proven: bool = True, slack: float = 0.0
+) -> Optimum:
     """Find the optimum.
 
     Parameters
@@ -28,6 +30,8 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None, *, proven: 
         theta of a neighbouring problem: a search looks for the optimum there alone, and proves nothing.
     proven : bool
         Whether a proof is needed where it is dear: series that share some constants.
+    slack : float
+        Gap that is small enough there.
 
     Returns
     -------
@@ -44,13 +48,18 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None, *, proven: 
             return multistart(problem, sigma, near)
         return _optimum(problem, found)
     if all(c.separate or c.fixed is not None for c in problem.parameters):
-        parts = [solve_group(group) for group in series_groups(problem, sigma)]
-        if all(part is not None for part in parts):
-            return _join(problem, [part for part in parts if part is not None])
-        return multistart(problem, sigma, near)
+        places = problem.parameters.positions["e_n"]
+        parts = []
+        for i, group in enumerate(series_groups(problem, sigma)):
+            alone = solve_group(group, None if near is None else float(near[places[i]]))
+            parts.append(_searched(problem, i, sigma, near) if alone is None else alone)
+        return _join(problem, parts)
     groups = series_groups(problem, sigma)
     whole = whole_group(problem, sigma)
-    linked = solve_shared(problem, groups, whole, near, proven=proven)
+    joined = _solve_separate(problem, groups, whole)
+    if joined is not None:
+        return joined
+    linked = solve_shared(problem, groups, whole, near, proven=proven, slack=slack)
     return multistart(problem, sigma, near) if linked is None else linked
 
 
@@ -96,6 +105,43 @@ def _optimum(problem: Problem, found: GroupOptimum) -> Optimum:
     )
 
 
+def _searched(problem: Problem, number: int, sigma: Array, near: Array | None) -> GroupOptimum:
+    """A series alone, by a search."""
+    part = problem.by_series[number]
+    own = np.flatnonzero(problem.rows.series == number)
+    names = ("e_n", problem.closure.constant, "mu")
+
+    def constants(theta: Array, which: Problem, series: int) -> Constants:
+        places = which.parameters.positions
+        e_n, c, mu = (0.0 if name is None else float(theta[places[name][series]]) for name in names)
+        return e_n, c, mu
+
+    start = None
+    if near is not None:
+        start = np.zeros(len(part.parameters.names))
+        for name, value in zip(names, constants(near, problem, number), strict=True):
+            if name is not None:
+                start[part.parameters.positions[name]] = value
+    found = multistart(part, sigma[own], start)
+    minima = tuple((value, constants(theta, part, 0)) for value, theta in found.minima)
+    method = f"{found.method} of each series"
+    return GroupOptimum(minima[0][1], found.objective, None, minima, (), method, is_local=found.is_local)
+
+
+def _solve_separate(problem: Problem, groups: list[ParameterGroup], whole: ParameterGroup) -> Optimum | None:
+    """Optimum of series that share nothing but an e_n that is measured alone; None for others."""
+    if any(not x.separate and x.fixed is None for x in (whole.c, whole.mu)):
+        return None
+    fixed = fix_restitution(groups, whole)
+    if fixed is None:
+        return None
+    parts = [solve_group(group) for group in fixed[0]]
+    known = [part for part in parts if part is not None]
+    if len(known) < len(parts):
+        return None
+    return _join(problem, [raised(known[0], fixed[1]), *known[1:]])
+
+
 def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
     """Series that share nothing: objectives and gaps add; a rival of one series is a rival of the whole."""
     best = [part.constants for part in parts]
@@ -110,5 +156,7 @@ def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
     minima.sort(key=lambda pair: pair[0])
     gaps = [part.gap for part in parts]
     gap = None if any(g is None for g in gaps) else sum(g for g in gaps if g is not None)
-    method = "all partitions of each series"
-    return Optimum(minima[0][1], objective, gap, tuple(minima), method, tuple(extremes))
+    searched = [part.method for part in parts if part.method.endswith("series")]
+    method = searched[0] if searched else "all partitions of each series"
+    is_local = any(part.is_local for part in parts)
+    return Optimum(minima[0][1], objective, gap, tuple(minima), method, tuple(extremes), is_local=is_local)
