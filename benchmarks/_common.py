@@ -15,7 +15,9 @@ import platform
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 RESULTS = Path(__file__).parent / "results"
 README = Path(__file__).parent / "README.md"
@@ -45,11 +47,14 @@ def benchmark_parser(description: str | None, quick: str = "") -> argparse.Argum
     return parser
 
 
+Row = Mapping[str, Any]
+Columns = Mapping[str, str | Callable[[Row], str]]  # title to a format of a row, as "{time_s:.2f} s"
+
+
 def publish(
     options: argparse.Namespace,
-    file: str,
-    mark: str,
-    rows: Sequence[Mapping[str, object]],
+    name: str,
+    rows: Sequence[Row],
     table: Sequence[Sequence[str]],
     goals: Sequence[str] = (),
     about: str = "",
@@ -57,10 +62,16 @@ def publish(
     """Print a table and its goals, write the rows as CSV, and both into the README where that is asked."""
     print_table(table)
     print(*(f"goal: {goal}" for goal in goals), sep="\n")
-    write_csv(options.out / file, rows)
+    write_csv(options.out / f"{name.replace(' ', '_')}.csv", rows)
     if options.readme:
         listed = ["", *(f"- {goal}" for goal in goals)] if goals else []
-        put_into_readme(mark, [about or machine(), "", *markdown_table(table), *listed])
+        put_into_readme(name, [about or machine(), "", *markdown_table(table), *listed])
+
+
+def cells(rows: Sequence[Row], columns: Columns) -> list[list[str]]:
+    """Cells of a table, the titles first."""
+    made = [[f.format(**row) if isinstance(f, str) else f(row) for f in columns.values()] for row in rows]
+    return [list(columns), *made]
 
 
 def seconds_of(call: Callable[[], object]) -> float:
@@ -110,7 +121,7 @@ def verdict(met: bool) -> str:
     return "met" if met else "NOT MET"
 
 
-def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
+def write_csv(path: Path, rows: Sequence[Row]) -> None:
     """Write rows of one shape."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -140,3 +151,41 @@ def print_table(rows: Sequence[Sequence[str]]) -> None:
         print("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)))
         if number == 0:
             print("  ".join("-" * width for width in widths))
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Points of one label in a diagram, and how matplotlib draws them."""
+
+    label: str
+    x: Sequence[float]
+    y: Sequence[float]
+    style: Mapping[str, Any]
+
+
+def draw(path: Path, panels: Mapping[str, Sequence[Curve]], x: str, y: str) -> None:
+    """Curves over logarithmic axes, a panel a title; the legend of all stands in a place of its own."""
+    import matplotlib as mpl
+
+    mpl.use("svg")
+    import matplotlib.pyplot as plt
+
+    columns = min(3, len(panels) + 1)
+    lines = -(-(len(panels) + 1) // columns)
+    size = (3.5 * columns, 3.1 * lines)
+    with plt.rc_context({"svg.fonttype": "none", "svg.hashsalt": "ifrfit", "font.size": 9}):
+        figure, grid = plt.subplots(
+            lines, columns, figsize=size, sharex=True, sharey=True, squeeze=False, layout="constrained"
+        )
+        handles = {}
+        for axes, (title, curves) in zip(grid.flat, panels.items(), strict=False):
+            for curve in curves:
+                (handles[curve.label],) = axes.loglog(curve.x, curve.y, **curve.style)
+            axes.set_title(title, fontsize=8)
+            axes.set(xlabel=x, ylabel=y)
+        *_, legend = rest = list(grid.flat)[len(panels) :]
+        for axes in rest:
+            axes.set_axis_off()
+        legend.legend(handles.values(), handles, loc="center", frameon=False)
+        figure.savefig(path, metadata={"Date": None})
+        plt.close(figure)

@@ -11,13 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 # first: it sets the number of threads
-from _common import benchmark_parser, machine, publish, ratio_of, rounds_of, verdict
+from _common import benchmark_parser, cells, machine, publish, ratio_of, rounds_of, verdict
 
 # isort: split
 import least_squares as single
 import lmfit
 import numpy as np
-from least_squares import E_N, MISSED, SEED, SHARE, SIGMA, J
+from least_squares import MISSED, SEED, J, residual
 
 from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.schemes import Cases, draw_replicates
@@ -51,8 +51,7 @@ class Case:
         return counts
 
     def chi2(self, e_t: np.ndarray, mu: np.ndarray, counts: np.ndarray) -> np.ndarray:
-        k = SHARE * (1.0 + e_t[:, None]) + np.minimum(J, mu[:, None] * (1.0 + E_N) * self.cot)
-        return (counts * ((k / SHARE - 1.0 - self.beta) / SIGMA) ** 2).sum(axis=1)
+        return (counts * residual(e_t[:, None], mu[:, None], self.cot, self.beta) ** 2).sum(axis=1)
 
     def lmfit_loop(self, counts: np.ndarray) -> np.ndarray:
         """(e_t, mu) of each replicate, each fit started at the fit of the data."""
@@ -65,11 +64,10 @@ class Case:
             rows = np.repeat(np.arange(N), count.astype(int))
             cot, beta = self.cot[rows], self.beta[rows]
 
-            def residual(p: lmfit.Parameters, cot: np.ndarray = cot, beta: np.ndarray = beta) -> np.ndarray:
-                k = SHARE * (1.0 + p["e_t"].value) + np.minimum(J, p["mu"].value * (1.0 + E_N) * cot)
-                return (k / SHARE - 1.0 - beta) / SIGMA
+            def weighed(p: lmfit.Parameters, cot: np.ndarray = cot, beta: np.ndarray = beta) -> np.ndarray:
+                return residual(p["e_t"].value, p["mu"].value, cot, beta)
 
-            best = lmfit.minimize(residual, params, method="leastsq", calc_covar=False).params
+            best = lmfit.minimize(weighed, params, method="leastsq", calc_covar=False).params
             found[number] = best["e_t"].value, best["mu"].value
         return found
 
@@ -124,20 +122,20 @@ def measure(case: Case, budget: float) -> tuple[list[dict[str, object]], list[st
     return rows, goals
 
 
-def table_of(rows: list[dict[str, object]]) -> list[list[str]]:
-    """What is shown, the head first."""
-    shown = [["method", "replicates", "time", "over the bootstrap", "remarks"]]
-    for row in rows:
-        cells = f"{row['replicates']:,}", f"{row['time_s']:.3f} s", f"{row['over_ours']:.1f}"
-        shown.append([str(row["method"]), *cells, str(row["remark"])])
-    return shown
+COLUMNS = {
+    "method": "{method}",
+    "replicates": "{replicates:,}",
+    "time": "{time_s:.3f} s",
+    "over the bootstrap": "{over_ours:.1f}",
+    "remarks": "{remark}",
+}
 
 
 def main() -> None:
     options = benchmark_parser(__doc__, "200 replicates, fewer rounds").parse_args()
     print(machine())
     rows, goals = measure(make_case(200 if options.quick else REPLICATES), 2.0 if options.quick else 20.0)
-    publish(options, "bootstrap.csv", "bootstrap", rows, table_of(rows), goals)
+    publish(options, "bootstrap", rows, cells(rows, COLUMNS), goals)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from _common import benchmark_parser, machine, publish, seconds_of, verdict
+from _common import benchmark_parser, cells, machine, publish, seconds_of, verdict
 
 # isort: split
 
@@ -75,17 +75,26 @@ def main() -> None:
                 if number:  # the first round only fills the disk cache
                     times[name].append(seconds)
     medians = {name: statistics.median(seconds) for name, seconds in times.items()}
-    bare = medians[cases[0][0]]
     print(machine())
     print(f"median of {options.repeats}, fresh processes\n")
-    shown = [["command", "time", "over bare python", "goal", "verdict"]]
-    rows = []
-    for name, _, goal in cases:
-        t = medians[name]
-        judged = "" if goal is None else verdict(t <= goal)
-        shown.append([name, f"{t:.3f} s", f"{t / bare:.1f}", "" if goal is None else f"{goal:g} s", judged])
-        rows.append({"command": name, "time_s": f"{t:.4g}", "goal_s": goal or "", "goal": judged})
-    publish(options, "cli_start.csv", "command line", rows, shown)
+    rows = [
+        {
+            "command": name,
+            "time_s": medians[name],
+            "ratio": medians[name] / medians[cases[0][0]],
+            "goal": "" if goal is None else f"{goal:g} s",
+            "verdict": "" if goal is None else verdict(medians[name] <= goal),
+        }
+        for name, _, goal in cases
+    ]
+    columns = {
+        "command": "{command}",
+        "time": "{time_s:.3f} s",
+        "over bare python": "{ratio:.1f}",
+        "goal": "{goal}",
+        "verdict": "{verdict}",
+    }
+    publish(options, "command line", rows, cells(rows, columns))
 
 
 def _imports() -> list[str]:

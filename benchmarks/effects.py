@@ -11,7 +11,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable
 
-from _common import benchmark_parser, publish, rounds_of
+from _common import benchmark_parser, cells, publish, rounds_of
 
 # isort: split
 
@@ -71,8 +71,7 @@ def main() -> None:
         rows.append(
             {"what": name, "cost": cost * unit, "unit": "ms a scene" if name == "plan" else "ns an impact"}
         )
-    table = [["what", "cost", ""]] + [[str(r["what"]), f"{r['cost']:.0f}", str(r["unit"])] for r in rows]
-    publish(given, "effects.csv", "effects", rows, table)
+    publish(given, "effects", rows, cells(rows, {"what": "{what}", "cost": "{cost:.0f}", "": "{unit}"}))
 
 
 if __name__ == "__main__":

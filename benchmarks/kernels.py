@@ -10,9 +10,10 @@ holds the reads that a processor makes before it writes.
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
-from _common import benchmark_parser, machine, publish, ratio_of, rounds_of, verdict
+from _common import Row, benchmark_parser, cells, machine, publish, ratio_of, rounds_of, verdict
 
 # isort: split
 
@@ -63,7 +64,7 @@ def by_numpy(name: str, constant: float) -> Callable[..., tuple[np.ndarray, ...]
     return lambda *x: (planar if len(x) == 3 else spatial)(*x)
 
 
-def measured(n: int, budget: float) -> tuple[list[dict[str, object]], list[str]]:
+def measured(n: int, budget: float) -> tuple[list[dict[str, Any]], list[str]]:
     """Rows of the table, and whether the goals are met."""
     rng = np.random.default_rng(20230101)
     sine, cosine = sincos(rng.uniform(0.0, 90.0, n), degrees=True)
@@ -78,7 +79,7 @@ def measured(n: int, budget: float) -> tuple[list[dict[str, object]], list[str]]
     calls["planar ifr, numpy"] = lambda: plain(sine, cosine, s_y)
     calls["spatial ifr, numpy"] = lambda: plain(sine, cosine, s_x, s_y)
     times = rounds_of(calls, budget, least=3, most=15)
-    rows: list[dict[str, object]] = []
+    rows: list[dict[str, Any]] = []
     for name, each in times.items():
         kind = name.split()[0]
         moved, seconds = BYTES[kind], statistics.median(each)
@@ -86,7 +87,7 @@ def measured(n: int, budget: float) -> tuple[list[dict[str, object]], list[str]]
         rows.append(
             {
                 "loop": name,
-                "impacts_per_s": n / seconds,
+                "million_per_s": 1e-6 * n / seconds,
                 "ns": 1e9 * seconds / n,
                 "bytes": moved,
                 "gb_per_s": moved * n / seconds / 1e9,
@@ -98,9 +99,19 @@ def measured(n: int, budget: float) -> tuple[list[dict[str, object]], list[str]]
     return rows, goals(rows, times)
 
 
-def goals(rows: list[dict[str, object]], times: dict[str, list[float]]) -> list[str]:
+COLUMNS = {
+    "loop": "{loop}",
+    "million impacts/s": "{million_per_s:.0f}",
+    "ns an impact": "{ns:.2f}",
+    "bytes": "{bytes}",
+    "GB/s": "{gb_per_s:.1f}",
+    "of triad": "{of_triad:.2f}",
+}
+
+
+def goals(rows: Sequence[Row], times: dict[str, list[float]]) -> list[str]:
     """One sentence a goal."""
-    paces = {str(row["loop"]): float(str(row["of_triad"])) for row in rows}
+    paces = {row["loop"]: row["of_triad"] for row in rows}
     slowest = min((p, name) for name, p in paces.items() if name.startswith("spatial") and "," not in name)
     bilinear = min(
         (p, name)
@@ -125,18 +136,9 @@ def main() -> None:
     options = benchmark_parser(__doc__, "a million impacts instead of ten").parse_args()
     n = 10**6 if options.quick else 10**7
     rows, said = measured(n, 5.0 if options.quick else 60.0)
-    table = [["loop", "million impacts/s", "ns an impact", "bytes", "GB/s", "of triad"]]
-    for row in rows:
-        numbers = [float(str(row[key])) for key in ("impacts_per_s", "ns", "gb_per_s", "of_triad")]
-        table.append(
-            [
-                str(row["loop"]), f"{numbers[0] / 1e6:.0f}", f"{numbers[1]:.2f}", str(row["bytes"]),
-                f"{numbers[2]:.1f}", f"{numbers[3]:.2f}",
-            ]
-        )  # fmt: skip
     about = f"{machine('numba')}, {numba.get_num_threads()} threads, {n:.0e} impacts"
     print(about)
-    publish(options, "kernels.csv", "kernels", rows, table, said, about)
+    publish(options, "kernels", rows, cells(rows, COLUMNS), said, about)
 
 
 if __name__ == "__main__":

@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 # first: it sets the number of threads
 from _common import (
+    Curve,
+    Row,
     benchmark_parser,
+    cells,
+    draw,
     machine,
     publish,
     ratio_of,
@@ -51,6 +55,13 @@ OURS, WHOLE, ONE, PLAIN, MANY, TRF = (
     f"lmfit, {N_STARTS} starts",
     "scipy trf, 1 start",
 )
+SORT = "argsort"
+
+
+def residual(e_t: Any, mu: Any, cot: np.ndarray, beta: np.ndarray) -> np.ndarray:
+    """Standardised residuals of beta, as somebody writes them who wants them lean."""
+    k = SHARE * (1.0 + e_t) + np.minimum(J, mu * (1.0 + E_N) * cot)
+    return (k / SHARE - 1.0 - beta) / SIGMA
 
 
 @dataclass(frozen=True)
@@ -64,8 +75,7 @@ class Case:
     starts: np.ndarray
 
     def residual(self, e_t: float, mu: float) -> np.ndarray:
-        k = SHARE * (1.0 + e_t) + np.minimum(J, mu * (1.0 + E_N) * self.cot)
-        return (k / SHARE - 1.0 - self.beta) / SIGMA
+        return residual(e_t, mu, self.cot, self.beta)
 
     def residual_from_angles(self, e_t: float, mu: float) -> np.ndarray:
         tan = np.tan(np.radians(self.gamma))
@@ -91,10 +101,7 @@ class Case:
         params.add("e_t", value=start[0], min=-1.0, max=-J)
         params.add("mu", value=start[1], min=0.0)
 
-        def residual(p: lmfit.Parameters) -> np.ndarray:
-            return model(p["e_t"].value, p["mu"].value)
-
-        found = lmfit.minimize(residual, params, method="leastsq")
+        found = lmfit.minimize(lambda p: model(p["e_t"].value, p["mu"].value), params, method="leastsq")
         return float(found.params["e_t"].value), float(found.params["mu"].value)
 
     def lmfit_from_many(self, count: int) -> list[tuple[float, float]]:
@@ -124,7 +131,7 @@ def make_case(n: int) -> Case:
     return Case(problem, gamma, 1.0 / np.tan(np.radians(gamma)), beta, starts)
 
 
-def measure(n: int, budget: float) -> list[dict[str, object]]:
+def measure(n: int, budget: float) -> list[dict[str, Any]]:
     """All methods at one size."""
     case = make_case(n)
     calls: dict[str, Callable[[], object]] = {
@@ -150,7 +157,7 @@ def measure(n: int, budget: float) -> list[dict[str, object]]:
     chi2[WHOLE] = chi2[OURS]
     best = min(chi2.values())
     optimum = solve(case.problem, case.problem.noise.sigma)
-    rows = []
+    rows: list[dict[str, Any]] = []
     for name in (OURS, WHOLE, ONE, PLAIN, MANY, TRF):
         median = several if name == MANY else statistics.median(times[name])
         ratio = several / single if name == MANY else ratio_of(times[name], times[ONE])
@@ -158,21 +165,18 @@ def measure(n: int, budget: float) -> list[dict[str, object]]:
             {
                 "n": n,
                 "method": name,
-                "time_s": f"{median:.6g}",
-                "over_lmfit_1": f"{ratio:.4g}",
-                "chi2_above_best": f"{chi2[name] - best:.3g}",
+                "time_s": median,
+                "over_lmfit_1": ratio,
+                "chi2_above_best": chi2[name] - best,
                 "certified": str(optimum.certified).lower() if name in (OURS, WHOLE) else "",
-                "gap": f"{optimum.gap:.3g}" if name in (OURS, WHOLE) and optimum.gap is not None else "",
+                "gap": optimum.gap if name in (OURS, WHOLE) else None,
                 "rounds": 1 if name == MANY else len(times[name]),
                 "starts_measured": count if name == MANY else 1,
                 "starts_missed": sum(value > best + MISSED for value in reached) if name == MANY else "",
             }
         )
     order = statistics.median(seconds_of(lambda: np.argsort(case.cot)) for _ in range(3))
-    rows.append(
-        dict.fromkeys(rows[0], "") | {"n": n, "method": "argsort", "time_s": f"{order:.6g}", "rounds": 3}
-    )
-    return rows
+    return [*rows, dict.fromkeys(rows[0], "") | {"n": n, "method": SORT, "time_s": order, "rounds": 3}]
 
 
 def exponent(sizes: list[int], seconds: list[float]) -> float:
@@ -181,51 +185,47 @@ def exponent(sizes: list[int], seconds: list[float]) -> float:
     return float(np.polyfit(work, np.log(seconds), 1)[0])
 
 
-def seconds_by_size(
-    rows: list[dict[str, object]], method: str, least: int = 0
-) -> tuple[list[int], list[float]]:
+def seconds_by_size(rows: Sequence[Row], method: str, least: int = 0) -> tuple[list[int], list[float]]:
     """Sizes and times of one method."""
-    chosen = [row for row in rows if row["method"] == method and int(str(row["n"])) >= least]
-    return [int(str(row["n"])) for row in chosen], [float(str(row["time_s"])) for row in chosen]
+    chosen = [row for row in rows if row["method"] == method and row["n"] >= least]
+    return [row["n"] for row in chosen], [row["time_s"] for row in chosen]
 
 
-def table_of(rows: list[dict[str, object]]) -> list[list[str]]:
-    """What is shown, the head first."""
-    shown = [["N", "method", "time", "over lmfit-1", "chi2 - best", "starts that missed", "certified"]]
-    for row in rows:
-        if row["method"] == "argsort":
-            continue
-        many = row["method"] == MANY
-        scaled = many and row["starts_measured"] != N_STARTS
-        shown.append(
-            [
-                f"{row['n']}",
-                f"{row['method']}" + (f" (from {row['starts_measured']}, scaled)" if scaled else ""),
-                f"{1e3 * float(str(row['time_s'])):.2f} ms",
-                f"{float(str(row['over_lmfit_1'])):.2f}",
-                f"{row['chi2_above_best']}",
-                f"{row['starts_missed']} of {row['starts_measured']}" if many else "",
-                f"{row['certified']}",
-            ]
-        )
-    return shown
+def _called(row: Row) -> str:
+    scaled = row["method"] == MANY and row["starts_measured"] != N_STARTS
+    return row["method"] + (f" (from {row['starts_measured']}, scaled)" if scaled else "")
 
 
-def goals_of(rows: list[dict[str, object]]) -> list[str]:
+def _missed(row: Row) -> str:
+    return f"{row['starts_missed']} of {row['starts_measured']}" if row["method"] == MANY else ""
+
+
+COLUMNS = {
+    "N": "{n}",
+    "method": _called,
+    "time": lambda row: f"{1e3 * row['time_s']:.2f} ms",
+    "over lmfit-1": "{over_lmfit_1:.2f}",
+    "chi2 - best": "{chi2_above_best:.3g}",
+    "starts that missed": _missed,
+    "certified": "{certified}",
+}
+
+
+def goals_of(rows: Sequence[Row]) -> list[str]:
     """Goals, what was reached, and whether that is enough."""
     ours = [row for row in rows if row["method"] == OURS]
     said = []
     for row in ours:
-        n, ratio = int(str(row["n"])), float(str(row["over_lmfit_1"]))
+        n, ratio = row["n"], row["over_lmfit_1"]
         goal = 1.0 if n <= 10_000 else 1.5
         said.append(f"certificate at most {goal:g} lmfit-1 at N = {n}: {ratio:.2f}, {verdict(ratio <= goal)}")
     for row in ours:
-        held = row["certified"] == "true" and float(str(row["chi2_above_best"])) <= MISSED
+        held = row["certified"] == "true" and row["chi2_above_best"] <= MISSED
         said.append(f"certified at N = {row['n']}, and nothing lower found: {verdict(held)}")
     sizes, seconds = seconds_by_size(rows, OURS, 10_000)
     if len(sizes) > 1:
         power = exponent(sizes, seconds)
-        sort = exponent(*seconds_by_size(rows, "argsort", 10_000))
+        sort = exponent(*seconds_by_size(rows, SORT, 10_000))
         said.append(
             f"time ~ (N log N)^p from N = 10000 on, p at most 1.1: {power:.2f} "
             f"(numpy's argsort on its own: {sort:.2f}), {verdict(power <= 1.1)}"
@@ -233,26 +233,16 @@ def goals_of(rows: list[dict[str, object]]) -> list[str]:
     return said
 
 
-def draw(rows: list[dict[str, object]], path: Path) -> None:
-    """Time against N, both logarithmic."""
-    import matplotlib as mpl
-
-    mpl.use("svg")
-    import matplotlib.pyplot as plt
-
-    with plt.rc_context({"svg.fonttype": "none", "svg.hashsalt": "ifrfit", "font.size": 9}):
-        figure, axes = plt.subplots(figsize=(5.2, 3.8), layout="constrained")
-        for method, marker in zip((OURS, WHOLE, ONE, PLAIN, MANY, TRF), "osvx^D", strict=True):
-            axes.loglog(*seconds_by_size(rows, method), marker=marker, markersize=4, label=method)
-        sizes, seconds = seconds_by_size(rows, OURS)
-        n = np.geomspace(min(sizes), max(sizes), 50)
-        scale = seconds[-1] / (sizes[-1] * math.log(sizes[-1]))
-        axes.loglog(n, scale * n * np.log(n), color="0.6", linestyle=":", label="N log N")
-        axes.set_xlabel("values of beta, N")
-        axes.set_ylabel("time (s)")
-        axes.legend(frameon=False)
-        figure.savefig(path, metadata={"Date": None})
-        plt.close(figure)
+def curves_of(rows: Sequence[Row]) -> list[Curve]:
+    """Time against N of every method, beside N log N through the last of ours."""
+    found = [
+        Curve(method, *seconds_by_size(rows, method), {"marker": marker, "markersize": 4})
+        for method, marker in zip((OURS, WHOLE, ONE, PLAIN, MANY, TRF), "osvx^D", strict=True)
+    ]
+    sizes, seconds = seconds_by_size(rows, OURS)
+    n = np.geomspace(min(sizes), max(sizes), 50)
+    law = seconds[-1] / (sizes[-1] * math.log(sizes[-1])) * n * np.log(n)
+    return [*found, Curve("N log N", n.tolist(), law.tolist(), {"color": "0.6", "linestyle": ":"})]
 
 
 def main() -> None:
@@ -261,8 +251,9 @@ def main() -> None:
     print(machine())
     print(f"beta with sigma {SIGMA}, IFR, e_n fixed; one thread; ratios are medians within rounds\n")
     rows = [row for n in sizes for row in measure(n, 1.0 if options.quick else 8.0)]
-    publish(options, "least_squares.csv", "least squares", rows, table_of(rows), goals_of(rows))
-    draw(rows, options.out / "least_squares.svg")
+    shown = [row for row in rows if row["method"] != SORT]
+    publish(options, "least squares", shown, cells(shown, COLUMNS), goals_of(rows))
+    draw(options.out / "least_squares.svg", {"": curves_of(rows)}, "values of beta, N", "time (s)")
 
 
 if __name__ == "__main__":

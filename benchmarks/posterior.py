@@ -1,19 +1,21 @@
 """The exact posterior against samplers: time and error, in one run.
 
-``python benchmarks/posterior.py [--only i,ii] [--quick] [--ess] [--out DIR] [--readme]``
+``python benchmarks/posterior.py [--only i,ii] [--quick] [--out DIR] [--readme]``
 """
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 # first: it sets the number of threads
 from _common import (
-    benchmark_parser,
+    Curve,
+    cells,
+    draw,
     machine,
     markdown_table,
     print_table,
@@ -25,16 +27,14 @@ from _common import (
 
 # isort: split
 import numpy as np
-import posterior_ess
 from posterior_goals import goals_of, said_of
-from posterior_peers import NUTS_COLD, Run, all_runs
-from posterior_plot import draw
+from posterior_peers import NUTS_COLD, PEERS, Run, all_runs
 from posterior_reference import Reference, reference_of
-from posterior_scenes import TITLES, Scene, make_scene
+from posterior_scenes import TITLES, Scene, make_scene, scene_options
 
 import ifrfit
-from ifrfit.errors import UsageError
 from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.posterior import integrate
 
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6)
 N_DRAWS = 100_000
@@ -68,11 +68,6 @@ class Row:
 
 def ours(scene: Scene, reference: Reference, budget: float) -> list[Row]:
     """The kernel at several tolerances, draws from it, and the whole fit."""
-    try:
-        from ifrfit.inference.posterior import integrate
-    except ImportError:
-        print("This version has no exact posterior: samplers only.")
-        return []
     start = least_squares(scene.problem)
     rng = np.random.default_rng
     calls: dict[str, Callable[[], Any]] = {}
@@ -81,12 +76,7 @@ def ours(scene: Scene, reference: Reference, budget: float) -> list[Row]:
         calls[f"exact {t:g} whole"] = lambda t=t: integrate(scene.problem, tolerance=t)
     default = integrate(scene.problem)
     calls[DRAWS] = lambda: default.draws(N_DRAWS, rng(1))
-    try:
-        ifrfit.fit(scene.observations, method="exact", **scene.fit_options)
-    except UsageError as error:
-        print(f"ifrfit.fit is left out: {error}")
-    else:
-        calls[FIT] = lambda: ifrfit.fit(scene.observations, method="exact", **scene.fit_options)
+    calls[FIT] = lambda: ifrfit.fit(scene.observations, method="exact", **scene.fit_options)
     times, gave = timed(calls, budget)
     rows = []
     for t in TOLERANCES:
@@ -110,11 +100,8 @@ def ours(scene: Scene, reference: Reference, budget: float) -> list[Row]:
     got = [gave[DRAWS][name] for name in scene.constants]
     of_draws = reference.error_of([x.mean() for x in got], [x.std() for x in got])
     for name, kind, error in ((DRAWS, "draws", of_draws), (FIT, "fit", None)):
-        if name in times:
-            seconds = times[name]
-            rows.append(
-                Row(scene.key, kind, name, statistics.median(seconds), None, error, repeats=len(seconds))
-            )
+        seconds = times[name]
+        rows.append(Row(scene.key, kind, name, statistics.median(seconds), None, error, repeats=len(seconds)))
     return rows
 
 
@@ -164,23 +151,20 @@ def measure(key: str, quick: bool) -> tuple[list[Row], str]:
     return rows, said
 
 
-def table_of(rows: Sequence[Row]) -> list[list[str]]:
-    """What is shown of one scene, the head first."""
-    shown = [["method", "time", "with least squares", "error", "to 1e-2", "of it", "remarks"]]
-    for row in rows:
-        stated = "" if row.stated is None else f"states {row.stated:.1e}; "
-        shown.append(
-            [
-                row.method,
-                _time(row.time_s),
-                _time(row.with_start_s),
-                "" if row.error is None else f"{row.error:.1e}",
-                _time(row.to_target_s),
-                f"{row.repeats} {'seeds' if row.kind == 'sampler' else 'rounds'}",
-                stated + "; ".join(part for part in (row.spread, row.note) if part),
-            ]
-        )
-    return shown
+def _remarks(row: Mapping[str, Any]) -> str:
+    stated = "" if row["stated"] is None else f"states {row['stated']:.1e}; "
+    return stated + "; ".join(part for part in (row["spread"], row["note"]) if part)
+
+
+COLUMNS = {
+    "method": "{method}",
+    "time": lambda row: _time(row["time_s"]),
+    "with least squares": lambda row: _time(row["with_start_s"]),
+    "error": lambda row: "" if row["error"] is None else f"{row['error']:.1e}",
+    "to 1e-2": lambda row: _time(row["to_target_s"]),
+    "of it": lambda row: f"{row['repeats']} {'seeds' if row['kind'] == 'sampler' else 'rounds'}",
+    "remarks": _remarks,
+}
 
 
 def _time(seconds: float | None) -> str:
@@ -189,52 +173,56 @@ def _time(seconds: float | None) -> str:
     return f"{1e3 * seconds:.2f} ms" if seconds < 0.1 else f"{seconds:.2f} s"
 
 
+def curves_of(rows: Sequence[Row]) -> list[Curve]:
+    """Error against time of every method on one scene; each has a marker of its own."""
+    exact = [row for row in rows if row.kind == "exact"]
+    errors = [row.error or math.nan for row in exact]
+    ours_too = {"color": "C0", "marker": "o", "markersize": 5}
+    found = [
+        Curve("exact", [row.time_s for row in exact], errors, ours_too),
+        Curve(
+            "exact, least squares included",
+            [row.with_start_s or math.nan for row in exact],
+            errors,
+            ours_too | {"linestyle": "--", "markerfacecolor": "white"},
+        ),
+    ]
+    places = {name: i for i, name in enumerate((*PEERS, NUTS_COLD))}
+    for row in rows:
+        if row.kind == "sampler":
+            i = places[row.method]
+            style = {
+                "linestyle": "",
+                "color": f"C{i + 1}",
+                "marker": "os^DvPX"[i],
+                "markeredgecolor": "black",
+            }
+            found.append(Curve(row.method, [row.time_s], [row.error or math.nan], style))
+    return found
+
+
 def main() -> None:
-    parser = benchmark_parser(__doc__, "of the samplers only emcee; fewer rounds")
-    parser.add_argument("--only", default=",".join(TITLES), help="scenes, as in i,ii")
-    parser.add_argument("--ess", action="store_true", help="only effective draws a second of chains")
-    options = parser.parse_args()
-    keys = options.only.split(",")
-    if unknown := [key for key in keys if key not in TITLES]:
-        parser.error(f"no scene {', '.join(unknown)}; there are {', '.join(TITLES)}")
+    options = scene_options(__doc__, "of the samplers only emcee; fewer rounds")
     print(machine(*PACKAGES))
-    if options.ess:
-        effective_draws(keys, options.out, readme=options.readme)
-        return
     print("one thread; errors are the largest of a mean or sd of a constant, in posterior sd\n")
-    rows: list[Row] = []
+    found: dict[str, list[Row]] = {}
     lines: list[str] = []
-    for key in keys:
-        of_scene, said = measure(key, options.quick)
-        rows += of_scene
-        lines += [f"{said}:", "", *markdown_table(table_of(of_scene)), ""]
+    for key in options.only:
+        found[key], said = measure(key, options.quick)
+        table = cells([asdict(row) for row in found[key]], COLUMNS)
+        lines += [f"{said}:", "", *markdown_table(table), ""]
         print()
-        print_table(table_of(of_scene))
+        print_table(table)
         print(flush=True)
+    rows = [row for of_scene in found.values() for row in of_scene]
     goals = said_of(goals_of(rows))
     print(*(f"goal: {goal}" for goal in goals), sep="\n")
-    write_csv(options.out / "posterior.csv", [_plain(row) for row in rows])
-    draw(rows, options.out / "posterior.svg")
+    write_csv(options.out / "posterior.csv", [asdict(row) for row in rows])
+    panels = {f"({key}) {TITLES[key]}": curves_of(of_scene) for key, of_scene in found.items()}
+    draw(options.out / "posterior.svg", panels, "time (s)", "error (posterior sd)")
     if options.readme:
         listed = [f"- {goal}" for goal in goals]
         put_into_readme("posterior", [machine(*PACKAGES), "", *lines, *listed])
-
-
-def effective_draws(keys: Sequence[str], out: Path, *, readme: bool) -> None:
-    """The part on effective draws a second: its table, its CSV, its place in the README."""
-    speeds, goal = posterior_ess.measure(list(keys))
-    write_csv(out / "posterior_ess.csv", [asdict(speed) for speed in speeds])
-    if readme:
-        table = markdown_table(posterior_ess.table_of(speeds))
-        put_into_readme("effective draws", [machine(*PACKAGES), "", *table, "", f"- {goal}"])
-
-
-def _plain(row: Row) -> dict[str, object]:
-    """For the CSV."""
-    return {
-        name: "" if value is None else f"{value:.6g}" if isinstance(value, float) else value
-        for name, value in asdict(row).items()
-    }
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """Effective draws a second: our chains, lmfit's emcee wrapper, and plain vectorised emcee.
 
+``python benchmarks/posterior_ess.py [--only i,ii] [--out DIR] [--readme]``
+
 All are judged alike: the least effective number of draws in the bulk over the constants, by
 `ifrfit.inference.mcmc.chain_diagnostics`, over the wall time of the whole run. Ours stop by themselves, and
 their time holds the looks at the chains; the others get a fixed number of steps, of which the
@@ -10,12 +12,15 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any
 
+# first: it sets the number of threads
+from _common import cells, machine, publish, ratio_of, seconds_of, verdict
+
+# isort: split
 import numpy as np
-from _common import print_table, seconds_of, verdict
 from posterior_peers import DISCARDED, EMCEE, LMFIT, emcee_chain, lmfit_chain, quietly
-from posterior_scenes import Scene, make_scene
+from posterior_scenes import Scene, make_scene, scene_options
 
 from ifrfit.inference.optimize.least_squares import least_squares
 
@@ -24,19 +29,6 @@ Array = np.ndarray
 OURS = "ifrfit mcmc"
 SEEDS = 3
 GOAL = 5.0  # times lmfit's wrapper
-
-
-@dataclass(frozen=True)
-class Speed:
-    """One sampler on one scene: medians over the seeds."""
-
-    scene: str
-    method: str
-    time_s: float
-    effective: float
-    per_second: float
-    of_wrapper: float
-    seeds: int
 
 
 def _ours(scene: Scene, seed: int) -> Array:
@@ -64,7 +56,7 @@ SAMPLERS: dict[str, Callable[[Scene, int], Array]] = {
 }
 
 
-def speeds(key: str) -> list[Speed]:
+def speeds(key: str) -> list[dict[str, Any]]:
     """All samplers on one scene, in turns, so that whatever else the machine does meets all alike."""
     from ifrfit.inference.mcmc.chain_diagnostics import effective_bulk
 
@@ -80,50 +72,43 @@ def speeds(key: str) -> list[Speed]:
             effective[name].append(min(effective_bulk(constant) for constant in chains))
     rates = {name: [e / s for e, s in zip(effective[name], seconds[name], strict=True)] for name in SAMPLERS}
     return [
-        Speed(
-            key,
-            name,
-            statistics.median(seconds[name]),
-            statistics.median(effective[name]),
-            statistics.median(rates[name]),
-            statistics.median(a / b for a, b in zip(rates[name], rates[LMFIT], strict=True)),
-            SEEDS,
-        )
+        {
+            "scene": key,
+            "method": name,
+            "time_s": statistics.median(seconds[name]),
+            "effective": statistics.median(effective[name]),
+            "per_second": statistics.median(rates[name]),
+            "of_wrapper": ratio_of(rates[name], rates[LMFIT]),
+            "seeds": SEEDS,
+        }
         for name in SAMPLERS
     ]
 
 
-def table_of(rows: list[Speed]) -> list[list[str]]:
-    """What is shown, the head first."""
-    shown = [["scene", "method", "time", "effective draws", "a second", "times the wrapper", "of it"]]
-    for row in rows:
-        shown.append(
-            [
-                row.scene,
-                row.method,
-                f"{row.time_s:.2f} s",
-                f"{row.effective:,.0f}",
-                f"{row.per_second:,.0f}",
-                f"{row.of_wrapper:.1f}",
-                f"{row.seeds} seeds",
-            ]
-        )
-    return shown
+COLUMNS = {
+    "scene": "{scene}",
+    "method": "{method}",
+    "time": "{time_s:.2f} s",
+    "effective draws": "{effective:,.0f}",
+    "a second": "{per_second:,.0f}",
+    "times the wrapper": "{of_wrapper:.1f}",
+    "of it": "{seeds} seeds",
+}
 
 
-def goal_of(rows: list[Speed]) -> str:
-    """Whether ours is 5 times as fast as the wrapper in every scene."""
-    least = min((row for row in rows if row.method == OURS), key=lambda row: row.of_wrapper)
-    return (
-        f"effective draws a second at least {GOAL:g} times those of lmfit's wrapper: "
-        f"{least.of_wrapper:.1f} in scene {least.scene}, the least: {verdict(least.of_wrapper >= GOAL)}"
+def main() -> None:
+    options = scene_options(__doc__)
+    print(machine("emcee"))
+    rows = [row for key in options.only for row in speeds(key)]
+    least = min((row for row in rows if row["method"] == OURS), key=lambda row: row["of_wrapper"])
+    times = least["of_wrapper"]
+    goal = (
+        f"effective draws a second at least {GOAL:g} times those of lmfit's wrapper: {times:.1f} in scene "
+        f"{least['scene']}, the least: {verdict(times >= GOAL)}"
     )
+    print(f"the first {100 * DISCARDED:g} % of the peers' steps are discarded\n")
+    publish(options, "effective draws", rows, cells(rows, COLUMNS), [goal], machine("emcee"))
 
 
-def measure(keys: list[str]) -> tuple[list[Speed], str]:
-    """Every scene, printed."""
-    rows = [row for key in keys for row in speeds(key)]
-    print_table(table_of(rows))
-    said = goal_of(rows)
-    print(f"\nthe first {100 * DISCARDED:g} % of the peers' steps are discarded\ngoal: {said}")
-    return rows, said
+if __name__ == "__main__":
+    main()

@@ -14,6 +14,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 # jax reads this when it is imported; one thread, as for everybody else
@@ -58,28 +59,17 @@ class Run:
     note: str = ""
 
 
+Sample = tuple[Array, Array | None, str]  # draws, their weights, and anything that has to be said
+
+
 @dataclass(frozen=True)
 class Peer:
-    """A sampler: its name, the package it needs, and a run of it with a seed."""
+    """A sampler: the package it needs, a run of it with a seed, and what its first run compiles is called."""
 
-    name: str
     package: str
-    run: Callable[[Scene, int], list[Run]]
+    sample: Callable[[Scene, int], Sample]
     slow: bool = True
-
-    @property
-    def is_here(self) -> bool:
-        return importlib.util.find_spec(self.package) is not None
-
-
-def runs_of(peer: Peer, scene: Scene, seeds: int) -> list[Run]:
-    """Runs with different seeds, fewer where one takes very long."""
-    runs: list[Run] = []
-    for seed in range(1, seeds + 1):
-        runs += peer.run(scene, seed)
-        if runs[-1].seconds > _SLOW:
-            break
-    return runs
+    cold: str = ""
 
 
 @contextlib.contextmanager
@@ -92,15 +82,20 @@ def quietly() -> Iterator[None]:
     logging.disable(logging.NOTSET)
 
 
-def _timed(scene: Scene, sample: Callable[[], tuple[Array, Array | None, str]]) -> Run:
+def run_of(peer: Peer, scene: Scene, seed: int) -> Run:
     """Run a sampler with the clock on; moments are worked out off the clock."""
-    found: list[tuple[Array, Array | None, str]] = []
+    found: list[Sample] = []
     with quietly():
-        seconds = seconds_of(lambda: found.append(sample()))
+        seconds = seconds_of(lambda: found.append(peer.sample(scene, seed)))
     draws, weights, note = found[0]
     draws = draws[:, : len(scene.constants)]
     mean = np.average(draws, axis=0, weights=weights)
     return Run(mean, np.sqrt(np.average((draws - mean) ** 2, axis=0, weights=weights)), seconds, note)
+
+
+def flat(chain: Callable[[Scene, int, int], Array], steps: int) -> Callable[[Scene, int], Sample]:
+    """A sampler that walks so many steps; its walkers' draws all in one."""
+    return lambda scene, seed: (chain(scene, seed, steps).reshape(-1, scene.dimensions), None, "")
 
 
 def emcee_chain(scene: Scene, seed: int, steps: int) -> Array:
@@ -123,13 +118,6 @@ def emcee_chain(scene: Scene, seed: int, steps: int) -> Array:
     sampler.random_state = np.random.RandomState(seed).get_state()
     sampler.run_mcmc(walkers, steps)
     return np.asarray(sampler.get_chain(discard=int(DISCARDED * steps)))
-
-
-def _emcee(scene: Scene, seed: int, steps: int) -> list[Run]:
-    def sample() -> tuple[Array, None, str]:
-        return emcee_chain(scene, seed, steps).reshape(-1, scene.dimensions), None, ""
-
-    return [_timed(scene, sample)]
 
 
 def lmfit_chain(scene: Scene, seed: int, steps: int) -> Array:
@@ -172,54 +160,40 @@ def lmfit_chain(scene: Scene, seed: int, steps: int) -> Array:
     return np.asarray(found.chain)
 
 
-def _lmfit(scene: Scene, seed: int) -> list[Run]:
-    def sample() -> tuple[Array, None, str]:
-        return lmfit_chain(scene, seed, 1000).reshape(-1, scene.dimensions), None, ""
-
-    return [_timed(scene, sample)]
-
-
-def _dynesty(scene: Scene, seed: int) -> list[Run]:
+def _dynesty(scene: Scene, seed: int) -> Sample:
     import dynesty
 
-    def sample() -> tuple[Array, Array, str]:
-        sampler = dynesty.NestedSampler(
-            scene.log_likelihood(),
-            scene.from_unit_cube,
-            scene.dimensions,
-            nlive=500,
-            rstate=np.random.default_rng(seed),
-        )
-        sampler.run_nested(print_progress=False)
-        return sampler.results.samples, sampler.results.importance_weights(), ""
-
-    return [_timed(scene, sample)]
+    sampler = dynesty.NestedSampler(
+        scene.log_likelihood(),
+        scene.from_unit_cube,
+        scene.dimensions,
+        nlive=500,
+        rstate=np.random.default_rng(seed),
+    )
+    sampler.run_nested(print_progress=False)
+    return sampler.results.samples, sampler.results.importance_weights(), ""
 
 
-def _ultranest(scene: Scene, seed: int) -> list[Run]:
+def _ultranest(scene: Scene, seed: int) -> Sample:
     import ultranest
     import ultranest.stepsampler
 
+    np.random.seed(seed)  # noqa: NPY002 (UltraNest takes no other)
+    sampler = ultranest.ReactiveNestedSampler(
+        [f"p{i}" for i in range(scene.dimensions)],
+        scene.log_likelihood(),
+        scene.from_unit_cube,
+        vectorized=True,
+    )
     stepwise = scene.dimensions > 10  # rejection from ellipsoids does not come to an end there
-
-    def sample() -> tuple[Array, Array, str]:
-        np.random.seed(seed)  # noqa: NPY002 (UltraNest takes no other)
-        sampler = ultranest.ReactiveNestedSampler(
-            [f"p{i}" for i in range(scene.dimensions)],
-            scene.log_likelihood(),
-            scene.from_unit_cube,
-            vectorized=True,
+    if stepwise:
+        sampler.stepsampler = ultranest.stepsampler.SliceSampler(
+            nsteps=2 * scene.dimensions,
+            generate_direction=ultranest.stepsampler.generate_mixture_random_direction,
         )
-        if stepwise:
-            sampler.stepsampler = ultranest.stepsampler.SliceSampler(
-                nsteps=2 * scene.dimensions,
-                generate_direction=ultranest.stepsampler.generate_mixture_random_direction,
-            )
-        result = sampler.run(min_num_live_points=400, show_status=False, viz_callback=False)
-        weighted = result["weighted_samples"]
-        return weighted["points"], weighted["weights"], "slice sampler" if stepwise else ""
-
-    return [_timed(scene, sample)]
+    result = sampler.run(min_num_live_points=400, show_status=False, viz_callback=False)
+    weighted = result["weighted_samples"]
+    return weighted["points"], weighted["weights"], "slice sampler" if stepwise else ""
 
 
 def _numpyro_model(scene: Scene) -> Callable[[], None]:
@@ -261,57 +235,53 @@ def _numpyro_model(scene: Scene) -> Callable[[], None]:
     return model
 
 
-def _numpyro(scene: Scene, seeds: int) -> list[Run]:
-    """First the run that compiles, then as many others as there are seeds."""
-    import jax
+@cache
+def _nuts(scene: Scene) -> Any:
+    """NUTS on a scene; its first run compiles."""
     import numpyro
 
     numpyro.enable_x64()
-    mcmc: list[Any] = []
-
-    def sample(seed: int) -> tuple[Array, None, str]:
-        if not mcmc:
-            kernel = numpyro.infer.NUTS(_numpyro_model(scene))
-            mcmc.append(
-                numpyro.infer.MCMC(kernel, num_warmup=WARM_UP, num_samples=SAMPLES, progress_bar=False)
-            )
-        mcmc[0].run(jax.random.PRNGKey(seed))
-        got = {name: np.asarray(draws) for name, draws in mcmc[0].get_samples().items()}
-        return np.column_stack((got["e_n"], got["e_t"], got["mu"])), None, ""
-
-    return [_timed(scene, lambda seed=seed: sample(seed)) for seed in range(seeds + 1)]
+    kernel = numpyro.infer.NUTS(_numpyro_model(scene))
+    return numpyro.infer.MCMC(kernel, num_warmup=WARM_UP, num_samples=SAMPLES, progress_bar=False)
 
 
-def numpyro_runs(scene: Scene, seeds: int) -> tuple[list[Run], list[Run]]:
-    """Runs with everything compiled, and the one before them."""
-    cold, *warm = _numpyro(scene, seeds)
-    return warm, [cold]
+def _numpyro(scene: Scene, seed: int) -> Sample:
+    import jax
+
+    sampler = _nuts(scene)
+    sampler.run(jax.random.PRNGKey(seed))
+    got = {name: np.asarray(draws) for name, draws in sampler.get_samples().items()}
+    return np.column_stack((got["e_n"], got["e_t"], got["mu"])), None, ""
 
 
-PEERS = (
-    Peer(EMCEE, "emcee", lambda scene, seed: _emcee(scene, seed, 1000), slow=False),
-    Peer(EMCEE_LONG, "emcee", lambda scene, seed: _emcee(scene, seed, 5000), slow=False),
-    Peer(LMFIT, "emcee", _lmfit),
-    Peer(DYNESTY, "dynesty", _dynesty),
-    Peer(ULTRANEST, "ultranest", _ultranest),
-)
+PEERS = {
+    EMCEE: Peer("emcee", flat(emcee_chain, 1000), slow=False),
+    EMCEE_LONG: Peer("emcee", flat(emcee_chain, 5000), slow=False),
+    LMFIT: Peer("emcee", flat(lmfit_chain, 1000)),
+    DYNESTY: Peer("dynesty", _dynesty),
+    ULTRANEST: Peer("ultranest", _ultranest),
+    NUTS: Peer("numpyro", _numpyro, cold=NUTS_COLD),
+}
 
 
 def all_runs(scene: Scene, seeds: tuple[int, int], quick: bool) -> dict[str, list[Run]]:
-    """Runs of every peer that is installed, with so many seeds of the quick and of the slow ones."""
+    """Runs of every peer that is installed, with so many seeds of the quick and of the slow ones.
+
+    One that takes very long runs with fewer.
+    """
     found: dict[str, list[Run]] = {}
-    for peer in PEERS:
+    for name, peer in PEERS.items():
         if quick and peer.slow:
             continue
-        if not peer.is_here:
-            print(f"{peer.package} is not installed: {peer.name} is left out.")
+        if importlib.util.find_spec(peer.package) is None:
+            print(f"{peer.package} is not installed: {name} is left out.")
             continue
-        print(f"scene {scene.key}: {peer.name} ...", flush=True)
-        found[peer.name] = runs_of(peer, scene, seeds[peer.slow])
-    if not quick:
-        if importlib.util.find_spec("numpyro") is None:
-            print(f"numpyro is not installed: {NUTS} is left out.")
-        else:
-            print(f"scene {scene.key}: {NUTS} ...", flush=True)
-            found[NUTS], found[NUTS_COLD] = numpyro_runs(scene, seeds[1])
+        print(f"scene {scene.key}: {name} ...", flush=True)
+        cold = [run_of(peer, scene, 0)] if peer.cold else []
+        runs: list[Run] = []
+        for seed in range(1, seeds[peer.slow] + 1):
+            runs.append(run_of(peer, scene, seed))
+            if runs[-1].seconds > _SLOW:
+                break
+        found |= {name: runs} | ({peer.cold: cold} if cold else {})
     return found

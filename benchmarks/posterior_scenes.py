@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
+from _common import benchmark_parser
 from scipy.special import ndtr, ndtri
 
 import ifrfit
@@ -26,7 +29,7 @@ E_N_PRIOR = (0.9, 0.02)
 SEED = 20240607
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """One fit.
 
@@ -46,8 +49,11 @@ class Scene:
     value: Array
     e_n: Array
     sigma: float
-    n_series: int
     unknown_noise: bool
+
+    @property
+    def n_series(self) -> int:
+        return len(self.problem.series)
 
     @property
     def constants(self) -> tuple[str, ...]:
@@ -125,15 +131,49 @@ class Scene:
         return np.concatenate((tangential, (self.e_n - theta[0]) / SIGMA_E_N))
 
 
+def scene_options(description: str | None, quick: str = "") -> argparse.Namespace:
+    """Options of a benchmark on scenes; `only` is the list of those that are asked for."""
+    parser = benchmark_parser(description, quick)
+    parser.add_argument("--only", default=",".join(TITLES), help="scenes, as in i,ii")
+    options = parser.parse_args()
+    options.only = options.only.split(",")
+    if unknown := [key for key in options.only if key not in TITLES]:
+        parser.error(f"no scene {', '.join(unknown)}; there are {', '.join(TITLES)}")
+    return options
+
+
 def make_scene(key: str) -> Scene:
-    """One of `TITLES`."""
-    return {
-        "i": lambda: _beta_and_e_n("i", 40),
-        "ii": lambda: _beta_and_e_n("ii", 40, unknown_noise=True),
-        "iii": lambda: _beta_and_e_n("iii", 500),
-        "iv": lambda: _beta_and_e_n("iv", 20, mu=np.linspace(0.1, 0.25, 10)),
+    """One of `TITLES`; the tangents are worked out here, off every clock."""
+    table, options = {
+        "i": lambda: _beta_and_e_n(1, 40),
+        "ii": lambda: _beta_and_e_n(1, 40),  # the same data
+        "iii": lambda: _beta_and_e_n(3, 500),
+        "iv": lambda: _beta_and_e_n(4, 20, np.linspace(0.1, 0.25, 10)),
         "v": _delta,
     }[key]()
+    closure, unknown_noise = get_closure("ifr"), key == "ii"
+    observations = Observations(table)
+    noise = "unknown" if unknown_noise else "known"
+    problem = make_problem(observations, closure, J, make_parameters(closure, J, **options), noise)
+    if unknown_noise:
+        problem = problem.with_noise(problem.noise.with_bounds(dict.fromkeys(problem.groups(), NOISE_DOMAIN)))
+    tangential = table[table["observable"] != "e_n"]
+    tan = np.tan(np.radians(tangential["gamma_deg"].to_numpy()))
+    return Scene(
+        key=key,
+        title=TITLES[key],
+        observable=tangential["observable"].iloc[0],
+        observations=observations,
+        problem=problem,
+        fit_options={**options, "noise": noise},
+        cot=1.0 / tan,
+        tan=tan,
+        series=pd.factorize(tangential["series"])[0],
+        value=tangential["value"].to_numpy(),
+        e_n=table.loc[table["observable"] == "e_n", "value"].to_numpy(),
+        sigma=tangential["sigma"].iloc[0],
+        unknown_noise=unknown_noise,
+    )
 
 
 TITLES = {
@@ -143,82 +183,35 @@ TITLES = {
     "iv": "10 series of 40 points of beta and e_n, separate mu",
     "v": "80 points of delta, prior on e_n",
 }
+Made = tuple[pd.DataFrame, dict[str, object]]  # a table, and the options of its fit
 
 
-def _beta_and_e_n(key: str, n: int, mu: Array | None = None, unknown_noise: bool = False) -> Scene:
+def _beta_and_e_n(number: int, n: int, mu: Array | None = None) -> Made:
     """n values of beta and n of e_n in each series."""
-    # the first two scenes are the same data
-    rng = np.random.default_rng([SEED, 1 if key == "ii" else list(TITLES).index(key) + 1])
+    rng = np.random.default_rng([SEED, number])
     mus = np.array([MU]) if mu is None else mu
     gamma = np.tile(np.linspace(5.0, 85.0, n), mus.size)
     series = np.repeat(np.arange(mus.size), n)
     exact = ifrfit.rebound(gamma, e_n=E_N, e_t=E_T, mu=mus[series], degrees=True).beta
     beta = exact + rng.normal(0.0, SIGMA_BETA, gamma.size)
     e_n = E_N + rng.normal(0.0, SIGMA_E_N, gamma.size)
-    label = [f"run {s}" for s in series]
     table = make_table(
         {
-            "series": label * 2,
-            "observable": ["beta"] * gamma.size + ["e_n"] * gamma.size,
+            "series": [f"run {s}" for s in series] * 2,
+            "observable": np.repeat(["beta", "e_n"], gamma.size),
             "gamma_deg": np.tile(gamma, 2),
             "value": np.concatenate((beta, e_n)),
             "sigma": np.repeat([SIGMA_BETA, SIGMA_E_N], gamma.size),
         }
     )
-    options: dict[str, object] = {"separate": ("mu",)} if mu is not None else {}
-    seen = {"gamma": gamma, "series": series, "value": beta, "e_n": e_n}
-    return _scene(key, "beta", table, options, seen, SIGMA_BETA, unknown_noise)
+    return table, {} if mu is None else {"separate": ("mu",)}
 
 
-def _delta() -> Scene:
+def _delta() -> Made:
     """80 values of delta; e_n is known beforehand."""
     rng = np.random.default_rng([SEED, 5])
     gamma = np.linspace(5.0, 85.0, 80)
     exact = np.degrees(ifrfit.rebound(gamma, e_n=E_N, e_t=E_T, mu=MU, degrees=True).delta)
     delta = exact + rng.normal(0.0, SIGMA_DELTA, gamma.size)
-    table = make_table(
-        {
-            "series": "run 0",
-            "observable": "delta_deg",
-            "gamma_deg": gamma,
-            "value": delta,
-            "sigma": np.full(gamma.size, SIGMA_DELTA),
-        }
-    )
-    seen = {"gamma": gamma, "series": np.zeros(80, dtype=int), "value": delta, "e_n": np.empty(0)}
-    return _scene("v", "delta_deg", table, {"prior": {"e_n": E_N_PRIOR}}, seen, SIGMA_DELTA)
-
-
-def _scene(
-    key: str,
-    observable: str,
-    table: object,
-    options: dict[str, object],
-    seen: Mapping[str, Array],
-    sigma: float,
-    unknown_noise: bool = False,
-) -> Scene:
-    """Put a scene together; the tangents are worked out here, off every clock."""
-    closure = get_closure("ifr")
-    observations = Observations(table)
-    noise = "unknown" if unknown_noise else "known"
-    problem = make_problem(observations, closure, J, make_parameters(closure, J, **options), noise)
-    if unknown_noise:
-        problem = problem.with_noise(problem.noise.with_bounds(dict.fromkeys(problem.groups(), NOISE_DOMAIN)))
-    tan = np.tan(np.radians(seen["gamma"]))
-    return Scene(
-        key=key,
-        title=TITLES[key],
-        observable=observable,
-        observations=observations,
-        problem=problem,
-        fit_options={**options, "noise": noise},
-        cot=1.0 / tan,
-        tan=tan,
-        series=seen["series"],
-        value=seen["value"],
-        e_n=seen["e_n"],
-        sigma=sigma,
-        n_series=int(seen["series"].max()) + 1,
-        unknown_noise=unknown_noise,
-    )
+    columns = {"series": "run 0", "observable": "delta_deg", "gamma_deg": gamma, "value": delta}
+    return make_table({**columns, "sigma": SIGMA_DELTA}), {"prior": {"e_n": E_N_PRIOR}}

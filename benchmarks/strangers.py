@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from _common import benchmark_parser, machine, publish, verdict
+from _common import benchmark_parser, publish, verdict
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import logsumexp
@@ -411,7 +411,7 @@ def main() -> None:
         print("  ".join(f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}"
                         for key, value in row.items() if value not in ("", None)))  # fmt: skip
     table_rows, goals = summary(rows)
-    publish(options, "strangers.csv", "strangers", worst, table_rows, goals, machine())
+    publish(options, "strangers", worst, table_rows, goals)
 
 
 if __name__ == "__main__":

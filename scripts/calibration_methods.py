@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -103,15 +103,15 @@ def score_covariance(experiment: Experiment, fit: LeastSquaresFit) -> dict[str, 
 
     Bounds are not heeded. Where the data do not see a quantity at all it has no covariance interval.
     """
-    cdf, inverse = _law(fit.noise_dof)
+    dof = fit.noise_dof  # infinite where sigma is known: then Student's t is the Gaussian
     found = {}
     for name, (value, functional, prior_sd) in _functionals(experiment, fit).items():
         sd = math.sqrt(fit.gaussian.variance(functional, prior_sd))
         if not (math.isfinite(sd) and sd > 0.0):
             continue
-        ends = [(value + sd * inverse(low), value + sd * inverse(high)) for low, high in TAILS.tolist()]
+        ends = value + sd * special.stdtrit(dof, TAILS)
         truth = experiment.truth[name]
-        found[name] = _score(truth, cdf((truth - value) / sd), ends)
+        found[name] = _score(truth, float(special.stdtr(dof, (truth - value) / sd)), ends.tolist())
     return found
 
 
@@ -157,16 +157,10 @@ def _functionals(experiment: Experiment, fit: LeastSquaresFit) -> dict[str, tupl
     return found
 
 
-def _law(dof: float) -> tuple[Callable[[float], float], Callable[[float], float]]:
-    if math.isinf(dof):
-        return lambda x: float(special.ndtr(x)), lambda p: float(special.ndtri(p))
-    return lambda x: float(special.stdtr(dof, x)), lambda p: float(special.stdtrit(dof, p))
-
-
 def _two(truth: float, interval68: Interval, interval95: Interval) -> Score:
     return _score(truth, math.nan, [(math.nan, math.nan), interval68, interval95])
 
 
-def _score(truth: float, rank: float, intervals: list[Interval]) -> Score:
+def _score(truth: float, rank: float, intervals: Sequence[Sequence[float]]) -> Score:
     inside = [math.nan if math.isnan(a) or math.isnan(b) else float(a <= truth <= b) for a, b in intervals]
     return rank, inside[0], inside[1], inside[2]

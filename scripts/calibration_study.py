@@ -173,6 +173,16 @@ class Study:
         """How often the method gave no answer."""
         return sum(len(found) for (_, m), found in self.troubles.items() if m == method)
 
+    def faults(self, method: str) -> list[str]:
+        """Sentences on lines of the method that fail, and on experiments that it gave no answer to."""
+        wrong = [
+            f"{method} fails: {line.scene}, {line.name} (adjusted p {line.adjusted:.1e})"
+            for line in self.lines
+            if line.method == method and not line.holds
+        ]
+        died = self.died(method)
+        return [*wrong, f"{method} gave no answer to {died} experiments"] if died else wrong
+
 
 def gather(outcomes: Iterable[Outcome]) -> Study:
     """Collect and judge."""

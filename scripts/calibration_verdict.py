@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
+from studies import bold, markdown
 
 Array = NDArray[np.float64]
 
@@ -179,6 +180,27 @@ def _everywhere(
         if len(scenes) > 1:
             pooled = np.concatenate([own[scene, name] for scene in scenes])
             yield line_of(EVERYWHERE, method, name, pooled, sum(asked[scene, method] for scene in scenes))
+
+
+def table_of(lines: Sequence[Line], *, ranks: bool) -> str:
+    """Coverage, ranks and verdict of each line, as a table in Markdown."""
+    shown = [i for i in range(len(LEVELS)) if any(not math.isnan(line.coverage[i]) for line in lines)]
+    head = ("scene", "quantity", "n:", *(f"{100 * LEVELS[i]:.0f} %:" for i in shown))
+    rows = []
+    for line in lines:
+        n = f"{line.n}" + (f" ({line.absent} without)" if line.absent else "")
+        coverage = (f"{100 * line.coverage[i]:.1f} ± {100 * line.errors[i]:.1f}" for i in shown)
+        p = (p_words(line.p_ranks),) if ranks else ()
+        said = bold(line.verdict, when=not line.holds)
+        rows.append((line.scene, line.name, n, *coverage, *p, p_words(line.adjusted), said))
+    return markdown((*head, *(("p of ranks:",) if ranks else ()), "adjusted p:", "verdict"), rows)
+
+
+def p_words(p: float) -> str:
+    """Return a p value as tables show it."""
+    if math.isnan(p):
+        return "–"
+    return f"{p:.3f}" if p >= 1e-3 else f"{p:.0e}" if p > 1e-99 else "< 1e-99"
 
 
 def passes(lines: Iterable[Line], method: str) -> bool:

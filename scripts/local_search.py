@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 class Local:
-    """The problem written out by hand for MINPACK: k = a + min(b, kappa U_n/|U_t|) and its derivative.
+    """The problem written out by hand for MINPACK: k = a + min(b, kappa U_n/|U_t|).
 
     Bounds are built into the unknowns: sines between two bounds, hyperbolas above one.
     """
@@ -38,7 +38,6 @@ class Local:
         self.offset = np.where(self.tangential, self.offset, 0.0)
         self.slope = np.where(self.tangential, self.slope, 0.0)
         self.impulse, self.rebound = scale == "impulse", scale == "rebound"
-        self.any_scale = bool(self.impulse.any() or self.rebound.any())
         self.lower, self.upper = problem.parameters.bounds()
         self.free = np.flatnonzero(problem.parameters.free)
         self.low, high = self.lower[self.free], self.upper[self.free]
@@ -50,7 +49,6 @@ class Local:
         self.prior_mean = np.array([mean for _, mean, _ in priors])
         self.prior_sd = np.array([sd for _, _, sd in priors])
         self.column = {name: places[rows.series] for name, places in problem.parameters.positions.items()}
-        self.number = np.arange(n)
         self.spare = max(0, self.free.size - n - len(priors))  # MINPACK wants as many residuals as unknowns
 
     def theta(self, x: Array) -> Array:
@@ -66,56 +64,21 @@ class Local:
         share = np.where(self.closed, above / np.where(self.closed, self.half, 1.0) - 1.0, 0.0)
         return np.where(self.closed, np.arcsin(np.clip(share, -1.0, 1.0)), np.sqrt((above + 1.0) ** 2 - 1.0))
 
-    def _state(self, theta: Array) -> tuple[Array, Array, Array, Array]:
-        """e_n, mu, and k of each row; U_n/|U_t| where it slides, 0 where it sticks."""
-        e_n, mu = theta[self.column["e_n"]], theta[self.column["mu"]]
-        own = self.problem.closure.constant
-        c = theta[self.column[own]] if own else np.zeros(e_n.size)
-        bound = self.linear.b0 + self.linear.b1 * c
-        friction = mu * (1.0 + e_n) * self.cot
-        k = self.linear.a0 + self.linear.a1 * c + np.minimum(bound, friction)
-        return e_n, mu, k, np.where(friction >= bound, 0.0, self.cot)
-
-    def _scale(self, e_n: Array) -> tuple[Array, Array]:
-        """Factor of each row that e_n alone decides, and its logarithmic derivative."""
-        if not self.any_scale:
-            return np.ones(e_n.size), np.zeros(e_n.size)
-        safe = np.maximum(e_n, 1e-12)
-        factor = np.where(self.impulse, 2.0 / (1.0 + e_n), np.where(self.rebound, 1.0 / safe, 1.0))
-        slope = np.where(self.impulse, -1.0 / (1.0 + e_n), np.where(self.rebound, -1.0 / safe, 0.0))
-        return factor, slope
-
     def residuals(self, x: Array) -> Array:
         """Standardised residuals at the unknowns."""
         theta = self.theta(x)
-        e_n, mu, k, _ = self._state(theta)
-        scale, _ = self._scale(e_n)
+        e_n, mu = theta[self.column["e_n"]], theta[self.column["mu"]]
+        own = self.problem.closure.constant
+        c = theta[self.column[own]] if own else 0.0
+        friction = np.minimum(self.linear.b0 + self.linear.b1 * c, mu * (1.0 + e_n) * self.cot)
+        k = self.linear.a0 + self.linear.a1 * c + friction
+        # a factor of each row that e_n alone decides
+        scale = np.where(self.rebound, 1.0 / np.maximum(e_n, 1e-12), 1.0)
+        scale = np.where(self.impulse, 2.0 / (1.0 + e_n), scale)
         model = (self.offset + self.slope * k) * scale + self.normal * e_n + self.friction * mu
         data = (model - self.problem.rows.value) * self.weight
         prior = (theta[self.prior_at] - self.prior_mean) / self.prior_sd
         return np.concatenate((data, prior, np.zeros(self.spare)))
-
-    def jacobian(self, x: Array) -> Array:
-        """Their derivatives by the unknowns."""
-        theta = self.theta(x)
-        e_n, mu, k, cot = self._state(theta)
-        scale, log_slope = self._scale(e_n)
-        by_k = self.slope * scale * self.weight
-        value = (self.offset + self.slope * k) * scale * self.weight
-        by = {
-            "e_n": by_k * mu * cot + value * log_slope + self.normal * self.weight,
-            "mu": by_k * (1.0 + e_n) * cot + self.friction * self.weight,
-        }
-        if self.problem.closure.constant:
-            sticking = np.where(cot == 0.0, self.linear.b1, 0.0)
-            by[self.problem.closure.constant] = by_k * (self.linear.a1 + sticking)
-        n = e_n.size
-        full = np.zeros((n + self.prior_at.size + self.spare, theta.size))
-        for name, column in self.column.items():
-            full[self.number, column] += by[name]
-        full[n + np.arange(self.prior_at.size), self.prior_at] = 1.0 / self.prior_sd
-        inner = np.where(self.closed, self.half * np.cos(x), x / np.sqrt(x * x + 1.0))
-        return np.asarray(full[:, self.free] * inner)
 
     def start(self, rng: np.random.Generator) -> Array:
         """Draw constants inside the domain; mu up to 2, half of them with equal chance for each magnitude."""
@@ -135,7 +98,6 @@ class Local:
         x, *_ = leastsq(
             self.residuals,
             self.unknowns(theta),
-            Dfun=self.jacobian,
             xtol=1e-11,
             ftol=1e-11,
             maxfev=150,

@@ -17,9 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from ifrfit.data.descriptor import PackageText, csv_bytes, write_folder
+from ifrfit.data.descriptor import write_folder
 from ifrfit.physics.angles import sincos
 from ifrfit.physics.rebound import rebound
 
@@ -176,7 +177,7 @@ def assumptions(spec: Mapping[str, Any]) -> list[str]:
     return listed + list(spec.get("assumptions", ()))
 
 
-def text_of(name: str, spec: Mapping[str, Any], paper: Mapping[str, str]) -> PackageText:
+def about(name: str, spec: Mapping[str, Any], paper: Mapping[str, str]) -> dict[str, Any]:
     """Say everything datapackage.json says apart from the numbers."""
     default = next(s for s in spec["series"] if s["label"] == spec["default_series"][0])
     own = {
@@ -207,7 +208,14 @@ def text_of(name: str, spec: Mapping[str, Any], paper: Mapping[str, str]) -> Pac
         {"title": f"{paper['title']}: constants and conditions", "path": paper["path"]},
         {"title": f"{spec['experiment']}: the experiment (its points are not used)"},
     ]
-    return PackageText(name, spec["title"], description, [LICENCE], sources, own)
+    return {
+        "name": name,
+        "title": spec["title"],
+        "description": description,
+        "licenses": [LICENCE],
+        "sources": sources,
+        "ifrfit": own,
+    }
 
 
 def make(folder: Path) -> list[Path]:
@@ -220,7 +228,7 @@ def make(folder: Path) -> list[Path]:
         seed = int.from_bytes(hashlib.sha256(name.encode()).digest(), "big")
         rng = np.random.default_rng(seed)
         rows = [row for series in spec["series"] for row in rows_of(name, series, spec["noise_level"], rng)]
-        write_folder(folder / name, text_of(name, spec, paper), csv_bytes(rows))
+        write_folder(folder / name, about(name, spec, paper), pd.DataFrame(rows))
         made.append(folder / name)
     return made
 

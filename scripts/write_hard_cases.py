@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "hard-cases.md"
-sys.path.insert(0, str(ROOT / "tests"))
+from studies import DOCS, markdown, render
 
-HEAD = """# Hard cases
+PAGE = DOCS / "hard-cases.md"
+sys.path.insert(0, str(DOCS.parent / "tests"))
 
-What ifrfit must answer where programs usually stumble. The tests run every row, with warnings as errors;
-whatever is fitted is fitted by least squares, by profiles, by the exact posterior and by Markov chains, with
-the same answers.
-This page is written by `python scripts/write_hard_cases.py` from the table in `tests/hard_cases/`.
-"""
 TITLES = {
     "rebound": "Rebound",
     "scenes": "Simulated scenes",
@@ -31,11 +24,14 @@ def page() -> str:
     from hard_cases.case import GROUPS
     from hard_cases.cases import CASES
 
-    parts = [HEAD]
-    for group in GROUPS:
-        parts.append(f"\n## {TITLES[group]}\n\n| case | what is fed | what comes out |\n|---|---|---|\n")
-        parts += [f"| {c.name} | {_cell(c.what)} | {_cell(c.answer)} |\n" for c in CASES if c.group == group]
-    return "".join(parts)
+    groups = {
+        TITLES[group]: markdown(
+            ("case", "what is fed", "what comes out"),
+            [(c.name, _cell(c.what), _cell(c.answer)) for c in CASES if c.group == group],
+        )
+        for group in GROUPS
+    }
+    return render("hard_cases.md", groups=groups)
 
 
 def _cell(text: str) -> str:
@@ -49,7 +45,6 @@ def main() -> int:
     check = parser.parse_args().check
     text = page()
     if not check:
-        PAGE.parent.mkdir(exist_ok=True)
         PAGE.write_text(text, encoding="utf-8")
         return 0
     if PAGE.is_file() and PAGE.read_text(encoding="utf-8") == text:

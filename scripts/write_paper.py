@@ -1,29 +1,35 @@
-"""Write docs/paper.md: paper_page.md beside this file, with rows from the package's own table of figures."""
+"""Write docs/paper.md: pages/paper.md, with rows from the package's own table of figures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
+
+from studies import DOCS, markdown, render
 
 from ifrfit.data.descriptor import read_package
 from ifrfit.data.locations import entry
 from ifrfit.paper.cases import case_named
 from ifrfit.paper.figures import PAPER, PaperFigure
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "paper.md"
-
-TEMPLATE = Path(__file__).with_name("paper_page.md")
+TITLES = (
+    "figure",
+    "what the caption says",
+    "equations really used",
+    "constants",
+    "transition",
+    "provenance",
+)
 
 
 def page() -> str:
     """The page's text."""
-    notes = [f"- **{_called(figure)}** {figure.note}" for figure in PAPER if figure.note]
-    return TEMPLATE.read_text(encoding="utf-8").format(rows="\n".join(_rows()), notes="\n".join(notes))
+    notes = [f"- **Fig. {figure.name}.** {figure.note}" for figure in PAPER if figure.note]
+    return render("paper.md", figures=markdown(TITLES, _rows()), notes="\n".join(notes))
 
 
-def _rows() -> Iterator[str]:
+def _rows() -> Iterator[tuple[str, ...]]:
     for figure in PAPER:
-        cells = (
+        yield (
             f"[{figure.name}](../figures/{figure.stem}.svg)",
             figure.says,
             figure.uses,
@@ -31,11 +37,6 @@ def _rows() -> Iterator[str]:
             _transition(figure),
             _provenance(figure),
         )
-        yield f"| {' | '.join(cells)} |"
-
-
-def _called(figure: PaperFigure) -> str:
-    return f"Fig. {figure.name}."
 
 
 def _constants(figure: PaperFigure) -> str:
@@ -66,4 +67,4 @@ def _provenance(figure: PaperFigure) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    (DOCS / "paper.md").write_text(page(), encoding="utf-8")

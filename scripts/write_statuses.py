@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from studies import DOCS, markdown
 
 from ifrfit.inference.diagnostics.thresholds import FACTS, STATUSES
-
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "statuses.md"
 
 
 def page() -> str:
@@ -14,11 +12,9 @@ def page() -> str:
     written = "Written by `scripts/write_statuses.py` from the rules in the code."
     lines = ["# Statuses and facts", "", written, ""]
     for title, rules in (("status of a constant", STATUSES), ("fact of a fit", FACTS)):
-        lines += [f"| {title} | rule |", "|---|---|"]
-        lines += [f"| `{name}` | {rule} |" for name, rule in rules.items()]
-        lines.append("")
+        lines += [markdown((title, "rule"), [(f"`{name}`", rule) for name, rule in rules.items()]), ""]
     return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    (DOCS / "statuses.md").write_text(page(), encoding="utf-8")

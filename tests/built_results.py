@@ -11,7 +11,7 @@ import pandas as pd
 from ifrfit.data import Descriptor, Source
 from ifrfit.data.observations import make_table
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate, Fact, FitStatistics, NoiseSummary, State
+from ifrfit.inference.result.types import Correlation, Estimate, Fact, FitStatistics, NoiseSummary, State
 from ifrfit.physics import OBSERVABLES, get_closure, rebound, transition_angles, transition_tau
 
 IFR = get_closure("ifr")
@@ -171,7 +171,7 @@ def build(
             "transition_angle_deg": {run.name: transition_of(run, kappa) for run in runs},
             "beta_sticking": estimate(values["e_t"] + 1.4, 0.0131),
         },
-        "correlation": (("e_t", "mu"), np.array([[1.0, -0.68], [-0.68, 1.0]])),
+        "correlation": Correlation(("e_t", "mu"), np.array([[1.0, -0.68], [-0.68, 1.0]])),
         "fit": FitStatistics(
             len(points),
             len(points) - sticking,
@@ -336,7 +336,7 @@ def posterior(policy: str = "unknown") -> StubResult:
     """Two series with the exact posterior: means, noises with intervals, draws and evidence."""
     runs = (Run("dry"), Run("wet & <oiled>", spin_y=-0.4))
     base = build(runs)
-    names = [f"{run.name}/beta" for run in runs] if policy == "unknown" else [""]
+    names = [f"{run.name}/beta" for run in runs] if policy == "unknown" else ["factor"]
     noises = {
         name: replace(estimate(value, 0.0062), mean=value + 0.001)
         for name, value in zip(names, (0.0481, 0.0555), strict=False)

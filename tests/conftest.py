@@ -6,8 +6,10 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import pandas as pd
 import pytest
-from factories import impacts_file
+from browser_here import PROMISED, lacking
+from factories import impacts_file, small_report
 from hypothesis import settings
 
 # at home every run looks at new examples; in CI a change is judged by the same ones each time
@@ -18,6 +20,20 @@ settings.load_profile("ci" if os.environ.get("CI") else "home")
 Impacts = Callable[..., Path]
 
 
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deselect the tests that open a page in a browser where there is none."""
+    if lacking() and not PROMISED:
+        left_out = [item for item in items if "browser" in getattr(item, "fixturenames", ())]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say so at the end."""
+    if lacking() and not PROMISED:
+        terminalreporter.write_line(f"Pages were opened in no browser: {lacking()}.", yellow=True)
+
+
 @pytest.fixture
 def brief_costs(monkeypatch: pytest.MonkeyPatch) -> None:
     """``--quick`` costs of inference by one short run of each method, where their errors do not matter."""
@@ -25,6 +41,16 @@ def brief_costs(monkeypatch: pytest.MonkeyPatch) -> None:
 
     brief = Extent(tolerances=(1e-1, 1e-3), replicates=(100,), steps=(50,), seeds=1, repeats=1, longest=0.7)
     monkeypatch.setattr("ifrfit.cost.measure.QUICK", brief)
+
+
+@pytest.fixture
+def small_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports of one paragraph and nothing appraised, where only the files of a result matter."""
+    from ifrfit.inference.appraisal import Appraisal
+
+    nothing = Appraisal(pd.DataFrame(), {})
+    monkeypatch.setattr("ifrfit.inference.appraise.appraise", lambda _: nothing)
+    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_: small_report())
 
 
 @pytest.fixture

@@ -124,6 +124,23 @@ def assert_golden(text: str, path: Path) -> None:
     assert text == path.read_text(encoding="utf-8")
 
 
+def cut_off(figure: Any, room: float = 1.0) -> list[Any]:
+    """What of a figure's axes, titles and legends reaches beyond its frame, by more than `room` pixels."""
+    figure.draw_without_rendering()
+    renderer, frame = figure.canvas.get_renderer(), figure.bbox
+    parts = [*figure.legends, *(text for legend in figure.legends for text in legend.get_texts())]
+    boxes = [part.get_window_extent(renderer) for part in (*parts, *filter(None, [figure._suptitle]))]
+    boxes += [axes.get_tightbbox(renderer) for axes in figure.axes]
+    return [
+        box
+        for box in filter(None, boxes)
+        if box.x0 < frame.x0 - room
+        or box.x1 > frame.x1 + room
+        or box.y0 < frame.y0 - room
+        or box.y1 > frame.y1 + room
+    ]
+
+
 def small_report() -> Any:
     """A `Report` of one paragraph and one picture, where only its files matter."""
     from ifrfit.report.page.blocks import Paragraph, Picture, Pictures, Report, Section

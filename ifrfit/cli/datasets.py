@@ -35,7 +35,7 @@ def datasets_show(name: str) -> None:
     """What is known about a dataset: conditions, source, licence, rows, defaults, assumptions."""
     from ifrfit.data.catalogue import describe
 
-    for line in describe(name).lines():
+    for line in describe(name):
         typer.echo(line)
 
 
@@ -47,9 +47,10 @@ def datasets_validate(
 ) -> None:
     """Read a file or a dataset folder, and say what is in it."""
     from ifrfit.data import read
-    from ifrfit.data.catalogue import validate_path
+    from ifrfit.data.catalogue import load_folder
 
-    found = read(path, convention=convention) if convention else validate_path(path)
+    folder = Path(path)
+    found = load_folder(folder) if folder.is_dir() and not convention else read(path, convention=convention)
     table = found.table
     typer.echo(f"{path}: fine, {len(table)} rows")
     counts = table.value_counts(["series", "observable"], sort=False).reset_index(name="rows")

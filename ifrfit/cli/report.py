@@ -24,27 +24,22 @@ def report(
     ] = None,
     form: Annotated[
         str | None,
-        typer.Option("--format", help="html, md or pdf; by default as FILE ends.", show_default=False),
+        typer.Option("--format", help="html or md; by default as FILE ends.", show_default=False),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace files that are no reports, too.")] = False,
     quiet: Quiet = False,
 ) -> None:
     """Uncertainty report of a result: one self-contained page; of several results with an index."""
     if form is not None:
-        _check_format(form)
+        from ifrfit.report.page.writing import check_format
+
+        check_format(form, f"--format {form}")
     if len(results) > 1:
         written = _batch(results, out, form or "html", force, quiet)
     else:
         written = _single(results[0], out, form, force, quiet)
     if not quiet:
         typer.echo(f"written: {written}")
-
-
-def _check_format(form: str) -> None:
-    from ifrfit.report.page.registries import FORMATS
-
-    if form not in FORMATS:
-        raise UsageError(f"--format {form}: choose one of {', '.join(FORMATS)}.")
 
 
 def _single(path: Path, out: Path | None, form: str | None, force: bool, quiet: bool) -> str:

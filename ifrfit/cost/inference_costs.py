@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
-from typing import TypeVar
 
 from ifrfit.cost.compared_estimates import (
     QUANTITIES,
@@ -17,7 +15,7 @@ from ifrfit.cost.compared_estimates import (
     of_least_squares,
     of_profiles,
 )
-from ifrfit.cost.timing import Cost, Timing, in_turns
+from ifrfit.cost.timing import Cost, Timing, in_turns, timed_result
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.accuracy.tolerance_ladder import foreseen
 from ifrfit.inference.bootstrap import bootstrap
@@ -42,7 +40,6 @@ WORST = 0.1  # error of a reference, in sd, beyond which it is none
 _FEWEST = 20  # replicates with an answer below which they are no law of anything
 
 Progress = Callable[[int, int], None]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -237,7 +234,7 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
             if known and foreseen(tried[-1][1], last, before) > extent.reference:
                 break
         before = last
-        posterior, last = _timed(partial(integrate, problem, tolerance))
+        posterior, last = timed_result(partial(integrate, problem, tolerance))
         if tried and not posterior.error < tried[-1][1].error and not posterior.converged:
             break
         tried.append((tolerance, posterior))
@@ -266,7 +263,7 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
             raise DataError("The bootstrap is left out: hardly a replicate has an answer.")
         return of_distribution(problem, Draws.of(problem, drawn.draws))
 
-    start, taken = _timed(lambda: least_squares(problem))
+    start, taken = timed_result(lambda: least_squares(problem))
     # a replicate that is fitted on its own takes about as long as the data; all at once are fast
     each = 0.0 if BatchedSolver.of(problem, start) is not None else taken
     yield from _sizes(BOOTSTRAP, "replicates", extent.replicates, run, (taken, each), extent, seed, notes)
@@ -275,7 +272,7 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
 def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
     """Chains of given lengths that walk as those of `--method mcmc` do, with several seeds."""
     from ifrfit.inference import mcmc
-    from ifrfit.inference.mcmc.ensemble import walk
+    from ifrfit.inference.mcmc.run import walk
 
     def run(steps: int, own: int) -> Numbers:
         coordinates = mcmc.Coordinates(Density(problem))
@@ -285,8 +282,8 @@ def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> It
         return of_distribution(problem, Draws.of(problem, {name: x.reshape(-1) for name, x in kept.items()}))
 
     coordinates = mcmc.Coordinates(Density(problem))
-    chains, taken = _timed(lambda: mcmc.fresh(coordinates, least_squares(problem), 0))
-    _, each = _timed(lambda: [coordinates(rest.at) for rest in chains.ends])
+    chains, taken = timed_result(lambda: mcmc.fresh(coordinates, least_squares(problem), 0))
+    _, each = timed_result(lambda: [coordinates(rest.at) for rest in chains.ends])
     yield from _sizes(MCMC, "steps", extent.steps, run, (taken, each), extent, seed, notes)
 
 
@@ -362,14 +359,7 @@ def _over_seeds(
     for own in range(seed, seed + extent.seeds):
         if sum(seconds) > extent.longest:
             break
-        found, taken = _timed(partial(run, own))
+        found, taken = timed_result(partial(run, own))
         numbers.append(found)
         seconds.append(taken)
     return tuple(numbers), seconds
-
-
-def _timed(call: Callable[[], T]) -> tuple[T, float]:
-    """What a call gives, and its seconds."""
-    begin = time.perf_counter()
-    found = call()
-    return found, time.perf_counter() - begin

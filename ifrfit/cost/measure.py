@@ -14,7 +14,7 @@ from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import KINDS, Cost, Kind
 from ifrfit.errors import UsageError
 from ifrfit.inference.fit import Data, make_question
-from ifrfit.inference.keywords import CostKeywords, check_keywords, model_of, noise_of
+from ifrfit.inference.keywords import FitKeywords, check_keywords, model_of, noise_of
 from ifrfit.inference.options import Model, Noise
 from ifrfit.text import power_of_ten
 
@@ -30,7 +30,7 @@ def measure_costs(
     command: str = "",
     scene: str | Path | None = None,
     progress: Callable[[int, int], None] | None = None,
-    **keywords: Unpack[CostKeywords],
+    **keywords: Unpack[FitKeywords],
 ) -> Costs:
     """Measure times and errors, here and now.
 
@@ -70,10 +70,10 @@ def measure_costs(
     DataError
         As `ifrfit.fit`.
     """
-    check_keywords("measure_costs", CostKeywords, keywords)
+    check_keywords("measure_costs", FitKeywords, keywords)
     requested = _kinds(kinds)
     chosen = model_of(model, keywords)
-    question = make_question(data, chosen, noise_of(noise, keywords), seed, scene, keywords)
+    question = make_question(data, chosen, noise_of(noise), seed, scene, keywords)
     found = beginning(question, chosen, posterior="inference" in requested, seed=seed, command=command)
     costs: list[Cost] = []
     about: dict[str, str] = {}

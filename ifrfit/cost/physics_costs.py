@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ifrfit.cost.timing import Cost, Timing, one_thread, timed
+from ifrfit.cost.timing import Cost, one_thread, timed
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.parameters import make_parameters
@@ -110,14 +110,16 @@ def physics_costs(
     extent = QUICK if quick else WHOLE
     exact, own = scene.reference(extent.reference)
     found = []
-    for method, setting, beta, time in (
-        *_closures(scene, exact, given or {}, extent),
-        *_table(scene, extent),
-        *_stronge(scene, extent),
+    for law in (
+        *_closures(scene, exact, given or {}),
+        *_table(scene),
+        *_stronge(scene),
         *_solvers(scene, extent),
     ):
-        error = max(float(np.max(np.abs(beta - exact))), own)
-        found.append(Cost("physics", method, setting, "beta", time, error, "1"))
+        with one_thread():
+            time = timed(law.call, repeats=extent.repeats, enough=extent.enough).per(law.impacts)
+        error = max(float(np.max(np.abs(law.beta - exact))), own)
+        found.append(Cost("physics", law.method, law.setting, "beta", time, error, "1"))
     time = timed(lambda: scene.solved("memory", extent.reference), repeats=1, enough=0.0)
     setting = f"{extent.reference} steps: the reference"
     return [
@@ -198,22 +200,11 @@ class Scene:
 
     def repeated(self, count: int) -> Incidence:
         """So many impacts, these over and over."""
-        i, rows = self.incidence, np.resize(np.arange(self.psi1.size), count)
-        return Incidence(
-            i.sine[rows], i.cosine[rows], i.spin_x[rows], i.spin_y[rows], i.slip_x[rows], i.slip_y[rows]
-        )
+        rows = np.resize(np.arange(self.psi1.size), count)
+        return self.incidence.take(rows)
 
 
-@dataclass(frozen=True)
-class Constants:
-    """e_n, the closure's own constant (0 where it has none), mu."""
-
-    e_n: float
-    own: float
-    mu: float
-
-
-def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> Constants:
+def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> tuple[float, float]:
     """Least squares of beta over these impacts, in the passive domain, every impact with equal weight.
 
     Parameters
@@ -229,7 +220,8 @@ def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> 
 
     Returns
     -------
-    Constants
+    own, mu : float
+        The closure's own constant, 0 where it has none, and friction.
     """
     gamma = np.degrees(np.arctan2(incidence.sine, incidence.cosine))
     columns = {"series": "", "observable": "beta", "gamma_deg": gamma, "spin_y": incidence.spin_y}
@@ -239,80 +231,72 @@ def closest(closure: Closure, incidence: Incidence, beta: Array, e_n: float) -> 
     theta = dict(
         zip(problem.parameters.names, solve(problem, problem.noise.sigma).theta.tolist(), strict=True)
     )
-    return Constants(theta["e_n"], theta.get(closure.constant or "", 0.0), theta["mu"])
+    return theta.get(closure.constant or "", 0.0), theta["mu"]
 
 
-Row = tuple[str, str, Array, Timing]  # method, setting, beta, time an impact
+class Law(NamedTuple):
+    """One way to compute beta: its name, what it gives, and a call of so many impacts to be timed."""
+
+    method: str
+    setting: str
+    beta: Array
+    call: Callable[[], object]
+    impacts: int
 
 
-def _closures(scene: Scene, exact: Array, given: Mapping[str, float], extent: Extent) -> Iterator[Row]:
+def _closures(scene: Scene, exact: Array, given: Mapping[str, float]) -> Iterator[Law]:
     for name, closure in CLOSURES.items():
         if isinstance(closure.law(INERTIA), Compliance):
             continue  # that is the table
-        own = given.get(name)
-        if own is None:
-            constants, words = closest(closure, scene.incidence, exact, scene.e_n), "closest"
-        else:
-            constants, words = Constants(scene.e_n, own, scene.mu), "given"
-        numbers = [f"{closure.constant} = {constants.own:.4g}"] if closure.constant else []
-        setting = ", ".join([*numbers, f"mu = {constants.mu:.4g}", words])
-        yield from _vectorised(scene, f"closure {closure.title}", setting, name, constants, extent)
+        words = "given" if name in given else "closest"
+        own, mu = (
+            (given[name], scene.mu) if name in given else closest(closure, scene.incidence, exact, scene.e_n)
+        )
+        numbers = [f"{closure.constant} = {own:.4g}"] if closure.constant else []
+        setting = ", ".join([*numbers, f"mu = {mu:.4g}", words])
+        yield from _vectorised(scene, f"closure {closure.title}", setting, closure, own, mu)
 
 
-def _table(scene: Scene, extent: Extent) -> Iterator[Row]:
+def _table(scene: Scene) -> Iterator[Law]:
     if LOWEST_CHI <= scene.chi <= HIGHEST_CHI:
-        constants = Constants(scene.e_n, scene.chi, scene.mu)
-        yield from _vectorised(scene, "table", "", "maw", constants, extent)
+        yield from _vectorised(scene, "table", "", get_closure("maw"), scene.chi, scene.mu)
 
 
 def _vectorised(
-    scene: Scene, method: str, setting: str, name: str, constants: Constants, extent: Extent
-) -> Iterator[Row]:
+    scene: Scene, method: str, setting: str, closure: Closure, own: float, mu: float
+) -> Iterator[Law]:
     """A closure on very many impacts: by numpy, and compiled where numba is there."""
-    closure, many = get_closure(name), scene.repeated(MANY)
-    e_n, own, mu = constants.e_n, constants.own, constants.mu
-    beta = np.asarray(rebound_of(scene.incidence, closure, e_n, own, mu, INERTIA).beta)
-
-    def plain() -> object:
-        return rebound_of(many, closure, e_n, own, mu, INERTIA)
-
-    time = timed(plain, repeats=extent.repeats, enough=extent.enough).per(MANY)
-    yield method, _words(setting, "numpy"), beta, time
+    many, constants = scene.repeated(MANY), (closure, scene.e_n, own, mu, INERTIA)
+    beta = np.asarray(rebound_of(scene.incidence, *constants).beta)
+    yield Law(method, _words(setting, "numpy"), beta, partial(rebound_of, many, *constants), MANY)
     if not available() or not has_loop(closure, INERTIA):
         return
-    columns = many.sine, many.cosine, many.spin_y
+    more: dict[str, Any] = {"e_n": scene.e_n, "mu": mu, "closure": closure.name}
+    more |= {closure.constant: own} if closure.constant else {}
     out = [np.empty(MANY) for _ in range(3)]
-    more: dict[str, Any] = {closure.constant: own} if closure.constant else {}
-
-    def loop() -> object:
-        return rebound_many(*columns, e_n=e_n, mu=mu, closure=name, out=out, **more)
-
-    with one_thread():
-        time = timed(loop, repeats=extent.repeats, enough=extent.enough).per(MANY)
-    yield method, _words(setting, "compiled"), beta, time
+    loop = partial(rebound_many, many.sine, many.cosine, many.spin_y, out=out, **more)
+    yield Law(method, _words(setting, "compiled"), beta, loop, MANY)
 
 
 def _words(*parts: str) -> str:
     return "; ".join(part for part in parts if part)
 
 
-def _stronge(scene: Scene, extent: Extent) -> Iterator[Row]:
+def _stronge(scene: Scene) -> Iterator[Law]:
     psi1 = np.resize(scene.psi1, FEW)
     for setting, ratio, beta in scene.stronge():
         if setting != "e_n as it is" or scene.e_n < 1.0:
-            time = timed(partial(ratio, psi1), repeats=extent.repeats, enough=extent.enough)
-            yield "Stronge's model", setting if scene.e_n < 1.0 else "", beta, time.per(FEW)
+            words = setting if scene.e_n < 1.0 else ""
+            yield Law("Stronge's model", words, beta, partial(ratio, psi1), FEW)
 
 
-def _solvers(scene: Scene, extent: Extent) -> Iterator[Row]:
+def _solvers(scene: Scene, extent: Extent) -> Iterator[Law]:
     """Annuli and memory function, on the impacts themselves."""
     few = np.linspace(0, scene.psi1.size - 1, FEWER).round().astype(int)
     for annuli in extent.annuli:
         one = partial(rebound_ratio, scene.psi1[few], scene.chi, method="annuli", e_n=scene.e_n, steps=annuli)
-        time = timed(one, repeats=extent.repeats, enough=0.0).per(FEWER)
-        yield "annuli", f"{annuli} annuli", scene.solved("annuli", annuli), time
+        yield Law("annuli", f"{annuli} annuli", scene.solved("annuli", annuli), one, FEWER)
     for steps in extent.memory:
         all_of_them = partial(scene.solved, "memory", steps)
-        time = timed(all_of_them, repeats=extent.repeats, enough=extent.enough).per(scene.psi1.size)
         setting = _words(f"{steps} steps", "" if available() else "plain Python")
-        yield "memory function", setting, all_of_them(), time
+        yield Law("memory function", setting, all_of_them(), all_of_them, scene.psi1.size)

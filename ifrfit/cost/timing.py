@@ -105,9 +105,7 @@ def in_turns(
     found: dict[K, tuple[T, Timing]] = {}
     numbers: dict[K, int] = {}
     for name, call in calls.items():
-        start = time.perf_counter()
-        given = call()
-        first = time.perf_counter() - start
+        given, first = timed_result(call)
         found[name] = given, Timing.of([first])
         if first <= most:
             numbers[name] = max(1, round(enough / max(seconds_of(call), 1e-9)))
@@ -119,6 +117,12 @@ def in_turns(
         name: (given, Timing.of(seconds[name]) if name in seconds else once)
         for name, (given, once) in found.items()
     }
+
+
+def timed_result(call: Callable[[], T]) -> tuple[T, float]:
+    """What one call gives, and its wall time."""
+    start = time.perf_counter()
+    return call(), time.perf_counter() - start
 
 
 def seconds_of(call: Callable[[], object], number: int = 1) -> float:

@@ -7,7 +7,6 @@ from ifrfit.data.catalogue import load_dataset, resolve
 from ifrfit.data.combination import combine
 from ifrfit.data.observations import Descriptor, Observations, Source
 from ifrfit.data.readers import read
-from ifrfit.data.replicates import average_replicates
 from ifrfit.data.selection import Selection, select
 from ifrfit.data.template import template_text
 
@@ -17,7 +16,6 @@ __all__ = [
     "Observations",
     "Selection",
     "Source",
-    "average_replicates",
     "combine",
     "load_dataset",
     "read",

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ifrfit.data.description import Description, Listed, numbers
+from ifrfit.data.description import description_lines, printed_by_series
 from ifrfit.data.descriptor import read_package, to_descriptor, verified_data
 from ifrfit.data.installation import install, remove
 from ifrfit.data.locations import Entry, dataset_names, entry, meant
@@ -16,8 +15,6 @@ from ifrfit.data.readers import read
 from ifrfit.errors import DataError, UsageError
 
 __all__ = [
-    "Description",
-    "Listed",
     "dataset_names",
     "describe",
     "install",
@@ -27,20 +24,12 @@ __all__ = [
     "printed_constants",
     "remove",
     "resolve",
-    "validate_path",
 ]
 
 
-def listing() -> tuple[Listed, ...]:
-    """Every dataset with its provenance, without reading its numbers."""
-    lines = []
-    for name in dataset_names():
-        found = entry(name)
-        package = read_package(found.folder)
-        lines.append(
-            Listed(name, str(package["title"]), package["ifrfit"]["provenance"], found.installed is not None)
-        )
-    return tuple(lines)
+def listing() -> tuple[Entry, ...]:
+    """Every dataset, without reading its numbers."""
+    return tuple(map(entry, dataset_names()))
 
 
 def load_dataset(name: str) -> Observations:
@@ -122,24 +111,15 @@ def load_folder(folder: Path) -> Observations:
     return _load(folder, "Write its new SHA-256 there, or read the CSV file by itself.")
 
 
-def describe(name: str) -> Description:
-    """Everything `ifrfit datasets show` tells about a dataset.
+def describe(name: str) -> list[str]:
+    """Everything `ifrfit datasets show` tells about a dataset, as lines of text.
 
     Raises
     ------
     UsageError, DataError
         As `load_dataset`.
     """
-    found = entry(name)
-    data = load_dataset(name)
-    source = data.sources[0]
-    table = data.table
-    rows = Counter(zip(table["series"].astype(str), table["observable"].astype(str), strict=True))
-    descriptor = source.descriptor
-    if descriptor is None:  # every bundled dataset has one
-        raise DataError(f"{name}: has no descriptor. Install ifrfit again.")
-    own = read_package(found.folder)["ifrfit"]
-    return Description(descriptor, found.installed is not None, rows, source.sha256, data.notes, own)
+    return description_lines(entry(name), load_dataset(name))
 
 
 def printed_constants(name: str) -> dict[str, dict[str, float]]:
@@ -155,24 +135,7 @@ def printed_constants(name: str) -> dict[str, dict[str, float]]:
     UsageError
         If there is no such dataset.
     """
-    own = read_package(entry(name).bundled)["ifrfit"]
-    return {
-        label: numbers(constants) for label, constants in own.get("printed_constants_by_series", {}).items()
-    }
-
-
-def validate_path(path: str | Path) -> Observations:
-    """Read a table or a dataset folder as a fit would; what comes back is what the fit would see.
-
-    Raises
-    ------
-    DataError
-        Where and why it is refused.
-    """
-    path = Path(path)
-    if path.is_dir():
-        return load_folder(path)
-    return read(path)
+    return printed_by_series(read_package(entry(name).bundled)["ifrfit"])
 
 
 def _load(folder: Path, remedy: str) -> Observations:
@@ -187,20 +150,17 @@ def _load(folder: Path, remedy: str) -> Observations:
     momentum = tuple(replace(check, source=descriptor.name) for check in data.momentum)
     notes = tuple(note.replace(path.name, descriptor.name) for note in data.notes)
     if descriptor.provenance == "stand-in":
-        notes = (stand_in_note(descriptor.name, package["ifrfit"].get("materials", "the experiment")), *notes)
+        materials = package["ifrfit"].get("materials", "the experiment")
+        said = (
+            f"{descriptor.name} is a STAND-IN, generated from the constants the paper prints: a fit to it "
+            f"shows that the tool works, not what {materials} does."
+        )
+        notes = (said, *notes)
     return replace(data, table=table, sources=(source,), notes=notes, momentum=momentum)
 
 
-def stand_in_note(name: str, materials: str) -> str:
-    """Say what a fit to a stand-in shows, and what it does not."""
-    return (
-        f"{name} is a STAND-IN, generated from the constants the paper prints: a fit to it shows that the "
-        f"tool works, not what {materials} does."
-    )
-
-
 def _replaced(found: Entry) -> str:
-    own = read_package(found.folder)["ifrfit"]
+    own = found.package["ifrfit"]
     bundled = read_package(found.bundled)["ifrfit"]["provenance"]
     what = bundled if bundled == "stand-in" else f"{bundled} data"
     original = own.get("installed", {}).get("original_file", "your file")

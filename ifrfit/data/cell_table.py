@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -124,19 +125,10 @@ class Cells:
     def _convert(self, cells: Sequence[str], column: int) -> NDArray[np.float64]:
         """Convert all cells at once if they are plain numbers, else one by one, which finds the culprit."""
         text = "\n".join(cells)
-        comma = self.decimal_commas and "," in text
-        mixed = self.decimal_commas and "." in text
-        if not (mixed or "_" in text):  # Python reads 1_000 as a number, people do not write it
-            plain = text.replace(",", ".").split("\n") if comma else cells
-            try:
-                values = np.fromiter(map(float, plain), dtype=np.float64, count=len(cells))
-            except ValueError:
-                pass
-            else:
-                if comma:
-                    row = next(i for i, cell in enumerate(cells) if "," in cell)
-                    self._one_decimal_sign(cells[row].strip(), row, column)
-                return values
+        # Python reads 1_000 as a number, people do not write it; decimal signs are to be compared one by one
+        if not any(sign in text for sign in ("_", ",", *("." if self.decimal_commas else ""))):
+            with suppress(ValueError):
+                return np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
         return np.array([self._number(cell.strip(), row, column) for row, cell in enumerate(cells)])
 
     def _number(self, cell: str, row: int, column: int) -> float:

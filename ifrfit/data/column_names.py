@@ -155,13 +155,9 @@ def uncertainty_of(name: str) -> str | None:
     stems = [plain.removeprefix(x) for x in _NAMES["uncertain_prefixes"] if plain.startswith(x)]
     stems += [plain.removesuffix(x) for x in _NAMES["uncertain_suffixes"] if plain.endswith(x)]
     for stem in stems:
-        for role in _meanings(Header(stem, None)):
-            if role.kind in ("observable", "open", "raw"):
-                return f"sigma_{role.name}"
-            if role.name == "gamma" or role.kind == "angle":
-                return "sigma_gamma_deg"
-            if role.name in ("spin_x", "spin_y"):
-                return f"sigma_{role.name}"
+        for role in _uncertainty(f"sigma_{stem}", None):
+            named = role.name if role.kind == "common" else f"sigma_{role.name}"
+            return "sigma_gamma_deg" if named == "sigma_gamma" else named
     return None
 
 

@@ -3,125 +3,106 @@
 from __future__ import annotations
 
 import textwrap
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
-from ifrfit.data.observations import Descriptor
+from ifrfit.data.locations import Entry
+from ifrfit.data.observations import Observations
 from ifrfit.data.schema import STAND_IN
 from ifrfit.data.units import parse_header
+from ifrfit.errors import DataError
 
 WIDTH = 88
 KEY = 13  # columns of a key
 
 
-@dataclass(frozen=True)
-class Listed:
-    """A line of `ifrfit datasets list`.
-
-    Attributes
-    ----------
-    name, title : str
-    provenance : str
-        Of what loading would give: the user's own data where they are installed.
-    installed : bool
-        Whether they are.
-    """
-
-    name: str
-    title: str
-    provenance: str
-    installed: bool
-
-
-@dataclass(frozen=True)
-class Description:
-    """What `ifrfit datasets show` tells.
-
-    Attributes
-    ----------
-    descriptor : Descriptor
-    installed : bool
-        Whether the user's own data take the place of the bundled ones.
-    rows : mapping of (str, str) to int
-        Rows by series and observable.
-    sha256 : str
-        Of data.csv.
-    notes : tuple of str
-        What loading tells.
-    own : mapping
-        The ``ifrfit`` object of datapackage.json, with what the descriptor has no place for: ``materials``,
-        ``default_reason``, ``noise_reason``, ``printed_constants_by_series``, ``installed``.
-    """
-
-    descriptor: Descriptor
-    installed: bool
-    rows: Mapping[tuple[str, str], int]
-    sha256: str
-    notes: tuple[str, ...]
-    own: Mapping[str, Any]
-
-    def lines(self) -> list[str]:
-        """Return the description as lines of text, wrapped to `WIDTH` columns."""
-        d = self.descriptor
-        series, observables = ", ".join(d.default_series), ", ".join(d.default_observables)
-        chosen = f"{observables or 'by rule'} of {series or 'every series'}"
-        entries = [
-            ("provenance", [d.provenance + (" (installed by you)" if self.installed else "")]),
-            ("", self.notes),
-            *_conditions(d.conditions),
-            ("rows", self._rows()),
-            ("default", [f"{chosen}. {self.own.get('default_reason', '')}".rstrip(". ") + "."]),
-            ("noise", [f"{d.noise or 'by the data'}. {self.own.get('noise_reason', '')}".rstrip()]),
-            ("faces", [f"{', '.join(group)}: the same impacts, never counted together" for group in d.faces]),
-            ("printed", [f"{label}: {_constants(values)}" for label, values in self._printed().items()]),
-            ("assumed", d.assumptions),
-            ("source", d.source.split("; ")),
-            ("licence", [d.licence]),
-            ("sha256", [self.sha256]),
-        ]
-        if d.provenance == STAND_IN:
-            own = f"ifrfit datasets install {d.name} FILE puts your own digitisation in its place"
-            entries.append(("replace it", [own]))
-        # a word longer than a line (a hash, an address) stays whole
-        head = textwrap.wrap(f"{d.name}: {d.title}", WIDTH, subsequent_indent="  ", break_long_words=False)
-        return head + [line for key, items in entries for line in _entry(key, items)]
-
-    def _rows(self) -> list[str]:
-        """Say how many rows there are of what, one item a series."""
-        counts: dict[str, list[str]] = {}
-        for (label, what), count in self.rows.items():
-            counts.setdefault(label, []).append(f"{count} {what}")
-        return [f"{label}: {', '.join(found)}" for label, found in counts.items()]
-
-    def _printed(self) -> Mapping[str, Mapping[str, float]]:
-        by_series = self.own.get("printed_constants_by_series") or {}
-        if by_series:
-            return {label: numbers(constants) for label, constants in by_series.items()}
-        constants = self.descriptor.printed_constants
-        return {"every series": constants} if constants else {}
-
-
-def listing_lines(entries: Iterable[Listed]) -> list[str]:
-    """Return `ifrfit datasets list` as lines: name, provenance and title in columns, then what to do next.
+def description_lines(found: Entry, data: Observations) -> list[str]:
+    """Return `ifrfit datasets show` as lines, wrapped to `WIDTH` columns.
 
     Parameters
     ----------
-    entries : iterable of Listed
-        As `catalogue.listing` gives them.
+    found : Entry
+    data : Observations
+        What loading it gives; its one source carries the `Descriptor`.
+
+    Raises
+    ------
+    DataError
+        If the source has no descriptor: every dataset has one.
     """
+    (source,), own = data.sources, found.package["ifrfit"]
+    d = source.descriptor
+    if d is None:
+        raise DataError(f"{found.name}: has no descriptor. Install ifrfit again.")
+    series, observables = ", ".join(d.default_series), ", ".join(d.default_observables)
+    chosen = f"{observables or 'by rule'} of {series or 'every series'}"
+    every = {"every series": d.printed_constants} if d.printed_constants else {}
+    printed = printed_by_series(own) or every
+    entries = [
+        ("provenance", [d.provenance + (" (installed by you)" if found.installed else "")]),
+        ("", data.notes),
+        *_conditions(d.conditions),
+        ("rows", _rows(data)),
+        ("default", [f"{chosen}. {own.get('default_reason', '')}".rstrip(". ") + "."]),
+        ("noise", [f"{d.noise or 'by the data'}. {own.get('noise_reason', '')}".rstrip()]),
+        ("faces", [f"{', '.join(group)}: the same impacts, never counted together" for group in d.faces]),
+        ("printed", [f"{label}: {_constants(values)}" for label, values in printed.items()]),
+        ("assumed", d.assumptions),
+        ("source", d.source.split("; ")),
+        ("licence", [d.licence]),
+        ("sha256", [source.sha256]),
+    ]
+    if d.provenance == STAND_IN:
+        remedy = f"ifrfit datasets install {d.name} FILE puts your own digitisation in its place"
+        entries.append(("replace it", [remedy]))
+    # a word longer than a line (a hash, an address) stays whole
+    head = textwrap.wrap(f"{d.name}: {d.title}", WIDTH, subsequent_indent="  ", break_long_words=False)
+    return head + [line for key, items in entries for line in _entry(key, items)]
+
+
+def _rows(data: Observations) -> list[str]:
+    """Say how many rows there are of what, one item a series."""
+    counts: dict[str, list[str]] = {}
+    pairs = Counter(zip(data.table["series"], data.table["observable"], strict=True))
+    for (label, what), count in pairs.items():
+        counts.setdefault(label, []).append(f"{count} {what}")
+    return [f"{label}: {', '.join(found)}" for label, found in counts.items()]
+
+
+def printed_by_series(own: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Return the constants that a source prints, by series; the rest of an entry says where.
+
+    Parameters
+    ----------
+    own : mapping
+        The ``ifrfit`` object of datapackage.json.
+    """
+    return {
+        label: {name: float(value) for name, value in constants.items() if isinstance(value, int | float)}
+        for label, constants in own.get("printed_constants_by_series", {}).items()
+    }
+
+
+def listing_lines(entries: Iterable[Entry]) -> list[str]:
+    """Return `ifrfit datasets list` as lines: name, provenance and title in columns, then what to do next."""
     entries = list(entries)
-    kinds = [entry.provenance + (" (yours)" if entry.installed else "") for entry in entries]
+    packages = [entry.package for entry in entries]
+    provenances = [package["ifrfit"]["provenance"] for package in packages]
+    kinds = [
+        kind + (" (yours)" if entry.installed else "")
+        for kind, entry in zip(provenances, entries, strict=True)
+    ]
     names = max((len(entry.name) for entry in entries), default=0)
     wide = max(map(len, kinds), default=0)
     lines = []
-    for entry, kind in zip(entries, kinds, strict=True):
+    for entry, package, kind in zip(entries, packages, kinds, strict=True):
         # the column before says it
-        title = entry.title.removesuffix(f": {STAND_IN}")
+        title = str(package["title"]).removesuffix(f": {STAND_IN}")
         start = f"{entry.name:<{names}}  {kind:<{wide}}  "
         lines += _wrapped(title, start, " " * len(start))
     told = ["'ifrfit datasets show NAME' tells more, 'ifrfit fit NAME' fits one."]
-    if any(entry.provenance == STAND_IN for entry in entries):
+    if STAND_IN in provenances:
         told.append(
             "A stand-in is generated from the constants a paper prints: it shows that the tool works and "
             "says nothing about the experiment. 'ifrfit datasets install NAME FILE' puts your own "
@@ -179,8 +160,3 @@ def _fact_text(fact: object, *, with_place: bool) -> str:
         return str(fact)
     where = fact.get("where")
     return f"{fact.get('value')} ({where})" if where and with_place else str(fact.get("value"))
-
-
-def numbers(mapping: Mapping[str, Any]) -> dict[str, float]:
-    """Keep the numeric entries of a mapping (the rest says where they are printed)."""
-    return {key: float(value) for key, value in mapping.items() if isinstance(value, (int, float))}

@@ -6,18 +6,18 @@ policy, faces, inertia factor, assumptions and printed constants.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ifrfit.data.observations import Descriptor
 from ifrfit.data.schema import PROVENANCES, SCHEMA, TABLE_SCHEMA
 from ifrfit.errors import DataError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DATA_FILE = "data.csv"
 PACKAGE_FILE = "datapackage.json"
@@ -36,68 +36,42 @@ _OWN_TYPES: dict[str, tuple[type, ...]] = {
 }
 
 
-@dataclass(frozen=True)
-class PackageText:
-    """What a data package says about itself apart from its numbers.
+def write_folder(folder: Path, about: Mapping[str, Any], table: pd.DataFrame) -> None:
+    """Write data.csv and datapackage.json into `folder`, which is made if it is not there.
 
-    Attributes
+    Parameters
     ----------
-    name, title, description : str
-    licences, sources : sequence of mapping
-        As Frictionless has them: name/path/title, title/path.
-    own : mapping
-        The ``ifrfit`` object.
+    folder : Path
+    about : mapping
+        What the package says of itself apart from its numbers, as Frictionless has it: ``name``, ``title``,
+        ``description``, ``licenses``, ``sources``; and the ``ifrfit`` object.
+    table : DataFrame
+        Columns of the common schema, in any order; those that are missing stay empty. Numbers round-trip.
     """
-
-    name: str
-    title: str
-    description: str
-    licences: Sequence[Mapping[str, str]]
-    sources: Sequence[Mapping[str, str]]
-    own: Mapping[str, Any]
-
-
-def csv_bytes(rows: Iterable[Mapping[str, str]]) -> bytes:
-    """Rows of text in the common schema as the bytes of a data.csv (UTF-8, line feeds)."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, SCHEMA, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue().encode("utf-8")
-
-
-def package_bytes(text: PackageText, data: bytes) -> bytes:
-    """Return the datapackage.json that describes `data`, with its size and SHA-256."""
+    text = table.reindex(columns=SCHEMA).to_csv(index=False, lineterminator="\n")
+    data = text.encode("utf-8")
+    resource = {
+        "profile": "tabular-data-resource",
+        "name": "data",
+        "path": DATA_FILE,
+        "format": "csv",
+        "mediatype": "text/csv",
+        "encoding": "utf-8",
+        "bytes": len(data),
+        "hash": f"sha256:{hashlib.sha256(data).hexdigest()}",
+        "schema": TABLE_SCHEMA,
+    }
+    described = {key: about[key] for key in ("name", "title", "description", "licenses", "sources")}
     package = {
         "profile": "tabular-data-package",
-        "name": text.name,
-        "title": text.title,
-        "description": text.description,
-        "licenses": [dict(licence) for licence in text.licences],
-        "sources": [dict(source) for source in text.sources],
-        "resources": [
-            {
-                "profile": "tabular-data-resource",
-                "name": "data",
-                "path": DATA_FILE,
-                "format": "csv",
-                "mediatype": "text/csv",
-                "encoding": "utf-8",
-                "bytes": len(data),
-                "hash": f"sha256:{hashlib.sha256(data).hexdigest()}",
-                "schema": TABLE_SCHEMA,
-            }
-        ],
-        "ifrfit": dict(text.own),
+        **described,
+        "resources": [resource],
+        "ifrfit": about["ifrfit"],
     }
-    return (json.dumps(package, indent=2, ensure_ascii=False) + "\n").encode("utf-8")
-
-
-def write_folder(folder: Path, text: PackageText, data: bytes) -> None:
-    """Write data.csv and datapackage.json into `folder`, which is made if it is not there."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / DATA_FILE).write_bytes(data)
-    (folder / PACKAGE_FILE).write_bytes(package_bytes(text, data))
+    content = json.dumps(package, indent=2, ensure_ascii=False) + "\n"
+    (folder / PACKAGE_FILE).write_text(content, encoding="utf-8", newline="\n")
 
 
 def read_package(folder: Path) -> dict[str, Any]:
@@ -185,14 +159,3 @@ def to_descriptor(package: Mapping[str, Any]) -> Descriptor:
         licence="; ".join(str(entry.get("title") or entry.get("name", "")) for entry in licences),
         source="; ".join(str(entry.get("title", "")) for entry in package.get("sources", ())),
     )
-
-
-def package_provenance(of_rows: Iterable[str]) -> str:
-    """Return the provenance of a dataset whose rows differ: the one that claims least.
-
-    Parameters
-    ----------
-    of_rows : iterable of str
-        Provenances of the rows.
-    """
-    return max(of_rows, key=PROVENANCES.index)

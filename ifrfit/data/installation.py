@@ -7,22 +7,16 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ifrfit.data.descriptor import (
-    PackageText,
-    csv_bytes,
-    package_provenance,
-    read_package,
-    write_folder,
-)
+from ifrfit.data.descriptor import read_package, write_folder
 from ifrfit.data.locations import entry, user_root
-from ifrfit.data.observations import Observations
 from ifrfit.data.readers import read
-from ifrfit.data.schema import PROVENANCES, SCHEMA
+from ifrfit.data.schema import PROVENANCES, STAND_IN
 from ifrfit.errors import DataError, UsageError
 
-_UNSTATED = {"name": "notspecified", "title": "your own data; no licence stated"}
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def install(
@@ -64,18 +58,16 @@ def install(
     package = read_package(found.bundled)
     inertia_factor = float(package["ifrfit"].get("inertia_factor", 0.4))
     path = Path(file)
-    data = read(path, convention=convention, inertia_factor=inertia_factor)
-    rows = _rows(data, provenance)
-    if not rows:
-        raise DataError(f"{path.name}: there is no observation in it, so it cannot replace {name}.")
-    for line, row in zip(data.table["row"], rows, strict=True):
-        if row["provenance"] == "stand-in":
-            raise DataError(
-                f"{path.name}, line {line}, column provenance: a stand-in cannot replace {name}. Install "
-                "points that were measured or digitised."
-            )
+    table = read(path, convention=convention, inertia_factor=inertia_factor).table
+    forbidden = table.loc[table["provenance"] == STAND_IN, "row"]
+    if len(forbidden):
+        raise DataError(
+            f"{path.name}, line {forbidden.iloc[0]}, column provenance: a stand-in cannot replace {name}. "
+            "Install points that were measured or digitised."
+        )
+    table["provenance"] = table["provenance"].replace("", provenance)
     target = user_root() / name
-    _write_whole(target, _text(package, path, rows), csv_bytes(rows))
+    _write_whole(target, _about(package, path, table), table)
     return target
 
 
@@ -96,26 +88,13 @@ def remove(name: str) -> None:
     shutil.rmtree(doomed.parent)
 
 
-def _rows(data: Observations, provenance: str) -> list[dict[str, str]]:
-    """Write the table as text in the common schema; numbers round-trip, missing ones are empty."""
-    table = data.table
-    columns = {name: [_cell(value) for value in table[name].tolist()] for name in SCHEMA}
-    columns["provenance"] = [kind or provenance for kind in columns["provenance"]]
-    return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
-
-
-def _cell(value: object) -> str:
-    if isinstance(value, float):
-        return "" if value != value else repr(float(value))
-    return str(value)
-
-
-def _text(package: Mapping[str, Any], path: Path, rows: Sequence[Mapping[str, str]]) -> PackageText:
+def _about(package: Mapping[str, Any], path: Path, table: pd.DataFrame) -> dict[str, Any]:
     """Describe the user's data: conditions and constants stay, assumptions about the stand-in go."""
     own = package["ifrfit"]
-    series, observables = {row["series"] for row in rows}, {row["observable"] for row in rows}
+    series, observables = set(table["series"]), set(table["observable"])
     mine = {
-        "provenance": package_provenance(row["provenance"] for row in rows),
+        # of rows that differ the one that claims least
+        "provenance": max(table["provenance"], key=PROVENANCES.index),
         **{key: own[key] for key in ("materials", "figures", "conditions") if key in own},
         "default_observables": _kept(own.get("default_observables", ()), observables),
         "default_series": _kept(own.get("default_series", ()), series),
@@ -131,24 +110,28 @@ def _text(package: Mapping[str, Any], path: Path, rows: Sequence[Mapping[str, st
             "replaces": own["provenance"],
         },
     }
-    name = str(package["name"])
-    title = str(package["title"]).removesuffix(": stand-in")
-    sources = [{"title": f"{path.name}, installed by the user"}, *package.get("sources", ())]
-    description = f"The user's own data in the place of the bundled {own['provenance']} of {name}."
-    return PackageText(name, title, description, [_UNSTATED], sources, mine)
+    name = package["name"]
+    return {
+        "name": name,
+        "title": str(package["title"]).removesuffix(": stand-in"),
+        "description": f"The user's own data in the place of the bundled {own['provenance']} of {name}.",
+        "licenses": [{"name": "notspecified", "title": "your own data; no licence stated"}],
+        "sources": [{"title": f"{path.name}, installed by the user"}, *package.get("sources", ())],
+        "ifrfit": mine,
+    }
 
 
 def _kept(requested: Iterable[str], there: set[str]) -> list[str]:
     return [name for name in requested if name in there]
 
 
-def _write_whole(target: Path, text: PackageText, data: bytes) -> None:
+def _write_whole(target: Path, about: Mapping[str, Any], table: pd.DataFrame) -> None:
     """Write beside, then rename: the folder appears whole or not at all; an older one stays until then."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}-") as scratch:
             new, old = Path(scratch) / "new", Path(scratch) / "old"
-            write_folder(new, text, data)
+            write_folder(new, about, table)
             if target.exists():
                 target.replace(old)
             try:

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
-from ifrfit.data.descriptor import PACKAGE_FILE
+from ifrfit.data.descriptor import PACKAGE_FILE, read_package
 from ifrfit.errors import DataError, UsageError
 
 ENVIRONMENT = "IFRFIT_DATA_DIR"
@@ -36,6 +37,11 @@ class Entry:
     def folder(self) -> Path:
         """The folder that counts."""
         return self.installed or self.bundled
+
+    @property
+    def package(self) -> dict[str, Any]:
+        """Contents of its datapackage.json."""
+        return read_package(self.folder)
 
 
 def bundled_root() -> Path:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.collect import noise_converged
@@ -16,12 +15,10 @@ from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact
 
 if TYPE_CHECKING:
-    from ifrfit.inference.mcmc import Evidence, Sample
+    from ifrfit.inference.mcmc import Sample
 
 COARSE = 1e-3  # tolerance where the error model is not plain: every node costs all rows
 CHAINS = "chains.npz"
-
-Progress = Callable[[int, int], None]
 
 
 def least_squares_estimation(optimum: LeastSquaresFit) -> Estimation:
@@ -70,38 +67,15 @@ def _quadrature_converged(posterior: QuadraturePosterior, noise_converged: Fact)
     return Fact(posterior.converged and noise_converged.ok, says, figures, FACTS["converged"])
 
 
-def chains_estimation(
-    problem: Problem,
-    optimum: LeastSquaresFit,
-    *,
-    seed: int,
-    max_steps: int | None = None,
-    workers: int = 1,
-    resume: Path | None = None,
-    progress: Progress | None = None,
-    halt: Callable[[Evidence], bool] | None = None,
-) -> tuple[Estimation, Sample]:
+def sample_estimation(sample: Sample, optimum: LeastSquaresFit) -> Estimation:
     """A sample of the posterior by Markov chains, see `ifrfit.inference.mcmc.sample`."""
     from importlib.metadata import version
 
-    from ifrfit.inference import mcmc
-
-    sample = mcmc.sample(
-        problem,
-        optimum,
-        seed,
-        max_steps=mcmc.MAX_STEPS if max_steps is None else max_steps,
-        workers=workers,
-        resume=resume,
-        progress=progress,
-        halt=halt,
-    )
-    estimation = Estimation(
+    return Estimation(
         "mcmc",
         sample.distribution,
-        {"converged": mcmc.sample_converged(sample, noise_converged(optimum))},
+        {"converged": sample.converged(noise_converged(optimum))},
         is_posterior=True,
         versions={name: version(name) for name in ("emcee", "arviz-stats")},
         files={CHAINS: sample},
     )
-    return estimation, sample

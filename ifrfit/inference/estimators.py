@@ -135,7 +135,8 @@ def _budget() -> Any:
 
 
 def _workers() -> Any:
-    return option(1, "mcmc, bootstrap: processes; the draws are the same.", form="integer", metavar="N")
+    says = "mcmc, bootstrap: processes; the draws are the same."
+    return option(1, says, form="integer", metavar="N", least=1)
 
 
 @dataclass(frozen=True, repr=False)
@@ -176,14 +177,13 @@ class Exact(Method):
 
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Integrate the posterior."""
-        from ifrfit.inference.accuracy.select_method import exact_as_requested
+        from ifrfit.inference.accuracy.select_method import as_requested
         from ifrfit.inference.estimations import exact_estimation
 
         if self.accuracy is None and self.budget is None:
             return exact_estimation(problem, optimum)
-        return exact_as_requested(
-            problem, optimum, make_request(self.accuracy, self.budget, asked.get("started"))
-        )
+        request = make_request(self.accuracy, self.budget, asked.get("started"))
+        return as_requested(problem, optimum, request, [self.name])
 
 
 @dataclass(frozen=True, repr=False)
@@ -262,7 +262,9 @@ class MCMC(Method):
     title: ClassVar[str] = "Markov chain Monte Carlo"
     label: ClassVar[str] = "MCMC"
     summary: ClassVar[str] = "Markov chains"
-    max_steps: int | None = option(None, "mcmc: most steps, 10000 by default.", form="integer", metavar="N")
+    max_steps: int | None = option(
+        None, "mcmc: most steps, 10000 by default.", form="integer", metavar="N", least=1
+    )
     resume: str | Path | None = option(
         None, "mcmc: walk on with the chains in DIR, and replace its result.", form="path", metavar="DIR"
     )
@@ -271,9 +273,7 @@ class MCMC(Method):
     budget: float | str | None = _budget()
 
     def __post_init__(self) -> None:
-        if self.max_steps is not None and self.max_steps < 1:
-            raise UsageError(f"--max-steps {self.max_steps}: it must be 1 or more.")
-        _check_workers(self.workers)
+        super().__post_init__()
         check_request(self.accuracy, self.budget)
         if self.accuracy is None and self.budget is None:
             return
@@ -283,29 +283,26 @@ class MCMC(Method):
 
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Sample the posterior."""
-        from ifrfit.inference.accuracy.select_method import chains_as_requested
-        from ifrfit.inference.estimations import chains_estimation
+        from ifrfit.inference.accuracy.select_method import as_requested
+        from ifrfit.inference.estimations import sample_estimation
+        from ifrfit.inference.mcmc import MAX_STEPS, sample
 
-        if self.accuracy is None and self.budget is None:
-            estimation, _ = chains_estimation(
-                problem,
-                optimum,
-                seed=asked.get("seed", 0),
-                max_steps=self.max_steps,
-                workers=self.workers,
-                resume=None if self.resume is None else Path(self.resume),
-                progress=asked.get("progress"),
+        seed, progress = asked.get("seed", 0), asked.get("progress")
+        if self.accuracy is not None or self.budget is not None:
+            request = make_request(self.accuracy, self.budget, asked.get("started"))
+            return as_requested(
+                problem, optimum, request, [self.name], seed=seed, workers=self.workers, progress=progress
             )
-            return estimation
-        request = make_request(self.accuracy, self.budget, asked.get("started"))
-        return chains_as_requested(
+        found = sample(
             problem,
             optimum,
-            request,
-            seed=asked.get("seed", 0),
+            seed,
+            max_steps=MAX_STEPS if self.max_steps is None else self.max_steps,
             workers=self.workers,
-            progress=asked.get("progress"),
+            resume=None if self.resume is None else Path(self.resume),
+            progress=progress,
         )
+        return sample_estimation(found, optimum)
 
 
 @dataclass(frozen=True, repr=False)
@@ -337,9 +334,6 @@ class Bootstrap(PlainErrors):
         None, "bootstrap: experiments drawn, 1000 by default.", form="integer", metavar="N"
     )
     workers: int = _workers()
-
-    def __post_init__(self) -> None:
-        _check_workers(self.workers)
 
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Draw experiments anew, and fit each."""
@@ -384,27 +378,22 @@ class Automatic(Method):
     workers: int = _workers()
 
     def __post_init__(self) -> None:
-        _check_workers(self.workers)
+        super().__post_init__()
         check_request(self.accuracy, self.budget)
 
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Pick a method, and run it."""
-        from ifrfit.inference.accuracy.select_method import picked_as_requested
+        from ifrfit.inference.accuracy.select_method import as_requested
 
-        return picked_as_requested(
+        return as_requested(
             problem,
             optimum,
             make_request(self.accuracy, self.budget, asked.get("started")),
-            Exact().refuses(problem),
+            unsuitable=Exact().refuses(problem),
             seed=asked.get("seed", 0),
             workers=self.workers,
             progress=asked.get("progress"),
         )
-
-
-def _check_workers(workers: int) -> None:
-    if workers < 1:
-        raise UsageError(f"--workers {workers}: it must be 1 or more.")
 
 
 def _picked(keyword: str) -> str:

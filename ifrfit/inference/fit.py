@@ -89,10 +89,6 @@ def fit(
         Take faces of the same impacts as independent all the same.
     convention : sequence or mapping
         How columns are meant, see `read`.
-    tails, dof, angle_errors, angle_population, sigma_gamma, sigma_velocity, sigma_spin
-        Deprecated: fields of `Noise` and of its `AngleErrors` (kind, population, sigma_deg).
-    accuracy, budget, max_steps, resume, resample, replicates, workers
-        Deprecated: fields of the methods (resample is the scheme of `Bootstrap`).
 
     Returns
     -------
@@ -108,9 +104,9 @@ def fit(
     started = now()
     check_keywords("fit", FitKeywords, keywords)
     chosen = model_of(model, keywords)
-    estimator = estimator_of(method, keywords)
+    estimator = estimator_of(method)
     closure = get_closure(chosen.closure)
-    question = make_question(data, chosen, noise_of(noise, keywords), seed, scene, keywords)
+    question = make_question(data, chosen, noise_of(noise), seed, scene, keywords)
     problem = question.problem(closure, chosen.parameters(question.inertia_factor))
     return fit_problem(
         problem,

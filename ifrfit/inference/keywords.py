@@ -1,22 +1,18 @@
-"""The keywords of `fit` and its relatives: shortcuts for the fields of `Model`, `Noise` and the methods."""
+"""The keywords of `fit` and its relatives: which rows are used, and shortcuts for the fields of `Model`."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.estimators import ESTIMATORS, Estimator, make_estimator, method_options
-from ifrfit.inference.option_fields import build, given, options_of
+from ifrfit.inference.estimators import ESTIMATORS, Estimator, Exact
+from ifrfit.inference.option_fields import build, given
 from ifrfit.inference.options import Model, Noise, Range
 
 if TYPE_CHECKING:
     from ifrfit.data import Selection
-
-_STAYS = ("noise",)  # of the options of noise and methods those whose keyword is no shortcut that will go
 
 
 class DataKeywords(TypedDict, total=False):
@@ -33,18 +29,6 @@ class DataKeywords(TypedDict, total=False):
     convention: Sequence[str] | Mapping[str, str]
 
 
-class NoiseKeywords(TypedDict, total=False):
-    """Shortcuts for fields of `Noise`; deprecated."""
-
-    tails: str
-    dof: float | None
-    angle_errors: str
-    angle_population: Range | None
-    sigma_gamma: float | None
-    sigma_velocity: float | None
-    sigma_spin: float | None
-
-
 class ConstantKeywords(TypedDict, total=False):
     """Shortcuts for fields of `Model` but for the closure; and `params`, in lmfit's form."""
 
@@ -56,34 +40,18 @@ class ConstantKeywords(TypedDict, total=False):
     params: Any
 
 
-class MethodKeywords(TypedDict, total=False):
-    """Shortcuts for fields of the methods; deprecated."""
-
-    accuracy: float | None
-    budget: float | str | None
-    max_steps: int | None
-    resume: str | Path | None
-    resample: str | None
-    replicates: int | None
-    workers: int
-
-
-class QuestionKeywords(DataKeywords, ConstantKeywords, NoiseKeywords, total=False):
+class QuestionKeywords(DataKeywords, ConstantKeywords, total=False):
     """Keywords of `compare`."""
 
 
-class CostKeywords(QuestionKeywords, total=False):
-    """Keywords of `measure_costs`."""
+class FitKeywords(QuestionKeywords, total=False):
+    """Keywords of `fit` and of `measure_costs`."""
 
     closure: str
 
 
-class FitKeywords(CostKeywords, MethodKeywords, total=False):
-    """Keywords of `fit`."""
-
-
 def check_keywords(function: str, allowed: type, keywords: Mapping[str, object]) -> None:
-    """Refuse keywords that a function does not have, and warn of those that will go.
+    """Refuse keywords that a function does not have.
 
     Parameters
     ----------
@@ -101,28 +69,6 @@ def check_keywords(function: str, allowed: type, keywords: Mapping[str, object])
     for keyword in keywords:
         if keyword not in allowed.__annotations__:
             raise TypeError(f"{function}() got an unexpected keyword argument '{keyword}'")
-    for keyword, remedy in deprecated().items():
-        if keyword in keywords:
-            warnings.warn(
-                f"The keyword {keyword} of {function} will go in the next release: write {remedy}.",
-                DeprecationWarning,
-                stacklevel=3,
-            )
-
-
-def deprecated() -> dict[str, str]:
-    """Keywords that objects replace, and what to write in their place."""
-    found = {
-        keyword: f"noise={each.written}"
-        for keyword, each in options_of(Noise).items()
-        if keyword not in _STAYS
-    }
-    for estimator in ESTIMATORS.values():
-        for keyword, each in options_of(type(estimator)).items():
-            if keyword in MethodKeywords.__annotations__:  # what came later never was a keyword
-                found[keyword] = f"{found[keyword]} or " if keyword in found else "method="
-                found[keyword] += each.written
-    return found
 
 
 def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
@@ -136,7 +82,11 @@ def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
     params = keywords.get("params")
     if model is not None:
         said = given(Model, keywords) | ({} if params is None else {"params": params})
-        _refuse_object_and_keywords("model", Model, said)
+        if said:
+            raise UsageError(
+                f"model=Model(...) and {', '.join(said)} both say something of the model: put everything "
+                "into the object, or leave the object out."
+            )
         return model
     if params is None:
         return build(Model, keywords)
@@ -146,37 +96,31 @@ def model_of(model: Model | None, keywords: Mapping[str, Any]) -> Model:
     return build(Model, {**keywords, **theirs})
 
 
-def noise_of(noise: str | Noise | None, keywords: Mapping[str, Any]) -> Noise:
-    """The noise of an object, or of a policy and keywords.
+def noise_of(noise: str | Noise | None) -> Noise:
+    """The noise of an object, or of a policy.
 
     Raises
     ------
     UsageError
-        If an object and a keyword both say something, and as `Noise`.
+        As `Noise`.
     """
-    if isinstance(noise, Noise):
-        _refuse_object_and_keywords("noise", Noise, given(Noise, keywords))
-        return noise
-    return build(Noise, {**keywords, "noise": noise})
+    return noise if isinstance(noise, Noise) else Noise(noise)
 
 
-def estimator_of(method: str | Estimator | None, keywords: Mapping[str, Any]) -> Estimator:
-    """The estimator of an object, or of a name and keywords.
+def estimator_of(method: str | Estimator | None) -> Estimator:
+    """The estimator of an object, or of a name: `Exact` where neither is given.
 
     Raises
     ------
     UsageError
-        If an object and a keyword both say something, and as `make_estimator`.
+        For an unknown name, and for an object that is no estimator.
     """
     if method is None or isinstance(method, str):
-        return make_estimator(method, keywords)
+        return ESTIMATORS[method or Exact.name]
     if isinstance(method, type) or not isinstance(method, Estimator):
         raise UsageError(
             f"method: {method!r} is no method. Give a name, or an object as ifrfit.Exact() or ifrfit.MCMC()."
         )
-    options = method_options()
-    said = {key: value for key, value in keywords.items() if key in options and options[key].is_given(value)}
-    _refuse_object_and_keywords("method", type(method), said)
     return method
 
 
@@ -190,13 +134,3 @@ def selection_of(keywords: Mapping[str, Any]) -> Selection:
         said[name] = (value,) if isinstance(value, str | int) else tuple(value)
     said["exclude"] = tuple(str(each) for each in said["exclude"])
     return Selection(**said)
-
-
-def _refuse_object_and_keywords(argument: str, owner: type, said: Mapping[str, object]) -> None:
-    if not said:
-        return
-    names = ", ".join(said)
-    raise UsageError(
-        f"{argument}={owner.__name__}(...) and {names} both say something of the {argument}: put everything "
-        "into the object, or leave the object out."
-    )

@@ -1,7 +1,8 @@
 """Options as fields of frozen classes: one place for the name, the help and the default of each.
 
-`ifrfit.fit` takes an option as a field of its class or as a keyword, the command line as ``--keyword``. Both
-lists are read from the classes. This module imports nothing heavy, because ``ifrfit fit --help`` needs it.
+In Python an option is a field of its class, and those of `Model` are keywords of `ifrfit.fit`, too; the
+command line takes it as ``--keyword``, from a list that is read from the classes. This module imports nothing
+heavy, because ``ifrfit fit --help`` needs it.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, Literal, TypeVar
+
+from ifrfit.errors import UsageError
 
 Form = Literal["text", "number", "integer", "path", "names", "values", "pairs", "range", "flag"]
 
@@ -29,11 +32,11 @@ class Option:
     metavar : str or None
         Stands for the value in the help text.
     keyword : str
-        Keyword of `ifrfit.fit`; with dashes the option of the command line. By default the field's name.
+        With dashes the option of the command line. By default the field's name.
     default : object
         Of the field.
-    written : str
-        The option as a field of its class, for messages: ``Noise(dof=...)``.
+    least : int or None
+        Smallest value of a number.
     """
 
     help: str
@@ -41,7 +44,7 @@ class Option:
     metavar: str | None = None
     keyword: str = ""
     default: object = None
-    written: str = ""
+    least: int | None = None
 
     @property
     def flag(self) -> str:
@@ -62,9 +65,10 @@ def option(
     form: Form = "text",
     metavar: str | None = None,
     keyword: str = "",
+    least: int | None = None,
 ) -> Any:
     """A field of a dataclass that is an option; the arguments are those of `Option`."""
-    metadata = {_KEY: Option(help, form, metavar, keyword)}
+    metadata = {_KEY: Option(help, form, metavar, keyword, least=least)}
     if isinstance(default, dict):
         return field(default_factory=dict, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -76,7 +80,20 @@ def nested(owner: type) -> Any:
 
 
 class Options:
-    """Base of the classes whose fields are options: shown with what differs from the defaults only."""
+    """Base of the classes whose fields are options: shown with what differs from the defaults only.
+
+    Raises
+    ------
+    UsageError
+        For a number below its least value.
+    """
+
+    def __post_init__(self) -> None:
+        for each in fields(self):  # type: ignore[arg-type]
+            stated, value = each.metadata.get(_KEY), getattr(self, each.name)
+            if stated is not None and stated.least is not None and value is not None and value < stated.least:
+                flag = replace(stated, keyword=stated.keyword or each.name).flag
+                raise UsageError(f"{flag} {value}: it must be {stated.least} or more.")
 
     def __repr__(self) -> str:
         values = ((each, getattr(self, each.name)) for each in fields(self))  # type: ignore[arg-type]
@@ -97,12 +114,9 @@ def options_of(owner: type) -> dict[str, Option]:
         if _KEY in each.metadata:
             stated: Option = each.metadata[_KEY]
             keyword = stated.keyword or each.name
-            written = f"{owner.__name__}({each.name}=...)"
-            found[keyword] = replace(stated, keyword=keyword, default=_default(each), written=written)
+            found[keyword] = replace(stated, keyword=keyword, default=_default(each))
         elif _NESTED in each.metadata:
-            for keyword, inner in options_of(each.metadata[_NESTED]).items():
-                written = f"{owner.__name__}({each.name}={inner.written})"
-                found[keyword] = replace(inner, written=written)
+            found |= options_of(each.metadata[_NESTED])
     return found
 
 

@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.model.error_model import ErrorModel, check_angle_errors, make_error_model
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.option_fields import Options, nested, option
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ class AngleErrors(Options):
     )
 
     def __post_init__(self) -> None:
-        check_angle_errors(self.kind, self.population, self.sigma_deg)
+        ErrorModel(angles=self.kind, population=self.population, gamma=self.sigma_deg)  # which checks
 
 
 @dataclass(frozen=True, repr=False)
@@ -218,14 +218,14 @@ class Noise(Options):
     def error_model(self) -> ErrorModel:
         """The law of the measured values."""
         angles = self.angles or AngleErrors()
-        return make_error_model(
-            tails=self.tails,
-            dof=self.dof,
-            angle_errors=angles.kind,
-            angle_population=angles.population,
-            sigma_gamma=angles.sigma_deg,
-            sigma_velocity=self.sigma_velocity,
-            sigma_spin=self.sigma_spin,
+        return ErrorModel(
+            self.dof,
+            angles.kind,
+            angles.population,
+            angles.sigma_deg,
+            self.sigma_velocity,
+            self.sigma_spin,
+            self.tails,
         )
 
     @property

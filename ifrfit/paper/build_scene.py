@@ -14,8 +14,7 @@ from ifrfit.paper.figures import PaperFigure
 from ifrfit.paper.scene import Band, Curve, Pen, Points, Scene
 from ifrfit.physics.angles import Array
 from ifrfit.report.figures import NON_BREAKING, contradiction
-from ifrfit.report.markers import numbers, sticks
-from ifrfit.report.outlier_marks import is_outlier
+from ifrfit.report.markers import is_outlier, numbers, sticks
 from ifrfit.report.provenance import STAND_IN, is_stand_in, provenance_words
 from ifrfit.report.regimes import transition_is_open, transitions
 from ifrfit.report.rounding import span_text, value_text

@@ -13,15 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.data.catalogue import printed_constants
 from ifrfit.errors import DataError, IfrfitError
 from ifrfit.inference.diagnostics.pooling import DECIDED, sharing
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.posterior import integrate
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.paper.cases import case_named, fit_case
-from ifrfit.paper.recovered_constants import FittedCase
+from ifrfit.paper.cases import case_named
+from ifrfit.paper.recovered_constants import FittedCase, case_constants, fit_case
 from ifrfit.physics import OBSERVABLES, rebound
 from ifrfit.report.regimes import regime_counts
 
@@ -113,7 +112,7 @@ def reading(done: FittedCase) -> Answer | None:
     contact, centre = (fits[name] for name in case.readings)
     if contact is None or centre is None:
         return Answer(about, "not answerable", "one of the readings could not be fitted")
-    constants = printed_constants(case.dataset)[case.series[0]]
+    constants = case_constants(case)
     misfits = [_misfit(done.result, name, constants) for name in case.readings]
     known, n = done.result.noise.policy == "known", len(done.result.points)
     gain = (misfits[1] - misfits[0]) / 2.0 if known else n / 2.0 * math.log(misfits[1] / misfits[0])

@@ -60,7 +60,7 @@ def _score(done: Sequence[FittedCase]) -> str:
 def _block(done: FittedCase, result: FitResult) -> str:
     rows = [
         *_wrapped(f"{done.name}   {contents(result, result.inputs[0])}", "", "    "),
-        *_wrapped(done.reason),
+        *_wrapped(done.case.reason),
         _COLUMNS + ("what it says" if done.stand_in else "reading"),
     ]
     estimates = result.flat_constants()

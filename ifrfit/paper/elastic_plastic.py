@@ -12,7 +12,7 @@ from ifrfit.paper.scene import Curve
 from ifrfit.physics import CLOSURES, OBSERVABLES
 from ifrfit.physics.angles import Array, Incidence
 from ifrfit.physics.effects import Contact, Impacts, Outcome, compose
-from ifrfit.physics.scenes.bodies import read_contact
+from ifrfit.physics.scenes.bodies import read_bodies
 from ifrfit.physics.scenes.toml_table import Table
 
 SPEED = 27.0  # m/s, of Reagle et al. (2013)
@@ -25,8 +25,8 @@ BODIES = {
 
 def dust_on_steel() -> tuple[Contact, float]:
     """Contact of the scene, and the radius in m."""
-    contact, diameter, *_ = read_contact(Table(BODIES, "", "Fig. 5"))
-    return contact, 0.5 * float(diameter.grid[0])
+    bodies = read_bodies(Table(BODIES, "", "Fig. 5"))
+    return bodies.contact, 0.5 * float(bodies.diameter.grid[0])
 
 
 @dataclass(frozen=True)

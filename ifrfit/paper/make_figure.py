@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from ifrfit.errors import DataError
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.paper.build_scene import Fitted, theory_scene, with_points
-from ifrfit.paper.cases import Case, case_named, fit_case
+from ifrfit.paper.cases import Case, case_named
 from ifrfit.paper.drawing import draw
 from ifrfit.paper.figures import PaperFigure
 from ifrfit.paper.kharaz import kharaz
-from ifrfit.paper.recovered_constants import FittedCase
+from ifrfit.paper.recovered_constants import FittedCase, fit_case
 from ifrfit.paper.scene import Row, Scene, rounded, rows_of
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def _kharaz(figure: PaperFigure, result: FitResult, done: dict[str, FittedCase])
     try:
         return kharaz(figure, Fitted(result, every))
     except DataError as error:
-        done[figure.case] = replace(done[figure.case], result=None, lines=(), refusal=str(error))
+        done[figure.case] = replace(done[figure.case], result=None, refusal=str(error))
         return None
 
 

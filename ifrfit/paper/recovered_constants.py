@@ -1,15 +1,22 @@
-"""The constants that `reproduce` recovers, as lines of constants.csv, and how many hold what was put in."""
+"""The fits of `reproduce`, their constants as lines of constants.csv, and how many hold what was put in."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 from scipy.special import bdtr
 
+from ifrfit.data import Observations
+from ifrfit.data.catalogue import load_dataset, printed_constants
+from ifrfit.data.locations import entry
+from ifrfit.errors import IfrfitError
 from ifrfit.inference.diagnostics.thresholds import GAP
+from ifrfit.inference.fit import fit
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.paper.cases import Case
 from ifrfit.report.provenance import STAND_IN, provenance_words
 from ifrfit.text import decimals, fixed
 
@@ -75,57 +82,101 @@ def _plain(value: object) -> str:
 
 @dataclass(frozen=True)
 class FittedCase:
-    """A case with its fit and its lines; no fit where the user's own data do not have what it asks for."""
+    """A case with its fit; no fit, but the reason, where the user's own data do not have what it asks for."""
 
-    name: str
-    dataset: str
-    reason: str
+    case: Case
     result: FitResult | None
-    lines: tuple[Line, ...]
     refusal: str = ""
-    repeats_data: bool = False
+
+    @property
+    def name(self) -> str:
+        """Of the case."""
+        return self.case.name
 
     @property
     def stand_in(self) -> bool:
         """Whether any of the rows used were generated."""
         return any(STAND_IN in line.provenance for line in self.lines)
 
-
-def lines_of(
-    result: FitResult,
-    printed: Mapping[str, float],
-    case: str,
-    dataset: str,
-    reason: str,
-    figures: Sequence[str],
-) -> tuple[Line, ...]:
-    """Lines of a fit, one a constant."""
-    provenance = provenance_words(tuple(str(kind) for kind in result.points["provenance"].unique()))
-    gap = result.facts["global_optimum"].figures["gap"]
-    objective = result.fit.chi2 + result.fit.prior_chi2
-    lack = result.facts["lack_of_fit"]
-    return tuple(
-        Line(
-            dataset=dataset,
-            series=", ".join(str(name) for name in result.points["series"].unique()),
-            constant=name,
-            printed=printed.get(name),
-            value=found.value,
-            stderr=found.stderr,
-            lo95=_finite(found.interval95[0]),
-            hi95=_finite(found.interval95[1]),
-            status=found.status,
-            identifiable=result.facts["identifiable"].ok,
-            lack_of_fit_ok=lack.ok,
-            lack_of_fit_p=lack.figures["p"],
-            certified=gap is not None and gap <= GAP * max(1.0, objective),
-            provenance=provenance,
-            case=case,
-            figure=" ".join(figures),
-            note=f"{_STAND_IN_NOTE}; {reason}" if STAND_IN in provenance else reason,
+    @cached_property
+    def lines(self) -> tuple[Line, ...]:
+        """Lines of constants.csv, one a constant."""
+        result, case = self.result, self.case
+        if result is None:
+            return ()
+        printed = case_constants(case)
+        provenance = provenance_words(tuple(str(kind) for kind in result.points["provenance"].unique()))
+        gap = result.facts["global_optimum"].figures["gap"]
+        objective = result.fit.chi2 + result.fit.prior_chi2
+        lack = result.facts["lack_of_fit"]
+        return tuple(
+            Line(
+                dataset=case.dataset,
+                series=", ".join(str(name) for name in result.points["series"].unique()),
+                constant=name,
+                printed=printed.get(name),
+                value=found.value,
+                stderr=found.stderr,
+                lo95=_finite(found.interval95[0]),
+                hi95=_finite(found.interval95[1]),
+                status=found.status,
+                identifiable=result.facts["identifiable"].ok,
+                lack_of_fit_ok=lack.ok,
+                lack_of_fit_p=lack.figures["p"],
+                certified=gap is not None and gap <= GAP * max(1.0, objective),
+                provenance=provenance,
+                case=case.name,
+                figure=" ".join(case.figures),
+                note=f"{_STAND_IN_NOTE}; {case.reason}" if STAND_IN in provenance else case.reason,
+            )
+            for name, found in result.flat_constants().items()
         )
-        for name, found in result.flat_constants().items()
-    )
+
+
+def case_constants(case: Case) -> Mapping[str, float]:
+    """Constants that the paper prints for the first series of a case."""
+    return printed_constants(case.dataset).get(case.series[0], {}) if case.series else {}
+
+
+def fit_case(case: Case, *, reading: str | None = None) -> FittedCase:
+    """Fit one case by the exact posterior.
+
+    Data that the user installed in the place of a dataset are taken; if they lack what the case asks for,
+    that is told in `refusal`.
+
+    Parameters
+    ----------
+    case : Case
+    reading : str, optional
+        Observable to take the values for, one of the case's readings; what the data name if not given.
+    """
+    try:
+        data, observable = _read(case, load_dataset(case.dataset), reading)
+        result = fit(
+            data,
+            series=case.series,
+            observable=observable,
+            fix={name: case_constants(case)[name] for name in case.fixed},
+            prior=case.prior,
+            gamma_min=case.gamma_min,
+        )
+    except IfrfitError as error:
+        if entry(case.dataset).installed is None:
+            raise
+        return FittedCase(case, None, str(error))
+    return FittedCase(case, result)
+
+
+def _read(case: Case, data: Observations, reading: str | None) -> tuple[Observations, tuple[str, ...]]:
+    """The data with their values taken for one of the readings, and the observables to use."""
+    table = data.table
+    there = [name for name in case.readings if (table["observable"] == name).any()]
+    if not there:
+        return data, case.observable
+    if reading in (None, there[0]):
+        return data, (there[0],)
+    named = table[table["observable"] == there[0]].reset_index(drop=True)
+    return replace(data, table=named.assign(observable=reading)), (str(reading),)
 
 
 def _finite(end: float) -> float | None:
@@ -141,7 +192,7 @@ def count_recovered(done: Iterable[FittedCase]) -> tuple[int, int]:
         k intervals come from the data: those of constants that are determined or one-sided. Impacts that are
         fitted again through another observable do not count again.
     """
-    lines = [line for d in done if d.stand_in and not d.repeats_data for line in d.lines]
+    lines = [line for d in done if d.stand_in and not d.case.repeats_data for line in d.lines]
     recovered = [line.recovers for line in lines if line.recovers is not None]
     return sum(recovered), len(recovered)
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from ifrfit.data.catalogue import dataset_names, load_dataset
 from ifrfit.errors import UsageError
-from ifrfit.paper.cases import CASES, fit_case
+from ifrfit.paper.cases import CASES
 from ifrfit.paper.claims import Answer, across_regimes, across_spins, reading
 from ifrfit.paper.constants_table import table_text
 from ifrfit.paper.figures import FIGURES, PaperFigure
 from ifrfit.paper.make_figure import make_figure
-from ifrfit.paper.recovered_constants import COLUMNS, FittedCase
+from ifrfit.paper.recovered_constants import COLUMNS, FittedCase, fit_case
 from ifrfit.paper.scene import write_rows
 from ifrfit.report.atomic_folder import Contents, deliver
 from ifrfit.report.provenance import STAND_IN
@@ -137,7 +137,7 @@ def _answers(done: dict[str, FittedCase]) -> list[Answer]:
     answers = [
         across_regimes(d)
         for d in done.values()
-        if not d.repeats_data and d.result is not None and d.result.points["gamma_deg"].notna().any()
+        if not d.case.repeats_data and d.result is not None and d.result.points["gamma_deg"].notna().any()
     ]
     answers.append(across_spins(done))
     if "buck-2017" in done:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,6 +81,14 @@ class Incidence:
         # copies: the caller's arrays stay his own
         sine, cosine, s_x, s_y = (np.array(part) for part in parts)
         return cls(sine, cosine, s_x, s_y, sine + s_y, s_x)
+
+    def map(self, of: Callable[[Array], Array]) -> Incidence:
+        """The same with each of its arrays changed."""
+        return Incidence(*map(of, vars(self).values()))
+
+    def take(self, rows: NDArray[np.intp]) -> Incidence:
+        """These impacts only; arrays must have one dimension."""
+        return self.map(lambda part: part[rows])
 
     @property
     def slip(self) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import Estimate
+from ifrfit.inference.result.types import FACTOR, Estimate
 from ifrfit.physics.closures import CLOSURES
 from ifrfit.report.rounding import by_series, labelled
 from ifrfit.report.sentences import status_words
@@ -69,9 +69,10 @@ def table_rows(result: FitResult) -> list[Row]:
 
 
 def constant_symbols() -> dict[str, str]:
-    """Every closure's constant in LaTeX, as mathtext knows it, too."""
+    """The constants, every closure's own among them, in LaTeX as mathtext knows it, too."""
     constants = (closure.own for closure in CLOSURES.values())
-    return {own.name: f"${own.latex}$" for own in constants if own is not None}
+    own = {each.name: f"${each.latex}$" for each in constants if each is not None}
+    return {"e_n": "$e_n$", "mu": r"$\mu$", "kappa": r"$\kappa$"} | own
 
 
 def _kappa_words(estimate: Estimate) -> str:
@@ -83,8 +84,8 @@ def _noise_rows(result: FitResult) -> Iterator[Row]:
     """Noises with what the posterior knows of them, where there is one; else their values."""
     if result.noise.policy == "known":
         return
-    if "" in result.noise.estimates:
-        yield Row("noise", "", result.noise.estimates[""], "", "times the given sigma")
+    if FACTOR in result.noise.estimates:
+        yield Row("noise", "", result.noise.estimates[FACTOR], "", "times the given sigma")
     elif result.noise.estimates:
         yield from _unknown_noises(result.noise.estimates)
     else:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ifrfit.inference.estimators import LeastSquares, title_of
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.markers import handle
-from ifrfit.report.outlier_marks import is_outlier
+from ifrfit.report.markers import handle, is_outlier
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import does, regime_name
 from ifrfit.report.shading import regime_key

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics import OBSERVABLES
-from ifrfit.report.markers import draw_markers, draw_residual_axis, ring_outliers, sticks
-from ifrfit.report.outlier_marks import is_outlier
+from ifrfit.report.markers import draw_markers, draw_residual_axis, is_outlier, ring_outliers, sticks
 from ifrfit.report.provenance import STAND_IN
 from ifrfit.report.regimes import has_angle, transitions
 from ifrfit.report.style import SeriesStyle, write_watermark

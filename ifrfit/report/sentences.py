@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ifrfit.inference.accuracy.messages import says as effort_says
 from ifrfit.inference.estimators import title_of
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate, Fact
@@ -109,7 +108,7 @@ def misfit_line(result: FitResult) -> str:
 
 def effort_line(result: FitResult) -> str:
     """What an asked accuracy or time came to; empty where neither was asked."""
-    return "" if result.effort is None else f"effort: {effort_says(result.effort)}"
+    return "" if result.effort is None else f"effort: {result.effort.says}"
 
 
 def status_words(estimate: Estimate) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.constants_rows import Row, constant_symbols, table_rows
 from ifrfit.report.page.html import environment
@@ -10,11 +12,6 @@ from ifrfit.report.regimes import regime_lines
 from ifrfit.report.rounding import plus_minus, span_text
 from ifrfit.report.sentences import findings, headline, misfit_line, model_line
 
-_LATEX_NAMES = {
-    "e_n": "$e_n$",
-    "mu": r"$\mu$",
-    "kappa": r"$\kappa$",
-}
 _LATEX_SPECIAL = str.maketrans(
     {
         "\\": r"\textbackslash{}",
@@ -32,41 +29,32 @@ _LATEX_SPECIAL = str.maketrans(
 
 def markdown(result: FitResult) -> str:
     """A Markdown table, with provenance and notes under it."""
-    lines = ["| constant | value | 95 % interval | status |", "|---|---|---|---|"]
-    for row in table_rows(result):
-        lines.append("| " + " | ".join(_markdown(cell) for cell in _cells(row)) + " |")
-    notes = [f"{model_line(result)}.", *_provenance(result), *_regimes(result, "±"), *_notes(result)]
-    lines += ["", *(f"- {_markdown(note)}" for note in notes)]
-    alarm = headline(result)
-    heads = [f"**LOOK: {_markdown(alarm)}.**", ""] if alarm else []
-    heads += ["**STAND-IN data, not an experiment.**", ""] if is_stand_in(result) else []
-    return "\n".join([*heads, *lines])
+    rows = [_cells(row) for row in table_rows(result)]
+    return _filled("result.md.j2", result, "±", rows, _markdown)
 
 
 def latex(result: FitResult) -> str:
     """A LaTeX tabular that needs no package, with provenance and notes under it."""
-    alarm = headline(result)
-    lines = [f"% LOOK: {alarm}"] if alarm else []
-    lines += [
-        r"\begin{tabular}{llll}",
-        r"\hline",
-        r"constant & value & 95\,\% interval & status \\",
-        r"\hline",
-    ]
-    for row in table_rows(result):
-        name = (_LATEX_NAMES | constant_symbols()).get(row.name, _latex(row.name)) + (
-            f" ({_latex(row.series)})" if row.series else ""
-        )
-        value = _plus_minus(row, r"\pm")
-        cells = (name, "--" if value == "-" else f"${value}$", _latex_interval(row), _latex(row.remark))
-        lines.append(" & ".join(cells) + r" \\")
     data = ", ".join(f"{s.name} ({provenance_words(kinds_of(result, s))})" for s in result.inputs)
-    # inside the table, so that the provenance is pasted with it
-    lines += [r"\hline", rf"\multicolumn{{4}}{{l}}{{data: {_latex(data)}}} \\", r"\end{tabular}", ""]
-    notes = [f"{model_line(result)}.", *_provenance(result), *_regimes(result, "+-"), *_notes(result)]
-    lines += [_latex(note).replace("+-", r"$\pm$") + r"\\" for note in notes]
-    lines[-1] = lines[-1].removesuffix(r"\\")
-    return "\n".join(lines)
+    rows = [_latex_cells(row) for row in table_rows(result)]
+    return _filled("result.tex.j2", result, "+-", rows, _latex, data=data)
+
+
+def _filled(
+    template: str,
+    result: FitResult,
+    sign: str,
+    rows: Sequence[Sequence[str]],
+    escaped: Callable[[str], str],
+    **more: str,
+) -> str:
+    """A table to paste, as its template has it; the filter ``escaped`` makes text of what a name holds."""
+    notes = [f"{model_line(result)}.", *_provenance(result), *_regimes(result, sign)]
+    notes += [f"{kind}: {says}" for kind, says in findings(result) if kind != "ok"]
+    found = environment(autoescape=False)
+    found.filters["escaped"] = escaped
+    shown = {"alarm": headline(result), "stand_in": is_stand_in(result), "rows": rows, "notes": notes}
+    return found.get_template(template).render(shown | more)
 
 
 def html(result: FitResult) -> str:
@@ -100,9 +88,17 @@ def _interval(row: Row) -> str:
     return "" if row.estimate is None or row.estimate.status == "fixed" else span_text(row.estimate)
 
 
-def _latex_interval(row: Row) -> str:
-    text = _interval(row)
-    return text if text in ("", "any value") else f"${text}$"
+def _latex_cells(row: Row) -> tuple[str, ...]:
+    name = constant_symbols().get(row.name, _latex(row.name)) + (
+        f" ({_latex(row.series)})" if row.series else ""
+    )
+    value, span = _plus_minus(row, r"\pm"), _interval(row)
+    return (
+        name,
+        "--" if value == "-" else f"${value}$",
+        span if span in ("", "any value") else f"${span}$",
+        _latex(row.remark),
+    )
 
 
 def _provenance(result: FitResult) -> list[str]:
@@ -112,10 +108,6 @@ def _provenance(result: FitResult) -> list[str]:
 def _regimes(result: FitResult, sign: str) -> list[str]:
     misfit = misfit_line(result)
     return [f"{line}." for line in (*regime_lines(result, sign), *([misfit] if misfit else []))]
-
-
-def _notes(result: FitResult) -> list[str]:
-    return [f"{kind}: {says}" for kind, says in findings(result) if kind != "ok"]
 
 
 def _markdown(text: str) -> str:

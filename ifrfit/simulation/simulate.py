@@ -15,7 +15,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.entry_names import entry_name, split_name
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.closures import get_closure
-from ifrfit.physics.effects import Contact, Impacts, Plan, compose, make_plan
+from ifrfit.physics.effects import EFFECTS, Contact, Impacts, Plan, compose, make_plan
 from ifrfit.physics.scenes import Scene, read_scene
 from ifrfit.simulation.result import Simulation
 
@@ -214,7 +214,7 @@ def _fit_warnings(result: FitResult, scene: Scene) -> list[str]:
 
 def _notes(plan: Plan) -> list[str]:
     acting = [line for line in plan.lines if line.state == "on"]
-    modifying = [line.title for line in acting if line.effect in ("adhesion", "fluid")]
+    modifying = [line.title for line in acting if EFFECTS[line.effect].stage in ("adhesion", "fluid")]
     if not modifying:
         return []
     return [f"e_n before {' and '.join(modifying)} is that of the dry contact without adhesion."]

@@ -8,13 +8,10 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import pandas as pd
 import pytest
-from factories import small_report
 from typer.testing import CliRunner
 
 from ifrfit.cli.main import app
-from ifrfit.inference.appraisal import Appraisal
 
 Outcome = subprocess.CompletedProcess[str]
 
@@ -28,14 +25,6 @@ def apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IFRFIT_DATA_DIR", str(tmp_path / "own"))
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.delenv("IFRFIT_DEBUG", raising=False)
-
-
-@pytest.fixture
-def small_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Reports of one paragraph and nothing appraised, where only the files of a result matter."""
-    nothing = Appraisal(pd.DataFrame(), {})
-    monkeypatch.setattr("ifrfit.inference.appraise.appraise", lambda _: nothing)
-    monkeypatch.setattr("ifrfit.report.page.writing.assemble", lambda *_: small_report())
 
 
 @pytest.fixture

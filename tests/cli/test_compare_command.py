@@ -9,9 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from ifrfit.inference.keywords import DataKeywords
-from ifrfit.inference.option_fields import options_of
-from ifrfit.inference.options import Model, Noise
 from ifrfit.inference.result.types import Fact
 
 QUICK = ("--no-loo", "--fix", "e_n=0.94", "--closure", "fr", "--closure", "ifr")
@@ -49,15 +46,6 @@ def test_options_of_fit_mean_the_same(cli, path):
     assert compared["closures"]["fr"]["fit"] == fitted["fit"]
     assert compared["closures"]["fr"]["constants"] == fitted["constants"]
     assert compared["input"] == fitted["input"]
-
-
-def test_every_shared_option_is_offered(cli):
-    text = cli("compare", "--help").stdout
-    for option in (options_of(Model) | options_of(Noise)).values():
-        assert option.flag in text
-    for name in (*DataKeywords.__annotations__, "scene", "seed"):
-        assert f"--{name.replace('_', '-')}" in text
-    assert "--method" not in text
 
 
 def test_files_appear_and_are_kept(cli, path):
@@ -112,21 +100,3 @@ def test_strict_is_4_where_an_evidence_did_not_converge(cli, path, monkeypatch):
     )
     assert "VERDICT" in found.stdout
     assert cli("compare", path, *QUICK).returncode == 0
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "cross-2019",
-        # total restitution and little data: the whole posteriors take long
-        *(pytest.param(name, marks=pytest.mark.long) for name in ("buck-2017", "reagle-2013")),
-    ],
-)
-def test_bundled_stand_ins_carry_no_verdict(cli, name):
-    found = json.loads(
-        cli("compare", name, "--no-loo", "--closure", "fr", "--closure", "ifr", "--json").stdout
-    )
-    assert found["verdict"]["kind"] == "stand_in"
-    assert found["verdict"]["says"].startswith(
-        f"Not answerable until real points are installed: {name} is a stand-in"
-    )

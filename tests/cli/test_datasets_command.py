@@ -63,30 +63,6 @@ def test_install_takes_conventions_and_provenance(cli, tmp_path):
     assert (float(row["gamma_deg"]), row["provenance"]) == (10.0, "measured")
 
 
-def test_what_cannot_be_installed_leaves_nothing(cli, own, tmp_path):
-    stand_in = tmp_path / "again.csv"
-    stand_in.write_text("gamma_deg,beta,provenance\n10,0.4,stand-in\n", encoding="utf-8")
-    for status, words in (
-        (2, ("nix-1999", own)),
-        (3, ("cross-2019", "nix.csv")),
-        (3, ("cross-2019", stand_in)),
-        (2, ("cross-2019", own, "--provenance", "stand-in")),
-    ):
-        found = cli("datasets", "install", *words)
-        assert found.returncode == status
-        assert found.stdout == ""
-        assert found.stderr.startswith("ifrfit: ")
-        assert not (tmp_path / "own").exists()
-
-
-def test_nothing_to_remove_is_2(cli):
-    found = cli("datasets", "remove", "cross-2019")
-    assert found.returncode == 2
-    assert found.stderr == (
-        "ifrfit: Nothing of yours is installed for cross-2019: the bundled dataset is in use.\n"
-    )
-
-
 def test_validate_counts_what_is_in_a_file(cli, own):
     found = cli("datasets", "validate", own)
     assert (found.returncode, found.stderr) == (0, "")
@@ -105,12 +81,6 @@ def test_validate_takes_a_folder_that_install_made(cli, own, tmp_path):
     found = cli("datasets", "validate", tmp_path / "own" / "datasets" / "cross-2019")
     assert (found.returncode, found.stderr) == (0, "")
     assert "fine, 16 rows" in found.stdout
-
-
-def test_unknown_dataset_is_2(cli):
-    found = cli("datasets", "show", "cross-2018")
-    assert (found.returncode, found.stdout) == (2, "")
-    assert "There is no dataset 'cross-2018'. Did you mean cross-2019?" in found.stderr
 
 
 def test_every_listed_dataset_can_be_shown(cli):

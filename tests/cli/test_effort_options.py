@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 FIT = ("fit", "cross-2019", "--fix", "e_n=0.94")
 
 
@@ -14,15 +12,6 @@ def test_what_makes_no_sense_is_refused_in_a_sentence(cli):
         "ifrfit: --accuracy 1e-6 takes chains 7e+12 independent draws: ask for 2e-3 or more, or leave "
         "--method mcmc out.\n"
     )
-
-
-def test_the_file_tells_what_was_reached(cli):
-    content = json.loads(cli(*FIT, "--accuracy", "1e-2", "--json").stdout)
-    effort = content["effort"]
-    assert (effort["method"], effort["tolerance"], effort["accuracy"]) == ("exact", 1e-2, 1e-2)
-    assert effort["reached"] <= 1e-2
-    assert (effort["budget"], effort["why"]) == (None, "")
-    assert effort["seconds"] > 0.0
 
 
 def test_strict_insists_on_the_accuracy(cli, monkeypatch):

@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import jsonschema
 import pytest
 from json_schemas import validator
 
 import ifrfit
-from ifrfit.inference.io.read_result import from_dict
 
 OWN = ["fit.png", "fit.svg", "report.html", "result.json"]
 # of the run, not of the fit
@@ -48,13 +46,6 @@ def test_json_is_all_there_is_and_follows_the_schema(cli, schema, arguments):
     assert content["schema"] == "ifrfit/result/1"
 
 
-def test_the_schema_is_not_a_formality(cli, schema):
-    content = strict_json(cli("fit", "netl-glass-acrylic", "--json").stdout)
-    for damage in ({"constants": {}}, {"closure": 3}, {"schema": "ifrfit/result/99"}):
-        with pytest.raises(jsonschema.ValidationError):
-            schema.validate(content | damage)
-
-
 def test_the_command_line_is_the_library(cli):
     shown = strict_json(
         cli("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15", "--json").stdout
@@ -63,60 +54,6 @@ def test_the_command_line_is_the_library(cli):
     for name in PASSING:
         shown.pop(name), called.pop(name)
     assert shown == json.loads(json.dumps(called))
-
-
-@pytest.mark.parametrize("method", ["exact", "lsq", "profile"])
-def test_each_method_is_named_in_the_result(cli, schema, method):
-    words = {"exact": "exact posterior", "lsq": "least squares", "profile": "profile likelihood"}
-    arguments = ("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--gamma-min", "15", "--method", method)
-    content = strict_json(cli(*arguments, "--json").stdout)
-    schema.validate(content)
-    assert content["method"] == method
-    assert f"closure IFR, {words[method]}, noise scaled" in from_dict(content).summary()
-
-
-def test_exact_is_the_default_and_states_its_prior_of_the_noise(cli):
-    content = strict_json(cli("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--json").stdout)
-    assert content["method"] == "exact"
-    assert content["fit"]["log_evidence"] is not None
-    low, high = content["noise"]["prior"]["factor"]
-    assert low < content["noise"]["estimates"]["factor"]["value"] < high
-    assert len(content["state"]["sample"]["kappa"]) == 2000
-
-
-def test_two_files_with_a_constant_of_their_own_tell_whether_they_share_it(cli, impacts):
-    for name, mu in (("dry", 0.12), ("wet", 0.12), ("oiled", 0.05)):
-        path = impacts(gamma=range(5, 85, 5), sigma=0.03, noise=0.03, series=name, mu=mu)
-        path.rename(f"{name}.csv")
-    options = ("--separate", "mu", "--fix", "e_n=0.94")
-    alike = cli("fit", "dry.csv", "wet.csv", *options)
-    assert (alike.returncode, alike.stderr) == (0, "")
-    assert "mu [dry]" in alike.stdout
-    assert "mu [wet]" in alike.stdout
-    assert "  ok    the data favour one mu for all series over separate mu by a factor " in alike.stdout
-    apart = cli("fit", "dry.csv", "oiled.csv", *options)
-    assert "  ok    the data favour separate mu over one mu for all series by a factor " in apart.stdout
-
-
-def test_intervals_of_three_methods_stand_under_the_summary(cli, impacts):
-    path = impacts(gamma=range(5, 85, 5), sigma=0.03, noise=0.03, c=-0.7)
-    plain = cli("fit", path, "--fix", "e_n=0.94").stdout
-    found = cli("fit", path, "--fix", "e_n=0.94", "--intervals")
-    assert (found.returncode, found.stderr) == (0, "")
-    assert found.stdout.startswith(plain)
-    lines = found.stdout.removeprefix(plain).splitlines()
-    assert lines[1] == "  central 95 % intervals by three methods"
-    assert lines[3].split() == ["covariance", "profile", "exact"]
-    assert [line.split()[0] for line in lines[4:7]] == ["e_t", "mu", "kappa"]
-    assert all(line.count("[") == 3 for line in lines[4:7])
-
-
-def test_intervals_that_disagree_are_told(cli):
-    options = ("--prior", "e_n=0.98,0.01", "--gamma-min", "15", "--intervals")
-    text = " ".join(cli("fit", "kharaz-2001", *options).stdout.split())
-    assert "LOOK e_t: the covariance interval [" in text
-    assert "believe the exact one" in text
-    assert "the covariance goes on beyond the bound -1" in text
 
 
 @pytest.mark.parametrize("form", ["--json", "--quiet"])
@@ -139,32 +76,10 @@ def test_quiet_says_nothing_and_still_writes(cli):
     assert sorted(path.name for path in Path("results").iterdir()) == OWN
 
 
-def test_out_writes_four_files_and_says_which(cli, schema):
-    found = cli("fit", "kharaz-2001", "--out", "deep/results")
-    assert found.returncode == 0
-    assert found.stdout.endswith("\n\nwritten: deep/results/  result.json  fit.svg  fit.png  report.html\n")
-    assert sorted(path.name for path in Path("deep/results").iterdir()) == OWN
-    assert [path.name for path in Path().iterdir()] == ["deep"]
-    assert [path.name for path in Path("deep").iterdir()] == ["results"]
-    schema.validate(strict_json(Path("deep/results/result.json").read_text(encoding="utf-8")))
-
-
 @pytest.mark.usefixtures("small_page")
 def test_json_and_out_are_the_same_numbers(cli):
     shown = cli("fit", "kharaz-2001", "--json", "--out", "results").stdout
     assert shown == Path("results/result.json").read_text(encoding="utf-8")
-
-
-@pytest.mark.usefixtures("small_page")
-def test_an_earlier_result_is_kept_until_force(cli):
-    assert cli("fit", "kharaz-2001", "--quiet", "--out", "results").returncode == 0
-    refused = cli("fit", "cross-2019", "--quiet", "--out", "results")
-    assert refused.returncode == 2
-    assert refused.stderr == "ifrfit: results holds an earlier result; add --force to replace it.\n"
-    assert (
-        cli("fit", "cross-2019", "--method", "lsq", "--quiet", "--out", "results", "--force").returncode == 0
-    )
-    assert '"cross-2019"' in Path("results/result.json").read_text(encoding="utf-8")
 
 
 def test_an_earlier_result_is_refused_before_the_data_are_read(cli):
@@ -183,63 +98,6 @@ def test_refused_data_leave_an_earlier_result_alone_even_with_force(cli):
     assert sorted(path.name for path in Path().iterdir()) == ["bad.csv", "results"]
 
 
-def test_the_template_can_be_fitted_once_its_examples_are_uncommented(cli):
-    for raw in ((), ("--raw",)):
-        lines = cli("template", *raw).stdout.splitlines()
-        header = max(i for i, line in enumerate(lines) if not line.startswith("#"))
-        text = "\n".join(line if i <= header else line.removeprefix("#") for i, line in enumerate(lines))
-        Path("mine.csv").write_text(text + "\n", encoding="utf-8")
-        found = cli("fit", "mine.csv")
-        assert (found.returncode, found.stderr) == (0, "")
-        assert "mine.csv" in found.stdout
-
-
-def test_the_template_alone_is_refused_as_empty(cli):
-    Path("mine.csv").write_text(cli("template").stdout, encoding="utf-8")
-    found = cli("fit", "mine.csv")
-    assert found.returncode == 3
-    assert "there is a header, but no row under it" in found.stderr
-
-
-def test_a_spreadsheet_of_the_usual_kind(cli):
-    """Excel in German: title, semicolons, decimal commas, Latin-1, Windows line ends, angle from the wall."""
-    lines = ["Stöße, 12.3.;;;", "Winkel zur Wand [°];β [-];σ_β [-];note"]
-    shown = ifrfit.rebound(range(5, 85, 5), e_n=0.94, e_t=-0.9, mu=0.12, degrees=True)
-    for angle, beta in zip(range(5, 85, 5), shown.beta.tolist(), strict=True):
-        lines.append(f"{90 - angle},0;{beta:.6f};0,01;".replace(".", ","))
-    lines[1] = lines[1].replace("β", "beta").replace("σ", "sigma")
-    Path("Messung.csv").write_bytes("\r\n".join(lines).encode("latin-1"))
-    found = cli(
-        "fit",
-        "Messung.csv",
-        "--convention",
-        "angle=Winkel zur Wand [°]:from-wall",
-        "--fix",
-        "e_n=0.94",
-        "--method",
-        "lsq",  # data without noise: the optimum is the truth
-        "--json",
-    )
-    assert (found.returncode, found.stderr) == (0, "")
-    constants = strict_json(found.stdout)["constants"]
-    assert constants["e_t"]["value"] == pytest.approx(-0.9, abs=1e-5)
-    assert constants["mu"]["value"] == pytest.approx(0.12, abs=1e-5)
-
-
-def test_a_hollow_ball_taken_for_a_solid_one_is_told_in_the_first_line(cli):
-    gamma = [10.0, 20.0, 30.0, 45.0, 60.0, 75.0]
-    after = ifrfit.rebound(gamma, e_n=0.94, e_t=-0.95, mu=0.2, inertia_factor=2 / 3, degrees=True)
-    lines = ["speed_m_s,gamma_deg,v_x_m_s,v_z_m_s,omega_y_after_rad_s,radius_mm"]
-    for row in zip(gamma, after.v_x, after.v_n, after.spin_y, strict=True):
-        angle, v_x, v_n, spin = map(float, row)
-        lines.append(f"4,{angle},{4 * v_x:.5f},{-4 * v_n:.5f},{4 * spin / 0.02:.3f},20")
-    Path("ball.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    solid = cli("fit", "ball.csv").stdout
-    assert solid.startswith("LOOK")
-    assert "--inertia-factor 0.667" in " ".join(solid.split())
-    assert not cli("fit", "ball.csv", "--inertia-factor", "0.6667").stdout.startswith("LOOK")
-
-
 def test_a_scene_says_what_hit_what(cli, impacts):
     data = impacts(gamma=[5.0, 15.0, 25.0, 40.0, 55.0, 70.0, 80.0], noise=0.01, sigma=0.01)
     scene = Path("scene.toml")
@@ -252,22 +110,3 @@ def test_a_scene_says_what_hit_what(cli, impacts):
     found = cli("compare", data, "--scene", scene, "--no-loo", "--closure", "ifr", "--closure", "fr")
     assert found.returncode == 0
     assert "by its conditions the scene calls for compliance: psi_1" in " ".join(found.stdout.split())
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("[wall]\n", "scene.toml: sphere.diameter_mm is missing."),
-        ("[sphere]\ndiameter_mm = 20\n", "the diameter is 20 mm, but that of kharaz-2001 is 5 mm."),
-        ("[sphere]\ndiameter_mm = 5\ninertia_factor = 0.5\n", "but the fit takes 0.4."),
-        (None, "scene.toml: there is no such file."),
-    ],
-)
-def test_a_scene_that_does_not_fit_is_refused(cli, text, says):
-    if text is not None:
-        Path("scene.toml").write_text(text, encoding="utf-8")
-    found = cli("fit", "kharaz-2001", "--scene", "scene.toml", "--out", "results")
-    assert found.returncode == 3
-    assert found.stdout == ""
-    assert says in found.stderr
-    assert not Path("results").exists()

@@ -48,11 +48,6 @@ def test_json_costs_no_import_that_it_does_not_need(python):
     assert imported(python, [*spared, "numpy"], *arguments) == ["numpy"]
 
 
-def test_no_warning_reaches_the_user(python):
-    found = python("-W", "error", "-m", "ifrfit", "fit", "kharaz-2001", "--out", "results")
-    assert (found.returncode, found.stderr) == (0, "")
-
-
 @pytest.mark.parametrize(
     "arguments",
     [("fit", "x.csv"), ("fit", "x.csv", "--json"), ("datasets", "show", "kharaz-2001"), ("template",)],
@@ -63,12 +58,12 @@ def test_a_terminal_that_knows_ascii_only_is_served(python, arguments):
     assert (found.returncode, found.stderr) == (0, "")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere file names are text")
-@pytest.mark.parametrize("arguments", [(), ("--json",), ("--out", "results")])
-def test_a_file_name_that_is_not_utf_8_is_no_error(python, arguments):
-    name = os.fsdecode(b"Messung_\xfc.csv")
+@pytest.mark.parametrize("arguments", [("--json",), ("--out", "results")])
+def test_no_warning_reaches_the_user_whatever_the_file_is_called(python, arguments):
+    # elsewhere than on Linux file names are text
+    name = os.fsdecode(b"Messung_\xfc.csv") if sys.platform == "linux" else "Messung_ü.csv"
     Path(name).write_text("gamma_deg,beta,sigma\n10,0.4,0.1\n30,0.3,0.1\n60,-0.5,0.1\n", encoding="utf-8")
-    found = python("-m", "ifrfit", "fit", name, *arguments)
+    found = python("-W", "error", "-m", "ifrfit", "fit", name, *arguments)
     assert (found.returncode, found.stderr) == (0, "")
 
 
@@ -94,22 +89,3 @@ def test_reproduce_writes_figures_and_prints_the_table(cli):
     made = {path.name for path in Path("figures").iterdir()}
     assert made == {f"{stem}.{suffix}" for stem in ("fig3", "figA2.1b") for suffix in ("svg", "png", "csv")}
     assert [path.name for path in Path().iterdir()] == ["figures"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--figure", "10"), "--figure 10: there is no such figure. There are 1, 2, 3, 4a, 4b, "),
-        (
-            ("--figure", "5", "--digitised-only"),
-            "--digitised-only: nothing of fig5 rests on points that were ",
-        ),
-        (("--out", "taken"), "taken is a file. Name a folder with --out."),
-    ],
-)
-def test_reproduce_refuses_in_a_sentence(cli, arguments, said):
-    Path("taken").write_text("")
-    found = cli("reproduce", *arguments)
-    assert (found.returncode, found.stdout) == (2, "")
-    assert found.stderr.startswith(f"ifrfit: {said}")
-    assert [path.name for path in Path().iterdir()] == ["taken"]

@@ -8,8 +8,7 @@ import pytest
 import typer
 
 from ifrfit.cli.main import app
-from ifrfit.inference.estimators import ESTIMATORS
-from ifrfit.inference.keywords import method_options
+from ifrfit.inference.estimators import ESTIMATORS, method_options
 from ifrfit.inference.model.error_law import ERROR_LAWS
 from ifrfit.physics import CLOSURES
 

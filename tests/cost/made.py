@@ -14,7 +14,9 @@ from ifrfit.cost.inference_costs import UNIT, Reference
 from ifrfit.cost.result import Costs
 from ifrfit.cost.timing import Cost, Timing
 from ifrfit.inference.fit import make_question
-from ifrfit.inference.keywords import model_of, noise_of
+from ifrfit.inference.keywords import model_of
+from ifrfit.inference.option_fields import build
+from ifrfit.inference.options import Noise
 
 INFERENCE = [  # method, setting, seconds, errors of mean, sd and interval
     ("lsq", "", 0.004, (1.2, 0.8, 1.0)),
@@ -77,4 +79,4 @@ def setting_at(path, **keywords):
 
 def _asked(path, keywords):
     model = model_of(None, keywords)
-    return model, make_question(path, model, noise_of(None, keywords), 0, None, keywords)
+    return model, make_question(path, model, build(Noise, keywords), 0, None, keywords)

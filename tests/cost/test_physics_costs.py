@@ -79,9 +79,9 @@ def test_the_closest_constants_are_those_behind_a_beta(name):
     closure, own = get_closure(name), own_constant(name, 0.65)
     incidence = Incidence.of(GAMMA, 0.0, 0.1, degrees=True)
     beta = rebound(GAMMA, 0.0, 0.1, e_n=0.9, mu=0.2, closure=name, degrees=True, **own).beta
-    found = closest(closure, incidence, beta, 0.9)
-    assert found.mu == pytest.approx(0.2, abs=1e-9)
-    assert found.own == pytest.approx(next(iter(own.values()), 0.0), abs=1e-9)
+    own_found, mu_found = closest(closure, incidence, beta, 0.9)
+    assert mu_found == pytest.approx(0.2, abs=1e-9)
+    assert own_found == pytest.approx(next(iter(own.values()), 0.0), abs=1e-9)
 
 
 def test_closest_means_closer_than_the_given_ones(costs):
@@ -91,8 +91,8 @@ def test_closest_means_closer_than_the_given_ones(costs):
     def squares(e_t, mu):
         return float(((rebound(GAMMA, e_n=0.95, e_t=e_t, mu=mu, degrees=True).beta - exact) ** 2).sum())
 
-    best = closest(get_closure("ifr"), scene.incidence, exact, 0.95)
-    assert squares(best.own, best.mu) < min(squares(-0.93, 0.12), squares(best.own, 1.02 * best.mu))
+    e_t, mu = closest(get_closure("ifr"), scene.incidence, exact, 0.95)
+    assert squares(e_t, mu) < min(squares(-0.93, 0.12), squares(e_t, 1.02 * mu))
 
 
 def test_the_scaling_has_a_doubt_of_its_own():

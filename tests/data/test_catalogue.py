@@ -7,17 +7,17 @@ import hashlib
 import json
 import re
 import shutil
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
+import frictionless
 import numpy as np
 import pytest
 
 from ifrfit.data import catalogue
-from ifrfit.data import installation as installing
 from ifrfit.data import locations as finding
 from ifrfit.data.description import listing_lines
-from ifrfit.data.descriptor import package_provenance
 from ifrfit.data.schema import SCHEMA
 from ifrfit.errors import DataError, UsageError
 
@@ -64,7 +64,6 @@ def test_names():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_is_a_valid_frictionless_data_package(name):
-    frictionless = pytest.importorskip("frictionless")
     report = frictionless.validate(str(ROOT / "datasets" / name / "datapackage.json"))
     assert report.valid, report.flatten(["type", "message"])
 
@@ -217,29 +216,33 @@ def test_printed_constants_by_series():
 
 
 def test_listing():
-    lines = {line.name: line for line in catalogue.listing()}
-    assert tuple(lines) == NAMES
-    assert lines["kharaz-2001"].provenance == "digitised"
-    assert lines["netl-glass-acrylic"].provenance == lines["cornell-glass"].provenance == "measured"
-    assert {lines[name].provenance for name in STAND_INS} == {"stand-in"}
-    assert not any(line.installed for line in lines.values())
+    entries = catalogue.listing()
+    provenance = {entry.name: entry.package["ifrfit"]["provenance"] for entry in entries}
+    assert tuple(provenance) == NAMES
+    assert provenance["kharaz-2001"] == "digitised"
+    assert provenance["netl-glass-acrylic"] == provenance["cornell-glass"] == "measured"
+    assert {provenance[name] for name in STAND_INS} == {"stand-in"}
+    assert not any(entry.installed for entry in entries)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_describe_tells_what_there_is(name):
-    described = catalogue.describe(name)
-    assert sum(described.rows.values()) == len(raw_rows(name))
-    lines = described.lines()
+    lines, data = catalogue.describe(name), catalogue.load_dataset(name)
     assert max(map(len, lines)) <= 88
     text = " ".join(" ".join(lines).split())
-    for part in (name, described.descriptor.provenance, described.sha256, described.descriptor.licence):
+    (source,) = data.sources
+    for part in (name, source.descriptor.provenance, source.sha256, source.descriptor.licence):
         assert part in text
-    for sentence in (*described.descriptor.assumptions, *described.notes):
+    for (series, observable), count in Counter(
+        (r["series"], r["observable"]) for r in raw_rows(name)
+    ).items():
+        assert re.search(f"{re.escape(series)}: [^:]*{count} {observable}", text)
+    for sentence in (*source.descriptor.assumptions, *data.notes):
         assert sentence in text
 
 
 def test_describe_gives_constants_and_reasons():
-    lines = catalogue.describe("cross-2019").lines()
+    lines = catalogue.describe("cross-2019")
     assert "printed       no spin: e_n = 0.94, e_t = -0.98, mu = 0.12" in lines
     assert "              spin 0.225: e_n = 0.94, e_t = -0.98, mu = 0.14" in lines
     assert "rows          no spin: 17 beta, 17 psi_after_deg, 17 mu_app" in lines
@@ -247,13 +250,11 @@ def test_describe_gives_constants_and_reasons():
     text = " ".join(" ".join(lines).split())
     assert "default beta of no spin. The paper prints mu = 0.12 for the balls without spin" in text
     assert "ifrfit datasets install cross-2019 FILE puts your own digitisation in its place" in text
-    assert "faces         kratos, mfix: the same impacts" in "\n".join(
-        catalogue.describe("kharaz-2001").lines()
-    )
+    assert "faces         kratos, mfix: the same impacts" in "\n".join(catalogue.describe("kharaz-2001"))
 
 
 def test_describe_states_the_place_of_all_conditions_once():
-    text = "\n".join(catalogue.describe("kharaz-2001").lines())
+    text = "\n".join(catalogue.describe("kharaz-2001"))
     assert "speed (m/s)   3.9\n" in text
     assert text.count("as restated with the readings") == 1
     assert "stated in     Kharaz, Gorham & Salman (2001), as restated with the readings\n" in text
@@ -268,10 +269,10 @@ def test_the_list_fits_a_terminal_and_says_what_a_stand_in_is():
     assert lines[at + 1] == " " * 31 + "Gorham & Salman 2001): two readings"
     text = " ".join(lines)
     assert "A stand-in is generated from the constants a paper prints" in text
-    real = [entry for entry in catalogue.listing() if entry.provenance != "stand-in"]
+    real = [entry for entry in catalogue.listing() if entry.name in REAL]
     assert "install" not in " ".join(listing_lines(real))
     kharaz = next(entry for entry in real if entry.name == "kharaz-2001")
-    mine = listing_lines([replace(kharaz, installed=True)])
+    mine = listing_lines([replace(kharaz, installed=kharaz.bundled)])
     assert mine[0].startswith("kharaz-2001  digitised (yours)  Aluminium")
 
 
@@ -335,7 +336,7 @@ def test_changed_data_are_refused(damaged):
     with pytest.raises(
         DataError, match=r"data\.csv: is not the file that datapackage\.json describes \(another SHA-256\)"
     ):
-        catalogue.validate_path(damaged)
+        catalogue.load_folder(damaged)
 
 
 def test_changed_bundled_data_are_refused(tmp_path, monkeypatch, damaged):
@@ -373,24 +374,16 @@ def test_broken_packages_are_refused(damaged, change, message):
     change(package)
     path.write_text(json.dumps(package), encoding="utf-8")
     with pytest.raises(DataError, match=message):
-        catalogue.validate_path(damaged)
+        catalogue.load_folder(damaged)
 
 
 def test_a_folder_without_package_and_bad_json_are_refused(damaged):
     (damaged / "datapackage.json").write_text("{", encoding="utf-8")
     with pytest.raises(DataError, match="cannot be read as JSON"):
-        catalogue.validate_path(damaged)
+        catalogue.load_folder(damaged)
     (damaged / "datapackage.json").unlink()
     with pytest.raises(DataError, match=r"there is no datapackage\.json"):
-        catalogue.validate_path(damaged)
-
-
-def test_validate_reads_a_table(points, tmp_path):
-    assert len(catalogue.validate_path(points)) == 3
-    bad = tmp_path / "bad.csv"
-    bad.write_text("observable,gamma_deg,value\nbeta,30,abc\n", encoding="utf-8")
-    with pytest.raises(DataError, match=r"bad\.csv, line 2"):
-        catalogue.validate_path(bad)
+        catalogue.load_folder(damaged)
 
 
 def test_missing_datasets_are_reported(monkeypatch, tmp_path):
@@ -426,16 +419,18 @@ def test_install_replaces_and_remove_restores(points, own_folder):
     assert descriptor.default_series == ("no spin",)
     assert descriptor.default_observables == ("beta",)
     assert descriptor.title == "Steel ball on polished granite, without and with spin (Cross 2019)"
-    line = next(line for line in catalogue.listing() if line.name == "cross-2019")
-    assert (line.provenance, line.installed) == ("digitised", True)
-    assert "provenance    digitised (installed by you)" in catalogue.describe("cross-2019").lines()
+    entry = next(entry for entry in catalogue.listing() if entry.name == "cross-2019")
+    assert (entry.package["ifrfit"]["provenance"], entry.installed) == (
+        "digitised",
+        own_folder / "cross-2019",
+    )
+    assert "provenance    digitised (installed by you)" in catalogue.describe("cross-2019")
     catalogue.remove("cross-2019")
     assert catalogue.load_dataset("cross-2019").table.equals(before.table)
     assert list(own_folder.iterdir()) == []
 
 
 def test_installed_data_are_a_data_package_with_the_original_named(points, own_folder):
-    frictionless = pytest.importorskip("frictionless")
     catalogue.install("cross-2019", points)
     folder = own_folder / "cross-2019"
     assert frictionless.validate(str(folder / "datapackage.json")).valid
@@ -451,20 +446,17 @@ def test_rows_keep_the_provenance_they_state(tmp_path):
     path = tmp_path / "mixed.csv"
     path.write_text(
         "series,observable,gamma_deg,value,provenance\n"
-        "no spin,beta,20,0.41,measured\nno spin,beta,60,-0.47,\n",
+        "no spin,beta,20,0.41,measured\nno spin,beta,60,-0.47,\nno spin,beta,70,-0.7,simulated\n",
         encoding="utf-8",
     )
     catalogue.install("cross-2019", path)
     data = catalogue.load_dataset("cross-2019")
-    assert data.table["provenance"].tolist() == ["measured", "digitised"]
-    assert data.sources[0].descriptor.provenance == "digitised"
+    assert data.table["provenance"].tolist() == ["measured", "digitised", "simulated"]
+    assert data.sources[0].descriptor.provenance == "simulated"  # the least claim counts
+    path.write_text(path.read_text(encoding="utf-8").replace("simulated", ""), encoding="utf-8")
     catalogue.install("cross-2019", path, provenance="measured")
     assert catalogue.load_dataset("cross-2019").provenance == ("measured",)
     assert "your measurement replaces" in catalogue.load_dataset("cross-2019").notes[0]
-
-
-def test_the_least_claim_counts():
-    assert package_provenance(["measured", "simulated", "digitised"]) == "simulated"
 
 
 def test_a_stand_in_cannot_be_installed(tmp_path):
@@ -560,8 +552,3 @@ def test_numbers_survive_installation_to_the_last_digit(tmp_path):
 def test_without_the_variable_the_users_data_folder_is_used(monkeypatch):
     monkeypatch.delenv("IFRFIT_DATA_DIR")
     assert finding.user_root().parts[-2:] == ("ifrfit", "datasets")
-
-
-def test_install_is_the_same_function_everywhere():
-    assert catalogue.install is installing.install
-    assert catalogue.remove is installing.remove

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,6 +15,7 @@ from ifrfit.data.conventions import parse_conventions, suggest
 from ifrfit.errors import DataError, UsageError
 
 LONG = "observable,gamma_deg,value,sigma\n"
+REFUSED = tomllib.loads(Path(__file__).with_name("refused.toml").read_text(encoding="utf-8"))["conventions"]
 
 
 @pytest.mark.parametrize(
@@ -120,33 +123,7 @@ def test_a_convention_without_effect_is_noted(read):
     assert obs.notes == ("x.csv: convention angle=from-wall found nothing to apply to.",)
 
 
-@pytest.mark.parametrize(
-    ("convention", "message"),
-    [
-        (
-            "speed=fast",
-            r"--convention speed=fast: unknown name\. Known are angle=from-normal\|from-wall\|COLUMN",
-        ),
-        ("beta=other", r"--convention beta=other: the choices are contact, opposite-sign, centre\."),
-        ("e_t=constant", r"--convention e_t=constant: the choices are centre\."),
-        ("psi=both", r"the choices are over-incoming, over-outgoing\."),
-        ("beta", r"--convention beta: write NAME=CHOICE\. Known are"),
-        ("unit:u=furlong", r"unknown unit\. Known are deg, rad, m, mm, m/s, mm/s, rad/s, rpm, 1\."),
-        (
-            "column:betta=x",
-            r"^--convention column:betta=x: 'betta' is no column; close are beta, beta_cm, beta_tot\. A "
-            r"column is one of the common schema, an observable or a raw velocity; see 'ifrfit template' and "
-            r"'ifrfit template --raw'\.$",
-        ),
-        ("column:ux=x", r"'ux' is no column; close are u_x\."),
-        ("column:qqq=x", r"'qqq' is no column\. A column is"),
-        ("z=up", r"--convention z=up: the choices are into-wall, out-of-wall\."),
-        ("provenance=guessed", r"provenance=guessed: the choices are measured, digitised, simulated\.$"),
-        ("provenance=stand-in", r"digitised, simulated\. A stand-in says so in the file itself\.$"),
-        ("ignore=", r"--convention ignore=: write NAME=CHOICE\. Known are"),
-        ("angle=from-wall:from-normal", "both 'from-normal' and 'from-wall' are given. Keep one"),
-    ],
-)
+@pytest.mark.parametrize(("convention", "message"), REFUSED.items())
 def test_unknown_conventions(convention, message):
     with pytest.raises(UsageError, match=message):
         parse_conventions([convention])

@@ -79,37 +79,6 @@ def test_observables_equal_the_impulse_in_any_frame(tmp_path, u_x, u_z, spins, k
     assert set(obs.table.impact_id) == {"line 2"}
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40)
-@given(
-    gamma=st.floats(5, 85),
-    s_x=ordinary(-1, 1),
-    s_y=ordinary(-1, 1),
-    e_t=st.floats(-1, -0.4),
-    mu=st.floats(0, 1),
-)
-def test_observables_equal_the_rebound_of_the_package(tmp_path, gamma, s_x, s_y, e_t, mu):
-    rebound = pytest.importorskip("ifrfit.physics.rebound").rebound
-    speed = 3.0
-    r = rebound(gamma, s_x, s_y, e_n=0.8, e_t=e_t, mu=mu, degrees=True)
-    angle = np.radians(gamma)
-    scale = speed / RADIUS
-    before = [np.array([np.sin(angle), 0, np.cos(angle)]) * speed, np.array([-s_x, s_y, 0]) * scale]
-    after = [
-        np.array([r.v_x, r.v_y, -r.v_n], dtype=float) * speed,
-        np.array([-r.spin_x, r.spin_y, 0.0]) * scale,
-    ]
-    assume(all(abs(float(x)) > 1e-9 for x in (r.v_x, r.v_y, r.spin_x, r.spin_y)))
-    got = values(table_of(tmp_path / "raw.csv", [[*before, *after]]))
-    expected = {
-        "v_x": r.v_x,
-        "v_y": r.v_y,
-        "v_n": r.v_n,
-        "spin_y_after": r.spin_y,
-        "spin_x_after": r.spin_x,
-    }
-    assert got == pytest.approx({n: float(x) for n, x in expected.items()}, abs=1e-9)
-
-
 def test_only_what_was_measured_comes_out(read):
     planar = read("u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s\n3,4,2,-3.5\n1,1,,-0.9\n")
     assert list(planar.table.observable) == ["v_x", "v_n", "v_n"]
@@ -266,7 +235,6 @@ def test_the_check_goes_with_its_source(tmp_path):
     assert both.momentum[1].says.startswith("x.csv (2): ")
     some = data.select(both, data.Selection(observable=("v_n",)))
     assert some.momentum == both.momentum
-    assert data.average_replicates(both).momentum == both.momentum
     assert "x.csv (2): the velocities contradict" in both._repr_html_()
 
 
@@ -396,60 +364,3 @@ def test_z_out_of_the_wall_is_said_and_checked(read):
         DataError, match=r"u_z_m_s: -4, but z points into .* or say --convention z=out-of-wall if z"
     ):
         read(text.format("3"))
-
-
-HEAD = "u_x_m_s,u_z_m_s,v_x_m_s,v_z_m_s"
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            f"{HEAD}\n1,1,1,-1\n1,-1,1,-1\n",
-            "line 3, column u_z_m_s: -1, but z points into the wall, so a sphere that comes",
-        ),
-        (
-            f"{HEAD}\n1,1,1,1\n",
-            "line 2, column v_z_m_s: 1, but z points into the wall, so a sphere that leaves",
-        ),
-        (
-            f"{HEAD},omega_y_rad_s\n1,1,1,-1,1\n",
-            "column omega_y_rad_s: a spin rate needs the size of the sphere",
-        ),
-        (f"{HEAD},beta\n1,1,1,-1,1\n", "column beta: does not go with raw velocities such as u_x_m_s"),
-        (
-            "u_x_m_s,u_z_m_s,v_x\n1,1,1\n",
-            "column v_x: no unit. Among raw velocities it needs one, for example v_x_m_s",
-        ),
-        (
-            "u_x_m_s,u_z_m_s,v_x\n1,1,1\n",
-            "for example v_x_m_s, or say --convention unit:v_x=m/s.",
-        ),
-        (
-            "u_x,u_z,v_x_m_s\n1,1,1\n",
-            "column u_x: no unit. Put one into the header, for example u_x_m_s, or say",
-        ),
-        (f"{HEAD},sigma_beta\n1,1,1,-1,1\n", "column sigma_beta: does not go with raw velocities"),
-        ("u_z_m_s,v_z_m_s\n1,-1\n", "there is u_z but no u_x"),
-        ("v_x_m_s,v_z_m_s\n1,-1\n", "the incoming velocity is missing. Add u_x_m_s and u_z_m_s"),
-        ("u_x_m_s,u_z_m_s\n1,1\n", "no velocity after the impact. Add v_x_m_s and v_z_m_s"),
-        (f"{HEAD},gamma_deg\n1,1,1,-1,1\n", "the incidence is given twice"),
-        (f"{HEAD},v_n_m_s\n1,1,1,-1,1\n", "the normal velocity after is given twice"),
-        (f"{HEAD},omega_y_rpm,radius_m,diameter_m\n1,1,1,-1,1,1,2\n", "radius and diameter are both given"),
-        (f"{HEAD}\n1,1,1e300,-1\n", "line 2, column v_x_m_s: 1e+300, but a measurement is 0 or between"),
-        (f"{HEAD}\n1,1e-300,1,-1\n", "line 2, column u_z_m_s: 1e-300, but a measurement is 0 or between"),
-        (f"{HEAD},sigma_v_x_m_s\n1,1,1,-1,-2\n", "column sigma_v_x_m_s: -2, but a standard uncertainty is"),
-        (
-            f"{HEAD},omega_y_rpm,radius_m\n1,1,1,-1,1,0\n",
-            "line 2, column radius_m: 0, but a sphere has between",
-        ),
-        (
-            f"{HEAD},sigma_v_x_m_s\n1,1,1,-1,0\n",
-            "line 2, column sigma_v_x_m_s: 0 cannot be a standard uncertainty",
-        ),
-    ],
-)
-def test_refused(read, text, message):
-    with pytest.raises(DataError) as caught:
-        read(text)
-    assert message in str(caught.value)

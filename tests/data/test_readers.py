@@ -252,17 +252,6 @@ def test_every_dialect_gives_the_same_numbers(
     assert table.row.iloc[-1] == len(lines)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=30)
-@given(angle=st.floats(0.01, 89.99))
-def test_from_the_wall_equals_from_the_normal(tmp_path, angle):
-    wall, normal = tmp_path / "wall.csv", tmp_path / "normal.csv"
-    wall.write_text(f"alpha_deg,beta\n{90 - angle!r},0.4\n")
-    normal.write_text(f"gamma_deg,beta\n{angle!r},0.4\n")
-    a = data.read(wall, convention=["angle=from-wall"]).table.gamma_deg[0]
-    b = data.read(normal).table.gamma_deg[0]
-    assert a == pytest.approx(b, abs=2e-14)
-
-
 def test_source_never_holds_the_folder(write):
     obs = data.read(write("gamma_deg,beta\n10,0.4\n20,\n"))
     folder = str(Path(write("x", "y")).parent)

@@ -100,18 +100,13 @@ def put(folder: Path, content: str | bytes, name: str = FILE) -> Path:
     return path
 
 
-def in_a_process(content: str | bytes | None) -> Callable[[Path], Told]:
-    """Run the program itself, as a shell does."""
-
-    def run(folder: Path) -> Told:
-        if content is not None:
-            put(folder, content)
-        words = [sys.executable, "-W", "error::RuntimeWarning", "-m", "ifrfit", "fit", FILE, "--out", OUT]
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-        left = tuple(p.name for p in folder.iterdir() if p.name != FILE)
-        return Told(done.returncode, done.stdout, done.stderr, left)
-
-    return run
+def in_a_process(folder: Path) -> Told:
+    """Run the program itself on an empty file, as a shell does."""
+    put(folder, "")
+    words = [sys.executable, "-W", "error::RuntimeWarning", "-m", "ifrfit", "fit", FILE, "--out", OUT]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    left = tuple(p.name for p in folder.iterdir() if p.name != FILE)
+    return Told(done.returncode, done.stdout, done.stderr, left)
 
 
 def refused(*words: str) -> Callable[[Told], None]:

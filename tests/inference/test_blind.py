@@ -209,33 +209,3 @@ def test_a_solid_balls_inertia_factor_is_warned_of(tmp_path):
     assert fact.figures["sources"][0]["suggested"] == pytest.approx(2.0 / 3.0, rel=0.02)
     assert "the velocities contradict the inertia factor" in found.summary().splitlines()[0]
     assert not found.facts["lack_of_fit"].ok
-
-
-def test_lateral_spin_and_any_direction_along_the_wall(tmp_path):
-    """Impacts from the impulse balance in right-handed vectors (Newton and Euler), not from our formula."""
-    rng, n = np.random.default_rng(5), 80
-    speed, gamma, turn = rng.uniform(2.0, 6.0, n), rng.uniform(0.1, 1.4, n), rng.uniform(-3.0, 3.0, n)
-    u = np.column_stack((np.sin(gamma) * np.cos(turn), np.sin(gamma) * np.sin(turn), np.cos(gamma)))
-    u *= speed[:, None]
-    omega = rng.normal(0.0, 0.3, (n, 3)) * speed[:, None] / RADIUS
-    arm = np.array([0.0, 0.0, RADIUS])
-    slip = (u + np.cross(omega, arm)) * [1.0, 1.0, 0.0]
-    kappa = HOLLOW["mu"] * (1.0 + HOLLOW["e_n"])
-    friction = np.minimum(SHELL, kappa * u[:, 2] / np.linalg.norm(slip, axis=1))
-    k = SHELL / (1.0 + SHELL) * (1.0 + HOLLOW["e_t"]) + friction
-    impulse = -k[:, None] * slip - (1.0 + HOLLOW["e_n"]) * u[:, 2:] * [0.0, 0.0, 1.0]
-    v = u + impulse
-    after = omega + np.cross(arm, impulse) / (SHELL * RADIUS**2)
-    names = [f"{q}_{axis}_m_s" for q in "uv" for axis in "xyz"]
-    names += [f"omega_{axis}{when}_rad_s" for when in ("", "_after") for axis in "xy"]
-    sigmas = [f"sigma_v_{axis}_m_s" for axis in "xyz"] + [f"sigma_omega_{a}_after_rad_s" for a in "xy"]
-    columns = np.column_stack(
-        (u, v, omega[:, :2], after[:, :2], np.full((n, 3), 0.01), np.full((n, 2), 0.5), np.full(n, 20.0))
-    )
-    path = tmp_path / "lateral.csv"
-    lines = [",".join(repr(float(x)) for x in row) for row in columns]
-    path.write_text("\n".join([",".join([*names, *sigmas, "radius_mm"]), *lines]))
-    found = ifrfit.fit(path, inertia_factor=SHELL, method="lsq")
-    assert {"v_x", "v_y", "spin_x_after", "spin_y_after"} <= set(found.points["observable"])
-    for name, value in HOLLOW.items():
-        assert found.constants[name].value == pytest.approx(value, abs=1e-9)

@@ -12,7 +12,6 @@ from factories import at_most
 
 import ifrfit
 from ifrfit.errors import UsageError
-from ifrfit.inference import load_result
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.physics import get_closure, transition_angles, transition_tau
@@ -153,33 +152,6 @@ def test_microslip_alone_says_kappa_too(impacts: Impacts) -> None:
     assert found.fit.n_sliding == 0
     assert found.constants["mu"].status == "determined"
     assert abs(found.constants["mu"].value - 0.15) < 3.0 * found.constants["mu"].stderr
-
-
-def test_separate_and_shared_constants(impacts: Impacts) -> None:
-    parts = [
-        {"gamma": GAMMA[::2], "noise": 0.03, "sigma": 0.03, "series": s, "seed": i} | TRUE | {"mu": mu}
-        for i, (s, mu) in enumerate((("dry", 0.2), ("oiled", 0.1)))
-    ]
-    found = fit(impacts(*parts), fix={"e_n": 0.9}, separate="mu")
-    for series, mu in (("dry", 0.2), ("oiled", 0.1)):
-        one = found.constants["mu"][series]
-        assert abs(one.value - mu) < 3.0 * one.stderr
-    assert found.facts["sharing"].ok
-    assert "favour separate mu" in found.facts["sharing"].says
-
-
-def test_predictions_survive_the_file(impacts: Impacts, tmp_path: Path) -> None:
-    found = fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, **TRUE), fix={"e_n": 0.9})
-    found.save(tmp_path / "result.json")
-    again = load_result(tmp_path / "result.json")
-    gamma = np.array([1.0, 10.0, 30.0, 60.0])
-    before, after = found.predict(gamma), again.predict(gamma)
-    assert np.allclose(before["value"], after["value"], atol=1e-12)
-    assert ((before["lo95"] <= before["value"]) & (before["value"] <= before["hi95"])).all()
-    truth = ifrfit.rebound(gamma, e_n=0.9, mu=0.15, chi=1.44, closure="maw", degrees=True).beta
-    assert (np.abs(before["value"] - truth) < 3.0 * (before["hi68"] - before["lo68"])).all()
-    assert again.derived["poisson_ratio"].value == pytest.approx(found.derived["poisson_ratio"].value)
-    assert "in partial slip" in again.summary()
 
 
 def test_words(impacts: Impacts) -> None:

@@ -27,14 +27,14 @@ from ifrfit import (
 )
 from ifrfit.cli.main import app
 from ifrfit.inference import keywords as typed
-from ifrfit.inference.estimators import ESTIMATORS, Estimator, label_of, make_estimator, title_of
-from ifrfit.inference.keywords import check_keywords, deprecated, estimator_of, model_of, noise_of
-from ifrfit.inference.model.error_model import make_error_model
+from ifrfit.inference.estimators import Estimator, label_of, make_estimator, method_options, title_of
+from ifrfit.inference.keywords import estimator_of, model_of
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.option_fields import build, option, options_of
 from ifrfit.registry import registered
 
 GAMMA = np.linspace(4.0, 86.0, 34)
-# what a deprecated keyword is in the classes
+# what an option of the command line is in the classes
 VALUES = {
     "tails": ("student-t", Noise(tails="student-t")),
     "dof": (3.0, Noise(tails="student-t", dof=3.0)),
@@ -60,38 +60,21 @@ BESIDE = {
 
 
 @pytest.mark.parametrize("keyword", VALUES)
-def test_a_keyword_makes_the_object_that_it_stands_for(keyword):
+def test_an_option_makes_the_object_that_it_stands_for(keyword):
     value, made = VALUES[keyword]
     given = {keyword: value, **BESIDE.get(keyword, {})}
     if isinstance(made, Noise):
-        assert noise_of(None, given) == made
+        assert build(Noise, given) == made
     else:
-        assert estimator_of(made.name, given) == made
+        assert make_estimator(made.name, given) == made
 
 
-def test_every_keyword_that_will_go_is_tried_here():
-    assert set(VALUES) == set(deprecated())
-
-
-@pytest.mark.parametrize("keyword", VALUES)
-def test_a_keyword_that_will_go_names_the_object(keyword):
-    value, made = VALUES[keyword]
-    with pytest.warns(DeprecationWarning, match=rf"^The keyword {keyword} of fit will go .*: write") as seen:
-        check_keywords("fit", typed.FitKeywords, {keyword: value})
-    assert f"{type(made).__name__}(" in str(seen[0].message)
-
-
-def test_the_warning_points_to_the_line_of_the_user():
-    with pytest.warns(DeprecationWarning, match=r"write method=LeastSquares|method=MCMC\(max_steps") as seen:
-        ifrfit.fit("cross-2019", method="mcmc", max_steps=20, fix={"e_n": 0.94, "e_t": -0.8})
-    assert seen[0].filename == __file__
+def test_every_option_of_noise_and_methods_is_tried_here():
+    assert set(VALUES) == set(options_of(Noise) | method_options()) - {"noise"}
 
 
 def test_the_keywords_of_the_types_are_those_of_the_classes():
     """Type checkers need the names written out."""
-    of_methods = {key for each in ESTIMATORS.values() for key in options_of(type(each))}
-    assert set(typed.MethodKeywords.__annotations__) <= of_methods
-    assert set(typed.NoiseKeywords.__annotations__) == set(options_of(Noise)) - {"noise"}
     of_model = set(typed.ConstantKeywords.__annotations__) - {"params"}
     assert of_model == set(options_of(Model)) - {"closure"}
 
@@ -109,10 +92,7 @@ def test_a_keyword_that_does_not_exist_is_an_error_of_python():
         (lambda: model_of(Model(), {"fix": {"e_n": 0.9}}), r"model=Model\(\.\.\.\) and fix both say"),
         (lambda: model_of(Model(), {"params": object()}), "and params both say"),
         (lambda: model_of(Model("fr"), {"closure": "f"}), "and closure both say"),
-        (lambda: noise_of(Noise(), {"tails": "student-t"}), r"noise=Noise\(\.\.\.\) and tails both say"),
-        (lambda: estimator_of(MCMC(), {"max_steps": 9}), r"method=MCMC\(\.\.\.\) and max_steps both say"),
-        (lambda: estimator_of(Exact(), {"replicates": 200}), "and replicates both say"),
-        (lambda: estimator_of(Exact, {}), r"is no method\. Give a name, or an object as ifrfit\.Exact\(\)"),
+        (lambda: estimator_of(Exact), r"is no method\. Give a name, or an object as ifrfit\.Exact\(\)"),
     ],
 )
 def test_an_object_and_a_keyword_cannot_both_say_something(call, says):
@@ -122,8 +102,8 @@ def test_an_object_and_a_keyword_cannot_both_say_something(call, says):
 
 def test_a_keyword_that_says_what_holds_anyway_is_no_contradiction():
     assert model_of(Model("fr"), {"fix": None, "separate": (), "closure": "ifr"}) == Model("fr")
-    assert noise_of(Noise("known"), {"tails": "gaussian", "angle_errors": "none"}) == Noise("known")
-    assert estimator_of(Profile(), {"workers": 1, "accuracy": None}) == Profile()
+    assert build(Noise, {"noise": "known", "tails": "gaussian", "angle_errors": "none"}) == Noise("known")
+    assert make_estimator("profile", {"workers": 1, "accuracy": None}) == Profile()
 
 
 @pytest.mark.parametrize(
@@ -171,7 +151,7 @@ def test_a_model_keeps_its_own_copy():
 
 def test_the_noise_is_the_error_model_of_its_choices():
     noise = Noise("scaled", tails="student-t", angles=AngleErrors("set", sigma_deg=1.0))
-    assert noise.error_model == make_error_model(tails="student-t", angle_errors="set", sigma_gamma=1.0)
+    assert noise.error_model == ErrorModel(tails="student-t", angles="set", gamma=1.0)
     assert noise.with_gaussian_values() == Noise("scaled")
 
 
@@ -185,20 +165,17 @@ def test_no_method_and_an_accuracy_pick_one():
 def test_objects_and_keywords_are_the_same_question(impacts):
     path = impacts(gamma=GAMMA, observables=("beta", "e_n"), noise=0.03, sigma=0.03, c=-0.8, seed=1)
     model = Model("fr", prior={"e_n": (0.94, 0.02)}, bounds={"mu": (0.0, 0.5)}, inertia_factor=0.4)
-    noise = Noise("scaled", tails="student-t")
-    by_object = ifrfit.fit(path, model, noise=noise, method=LeastSquares(), seed=2)
-    with pytest.warns(DeprecationWarning, match="tails"):
-        by_keyword = ifrfit.fit(
-            path,
-            closure="fr",
-            prior={"e_n": (0.94, 0.02)},
-            bounds={"mu": (0.0, 0.5)},
-            inertia_factor=0.4,
-            noise="scaled",
-            tails="student-t",
-            method="lsq",
-            seed=2,
-        )
+    by_object = ifrfit.fit(path, model, noise=Noise("scaled"), method=LeastSquares(), seed=2)
+    by_keyword = ifrfit.fit(
+        path,
+        closure="fr",
+        prior={"e_n": (0.94, 0.02)},
+        bounds={"mu": (0.0, 0.5)},
+        inertia_factor=0.4,
+        noise="scaled",
+        method="lsq",
+        seed=2,
+    )
     assert by_object.problem.digest == by_keyword.problem.digest
     assert by_object.constants == by_keyword.constants
 

@@ -12,6 +12,7 @@ import pytest
 from extensions.closure import GRIP
 from extensions.error_law import Logistic
 from extensions.observable import SPIN_GAINED
+from factories import impacts_file
 
 import ifrfit
 from ifrfit import MCMC, Bootstrap, UsageError
@@ -47,20 +48,10 @@ def test_draws_by_registered_entries_do_not_depend_on_the_workers(
     tmp_path: Path, default_start: None, name: str, place: int
 ) -> None:
     multiprocessing.set_start_method(multiprocessing.get_all_start_methods()[place], force=True)
-    gamma = np.linspace(5.0, 85.0, 12)
+    made = {"gamma": np.linspace(5.0, 85.0, 6), "e_n": 0.9, "mu": 0.12, "closure": "grip", "c": 0.7}
+    made |= {"observables": ("beta", "spin_gained"), "noise": 0.01, "sigma": 0.01}
     with registered(GRIP, SPIN_GAINED, Logistic()):
-        state = ifrfit.rebound(gamma, e_n=0.9, mu=0.12, g_rip=0.7, closure="grip", degrees=True)
-        wobble = 0.01 * np.cos(9.0 * gamma)
-        values = {"beta": state.beta + wobble, "spin_gained": state.spin_y + wobble}
-        rows = [
-            f"{angle},{name},{value},0.01,{'ab'[i % 2]}"
-            for name, column in values.items()
-            for i, (angle, value) in enumerate(zip(gamma, column, strict=True))
-        ]
-        path = tmp_path / "impacts.csv"
-        path.write_text(
-            "gamma_deg,observable,value,sigma,series\n" + "\n".join(rows) + "\n", encoding="utf-8"
-        )
+        path = impacts_file(tmp_path / "impacts.csv", made, {**made, "series": "second", "seed": 1})
         noise = ifrfit.Noise("known", tails="gaussian" if name == "bootstrap" else "logistic")
         model = ifrfit.Model("grip", fix={"e_n": 0.9}, separate="mu")
         method = Bootstrap(replicates=100) if name == "bootstrap" else MCMC(max_steps=20)

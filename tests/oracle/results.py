@@ -12,7 +12,9 @@ from oracle.problems import Problem
 from oracle.tables import write_table
 
 import ifrfit
-from ifrfit.inference.keywords import deprecated, estimator_of, noise_of
+from ifrfit.inference.estimators import make_estimator, method_options
+from ifrfit.inference.option_fields import build, options_of
+from ifrfit.inference.options import Noise
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,10 +72,11 @@ def run(problem: Problem, folder: Path) -> dict[str, Any]:
 
 
 def _with_objects(options: Mapping[str, Any], *, method: bool = False) -> dict[str, Any]:
-    """The same with objects for the noise and the method, whose keywords are deprecated."""
-    found = {key: value for key, value in options.items() if key not in deprecated()}
-    found["noise"] = noise_of(options.get("noise"), options)
-    return found | {"method": estimator_of(options.get("method"), options)} if method else found
+    """The same with objects for the noise and the method, made as the command line makes them."""
+    objects = options_of(Noise) | method_options()
+    found: dict[str, Any] = {key: value for key, value in options.items() if key not in objects}
+    found["noise"] = build(Noise, options)
+    return found | {"method": make_estimator(options.get("method"), options)} if method else found
 
 
 def _data(name: str, folder: Path) -> str | Path:

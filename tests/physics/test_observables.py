@@ -14,66 +14,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ifrfit.errors import UsageError
 from ifrfit.physics import CLOSURES, OBSERVABLES, rebound
 from ifrfit.physics.angles import sincos
 from ifrfit.physics.observable import check_observable
 
-TANGENTIAL = [name for name, observable in OBSERVABLES.items() if observable.kind == "tangential"]
 CONSTANTS = {name: own_constant(name) for name in CLOSURES}
 
 
 def test_the_names_of_the_schema_are_there() -> None:
     assert set(SCHEMA) <= set(OBSERVABLES)
     assert all(key == observable.name for key, observable in OBSERVABLES.items())
-
-
-def test_units_follow_the_name() -> None:
-    assert all((o.unit == "deg") == o.name.endswith("_deg") for o in OBSERVABLES.values())
-
-
-def test_only_tangential_ones_have_a_linear_form() -> None:
-    assert all((o.linear is not None) == (o.kind == "tangential") for o in OBSERVABLES.values())
-    assert {o.name for o in OBSERVABLES.values() if not o.has_angle and o.name in SCHEMA} == {"e_n", "mu"}
-
-
-def test_unknown_observable_lists_those_there_are() -> None:
-    with pytest.raises(UsageError) as caught:
-        OBSERVABLES["betta"]
-    assert str(caught.value) == (
-        f"There is no observable 'betta'. Choose one of {', '.join(OBSERVABLES)}. Did you mean beta?"
-    )
-
-
-@pytest.mark.parametrize("inertia_factor", [0.4, 2.0 / 3.0, 0.1])
-@pytest.mark.parametrize("law", CONSTANTS)
-@pytest.mark.parametrize("name", TANGENTIAL)
-def test_linear_form_equals_the_rebound(name: str, law: str, inertia_factor: float) -> None:
-    rng = np.random.default_rng(20240607)
-    gamma = rng.uniform(1.0, 89.0, 200)
-    spin_x, spin_y = rng.uniform(-1.5, 1.5, (2, 200))
-    e_n = rng.uniform(0.1, 1.0, 200)
-    mu = rng.uniform(0.0, 0.6, 200)
-    r = rebound(
-        gamma,
-        spin_x,
-        spin_y,
-        e_n=e_n,
-        mu=mu,
-        closure=law,
-        inertia_factor=inertia_factor,
-        degrees=True,
-        **CONSTANTS[law],
-    )
-    assert r.sticking.any()
-    assert not r.sticking.all()
-    observable = OBSERVABLES[name]
-    assert observable.linear is not None
-    offset, slope = observable.linear(r.incidence, inertia_factor)
-    scale = {"one": np.ones(200), "impulse": 1.0 / (1.0 + e_n), "rebound": 1.0 / e_n}[observable.scale]
-    expected = observable.value(r, mu)
-    size = 1.0 + np.abs(scale * offset) + np.abs(scale * slope * r.impulse_factor)
-    assert (np.abs(scale * (offset + slope * r.impulse_factor) - expected) <= 1e-14 * size).all()
 
 
 @pytest.mark.parametrize("name", OBSERVABLES)
@@ -218,33 +168,16 @@ def arrays_of(part: Any) -> dict[str, NDArray[Any]]:
     return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
-def test_results_are_read_only() -> None:
-    r = rebound([10.0, 60.0], 0.1, 0.2, e_n=0.9, e_t=-0.9, mu=0.1, degrees=True)
-    held = arrays_of(r)
+def test_results_are_read_only_copies_and_inputs_are_left_alone() -> None:
+    gamma, spin = np.array([10.0, 60.0]), np.array([0.1, 0.2])
+    r = rebound(gamma, spin, 0.2, e_n=0.9, e_t=-0.9, mu=0.1, degrees=True)
+    held, before = arrays_of(r) | arrays_of(r.incidence), r.mu_app_magnitude.copy()
     assert set(FIELDS) < set(held)
-    for name, value in held.items():
-        with pytest.raises(ValueError, match="read-only"):
-            value[0] = 0.0
-        assert not value.flags.writeable, name
+    assert not any(value.flags.writeable for value in held.values())
+    gamma[0], spin[:] = 11.0, 5.0  # the caller's own can still be written to
+    assert (r.mu_app_magnitude == before).all()
     with pytest.raises(dataclasses.FrozenInstanceError):
         r.v_x = r.v_y  # type: ignore[misc]
-
-
-def test_the_incoming_state_is_read_only_and_a_copy() -> None:
-    spin = np.array([0.1, 0.2])
-    r = rebound([10.0, 60.0], spin, 0.2, e_n=0.9, e_t=-0.9, mu=0.1, degrees=True)
-    before = r.mu_app_magnitude.copy()
-    spin[:] = 5.0
-    assert (r.mu_app_magnitude == before).all()
-    assert not any(value.flags.writeable for value in arrays_of(r.incidence).values())
-
-
-def test_inputs_are_left_alone() -> None:
-    gamma, spin = np.array([10.0, 60.0]), np.array([0.1, 0.2])
-    rebound(gamma, spin, spin, e_n=np.array([0.9, 0.8]), e_t=-0.9, mu=np.array([0.1, 0.3]), degrees=True)
-    gamma[0] = 11.0
-    spin[0] = 0.3
-    assert (gamma[0], spin[0]) == (11.0, 0.3)
 
 
 @pytest.mark.parametrize(

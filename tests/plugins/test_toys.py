@@ -22,7 +22,7 @@ import ifrfit
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimators import ESTIMATORS
 from ifrfit.inference.model.error_law import ERROR_LAWS
-from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
+from ifrfit.physics import CLOSURES, Closure
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.registry import registered
@@ -52,18 +52,9 @@ def table(
     folder: Path, closure: Closure, observable: str = "beta", noise: float = 0.01, every: int = 1
 ) -> Path:
     """Impacts of a closure with known constants."""
-    gammas = GAMMA[::every]
-    own = {closure.constant: TRUTH[closure.constant]} if closure.constant else {}
-    state = ifrfit.rebound(gammas, e_n=0.9, mu=0.12, closure=closure.name, degrees=True, **own)
-    value = OBSERVABLES[observable].value(state, np.asarray(0.12))
-    value = value + noise * np.random.default_rng(1).standard_normal(gammas.size)
-    path = folder / f"{closure.name}-{observable}.csv"
-    rows = [
-        f"{gamma!r},{observable},{each!r},{noise!r}"
-        for gamma, each in zip(gammas.tolist(), value.tolist(), strict=True)
-    ]
-    path.write_text("gamma_deg,observable,value,sigma\n" + "\n".join(rows) + "\n", encoding="utf-8")
-    return path
+    made = {"closure": closure.name, "e_n": 0.9, "mu": 0.12, "c": TRUTH.get(closure.constant or "", 0.0)}
+    seen = {"gamma": GAMMA[::every], "observables": (observable,), "noise": noise, "sigma": noise, "seed": 1}
+    return impacts_file(folder / f"{closure.name}-{observable}.csv", made | seen)
 
 
 @pytest.fixture(scope="module")
@@ -120,14 +111,25 @@ def test_a_constant_that_takes_no_part_in_sticking_is_integrated(
     found = ifrfit.fit(path, closure="lock", fix={"e_n": 0.9}, noise="known", bounds={"mu": (0.0, most_mu)})
     middle = (np.arange(240) + 0.5) / 240
     c, mu = np.meshgrid(0.9 * middle, 0.6 * middle, indexing="ij")
-    theta = np.column_stack((np.full(c.size, 0.9), c.ravel(), mu.ravel()))
-    z = (found.problem.rows.value - found.problem.predict(theta)) / 0.05
-    density = np.exp(-0.5 * ((z**2).sum(axis=1) - (z**2).sum(axis=1).min())).reshape(c.shape)
-    for name, grid in (("lock", c), ("mu", mu)):
-        mean = float((grid * density).sum() / density.sum())
-        sd = float(np.sqrt(((grid - mean) ** 2 * density).sum() / density.sum()))
-        assert found.distribution.mean(name) == pytest.approx(mean, abs=5e-3 * sd)
-        assert found.distribution.sd(name) == pytest.approx(sd, rel=5e-3)
+    z = standardised(found, np.column_stack((np.full(c.size, 0.9), c.ravel(), mu.ravel())))
+    assert_moments(found, {"lock": c.ravel(), "mu": mu.ravel()}, -0.5 * (z**2).sum(axis=1), 5e-3)
+
+
+def standardised(found: ifrfit.FitResult, theta: Any) -> Any:
+    """Residuals over sigma at many constants."""
+    problem = found.problem
+    assert problem is not None
+    return (problem.rows.value - problem.predict(theta)) / 0.05
+
+
+def assert_moments(found: Any, grids: dict[str, Any], log_density: Any, tolerance: float) -> None:
+    """Mean and sd of the posterior are those of the density summed over a grid."""
+    weight = np.exp(log_density - log_density.max())
+    for name, grid in grids.items():
+        mean = float(grid @ weight / weight.sum())
+        sd = float(np.sqrt((grid - mean) ** 2 @ weight / weight.sum()))
+        assert found.distribution.mean(name) == pytest.approx(mean, abs=tolerance * sd)
+        assert found.distribution.sd(name) == pytest.approx(sd, rel=tolerance)
 
 
 @pytest.mark.parametrize("name", ["grip", "bend"])
@@ -199,22 +201,48 @@ def test_costs_name_every_closure(folder: Path) -> None:
 # ---- every closure of the registry through every command
 
 
-@pytest.mark.usefixtures("brief_costs")
+def through_every_command(
+    cli: Callable[..., str], folder: Path, options: tuple[str, ...], page: str = "page.html"
+) -> dict[str, Any]:
+    """The content of result.json, after predictions, a report, a simulation and costs from it."""
+    data, result = table(folder, GRIP, every=2), folder / "result.json"
+    chosen = ("--fix", "e_n=0.9", *options)
+    result.write_text(cli("fit", data, *chosen, "--json"), encoding="utf-8")
+    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
+    cli("report", result, "--out", folder / page)
+    scene = folder / "scene.toml"
+    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
+    cli("simulate", scene, "--out", folder / "simulated")
+    return dict(json.loads(result.read_text(encoding="utf-8")))
+
+
+def costs(cli: Callable[..., str], folder: Path, options: tuple[str, ...]) -> set[str]:
+    """The methods whose costs are measured."""
+    measured = cli(
+        "cost", table(folder, GRIP, every=2), *options, "--fix", "e_n=0.9",
+        "--kind", "inference", "--quick", "--json",
+    )  # fmt: skip
+    return {cost["method"] for cost in json.loads(measured)["costs"]}
+
+
 @pytest.mark.parametrize("name", [*CLOSURES, "grip", "bend"])
 def test_every_closure_goes_through_every_command(cli: Callable[..., str], tmp_path: Path, name: str) -> None:
-    data, result = table(tmp_path, GRIP, every=2), tmp_path / "result.json"
-    chosen = ("--closure", name, "--fix", "e_n=0.9")
-    result.write_text(cli("fit", data, *chosen, "--method", "lsq", "--json"), encoding="utf-8")
-    assert list(json.loads(result.read_text())["constants"]) == list(CLOSURES[name].constants)
-    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
-    cli("report", result, "--out", tmp_path / "page.html")
+    chosen = ("--closure", name)
+    content = through_every_command(cli, tmp_path, (*chosen, "--method", "lsq"))
+    assert list(content["constants"]) == list(CLOSURES[name].constants)
     assert f"closure {CLOSURES[name].title}" in (tmp_path / "page.html").read_text(encoding="utf-8")
-    others = [*chosen, "--closure", "ifr" if name != "ifr" else "fr"]
-    assert name in json.loads(cli("compare", data, *others, "--no-loo", "--json"))["closures"]
-    scene = tmp_path / "scene.toml"
-    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
-    cli("simulate", scene, "--out", tmp_path / "simulated")
-    assert json.loads(cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json"))["costs"]
+    others = (*chosen, "--closure", "ifr" if name != "ifr" else "fr", "--fix", "e_n=0.9", "--no-loo")
+    found = cli("compare", table(tmp_path, GRIP, every=2), *others, "--json")
+    assert name in json.loads(found)["closures"]
+
+
+@pytest.mark.usefixtures("brief_costs")
+@pytest.mark.parametrize("name", ["maw", "grip", "bend"])
+def test_inference_with_closures_of_every_kind_has_costs(
+    cli: Callable[..., str], tmp_path: Path, name: str
+) -> None:
+    """Laws that are bilinear with a new constant, that are not, and that need a material."""
+    assert {"lsq", "exact"} <= costs(cli, tmp_path, ("--closure", name))
 
 
 # ---- observables
@@ -309,21 +337,12 @@ def test_an_effect_joins_the_plan(folder: Path) -> None:
 
 @pytest.mark.usefixtures("brief_costs")
 def test_a_method_goes_through_every_command(cli: Callable[..., str], tmp_path: Path) -> None:
-    data, result = table(tmp_path, GRIP, every=2), tmp_path / "result.json"
-    chosen = ("--closure", "grip", "--fix", "e_n=0.9")
-    result.write_text(cli("fit", data, *chosen, "--method", "mode", "--json"), encoding="utf-8")
-    content = json.loads(result.read_text())
+    content = through_every_command(cli, tmp_path, ("--closure", "grip", "--method", "mode"), "page.toc")
     assert content["method"] == "mode"
     assert "It waited 3." in content["warnings"]
-    assert "posterior mode" in ifrfit.load_result(result).summary()
-    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
-    cli("report", result, "--out", tmp_path / "page.toc")
+    assert "posterior mode" in ifrfit.load_result(tmp_path / "result.json").summary()
     assert "How many" in (tmp_path / "page.toc").read_text(encoding="utf-8").splitlines()
-    scene = tmp_path / "scene.toml"
-    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
-    cli("simulate", scene, "--out", tmp_path / "simulated")
-    costs = cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json")
-    assert "mode" in {cost["method"] for cost in json.loads(costs)["costs"]}
+    assert "mode" in costs(cli, tmp_path, ("--closure", "grip"))
 
 
 def test_options_of_a_method_are_its_own(folder: Path) -> None:
@@ -337,23 +356,16 @@ def test_options_of_a_method_are_its_own(folder: Path) -> None:
 
 @pytest.mark.usefixtures("brief_costs")
 def test_a_law_of_errors_goes_through_every_command(cli: Callable[..., str], tmp_path: Path) -> None:
-    data, result = table(tmp_path, GRIP, every=2), tmp_path / "result.json"
-    chosen = ("--closure", "grip", "--fix", "e_n=0.9", "--tails", "logistic")
-    for method in ("lsq", "exact"):
-        result.write_text(cli("fit", data, *chosen, "--method", method, "--json"), encoding="utf-8")
-        content = json.loads(result.read_text())
-        assert content["noise"]["scatter"]["tails"] == "logistic"
-        assert "logistic errors" in ifrfit.load_result(result).summary()
-    assert "beta" in cli("predict", result, "--gamma", "10,40,70")
-    cli("report", result, "--out", tmp_path / "page.html")
-    assert (
-        "grip"
-        in json.loads(cli("compare", data, *chosen, "--closure", "f", "--no-loo", "--json"))["closures"]
-    )
-    scene = tmp_path / "scene.toml"
-    scene.write_text(SCENE.format(observables=["beta"], constants='result = "result.json"'))
-    cli("simulate", scene, "--out", tmp_path / "simulated")
-    assert json.loads(cli("cost", data, *chosen, "--kind", "inference", "--quick", "--json"))["costs"]
+    chosen = ("--closure", "grip", "--tails", "logistic")
+    content = through_every_command(cli, tmp_path, chosen)
+    assert (content["method"], content["noise"]["scatter"]["tails"]) == ("exact", "logistic")
+    assert "logistic errors" in ifrfit.load_result(tmp_path / "result.json").summary()
+    data = table(tmp_path, GRIP, every=2)
+    least = json.loads(cli("fit", data, *chosen, "--fix", "e_n=0.9", "--method", "lsq", "--json"))
+    assert least["noise"]["scatter"]["tails"] == "logistic"
+    others = (*chosen, "--closure", "f", "--fix", "e_n=0.9", "--no-loo")
+    assert "grip" in json.loads(cli("compare", data, *others, "--json"))["closures"]
+    assert costs(cli, tmp_path, chosen)
 
 
 def test_a_law_of_errors_gives_the_posterior_of_its_density(folder: Path) -> None:
@@ -363,16 +375,9 @@ def test_a_law_of_errors_gives_the_posterior_of_its_density(folder: Path) -> Non
         path, closure="grip", fix={"e_n": 0.9, "mu": 0.12}, noise=ifrfit.Noise("known", tails="logistic")
     )
     grid = np.linspace(0.3, 1.0, 4001)
-    problem = found.problem
-    z = (
-        problem.rows.value - problem.predict(np.column_stack((0.9 + 0 * grid, grid, 0.12 + 0 * grid)))
-    ) / 0.05
+    z = standardised(found, np.column_stack((0.9 + 0 * grid, grid, 0.12 + 0 * grid)))
     log_density = (-np.abs(z) - 2.0 * np.log1p(np.exp(-np.abs(z)))).sum(axis=1)
-    weight = np.exp(log_density - log_density.max())
-    mean = float(grid @ weight / weight.sum())
-    sd = float(np.sqrt((grid - mean) ** 2 @ weight / weight.sum()))
-    assert found.distribution.mean("g_rip") == pytest.approx(mean, abs=1e-3 * sd)
-    assert found.distribution.sd("g_rip") == pytest.approx(sd, rel=2e-3)
+    assert_moments(found, {"g_rip": grid}, log_density, 2e-3)
 
 
 @pytest.mark.parametrize("name", [*ERROR_LAWS, "logistic"])

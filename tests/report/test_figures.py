@@ -2,9 +2,6 @@ from __future__ import annotations
 
 import functools
 import math
-import os
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
@@ -12,11 +9,13 @@ import built_results
 import matplotlib as mpl
 import numpy as np
 import pytest
+from factories import cut_off
 
+import ifrfit
 from ifrfit.errors import UsageError
 from ifrfit.inference.result.types import Fact
 from ifrfit.report import legend, plot
-from ifrfit.report.outlier_marks import is_outlier, outlier_limit
+from ifrfit.report.markers import is_outlier, outlier_limit
 from ifrfit.report.panels import axis_label
 from ifrfit.report.shading import regime_key, spans
 from ifrfit.report.style import save_figure, series_styles
@@ -62,21 +61,12 @@ def test_every_case_draws_at_column_width_with_units_on_every_axis(name):
 @pytest.mark.parametrize("name", CASES)
 def test_nothing_is_cut_or_covers_another(name):
     _, figure = drawn(name)
-    figure.draw_without_rendering()
-    renderer, frame = figure.canvas.get_renderer(), figure.bbox
-    boxes = [figure.legends[0].get_window_extent(renderer)]
-    boxes += [text.get_window_extent(renderer) for text in figure.legends[0].get_texts()]
-    boxes += [axes.get_tightbbox(renderer) for axes in figure.axes]
-    if figure._suptitle:
-        boxes.append(figure._suptitle.get_window_extent(renderer))
-    for box in boxes:
-        assert box.x0 >= frame.x0 - 1
-        assert box.x1 <= frame.x1 + 1
-        assert box.y0 >= frame.y0 - 1
-        assert box.y1 <= frame.y1 + 1
+    assert cut_off(figure) == []
+    renderer = figure.canvas.get_renderer()
+    top = figure.legends[0].get_window_extent(renderer).y1
     for axes in figure.axes:
         inner = axes.get_window_extent(renderer)
-        assert inner.y0 > boxes[0].y1, "the legend covers data"
+        assert inner.y0 > top, "the legend covers data"
         assert inner.height > (60 if axes.axison else 5)
 
 
@@ -89,6 +79,15 @@ def test_curve_holds_the_kink_and_both_regimes():
     assert angle in x
     assert x.min() < 1.0
     assert x.max() > 89.0
+
+
+def test_the_curve_of_a_fit_runs_through_its_fitted_values(impacts):
+    path = impacts(gamma=np.linspace(3.0, 82.0, 34), noise=0.05)
+    result = ifrfit.fit(path, fix={"e_n": 0.94})
+    (data, _), *_ = panels_of(plot(result))
+    curve = next(line for line in data.lines if len(line.get_xdata()) > 100)
+    drawn = np.interp(result.points["gamma_deg"], curve.get_xdata(), curve.get_ydata())
+    assert drawn == pytest.approx(result.points["fitted"].to_numpy(), abs=1e-3)
 
 
 def test_all_data_are_inside_the_limits():
@@ -234,30 +233,6 @@ def test_two_runs_give_the_same_bytes_and_text_stays_text(made, tmp_path):
 
 
 # fits and draws without the page, whose sameness test_page.py looks after
-FIT_AND_DRAW = """
-import sys
-from pathlib import Path
-import ifrfit
-from ifrfit.report.style import save_figure
-
-figure = ifrfit.fit("kharaz-2001", prior={"e_n": (0.98, 0.01)}, method="lsq").plot()
-for suffix in ("svg", "png"):
-    save_figure(figure, Path(sys.argv[1]).with_suffix("." + suffix))
-"""
-
-
-def test_two_fits_in_two_processes_write_the_same_figures(tmp_path, monkeypatch):
-    monkeypatch.setenv("IFRFIT_DATA_DIR", str(tmp_path / "none"))
-    subprocess.run(
-        [sys.executable, "-c", FIT_AND_DRAW, tmp_path / "there"],
-        env={**os.environ, "PYTHONHASHSEED": "1"},  # here strings hash by a seed of chance
-        check=True,
-        capture_output=True,
-    )
-    monkeypatch.setattr("sys.argv", ["", str(tmp_path / "here")])
-    exec(FIT_AND_DRAW, {})
-    for suffix in ("svg", "png"):
-        assert (tmp_path / f"here.{suffix}").read_bytes() == (tmp_path / f"there.{suffix}").read_bytes()
 
 
 def test_the_layout_is_settled_to_six_digits(made):

@@ -11,6 +11,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.appraisal import Appraisal
 from ifrfit.report import folder, write_folder
 
+pytestmark = pytest.mark.usefixtures("small_page")  # what the page says is tested with the page
 APPRAISAL = Appraisal(pd.DataFrame(), {}, without_profiles="They take long.")
 NAMES = ["result.json", "fit.svg", "fit.png", "report.html"]
 

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.messages import missed, short
+from ifrfit.inference.accuracy.effort import Effort
 from ifrfit.inference.accuracy.request import Request
 from ifrfit.inference.accuracy.tolerance_ladder import refine
-from ifrfit.inference.accuracy.types import Effort
-from ifrfit.inference.estimations import (
-    chains_estimation,
-    least_squares_estimation,
-    posterior_estimation,
-)
+from ifrfit.inference.estimations import least_squares_estimation, posterior_estimation, sample_estimation
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
@@ -29,91 +24,30 @@ _OTHERS = 1e-2  # tolerance of the evidence of other questions where time counts
 Progress = Callable[[int, int], None]
 
 
-def exact_as_requested(problem: Problem, optimum: LeastSquaresFit, request: Request) -> Estimation:
-    """The posterior by quadrature; the coarsest tolerance is worked out however long it takes.
-
-    Raises
-    ------
-    UsageError, DataError
-        If the problem is not one for the quadrature.
-    """
-    posterior = refine(problem, optimum, request, must=True)
-    assert posterior is not None
-    return _exact(problem, optimum, posterior, request)
-
-
-def chains_as_requested(
+def as_requested(
     problem: Problem,
     optimum: LeastSquaresFit,
     request: Request,
-    unsuitable: str = "",
-    *,
-    seed: int = 0,
-    workers: int = 1,
-    progress: Progress | None = None,
-    fewest: bool = True,
-) -> Estimation:
-    """The posterior by Markov chains until their standard errors are small enough, or the time is over.
-
-    Parameters
-    ----------
-    problem : Problem
-    optimum : LeastSquaresFit
-    request : Request
-    unsuitable : str
-        Why not by quadrature, where that was tried.
-    seed, workers, progress
-        Of the chains.
-    fewest : bool
-        Whether some steps are walked however long they take; else least squares stand as they are where the
-        time is too short for chains.
-
-    Raises
-    ------
-    UsageError
-        For an accuracy that chains do not come to.
-    """
-    from ifrfit.inference import mcmc
-    from ifrfit.inference.accuracy import mcmc_accuracy as of_chains
-    from ifrfit.inference.mcmc.stopping import is_met
-    from ifrfit.inference.model.log_posterior import Density
-
-    of_chains.check_reachable(request, unsuitable)
-    why = f"exact is out of the question: {short(unsuitable)}" if unsuitable else ""
-    coordinates = mcmc.Coordinates(Density(problem))
-    most = None
-    if coordinates.dimensions:
-        steps = of_chains.steps_within(coordinates, mcmc.fresh(coordinates, optimum, seed), request)
-        if steps < of_chains.FIRST and not fewest:
-            why = f"{why}, and too short for chains".removeprefix(", and ")
-            return _with_effort(least_squares_estimation(optimum), request, why)
-        most = max(steps, of_chains.FEWEST)
-    halt = of_chains.halting(request, is_met)
-    found, sample = chains_estimation(
-        problem, optimum, seed=seed, max_steps=most, workers=workers, progress=progress, halt=halt
-    )
-    error = of_chains.standard_error(sample.evidence)
-    reached = error if math.isfinite(error) else None
-    return _with_effort(found, request, why, steps=sample.chains.steps, reached=reached)
-
-
-def picked_as_requested(
-    problem: Problem,
-    optimum: LeastSquaresFit,
-    request: Request,
+    methods: Collection[str] = ("exact", "mcmc"),
     unsuitable: str = "",
     *,
     seed: int = 0,
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Estimation:
-    """By quadrature where it can do the problem; else by chains; least squares where time is too short.
+    """The posterior by quadrature where it can do the problem, else by chains.
+
+    Where there are both, and time is too short for either, least squares stand as they are; but not where
+    true angles are integrated out, which least squares do not know. Else the coarsest tolerance, or a few
+    steps, are worked out however long they take.
 
     Parameters
     ----------
     problem : Problem
     optimum : LeastSquaresFit
     request : Request
+    methods : collection of str
+        exact, mcmc, or both.
     unsuitable : str
         Why not by quadrature, where that is known already.
     seed, workers, progress
@@ -122,30 +56,47 @@ def picked_as_requested(
     Raises
     ------
     UsageError
-        For an accuracy that chains do not come to.
+        For an accuracy that chains do not come to; where quadrature alone is asked for, and cannot.
     """
-    # least squares do not know true angles that scatter
-    must = problem.error_model.integrates
-    if not unsuitable:
+    must = len(methods) == 1 or problem.error_model.integrates
+    if "exact" in methods and not unsuitable:
         try:
             posterior = refine(problem, optimum, request, must=must)
-        except UsageError as error:
-            unsuitable = str(error)
+        except UsageError as refusal:
+            if "mcmc" not in methods:
+                raise
+            unsuitable = str(refusal)
         else:
-            if posterior is None:
-                why = "too short for the exact posterior"
-                return _with_effort(least_squares_estimation(optimum), request, why)
-            return _exact(problem, optimum, posterior, request)
-    return chains_as_requested(
-        problem,
-        optimum,
-        request,
-        unsuitable,
-        seed=seed,
-        workers=workers,
-        progress=progress,
-        fewest=must,
+            if posterior is not None:
+                return _exact(problem, optimum, posterior, request)
+            return _with_effort(
+                least_squares_estimation(optimum), request, "too short for the exact posterior"
+            )
+    from ifrfit.inference import mcmc
+    from ifrfit.inference.accuracy import mcmc_accuracy as of_chains
+    from ifrfit.inference.mcmc.stopping import is_met
+    from ifrfit.inference.model.log_posterior import Density
+
+    of_chains.check_reachable(request, unsuitable)
+    # of the refusal what it is about, without the remedy
+    about = unsuitable.partition(". ")[0].partition(": ")[0].rstrip(".")
+    why = f"exact is out of the question: {about}" if unsuitable else ""
+    coordinates = mcmc.Coordinates(Density(problem))
+    most = mcmc.MAX_STEPS
+    if coordinates.dimensions:
+        steps = of_chains.steps_within(coordinates, mcmc.fresh(coordinates, optimum, seed), request)
+        if steps < of_chains.FIRST and not must:
+            why = f"{why}, and too short for chains".removeprefix(", and ")
+            return _with_effort(least_squares_estimation(optimum), request, why)
+        most = max(steps, of_chains.FEWEST)
+    halt = of_chains.halting(request, is_met)
+    sample = mcmc.sample(
+        problem, optimum, seed, max_steps=most, workers=workers, progress=progress, halt=halt
     )
+    error = of_chains.standard_error(sample.evidence)
+    reached = error if math.isfinite(error) else None
+    found = sample_estimation(sample, optimum)
+    return _with_effort(found, request, why, steps=sample.chains.steps, reached=reached)
 
 
 def _exact(
@@ -194,5 +145,5 @@ def _with_effort(
         return replace(found, effort=effort)
     converged = found.diagnostics["converged"]
     figures = dict(converged.figures) | {"reached": reached, "asked": request.accuracy}
-    fact = Fact(False, missed(effort), figures, converged.threshold)
+    fact = Fact(False, effort.missed, figures, converged.threshold)
     return replace(found, effort=effort, diagnostics={**found.diagnostics, "converged": fact})

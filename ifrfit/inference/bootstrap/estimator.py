@@ -38,10 +38,7 @@ class BootstrapDraws:
     Attributes
     ----------
     problem : Problem
-    scheme : str
-        Name of the scheme.
-    shortage : str
-        What there is too little of to draw from, in words; empty if there is enough.
+    scheme : Scheme
     draws : mapping of str to ndarray
         Constants and noises of the replicates that have an answer, by the names of `Distribution`.
     replicates : int
@@ -51,19 +48,15 @@ class BootstrapDraws:
         Entry of theta to how many replicates leave it open although the data do not, by reason.
     certified : int
         Replicates with an answer whose optimum is proven to be global.
-    splits_impacts : bool
-        Whether rows of one impact were drawn independently of one another.
     """
 
     problem: Problem
-    scheme: str
-    shortage: str
+    scheme: Scheme
     draws: Mapping[str, Array] = field(repr=False)
     replicates: int
     reasons: Mapping[str, int]
     undetermined: Mapping[str, Mapping[str, int]]
     certified: int
-    splits_impacts: bool
 
     @property
     def failed(self) -> int:
@@ -191,14 +184,12 @@ def _collect(problem: Problem, chosen: Scheme, solved: ReplicateFits, seed: int)
             is_undetermined.setdefault(problem.parameters.names[place], Counter())[solved.reason[number]] += 1
     return BootstrapDraws(
         problem,
-        chosen.name,
-        chosen.shortage,
+        chosen,
         draws,
         answered.size,
         Counter(reason for reason in solved.reason if reason),
         is_undetermined,
         int(solved.certified[answered].sum()),
-        chosen.splits_impacts,
     )
 
 

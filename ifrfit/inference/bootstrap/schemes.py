@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,37 +57,33 @@ class ReplicateData:
         return ReplicateData(counts, None if self.shift is None else self.shift[which], self.prior[which])
 
 
-class Scheme(Protocol):
-    """Draws replicates, each from a generator of its own."""
+@dataclass(frozen=True, kw_only=True)
+class Scheme(ABC):
+    """Draws replicates, each from a generator of its own.
 
-    @property
-    def name(self) -> str:
-        """As on the command line."""
-        ...
+    Attributes
+    ----------
+    name : str
+        As on the command line.
+    prior : ndarray, (constants,)
+        Where the means of priors are centred; nan where there is none.
+    shortage : str
+        What there is too little of to draw from, in words with the remedy; empty if there is enough.
+    splits_impacts : bool
+        Whether rows of one impact are drawn independently of one another.
+    informs_noise : bool
+        Whether replicates tell how uncertain the noise is.
+    """
 
-    @property
-    def informs_noise(self) -> bool:
-        """Whether replicates tell how uncertain the noise is."""
-        ...
+    name: str
+    prior: Array
+    shortage: str = ""
+    splits_impacts: bool = False
+    informs_noise: bool = True
 
-    @property
-    def splits_impacts(self) -> bool:
-        """Whether rows of one impact are drawn independently of one another."""
-        ...
-
-    @property
-    def prior(self) -> Array:
-        """Where the means of priors are centred, one a constant; nan where there is none."""
-        ...
-
-    @property
-    def shortage(self) -> str:
-        """What there is too little of to draw from, in words with the remedy; empty if there is enough."""
-        ...
-
+    @abstractmethod
     def draw(self, rng: np.random.Generator) -> tuple[Array | None, Array | None]:
         """Counts and shift of one replicate, each (n,) or None."""
-        ...
 
 
 def draw_replicates(
@@ -135,8 +131,8 @@ def make_scheme(name: str, problem: Problem, found: LeastSquaresFit) -> Scheme:
     return Residuals.of(problem, found) if name == "residual" else Wild.of(problem, found, name)
 
 
-@dataclass(frozen=True)
-class Cases:
+@dataclass(frozen=True, kw_only=True)
+class Cases(Scheme):
     """Impacts drawn with replacement within each series, as many as there are: pairs, or cases, bootstrap.
 
     Impacts of a series that measure nothing in common, drop tests and oblique impacts say, are experiments of
@@ -149,11 +145,6 @@ class Cases:
 
     impact: Index
     kinds: tuple[Index, ...]
-    prior: Array
-    shortage: str = ""
-    splits_impacts: bool = False
-    name: str = "cases"
-    informs_noise: bool = True
 
     @classmethod
     def of(cls, problem: Problem, impact: Index | None = None) -> Cases:
@@ -161,7 +152,14 @@ class Cases:
         own = number_impacts(problem) if impact is None else impact
         kinds = kinds_of(problem, own)
         splits = bool(np.unique(own).size > np.unique(number_impacts(problem)).size)
-        return cls(own, tuple(kind.impacts for kind in kinds), prior_means(problem), _few(kinds), splits)
+        return cls(
+            name="cases",
+            impact=own,
+            kinds=tuple(kind.impacts for kind in kinds),
+            prior=prior_means(problem),
+            shortage=_few(kinds),
+            splits_impacts=splits,
+        )
 
     def draw(self, rng: np.random.Generator) -> tuple[Array, None]:
         """Draw each kind."""
@@ -180,8 +178,8 @@ def _few(kinds: Sequence[Kind]) -> str:
     )
 
 
-@dataclass(frozen=True)
-class Residuals:
+@dataclass(frozen=True, kw_only=True)
+class Residuals(Scheme):
     """Fitted values plus residuals drawn with replacement, row by row, within rows of one noise.
 
     Residuals are taken over sigma and over sqrt(1 - leverage), then centred. One noise have all rows where
@@ -196,11 +194,6 @@ class Residuals:
     pools: tuple[tuple[Index, Array], ...]  # rows, and the residuals that they draw from
     base: Array = field(repr=False)  # fitted - value
     sigma: Array = field(repr=False)
-    prior: Array
-    shortage: str = ""
-    splits_impacts: bool = False
-    name: str = "residual"
-    informs_noise: bool = True
 
     @classmethod
     def of(cls, problem: Problem, found: LeastSquaresFit) -> Residuals:
@@ -216,7 +209,15 @@ class Residuals:
         shortage = f"residuals, {'; '.join(few)}: use --method exact" if few else ""
         base = problem.predict(found.optimum.theta) - problem.rows.value
         splits = int(number_impacts(problem).max()) + 1 < residual.size
-        return cls(tuple(pools), base, found.sigma, fitted_means(problem, found), shortage, splits)
+        return cls(
+            name="residual",
+            pools=tuple(pools),
+            base=base,
+            sigma=found.sigma,
+            prior=fitted_means(problem, found),
+            shortage=shortage,
+            splits_impacts=splits,
+        )
 
     def draw(self, rng: np.random.Generator) -> tuple[None, Array]:
         """Draw each pool."""
@@ -226,8 +227,8 @@ class Residuals:
         return None, shift
 
 
-@dataclass(frozen=True)
-class Wild:
+@dataclass(frozen=True, kw_only=True)
+class Wild(Scheme):
     """Fitted values plus residuals over sqrt(1 - leverage), each impact's times one random weight.
 
     Rademacher: +1 or -1. Mammen: (1 -+ sqrt 5)/2 with probabilities (5 +- sqrt 5)/10, which keeps the third
@@ -243,11 +244,6 @@ class Wild:
     residual: Array = field(repr=False)
     weights: tuple[float, float]
     chance: float  # of the first weight
-    prior: Array
-    shortage: str = ""
-    name: str = "wild"
-    splits_impacts: bool = False
-    informs_noise: bool = False
 
     @classmethod
     def of(cls, problem: Problem, found: LeastSquaresFit, name: str = "wild") -> Wild:
@@ -261,14 +257,15 @@ class Wild:
             "use --method exact"
         )
         return cls(
-            number_impacts(problem),
-            problem.predict(found.optimum.theta) - problem.rows.value,
-            corrected(problem, found),
-            weights,
-            chance,
-            fitted_means(problem, found),
-            shortage if own else "",
-            name,
+            name=name,
+            impact=number_impacts(problem),
+            base=problem.predict(found.optimum.theta) - problem.rows.value,
+            residual=corrected(problem, found),
+            weights=weights,
+            chance=chance,
+            prior=fitted_means(problem, found),
+            shortage=shortage if own else "",
+            informs_noise=False,
         )
 
     def draw(self, rng: np.random.Generator) -> tuple[None, Array]:

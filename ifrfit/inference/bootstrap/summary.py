@@ -40,18 +40,19 @@ def estimation_of(found: BootstrapDraws, optimum: LeastSquaresFit) -> Estimation
     """
     enough = found.answered >= _FEWEST
     predicts = enough and not _leaves_open(found.problem, optimum.gaussian)
-    warnings = (SEPARATED,) if found.splits_impacts else ()
+    warnings = (SEPARATED,) if found.scheme.splits_impacts else ()
     if not predicts:
         warnings = (*warnings, GAUSSIAN)
     elif found.failed > FAILED * found.replicates:
         warnings = (*warnings, ANSWERED)
-    says = f"too few to draw from: {found.shortage}" if found.shortage else "enough to draw from"
+    short = found.scheme.shortage
+    says = f"too few to draw from: {short}" if short else "enough to draw from"
     return Estimation(
         "bootstrap",
         Draws.of(found.problem, found.draws) if enough else None,
         {
             "converged": _converged(found, noise_converged(optimum)),
-            "resampling": Fact(not found.shortage, says, {"scheme": found.scheme}, FACTS["resampling"]),
+            "resampling": Fact(not short, says, {"scheme": found.scheme.name}, FACTS["resampling"]),
         },
         predicts=predicts,
         unresolved=_unresolved(found),
@@ -62,7 +63,7 @@ def estimation_of(found: BootstrapDraws, optimum: LeastSquaresFit) -> Estimation
 def _converged(found: BootstrapDraws, noise: Fact) -> Fact:
     """Whether nearly every replicate has an answer, and the fit that they start from has settled."""
     figures = {
-        "scheme": found.scheme,
+        "scheme": found.scheme.name,
         "replicates": found.replicates,
         "failed": found.failed,
         "reasons": dict(found.reasons),

@@ -95,7 +95,7 @@ def compare(
             "`closure`."
         )
     check_keywords("compare", QuestionKeywords, keywords)
-    chosen, scatter = model_of(model, keywords), noise_of(noise, keywords)
+    chosen, scatter = model_of(model, keywords), noise_of(noise)
     asked, notes = chosen_closures(closures, scatter.is_plain)
     notes += applied_where(asked, chosen.named_constants())
     question = make_question(data, chosen, scatter, seed, scene, keywords)

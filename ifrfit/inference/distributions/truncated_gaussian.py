@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.coordinates import to_parameters
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
+from ifrfit.inference.result.types import State
 
 Array = NDArray[np.float64]
 
@@ -32,25 +33,13 @@ class TruncatedGaussian:
         By name of the quantity; transition_tau[SERIES] among them.
     loadings : mapping of str to ndarray
         Derivative of a quantity by the coordinates, (p,).
-    coordinates : tuple of str
-        e_n, the closure constant, kappa (mu where one mu goes with several e_n); with a series in brackets
-        where separate.
-    point, center : ndarray, (p,)
-        The optimum, and the centre, which lies beyond a bound that holds the optimum back.
-    covariance : ndarray, (p, p)
-        Zero in fixed coordinates.
-    lower, upper : ndarray, (p,)
-        Bounds, infinite where there is none.
+    state : State
+        The coordinates with the Gaussian and its bounds.
     """
 
     marginals: Mapping[str, TruncatedNormal]
     loadings: Mapping[str, Array] = field(repr=False)
-    coordinates: tuple[str, ...]
-    point: Array
-    center: Array
-    covariance_of_coordinates: Array = field(repr=False)
-    lower: Array
-    upper: Array
+    state: State
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -85,37 +74,31 @@ class TruncatedGaussian:
 
     def covariance(self, names: Sequence[str]) -> Array:
         """Covariance before the cut, loose directions with the variance of the default prior, (n, n)."""
-        loadings = np.array([self.loadings[name] for name in names]).reshape(len(names), self.center.size)
-        return np.asarray(loadings @ self.covariance_of_coordinates @ loadings.T)
+        loadings = np.array([self.loadings[name] for name in names]).reshape(len(names), -1)
+        return np.asarray(loadings @ self.state.covariance @ loadings.T)
 
     def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
         """Independent draws of all quantities together."""
-        found = to_parameters(self.coordinates, self.draw_coordinates(n, rng))
+        found = to_parameters(self.state.names, truncated_draws(self.state, n, rng))
         if "kappa" not in found:  # of a single series with a separate mu
             found["kappa"] = next(x for name, x in found.items() if name.startswith("kappa"))
         return {name: found[name] for name in self.names}
 
-    def draw_coordinates(self, n: int, rng: np.random.Generator) -> Array:
-        """Draws in the coordinates, (n, p)."""
-        covariance = self.covariance_of_coordinates
-        return truncated_draws(self.point, self.center, covariance, self.lower, self.upper, n, rng)
 
+def truncated_draws(state: State, n: int, rng: np.random.Generator) -> Array:
+    """Draws of the Gaussian of a state in its coordinates, (n, p), by Gibbs sampling.
 
-def truncated_draws(
-    point: Array,
-    center: Array,
-    covariance: Array,
-    lower: Array,
-    upper: Array,
-    n: int,
-    rng: np.random.Generator,
-) -> Array:
-    """Draws of a Gaussian cut at bounds, (n, p), by Gibbs sampling.
-
-    Each coordinate in turn is drawn given the others; entries without variance stay at `point`, (p,).
+    Each coordinate in turn is drawn given the others; entries without variance stay at the optimum.
     """
     from scipy.special import ndtr, ndtri
 
+    point, center, covariance, lower, upper = (
+        state.point,
+        state.center,
+        state.covariance,
+        state.lower,
+        state.upper,
+    )
     free = np.flatnonzero(np.diag(covariance) > 0.0)
     phi = np.tile(point, (n, 1))
     if free.size == 0:

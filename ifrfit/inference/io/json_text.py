@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -36,9 +38,16 @@ def write_json(content: dict[str, Any], path: Path) -> None:
 
 def write_whole(text: str, path: Path) -> None:
     """Write a text file that appears whole or not at all."""
+    with replaced(path) as fresh:
+        fresh.write_text(text, encoding="utf-8", newline="\n")
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[Path]:
+    """A place to write a file to, which then takes the place of `path` whole, or not at all."""
     fresh = path.with_name(f".{path.name}-{uuid.uuid4().hex[:12]}.new")
     try:
-        fresh.write_text(text, encoding="utf-8", newline="\n")
+        yield fresh
         os.replace(fresh, path)  # noqa: PTH105
     finally:
         fresh.unlink(missing_ok=True)

@@ -4,7 +4,7 @@ An object of the file has a key for each field of the dataclass, in the order of
 field change this:
 
 - ``key``: name in the file, where it is not that of the field;
-- ``optional``: left out where the value is None or empty;
+- ``optional``: left out where the value is None, empty, or its default;
 - ``internal``: never written, and read as its default.
 
 nan and infinity, which JSON does not know, are written as null. A type hint ``Annotated[..., Null(...)]``
@@ -117,7 +117,7 @@ def to_plain(value: Any, nulls: Nulls | None = None, path: str = "", *, bound: b
         for each, key, hint in layout(type(value)):
             item = getattr(value, each.name)
             empty = item is None or (isinstance(item, Sized) and len(item) == 0)
-            if not (empty and "optional" in each.metadata):
+            if "optional" not in each.metadata or not (empty or item == each.default):
                 content[key] = to_plain(item, nulls, _joined(path, key), bound=_is_bound(hint))
         return content
     if isinstance(value, Mapping):
@@ -254,18 +254,20 @@ def from_plain(hint: Any, node: Node, beside: Node | None = None) -> Any:
     if kind in _LISTS:
         return tuple(node.each(lambda item: from_plain(args[0], item)))
     if is_dataclass(hint):
-        return _instance(hint, node)
+        owner: Any = hint
+        return owner(**from_fields(owner, node))
     return node.number() if hint is float else node.scalar(hint)
 
 
-def _instance(kind: Any, node: Node) -> Any:
+def from_fields(kind: Any, node: Node) -> dict[str, Any]:
+    """The fields of a dataclass that stand in an object, by name; see `from_plain`."""
     node.check(dict)
     values = {}
     for each, key, hint in layout(kind):
         required = each.default is MISSING and each.default_factory is MISSING
         if required or key in node.value:
             values[each.name] = from_plain(hint, node[key], node)
-    return kind(**values)
+    return values
 
 
 def _numbers(kind: Any, marks: tuple[Null | Shape, ...], node: Node, beside: Node | None) -> Any:

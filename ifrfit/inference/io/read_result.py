@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import fields, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +13,10 @@ import numpy as np
 
 from ifrfit.data.schema import TABLE_COLUMNS, TEXT_COLUMNS
 from ifrfit.errors import DataError
-from ifrfit.inference.io.plain import REMEDY, Node, from_plain, layout
-from ifrfit.inference.io.write_result import FACTOR, NULL_MARK, SCHEMA, NoiseInFile, ResultFile
-from ifrfit.inference.model.error_model import PLAIN, ErrorModel, make_error_model
-from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.io.plain import REMEDY, Node, from_fields, from_plain
+from ifrfit.inference.io.write_result import NULL_MARK, SCHEMA, ParameterInFile
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.inference.result.types import NoiseSummary
+from ifrfit.inference.result.types import State
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,31 +93,20 @@ def from_dict(content: Any, *, name: str = "result") -> FitResult:
             f"{name}: has {stated}; this version of ifrfit reads '{SCHEMA}'. "
             "Name the result.json of a fit, or use the ifrfit that wrote the file."
         )
-    file: ResultFile = from_plain(ResultFile, root)
-    sample = _sample(root["state"]["sample"], file.state.names) if "sample" in root["state"].value else None
+    values = from_fields(FitResult, root)
+    state: State = values["state"]
+    if "sample" in root["state"].value:
+        state = replace(state, sample=_sample(root["state"]["sample"], state.names))
+    asked: Mapping[str, ParameterInFile] = {}
+    if "asked" in root.value:
+        asked = from_plain(Mapping[str, ParameterInFile], root["asked"])
     own: dict[str, Any] = {
-        "inputs": file.input,
-        "noise": _noise(file.noise),
-        "correlation": (file.correlation.names, file.correlation.matrix),
-        "warnings": tuple(says for says in file.warnings if not says.startswith(NULL_MARK)),
-        "state": replace(file.state, sample=sample),
+        "warnings": tuple(says for says in values["warnings"] if not says.startswith(NULL_MARK)),
+        "state": state,
         "points": _points(root["points"]),
-        "asked": tuple(
-            Parameter(name, *c.bounds, c.fixed, c.prior, c.separate, c.passive)
-            for name, c in file.asked.items()
-        ),
+        "asked": tuple(each.parameter(name) for name, each in asked.items()),
     }
-    same = {each.name for each in fields(FitResult)} & {each.name for each in fields(ResultFile)}
-    return FitResult(**{name: getattr(file, name) for name in same - own.keys()} | own)
-
-
-def _noise(noise: NoiseInFile) -> NoiseSummary:
-    estimates = {"" if name == FACTOR else name: estimate for name, estimate in noise.estimates.items()}
-    prior = {"" if name == FACTOR else name: bounds for name, bounds in noise.prior.items()}
-    chosen = {key: getattr(noise.scatter or PLAIN, each.name) for each, key, _ in layout(ErrorModel)}
-    return NoiseSummary(
-        noise.policy, noise.sigma, estimates, prior, make_error_model(**chosen), bool(noise.separate)
-    )
+    return FitResult(**values | own)
 
 
 def _sample(node: Node, names: tuple[str, ...]) -> Any:

@@ -3,29 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ifrfit._version import __version__
-from ifrfit.data import Source
-from ifrfit.inference.accuracy.types import Effort
-from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
-from ifrfit.inference.io.plain import OPTIONAL, Nulls, Shape, to_plain
-from ifrfit.inference.model.error_model import PLAIN, ErrorModel
+from ifrfit.inference.io.plain import OPTIONAL, Nulls, to_plain
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.result.types import (
-    Angles,
-    Constants,
-    Estimate,
-    Fact,
-    FitStatistics,
-    FloatOrNan,
     Interval,
-    NoiseSummary,
-    State,
 )
 
 if TYPE_CHECKING:
@@ -35,20 +22,6 @@ SCHEMA = "ifrfit/result/1"
 MOST_ROWS = 100_000
 # sentences that begin like this speak about the file, not about the fit: reading takes them away again
 NULL_MARK = "Written as null: "
-# what the noise common to all rows is called in the file; every other noise has a slash in its name
-FACTOR = "factor"
-
-
-@dataclass(frozen=True)
-class NoiseInFile:
-    """The noise: what is common to all rows is named, and the error model stands as the user chose it."""
-
-    policy: str
-    sigma: Mapping[str, FloatOrNan]
-    estimates: Mapping[str, Estimate] = field(default_factory=dict, metadata=OPTIONAL)
-    prior: Mapping[str, Interval] = field(default_factory=dict, metadata=OPTIONAL)
-    scatter: ErrorModel | None = field(default=None, metadata=OPTIONAL)
-    separate: bool | None = field(default=None, metadata=OPTIONAL)
 
 
 @dataclass(frozen=True)
@@ -61,42 +34,14 @@ class ParameterInFile:
     separate: bool
     passive: Interval | None = field(default=None, metadata=OPTIONAL)
 
+    @classmethod
+    def of(cls, asked: Parameter) -> ParameterInFile:
+        """As it stands in the file."""
+        return cls((asked.lower, asked.upper), asked.fixed, asked.prior, asked.separate, asked.passive)
 
-@dataclass(frozen=True)
-class Correlation:
-    """Correlation matrix of the free constants."""
-
-    names: tuple[str, ...]
-    matrix: Annotated[NDArray[np.float64], Shape(("names", "names"))]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ResultFile:
-    """Everything in result.json in its order; `points` and the draws in `state` by column."""
-
-    schema: str
-    ifrfit: str
-    created: str
-    command: str
-    seed: int
-    versions: Mapping[str, str]
-    input: tuple[Source, ...]
-    closure: str
-    inertia_factor: float
-    method: str
-    noise: NoiseInFile
-    asked: Mapping[str, ParameterInFile] = field(default_factory=dict, metadata=OPTIONAL)
-    effort: Effort | None = field(default=None, metadata=OPTIONAL)
-    constants: Constants
-    derived: Mapping[str, Estimate | Mapping[str, Angles]]
-    correlation: Correlation
-    fit: FitStatistics
-    facts: Mapping[str, Fact]
-    scene: SceneOfData | None = field(default=None, metadata=OPTIONAL)
-    effects: tuple[EffectLine, ...] = field(default=(), metadata=OPTIONAL)
-    warnings: tuple[str, ...]
-    state: State
-    points: Any
+    def parameter(self, name: str) -> Parameter:
+        """As it was."""
+        return Parameter(name, *self.bounds, self.fixed, self.prior, self.separate, self.passive)
 
 
 def to_dict(result: Findings) -> dict[str, Any]:
@@ -113,22 +58,11 @@ def to_dict(result: Findings) -> dict[str, Any]:
         are None, with the reason in ``warnings``. Points beyond 100000 rows are left out (None).
     """
     nulls = Nulls()
-    own: dict[str, Any] = {
-        "schema": SCHEMA,
-        "ifrfit": result.versions.get("ifrfit", __version__),
-        "input": result.inputs,
-        "inertia_factor": float(result.inertia_factor),
-        "noise": _noise(result.noise),
-        "asked": {
-            c.name: ParameterInFile((c.lower, c.upper), c.fixed, c.prior, c.separate, c.passive)
-            for c in result.asked
-        },
-        "correlation": Correlation(*result.correlation),
-        "points": None,
-    }
-    same = {each.name: getattr(result, each.name) for each in fields(ResultFile) if each.name not in own}
-    file = ResultFile(**own, **same)
-    content: dict[str, Any] = to_plain(file, nulls)
+    content: dict[str, Any] = {"schema": SCHEMA, "ifrfit": result.versions.get("ifrfit", __version__)}
+    for key, value in to_plain(result, nulls).items():
+        content[key] = value
+        if key == "noise" and result.asked:
+            content["asked"] = {c.name: to_plain(ParameterInFile.of(c), nulls) for c in result.asked}
     names, sample = result.state.names, result.state.sample
     if sample is not None:  # a column a name: one line each, so that the file stays readable
         columns = dict(zip(names, sample.T, strict=True))
@@ -138,13 +72,6 @@ def to_dict(result: Findings) -> dict[str, Any]:
     said += [", ".join(nulls.values)] if nulls.values else []
     content["warnings"] += [f"{NULL_MARK}{what}." for what in (*said, *missing)]
     return content
-
-
-def _noise(noise: NoiseSummary) -> NoiseInFile:
-    error_model = None if noise.error_model == PLAIN else noise.error_model
-    estimates = {name or FACTOR: estimate for name, estimate in noise.estimates.items()}
-    prior = {name or FACTOR: bounds for name, bounds in noise.prior.items()}
-    return NoiseInFile(noise.policy, noise.sigma, estimates, prior, error_model, noise.separate or None)
 
 
 def _points(points: Any) -> tuple[dict[str, list[Any]] | None, list[str]]:

@@ -12,6 +12,5 @@ from ifrfit.inference.mcmc.run import run as run
 from ifrfit.inference.mcmc.sample import Sample as Sample
 from ifrfit.inference.mcmc.sample import fresh as fresh
 from ifrfit.inference.mcmc.sample import sample as sample
-from ifrfit.inference.mcmc.sample import sample_converged as sample_converged
 from ifrfit.inference.mcmc.starts import starts as starts
 from ifrfit.inference.mcmc.stopping import verdict_of as verdict_of

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import uuid
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -11,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.mcmc.chains import Chains
-from ifrfit.inference.mcmc.ensemble import Rest
+from ifrfit.inference.io.json_text import replaced
+from ifrfit.inference.mcmc.chains import Chains, Rest
 from ifrfit.inference.model.digest import digest
 from ifrfit.inference.model.problem import Problem
 
@@ -32,25 +30,20 @@ def save_chains(path: Path, chains: Chains, question: str) -> None:
     question : str
         What `question_of` says.
     """
-    randoms = [end.random for end in chains.ends]
-    fresh = path.with_name(f".{path.name}-{uuid.uuid4().hex[:12]}.new")
-    try:
-        with fresh.open("wb") as file:
-            np.savez(
-                file,
-                schema=np.array(SCHEMA),
-                question=np.array(question),
-                at=chains.at,
-                log_density=chains.log_density,
-                accepted=chains.accepted,
-                key=np.array([random[1] for random in randoms], dtype=np.uint32),
-                pos=np.array([random[2] for random in randoms], dtype=np.int64),
-                has_gauss=np.array([random[3] for random in randoms], dtype=np.int64),
-                gauss=np.array([random[4] for random in randoms], dtype=float),
-            )
-        os.replace(fresh, path)  # noqa: PTH105
-    finally:
-        fresh.unlink(missing_ok=True)
+    key, pos, has_gauss, gauss = zip(*(end.random[1:] for end in chains.ends), strict=True)
+    with replaced(path) as fresh, fresh.open("wb") as file:
+        np.savez(
+            file,
+            schema=np.array(SCHEMA),
+            question=np.array(question),
+            at=chains.at,
+            log_density=chains.log_density,
+            accepted=chains.accepted,
+            key=np.array(key, dtype=np.uint32),
+            pos=np.array(pos, dtype=np.int64),
+            has_gauss=np.array(has_gauss, dtype=np.int64),
+            gauss=np.array(gauss, dtype=float),
+        )
 
 
 def load_chains(path: Path, question: str) -> Chains:

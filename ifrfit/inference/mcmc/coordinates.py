@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ifrfit.inference.distributions.draws import kappa_draws
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.laplace import kappa_coordinates
 
 Array = NDArray[np.float64]
 
@@ -45,18 +44,14 @@ class Coordinates:
     @cached_property
     def replaced(self) -> tuple[tuple[int, int | None, float], ...]:
         """Of each kappa: its place, the place of its e_n (None if fixed), and the value of a fixed e_n."""
-        problem = self.problem
-        entries, free = problem.parameters.entries, problem.parameters.free
-        names, _, _ = kappa_coordinates(problem, np.zeros(free.size))
-        place = np.cumsum(free) - 1  # among the free entries
-        positions = problem.parameters.positions
-        found = {}
-        for mu, e_n in zip(positions["mu"].tolist(), positions["e_n"].tolist(), strict=True):
-            if free[mu] and names[mu] != problem.parameters.names[mu]:
-                value = entries[e_n].fixed
-                own = (int(place[e_n]), 0.0) if value is None else (None, value)
-                found[int(place[mu])] = own
-        return tuple((mu, *own) for mu, own in found.items())
+        parameters = self.problem.parameters
+        place = np.cumsum(parameters.free) - 1  # among the free entries
+        found: list[tuple[int, int | None, float]] = []
+        for mu, e_n in parameters.kappa_places:
+            if parameters.free[mu]:
+                value = parameters.entries[e_n].fixed
+                found.append((int(place[mu]), *((int(place[e_n]), 0.0) if value is None else (None, value))))
+        return tuple(found)
 
     def points(self, at: Array) -> Array:
         """Points of the density, (..., d), at coordinates (..., d)."""

@@ -6,12 +6,13 @@ import contextlib
 from collections.abc import Callable, Iterator
 from functools import partial
 
+import emcee
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.mcmc.chain_diagnostics import Evidence
-from ifrfit.inference.mcmc.chains import Chains
-from ifrfit.inference.mcmc.ensemble import Rest, walk
+from ifrfit.inference.mcmc.chains import Chains, Rest
+from ifrfit.inference.mcmc.moves import moves
 from ifrfit.inference.mcmc.stopping import is_met
 from ifrfit.inference.mcmc.target import Target
 from ifrfit.inference.worker_processes import worker_processes
@@ -34,8 +35,36 @@ def begin(target: Target, starts: Array, seed: np.random.SeedSequence) -> Chains
     starts : ndarray, (ensembles, walkers, d)
     seed : numpy.random.SeedSequence
     """
-    seeds = seed.spawn(len(starts))
-    return Chains.begin([Rest.begin(target, at, own) for at, own in zip(starts, seeds, strict=True)])
+    ensembles, walkers, dimensions = starts.shape
+    ends = [Rest.begin(target, at, own) for at, own in zip(starts, seed.spawn(ensembles), strict=True)]
+    shape = (ensembles, 0, walkers)
+    return Chains(np.empty((*shape, dimensions)), np.empty(shape), np.zeros(ensembles, np.int64), tuple(ends))
+
+
+def walk(target: Target, rest: Rest, steps: int) -> Chains:
+    """The chain of one ensemble that walks so many steps with emcee.
+
+    All that counts is in `rest`: however the steps are cut into stretches, the walk is the same bit for bit.
+
+    Parameters
+    ----------
+    target : Target
+    rest : Rest
+    steps : int
+        1 or more.
+
+    References
+    ----------
+    Foreman-Mackey et al. (2013), PASP 125, 306; Goodman & Weare (2010), CAMCoS 5, 65.
+    """
+    walkers, dimensions = rest.at.shape
+    sampler = emcee.EnsembleSampler(walkers, dimensions, target, moves=moves(), vectorize=True)
+    start = emcee.State(rest.at, log_prob=rest.log_density, random_state=rest.random, copy=True)
+    sampler.run_mcmc(start, steps, skip_initial_state_check=True)
+    at, log_density = sampler.get_chain(), sampler.get_log_prob()
+    end = Rest(at[-1], log_density[-1], tuple(sampler.random_state))
+    accepted = np.array([sampler.backend.accepted.sum()], dtype=np.int64)
+    return Chains(at[None], log_density[None], accepted, (end,))
 
 
 def run(

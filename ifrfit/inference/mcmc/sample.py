@@ -52,6 +52,46 @@ class Sample:
         values = {name: x.reshape(-1) for name, x in self.evidence.kept.items()}
         return Draws.of(self.coordinates.problem, values)
 
+    def converged(self, noise: Fact) -> Fact:
+        """Whether the chains met every rule; if not, which not, and how many more steps it would take."""
+        chains, evidence, verdict = self.chains, self.evidence, self.verdict
+        ensembles, steps, walkers, _ = chains.at.shape
+        figures = {
+            "ensembles": ensembles,
+            "walkers": walkers,
+            "steps": steps,
+            "discarded": evidence.discarded,
+            "acceptance": chains.acceptance,
+            "rhat_max": max(evidence.rhat.values()),
+            "ess_bulk_min": min(evidence.bulk.values()),
+            "ess_tail_min": min(evidence.tail.values()),
+            "tau_max": max(evidence.tau.values()),
+            "failed": list(verdict.failed),
+            "steps_more": 0 if verdict.ok else verdict.steps_more,
+            "each": {
+                name: {
+                    "rhat": evidence.rhat[name],
+                    "ess_bulk": evidence.bulk[name],
+                    "ess_tail": evidence.tail[name],
+                    "tau": evidence.tau[name],
+                }
+                for name in evidence.tau
+            },
+        } | dict(noise.figures)
+        if verdict.ok and noise.ok:
+            says = (
+                f"{ensembles} ensembles of {walkers} walkers agree after {steps:,} steps: R-hat "
+                f"{figures['rhat_max']:.4f}, at least {figures['ess_bulk_min']:,.0f} effective draws in the "
+                f"bulk and {figures['ess_tail_min']:,.0f} in the tails"
+            )
+        elif verdict.ok:
+            says = noise.says
+        else:
+            says = (
+                f"the chains did not converge in {steps:,} steps: {verdict.says}; {_remedy(verdict, steps)}"
+            )
+        return Fact(verdict.ok and noise.ok, says, figures, FACTS["converged"])
+
     def save(self, path: Path) -> None:
         """Write the chains to a file, to walk on from."""
         save_chains(path, self.chains, question_of(self.coordinates.problem, self.seed))
@@ -116,45 +156,6 @@ def fresh(coordinates: Coordinates, found: LeastSquaresFit, seed: int) -> Chains
     """Chains before their first step, about every optimum within reach."""
     spread, walks = np.random.SeedSequence(seed).spawn(2)
     return begin(coordinates, starts(coordinates, found, np.random.default_rng(spread)), walks)
-
-
-def sample_converged(drawn: Sample, noise: Fact) -> Fact:
-    """Whether the chains met every rule; if not, which not, and how many more steps it would take."""
-    chains, evidence, verdict = drawn.chains, drawn.evidence, drawn.verdict
-    ensembles, steps, walkers, _ = chains.at.shape
-    figures = {
-        "ensembles": ensembles,
-        "walkers": walkers,
-        "steps": steps,
-        "discarded": evidence.discarded,
-        "acceptance": chains.acceptance,
-        "rhat_max": max(evidence.rhat.values()),
-        "ess_bulk_min": min(evidence.bulk.values()),
-        "ess_tail_min": min(evidence.tail.values()),
-        "tau_max": max(evidence.tau.values()),
-        "failed": list(verdict.failed),
-        "steps_more": 0 if verdict.ok else verdict.steps_more,
-        "each": {
-            name: {
-                "rhat": evidence.rhat[name],
-                "ess_bulk": evidence.bulk[name],
-                "ess_tail": evidence.tail[name],
-                "tau": evidence.tau[name],
-            }
-            for name in evidence.tau
-        },
-    } | dict(noise.figures)
-    if verdict.ok and noise.ok:
-        says = (
-            f"{ensembles} ensembles of {walkers} walkers agree after {steps:,} steps: R-hat "
-            f"{figures['rhat_max']:.4f}, at least {figures['ess_bulk_min']:,.0f} effective draws in the bulk "
-            f"and {figures['ess_tail_min']:,.0f} in the tails"
-        )
-    elif verdict.ok:
-        says = noise.says
-    else:
-        says = f"the chains did not converge in {steps:,} steps: {verdict.says}; {_remedy(verdict, steps)}"
-    return Fact(verdict.ok and noise.ok, says, figures, FACTS["converged"])
 
 
 def _remedy(verdict: Verdict, steps: int) -> str:

@@ -34,9 +34,7 @@ def with_propagated_sigma(observations: Observations, error_model: ErrorModel) -
     )
     sigma = np.empty(len(table))
     for name, rows in table.groupby("observable", sort=False).indices.items():
-        own = Incidence(
-            *(getattr(incidence, f)[rows] for f in ("sine", "cosine", "spin_x", "spin_y", "slip_x", "slip_y"))
-        )
+        own = incidence.take(np.asarray(rows))
         value = table["value"].to_numpy(dtype=float)[rows]
         where = str(table["source"].iloc[int(rows[0])])
         sigma[rows] = propagated_sigma(str(name), own, value, error_model, where)

@@ -23,7 +23,8 @@ class ErrorModel:
     Attributes
     ----------
     dof : float or None
-        Degrees of freedom of the law of errors; None for one without, such as the Gaussian.
+        Degrees of freedom of the law of errors, by default its own; None for one without, such as the
+        Gaussian.
     angles : {"none", "effective", "set", "measured"}
         Errors of angle and spin. none: taken as exact. effective: added to the error of the value through the
         slope (effective variance). set: the true angle scatters about the set one (Berkson), and is
@@ -39,6 +40,11 @@ class ErrorModel:
     tails : str
         Name of the law of errors, in `ERROR_LAWS`. Left empty it becomes gaussian without `dof`, student-t
         with it.
+
+    Raises
+    ------
+    UsageError
+        For a choice that does not exist, or choices that contradict.
     """
 
     # in files they go by the names of the options
@@ -53,6 +59,46 @@ class ErrorModel:
     def __post_init__(self) -> None:
         if not self.tails:
             object.__setattr__(self, "tails", GAUSSIAN.name if self.dof is None else STUDENT_T.name)
+        if self.tails not in ERROR_LAWS:
+            raise UsageError(f"--tails {self.tails}: choose {' or '.join(ERROR_LAWS)}.")
+        default_dof = self.law.default_dof
+        if self.dof is None:
+            object.__setattr__(self, "dof", default_dof)
+        elif default_dof is None:
+            with_dof = " or ".join(name for name, law in ERROR_LAWS.items() if law.default_dof is not None)
+            raise UsageError(f"--dof belongs to --tails {with_dof}: add it, or leave --dof out.")
+        elif not 1.0 <= self.dof <= 1e6:
+            raise UsageError(f"--dof {self.dof:g}: choose 1 (Cauchy) or more; 4 is usual.")
+        self._check_angles()
+        for option, value in (("--sigma-velocity", self.velocity), ("--sigma-spin", self.spin)):
+            if value is not None and not 0.0 < value < math.inf:
+                raise UsageError(f"{option} {value:g}: it must be positive (per incoming speed).")
+        if self.spin is not None and self.velocity is None:
+            raise UsageError("--sigma-spin needs --sigma-velocity: errors are propagated from both.")
+
+    def _check_angles(self) -> None:
+        """Refuse errors of angles that do not exist, and values that do not belong to them."""
+        angles, population, gamma = self.angles, self.population, self.gamma
+        if angles not in ANGLES:
+            raise UsageError(f"--angle-errors {angles}: choose {', '.join(ANGLES[:-1])} or {ANGLES[-1]}.")
+        if angles == "measured" and population is None:
+            raise UsageError(
+                "--angle-errors measured needs --angle-population LO,HI: the degrees between which the true "
+                "angles lie. What is known of them enters the result."
+            )
+        if population is not None:
+            if angles != "measured":
+                raise UsageError(
+                    "--angle-population belongs to --angle-errors measured: choose that, or leave it out."
+                )
+            low, high = population
+            if not 0.0 <= low < high <= 90.0:
+                raise UsageError(f"--angle-population {low:g},{high:g}: write LO,HI with 0 <= LO < HI <= 90.")
+        if gamma is not None:
+            if angles == "none":
+                raise UsageError("--sigma-gamma needs --angle-errors effective, set or measured.")
+            if not 0.0 < gamma <= 45.0:
+                raise UsageError(f"--sigma-gamma {gamma:g}: it must lie above 0 and at most at 45 degrees.")
 
     @property
     def law(self) -> ErrorLaw:
@@ -114,76 +160,3 @@ class ErrorModel:
 
 
 PLAIN = ErrorModel()
-
-
-def make_error_model(
-    *,
-    tails: str = "gaussian",
-    dof: float | None = None,
-    angle_errors: str = "none",
-    angle_population: tuple[float, float] | None = None,
-    sigma_gamma: float | None = None,
-    sigma_velocity: float | None = None,
-    sigma_spin: float | None = None,
-) -> ErrorModel:
-    """Turn the user's choices into a law.
-
-    Raises
-    ------
-    UsageError
-        For a choice that does not exist, or choices that contradict.
-    """
-    if tails not in ERROR_LAWS:
-        raise UsageError(f"--tails {tails}: choose {' or '.join(ERROR_LAWS)}.")
-    default_dof = ERROR_LAWS[tails].default_dof
-    if dof is not None and default_dof is None:
-        with_dof = " or ".join(name for name, law in ERROR_LAWS.items() if law.default_dof is not None)
-        raise UsageError(f"--dof belongs to --tails {with_dof}: add it, or leave --dof out.")
-    if dof is not None and not 1.0 <= dof <= 1e6:
-        raise UsageError(f"--dof {dof:g}: choose 1 (Cauchy) or more; 4 is usual.")
-    check_angle_errors(angle_errors, angle_population, sigma_gamma)
-    for option, value in (("--sigma-velocity", sigma_velocity), ("--sigma-spin", sigma_spin)):
-        if value is not None and not 0.0 < value < math.inf:
-            raise UsageError(f"{option} {value:g}: it must be positive (per incoming speed).")
-    if sigma_spin is not None and sigma_velocity is None:
-        raise UsageError("--sigma-spin needs --sigma-velocity: errors are propagated from both.")
-    return ErrorModel(
-        default_dof if dof is None else dof,
-        angle_errors,
-        angle_population,
-        sigma_gamma,
-        sigma_velocity,
-        sigma_spin,
-        tails,
-    )
-
-
-def check_angle_errors(
-    angle_errors: str, population: tuple[float, float] | None, sigma_gamma: float | None
-) -> None:
-    """Refuse errors of angles that do not exist, and values that do not belong to them.
-
-    Raises
-    ------
-    UsageError
-    """
-    if angle_errors not in ANGLES:
-        raise UsageError(f"--angle-errors {angle_errors}: choose {', '.join(ANGLES[:-1])} or {ANGLES[-1]}.")
-    if angle_errors == "measured" and population is None:
-        raise UsageError(
-            "--angle-errors measured needs --angle-population LO,HI: the degrees between which the true "
-            "angles lie. What is known of them enters the result."
-        )
-    if population is not None:
-        if angle_errors != "measured":
-            raise UsageError(
-                "--angle-population belongs to --angle-errors measured: choose that, or leave it out."
-            )
-        low, high = population
-        if not 0.0 <= low < high <= 90.0:
-            raise UsageError(f"--angle-population {low:g},{high:g}: write LO,HI with 0 <= LO < HI <= 90.")
-    if sigma_gamma is not None:
-        if angle_errors == "none":
-            raise UsageError("--sigma-gamma needs --angle-errors effective, set or measured.")
-        if not 0.0 < sigma_gamma <= 45.0:
-            raise UsageError(f"--sigma-gamma {sigma_gamma:g}: it must lie above 0 and at most at 45 degrees.")

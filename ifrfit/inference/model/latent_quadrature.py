@@ -171,16 +171,12 @@ def _moved(law: LatentRows) -> Iterator[tuple[Array, tuple[Incidence, Incidence]
 
 def _picked(i: Incidence, rows: Index) -> Incidence:
     """Incidence of rows from that of their units, the units along the last axis but one (or the only one)."""
-    return Incidence(*(part[rows] if part.ndim == 1 else part[..., rows, :] for part in _parts(i)))
+    return i.map(lambda part: part[rows] if part.ndim == 1 else part[..., rows, :])
 
 
 def _lifted(i: Incidence) -> Incidence:
     """With an axis for points and one for nodes."""
-    return Incidence(*(part[None, :, None] for part in _parts(i)))
-
-
-def _parts(i: Incidence) -> tuple[Array, ...]:
-    return i.sine, i.cosine, i.spin_x, i.spin_y, i.slip_x, i.slip_y
+    return i.map(lambda part: part[None, :, None])
 
 
 def _values(law: LatentRows, rows: Index, i: Incidence, at: At) -> Array:
@@ -205,8 +201,7 @@ def _values(law: LatentRows, rows: Index, i: Incidence, at: At) -> Array:
 
 def _value(law: LatentRows, name: str, i: Incidence, k: Array, at: At) -> Array:
     e_n, mu = at.e_n[..., None, None], at.mu[..., None, None]
-    lifted = Incidence(*(part[:, None] for part in _parts(i)))
-    return OBSERVABLES[name].by_form(lifted, k, e_n, mu, law.inertia_factor)
+    return OBSERVABLES[name].by_form(i.map(lambda part: part[:, None]), k, e_n, mu, law.inertia_factor)
 
 
 def _restated(law: LatentRows, name: str, rows: Index, i: Incidence, value: Array) -> Array:

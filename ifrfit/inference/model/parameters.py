@@ -244,6 +244,15 @@ class ParameterSet:
             found.append(Kappa(name, i_e_n, i_mu, e_n, mu))
         return tuple(found)
 
+    @cached_property
+    def kappa_places(self) -> tuple[tuple[int, int], ...]:
+        """Places in theta of each mu in whose place kappa can stand, and of its e_n.
+
+        None where one mu goes with several e_n.
+        """
+        pairs = sorted({(kappa.i_mu, kappa.i_e_n) for kappa in self.kappas})
+        return tuple(pairs) if len({i_mu for i_mu, _ in pairs}) == len(pairs) else ()
+
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the entries of theta, (p,) each."""
         return np.array([p.lower for p in self.entries]), np.array([p.upper for p in self.entries])

@@ -175,10 +175,7 @@ class Rows:
         """The same for some rows."""
         if rows.size == self.tau.size and bool((np.diff(rows) == 1).all()):
             return self
-        i = self.incidence
-        incidence = Incidence(
-            i.sine[rows], i.cosine[rows], i.spin_x[rows], i.spin_y[rows], i.slip_x[rows], i.slip_y[rows]
-        )
+        incidence = self.incidence.take(rows)
         return Rows(incidence, names=self.names, **{name: getattr(self, name)[rows] for name in _BY_ROW})
 
 

@@ -138,21 +138,14 @@ def kappa_coordinates(problem: Problem, theta: Array) -> tuple[tuple[str, ...], 
     kappa = mu (1 + e_n) takes the place of mu, because it is what tangential data determine; mu stays where
     one mu goes with several e_n.
     """
-    places = problem.parameters.positions
-    e_n_of_mu: dict[int, set[int]] = {}
-    for i_mu, i_e in zip(places["mu"], places["e_n"], strict=True):
-        e_n_of_mu.setdefault(int(i_mu), set()).add(int(i_e))
     derivative = np.eye(theta.size)
     phi = theta.copy()
     names = list(problem.parameters.names)
-    if all(len(partners) == 1 for partners in e_n_of_mu.values()):
-        for i_mu, partners in e_n_of_mu.items():
-            (i_e,) = partners
-            factor = 1.0 + theta[i_e]
-            phi[i_mu] = theta[i_mu] * factor
-            names[i_mu] = names[i_mu].replace("mu", "kappa", 1)
-            entries = problem.parameters.entries
-            if entries[i_mu].fixed is None:
-                derivative[i_mu, i_mu] = 1.0 / factor
-                derivative[i_mu, i_e] = -theta[i_mu] / factor
+    for i_mu, i_e in problem.parameters.kappa_places:
+        factor = 1.0 + theta[i_e]
+        phi[i_mu] = theta[i_mu] * factor
+        names[i_mu] = names[i_mu].replace("mu", "kappa", 1)
+        if problem.parameters.entries[i_mu].fixed is None:
+            derivative[i_mu, i_mu] = 1.0 / factor
+            derivative[i_mu, i_e] = -theta[i_mu] / factor
     return tuple(names), phi, derivative

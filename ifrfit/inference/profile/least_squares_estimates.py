@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -18,10 +19,10 @@ from ifrfit.inference.profile.intervals import profile_of
 from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, entry, kappa, outlying, profile_curve
 from ifrfit.inference.result.types import Constants, Estimate, Interval
-from ifrfit.inference.summary.estimates import kappa_of_constants, marginal_of_normal
+from ifrfit.inference.summary.estimates import by_constant, marginal_of_normal
 from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
-from ifrfit.inference.summary.status import ON_BOUNDS, Known, estimate_of, fixed_estimate
+from ifrfit.inference.summary.status import ON_BOUNDS, Known, estimate_of
 
 # times the local 95 % interval; the Gaussian knows nothing of what lies further out
 _BEYOND = 1.25
@@ -30,7 +31,7 @@ _BEYOND = 1.25
 def estimates_of_optimum(
     problem: Problem, fit: LeastSquaresFit, gaussian: TruncatedGaussian
 ) -> tuple[Constants, Mapping[str, Estimate]]:
-    """Every constant (an `Estimate`, or one a series where it is separate), and kappa of each series.
+    """Every constant and kappa of each series, as `by_constant`.
 
     Parameters
     ----------
@@ -50,35 +51,21 @@ def estimates_of_optimum(
             return estimate_of(domain, marginal_of_normal(normal), replace(known, unique=True))
         return _profiled(problem, fit, quantity, known)
 
-    kappas: dict[str, Estimate] = {}
-    by_name: dict[str, Estimate] = {}
-    for number, (series, own) in enumerate(zip(problem.series, problem.parameters.kappas, strict=True)):
-        if own.e_n.fixed is not None or own.mu.fixed is not None:
-            continue
-        if own.name not in by_name:
-            at = [own.value(theta) for theta in outlying(fit.optimum)]
-            by_name[own.name] = free(own.name, own.domain, at, kappa(problem, fit, number))
-        kappas[series] = by_name[own.name]
-    constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
-    places = problem.parameters.positions
-    for constant in problem.parameters:
-        each: dict[str, Estimate] = {}
-        for number, series in enumerate(problem.series):
-            place = int(places[constant.name][number])
-            if constant.fixed is not None:
-                each[series] = fixed_estimate(constant.fixed)
-            elif constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
-                each[series] = _through_kappa(problem, constant, kappas[series])
-            elif constant.separate or number == 0:
-                at = [float(theta[place]) for theta in outlying(fit.optimum)]
-                quantity = entry(problem, fit, place)
-                each[series] = free(problem.parameters.names[place], constant.domain, at, quantity)
-        constants[constant.name] = each if constant.separate else each[problem.series[0]]
-    for number, series in enumerate(problem.series):
-        derived = kappa_of_constants(problem, number, constants)
-        if derived is not None:
-            kappas[series] = derived
-    return constants, kappas
+    @cache
+    def of_kappa(number: int) -> Estimate:
+        own = problem.parameters.kappas[number]
+        at = [own.value(theta) for theta in outlying(fit.optimum)]
+        return free(own.name, own.domain, at, kappa(problem, fit, number))
+
+    def of_entry(place: int) -> Estimate:
+        constant = problem.parameters.entries[place]
+        if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
+            (number, *_) = np.flatnonzero(problem.parameters.positions[constant.name] == place).tolist()
+            return _through_kappa(problem, constant, of_kappa(number))
+        at = [float(theta[place]) for theta in outlying(fit.optimum)]
+        return free(problem.parameters.names[place], constant.domain, at, entry(problem, fit, place))
+
+    return by_constant(problem, of_entry, of_kappa)
 
 
 def _profiled(problem: Problem, fit: LeastSquaresFit, quantity: Quantity, known: Known) -> Estimate:

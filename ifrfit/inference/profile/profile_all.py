@@ -17,10 +17,10 @@ from ifrfit.inference.profile.quantities import Quantity, profile_curve, quantit
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.types import Angles, Constants, Estimate
 from ifrfit.inference.summary.derived import angle_near, constant_bound, median_spin, transitions_of
-from ifrfit.inference.summary.estimates import kappa_of_constants
+from ifrfit.inference.summary.estimates import by_constant
 from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
-from ifrfit.inference.summary.status import KAPPA, Known, fixed_estimate, linear
+from ifrfit.inference.summary.status import KAPPA, Known, linear
 from ifrfit.physics.closure import Meaning
 from ifrfit.physics.transition import transition_angles
 
@@ -128,21 +128,14 @@ def estimates_of_profiles(
     local_kappas : mapping
         Those of least squares, for what has no profile.
     """
-    constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
-    places = problem.parameters.positions
-    for constant in problem.parameters:
-        each = {}
-        for number, series in enumerate(problem.series):
-            name = problem.parameters.names[int(places[constant.name][number])]
-            own = profiles.get(name)
-            each[series] = fixed_estimate(constant.fixed or 0.0) if own is None else own.estimate()
-        constants[constant.name] = each if constant.separate else each[problem.series[0]]
-    kappas: dict[str, Estimate] = {}
-    for number, series in enumerate(problem.series):
+
+    def of_kappa(number: int) -> Estimate:
+        series = problem.series[number]
         profile = profiles.get(f"kappa[{series}]") or profiles.get("kappa")
-        derived = kappa_of_constants(problem, number, constants)
-        of_profile = local_kappas[series] if profile is None else profile.estimate()
-        kappas[series] = of_profile if derived is None else derived
+        return local_kappas[series] if profile is None else profile.estimate()
+
+    names = problem.parameters.names
+    constants, kappas = by_constant(problem, lambda place: profiles[names[place]].estimate(), of_kappa)
     local = transitions_of(problem, gaussian, kappas)
     transitions = {
         series: _transition_of(series, kappas[series], profiles, local[series]) for series in problem.series

@@ -30,7 +30,15 @@ from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.fit_statistics import statistics_of
 from ifrfit.inference.result.state import state_of
-from ifrfit.inference.result.types import Angles, Constants, Estimate, Fact, FitStatistics, NoiseSummary
+from ifrfit.inference.result.types import (
+    Angles,
+    Constants,
+    Correlation,
+    Estimate,
+    Fact,
+    FitStatistics,
+    NoiseSummary,
+)
 from ifrfit.inference.summary.derived import derived_of, transitions_of
 from ifrfit.inference.summary.estimates import correlation_of, estimates_of, noise_of
 from ifrfit.inference.summary.gaussian import truncated_gaussian
@@ -166,13 +174,13 @@ def build_result(
         drawn = own.draws(int(min(DRAWS, own.n_draws)), np.random.default_rng(seed))
     return FitResult(
         closure=problem.closure.name,
-        inertia_factor=problem.inertia_factor,
+        inertia_factor=float(problem.inertia_factor),
         method=estimation.method,
         inputs=problem.observations.sources,
         noise=noise,
         constants=constants,
         derived=derived_of(problem, constants, kappas, transitions),
-        correlation=(names, correlation_of(distribution, names)),
+        correlation=Correlation(names, correlation_of(distribution, names)),
         fit=replace(about.statistics, log_evidence=estimation.log_evidence),
         facts=_facts(problem, optimum, about, estimation, constants, drawn),
         warnings=(*_warnings(problem), *estimation.warnings),

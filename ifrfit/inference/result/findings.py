@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
-import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.types import Effort
+from ifrfit.inference.accuracy.effort import Effort
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
 from ifrfit.inference.distributions.protocol import Distribution
+from ifrfit.inference.io.plain import INTERNAL, OPTIONAL
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -23,6 +23,7 @@ from ifrfit.inference.result.state import distribution_of
 from ifrfit.inference.result.types import (
     Angles,
     Constants,
+    Correlation,
     Derived,
     Estimate,
     Fact,
@@ -32,13 +33,10 @@ from ifrfit.inference.result.types import (
     by_entry,
 )
 
-if TYPE_CHECKING:
-    import pandas as pd
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Findings:
-    """Everything that a fit found. Frozen.
+    """Everything that a fit found. Frozen; in the order of result.json, see `ifrfit.inference.io.plain`.
 
     Attributes
     ----------
@@ -52,7 +50,7 @@ class Findings:
     derived : mapping
         kappa, transition_angle_deg (by series; None where there is no transition), beta_sticking;
         poisson_ratio in the place of the latter under closure maw.
-    correlation : tuple
+    correlation : Correlation
         Names of the free constants and their correlation matrix.
     fit : FitStatistics
     facts : mapping of str to Fact
@@ -84,33 +82,35 @@ class Findings:
         File name to what the method writes beside result.json.
     """
 
+    created: str
+    command: str
+    seed: int
+    versions: Mapping[str, str]
+    inputs: tuple[Source, ...] = field(metadata={"key": "input"})
     closure: str
     inertia_factor: float
     method: str
-    inputs: tuple[Source, ...]
     noise: NoiseSummary
+    asked: tuple[Parameter, ...] = field(default=(), metadata=INTERNAL)
+    effort: Effort | None = field(default=None, metadata=OPTIONAL)
     constants: Constants
     derived: Derived
-    correlation: tuple[tuple[str, ...], NDArray[np.float64]]
+    correlation: Correlation
     fit: FitStatistics
     facts: Mapping[str, Fact]
+    scene: SceneOfData | None = field(default=None, metadata=OPTIONAL)
+    effects: tuple[EffectLine, ...] = field(default=(), metadata=OPTIONAL)
     warnings: tuple[str, ...]
     state: State
-    points: pd.DataFrame
-    seed: int = 0
-    command: str = ""
-    created: str = ""
-    versions: Mapping[str, str] = field(default_factory=dict)
-    asked: tuple[Parameter, ...] = ()
-    effort: Effort | None = None
-    scene: SceneOfData | None = None
-    effects: tuple[EffectLine, ...] = ()
-    problem: Problem | None = field(default=None, repr=False, compare=False)
-    least_squares: LeastSquaresFit | None = field(default=None, repr=False, compare=False)
+    points: pd.DataFrame = field(metadata=INTERNAL)
+    problem: Problem | None = field(default=None, repr=False, compare=False, metadata=INTERNAL)
+    least_squares: LeastSquaresFit | None = field(default=None, repr=False, compare=False, metadata=INTERNAL)
     # None stands for what `state` keeps of it, see __post_init__
-    distribution: Distribution = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
-    profiles: Mapping[str, ProfileLikelihood] = field(default_factory=dict, repr=False, compare=False)
-    files: Mapping[str, Saves] = field(default_factory=dict, repr=False, compare=False)
+    distribution: Distribution = field(default=None, repr=False, compare=False, metadata=INTERNAL)  # type: ignore[assignment]
+    profiles: Mapping[str, ProfileLikelihood] = field(
+        default_factory=dict, repr=False, compare=False, metadata=INTERNAL
+    )
+    files: Mapping[str, Saves] = field(default_factory=dict, repr=False, compare=False, metadata=INTERNAL)
 
     def __post_init__(self) -> None:
         if cast("Distribution | None", self.distribution) is None:

@@ -185,14 +185,14 @@ class FitResult(Findings, Display):
         return self._renderer().summary(self, style)
 
     def report(self, path: str | Path) -> None:
-        """Write the uncertainty report: one self-contained page, by the suffix html, md or pdf.
+        """Write the uncertainty report: one self-contained page, by the suffix html or md.
 
         The file appears whole or not at all; an earlier report is replaced, any other file is not.
 
         Parameters
         ----------
         path : str or Path
-            ``report.html``, ``report.md`` (with its figures beside it) or ``report.pdf``.
+            ``report.html`` or ``report.md`` (with its figures beside it).
 
         Raises
         ------

@@ -36,15 +36,14 @@ def draw(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:
     """Draw constants; see `FitResult.draws`."""
     if result.problem is None or result.state.sample is None:
         return draw_kept(result, n, rng)
-    names = result.state.names
-    return _table(names, to_coordinates(result.problem, names, result.distribution.draws(n, rng)))
+    return _table(result.state.names, to_coordinates(result.problem, result.distribution.draws(n, rng)))
 
 
 def draw_kept(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:
     """Draw from what a result keeps in its file: its 2,000 draws, or the Gaussian about the optimum."""
     state = result.state
     if state.sample is None:
-        return _table(state.names, _gaussian_draws(state, n, rng))
+        return _table(state.names, truncated_draws(state, n, rng))
     kept = state.sample.shape[0]
     return _table(state.names, state.sample[rng.choice(kept, n, replace=n > kept)])
 
@@ -53,10 +52,6 @@ def _table(names: tuple[str, ...], phi: Array) -> pd.DataFrame:
     import pandas as pd
 
     return pd.DataFrame(to_parameters(names, phi))
-
-
-def _gaussian_draws(state: State, n: int, rng: np.random.Generator) -> Array:
-    return truncated_draws(state.point, state.center, state.covariance, state.lower, state.upper, n, rng)
 
 
 def predict(
@@ -91,7 +86,7 @@ def predict(
     rng = np.random.default_rng(result.seed)
     sample = result.state.sample
     if sample is None:
-        sample = _gaussian_draws(result.state, _DRAWS, rng)
+        sample = truncated_draws(result.state, _DRAWS, rng)
     curves = _curves(result, wanted, incidence, sample, own_series)
     band = np.quantile(curves, _QUANTILES, axis=0)
     # where a bound holds the optimum back the curve runs along the edge of its band, never outside
@@ -112,12 +107,7 @@ def _curves(result: Findings, observable: Observable, incidence: Incidence, phi:
     e_n, c, mu = _constants(result.state, phi, closure.constant, series)
     curves = np.empty((phi.shape[0], incidence.sine.size))
     for block in np.array_split(np.arange(incidence.sine.size), max(1, incidence.sine.size // _AT_ONCE)):
-        part = Incidence(
-            *(
-                getattr(incidence, f)[block]
-                for f in ("sine", "cosine", "spin_x", "spin_y", "slip_x", "slip_y")
-            )
-        )
+        part = incidence.take(block)
         state = rebound_of(part, closure, e_n[:, None], c[:, None], mu[:, None], result.inertia_factor)
         curves[:, block] = observable.value(state, mu[:, None])
     return curves

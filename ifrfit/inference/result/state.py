@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,23 +37,22 @@ def state_of(
     drawn : mapping of str to ndarray, (n,), or None
         Draws of the distribution; None where the Gaussian is to stand.
     """
-    names, point, sample = gaussian.coordinates, gaussian.point, None
-    if drawn is not None:
-        sample = to_coordinates(problem, names, drawn)
-        point = point.copy()
-        for i, name in enumerate(names):
-            kind, series = split_name(name)
-            own = name_in(distribution.names, kind, series) if kind == "kappa" else name
-            if own in distribution.names:
-                point[i] = float(distribution.quantile(own, 0.5))
-            elif sample.shape[0]:  # a fixed entry is the same in all
-                point[i] = sample[0, i]
-    covariance, lower, upper = gaussian.covariance_of_coordinates, gaussian.lower, gaussian.upper
-    return State(names, point, gaussian.center, covariance, lower, upper, sample)
+    if drawn is None:
+        return gaussian.state
+    names, point = gaussian.state.names, gaussian.state.point.copy()
+    sample = to_coordinates(problem, drawn)
+    for i, name in enumerate(names):
+        kind, series = split_name(name)
+        own = name_in(distribution.names, kind, series) if kind == "kappa" else name
+        if own in distribution.names:
+            point[i] = float(distribution.quantile(own, 0.5))
+        elif sample.shape[0]:  # a fixed entry is the same in all
+            point[i] = sample[0, i]
+    return replace(gaussian.state, point=point, sample=sample)
 
 
-def to_coordinates(problem: Problem, names: tuple[str, ...], drawn: Mapping[str, Array]) -> Array:
-    """Draws of all entries of theta, (n, p), with kappa in the place of mu where the coordinates have it."""
+def to_coordinates(problem: Problem, drawn: Mapping[str, Array]) -> Array:
+    """Draws of all entries of theta, (n, p), with kappa in the place of mu where it can stand there."""
     n = next((values.size for values in drawn.values()), 0)
     parameters = problem.parameters
     columns = [
@@ -60,10 +60,8 @@ def to_coordinates(problem: Problem, names: tuple[str, ...], drawn: Mapping[str,
         for name, entry in zip(parameters.names, parameters.entries, strict=True)
     ]
     sample = np.column_stack(columns)
-    places = parameters.positions
-    for e_n, mu in {(int(e), int(m)) for e, m in zip(places["e_n"], places["mu"], strict=True)}:
-        if names[mu] != parameters.names[mu]:
-            sample[:, mu] *= 1.0 + sample[:, e_n]
+    for mu, e_n in parameters.kappa_places:
+        sample[:, mu] *= 1.0 + sample[:, e_n]
     return sample
 
 
@@ -86,16 +84,7 @@ def distribution_of(state: State) -> Draws | TruncatedGaussian:
             center = float(value[0]) + scale * float(state.center[place] - state.point[place])
             low, high = scale * float(state.lower[place]), scale * float(state.upper[place])
             marginals[name] = TruncatedNormal(float(value[0]), center, sd, low, high)
-    return TruncatedGaussian(
-        marginals,
-        loadings,
-        state.names,
-        state.point,
-        state.center,
-        state.covariance,
-        state.lower,
-        state.upper,
-    )
+    return TruncatedGaussian(marginals, loadings, state)
 
 
 def _loading(state: State, name: str) -> Array:

@@ -20,6 +20,9 @@ Interval = Annotated[tuple[float, float], Null((-math.inf, math.inf))]
 FloatOrNan = Annotated[float, Null((math.nan,))]
 Array = NDArray[np.float64]
 
+# the name of a noise common to all rows; every other noise has that of an observable
+FACTOR = "factor"
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -97,7 +100,7 @@ class NoiseSummary:
     sigma : mapping
         Sigma of each "series/observable".
     estimates : mapping
-        What the data say of each unknown sigma, by the same names; of the common factor under "".
+        What the data say of each unknown sigma, by the same names; of the common factor under `FACTOR`.
     prior : mapping
         Bounds of the log-uniform prior of each of these; empty where the method needs none.
     error_model : ErrorModel
@@ -108,10 +111,18 @@ class NoiseSummary:
 
     policy: str
     sigma: Mapping[str, FloatOrNan]
-    estimates: Mapping[str, Estimate] = field(default_factory=dict)
-    prior: Mapping[str, Interval] = field(default_factory=dict)
-    error_model: ErrorModel = PLAIN
-    separate: bool = False
+    estimates: Mapping[str, Estimate] = field(default_factory=dict, metadata=OPTIONAL)
+    prior: Mapping[str, Interval] = field(default_factory=dict, metadata=OPTIONAL)
+    error_model: ErrorModel = field(default=PLAIN, metadata={**OPTIONAL, "key": "scatter"})
+    separate: bool = field(default=False, metadata=OPTIONAL)
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Correlation matrix of the free constants."""
+
+    names: tuple[str, ...]
+    matrix: Annotated[Array, Shape(("names", "names"))]
 
 
 @dataclass(frozen=True)
@@ -164,7 +175,7 @@ class State:
 
 Constants = Mapping[str, Estimate | Mapping[str, Estimate]]
 Angles = Estimate | Sequence[Estimate] | None  # one transition, two, or none
-Derived = Mapping[str, Estimate | Mapping[str, Estimate] | Mapping[str, Angles]]
+Derived = Mapping[str, Estimate | Mapping[str, Angles]]
 
 
 def by_entry(constants: Constants) -> dict[str, Estimate]:

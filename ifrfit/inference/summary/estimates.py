@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
-from ifrfit.inference.model.entry_names import entry_name
+from ifrfit.inference.model.entry_names import split_name
 from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.result.estimation import Unresolved
-from ifrfit.inference.result.types import Constants, Estimate, Interval, NoiseSummary
+from ifrfit.inference.result.types import FACTOR, Constants, Estimate, Interval, NoiseSummary, by_entry
 from ifrfit.inference.summary.status import (
     AT_BOUND,
     KAPPA,
@@ -102,7 +102,7 @@ def estimates_of(
     local_kappas: Kappas,
     unresolved: Mapping[str, Unresolved] | None = None,
 ) -> tuple[Constants, Kappas]:
-    """Every constant from its marginal, and kappa of each series.
+    """Every constant from its marginal, and kappa of each series, as `by_constant`.
 
     Parameters
     ----------
@@ -115,27 +115,49 @@ def estimates_of(
         By name, what gets no value for other reasons.
     """
     reasons = unresolved or {}
-    found: dict[str, Estimate | Mapping[str, Estimate]] = {}
+    parameters, known = problem.parameters, by_entry(local)
+
+    def of_entry(place: int) -> Estimate:
+        name = parameters.names[place]
+        return _estimate(distribution, name, parameters.entries[place].domain, known[name], reasons)
+
+    def of_kappa(number: int) -> Estimate:
+        kappa = parameters.kappas[number]
+        own = local_kappas[problem.series[number]]
+        return _estimate(distribution, kappa.name, kappa.domain, own, reasons)
+
+    return by_constant(problem, of_entry, of_kappa)
+
+
+def by_constant(
+    problem: Problem, of_entry: Callable[[int], Estimate], of_kappa: Callable[[int], Estimate]
+) -> tuple[Constants, Kappas]:
+    """Every constant (an `Estimate`, or one a series where it is separate), and kappa of each series.
+
+    Parameters
+    ----------
+    problem : Problem
+    of_entry : callable
+        From the place of a free entry of theta to its estimate.
+    of_kappa : callable
+        From the number of a series to the estimate of its kappa, where e_n and mu are free; asked of the
+        first of those that share it.
+    """
+    constants: dict[str, Estimate | Mapping[str, Estimate]] = {}
+    estimates = [
+        of_entry(place) if entry.fixed is None else fixed_estimate(entry.fixed)
+        for place, entry in enumerate(problem.parameters.entries)
+    ]
     for constant in problem.parameters:
-        own = local[constant.name]
-        domain = constant.domain
-        if isinstance(own, Estimate):
-            found[constant.name] = _estimate(distribution, constant.name, domain, own, reasons)
-        else:
-            found[constant.name] = {
-                series: _estimate(distribution, entry_name(constant.name, series), domain, each, reasons)
-                for series, each in own.items()
-            }
-    kappas = {}
-    for number, series in enumerate(problem.series):
-        kappas[series] = kappa_of_constants(problem, number, found) or _estimate(
-            distribution,
-            problem.parameters.kappas[number].name,
-            problem.parameters.kappas[number].domain,
-            local_kappas[series],
-            reasons,
-        )
-    return found, kappas
+        places = problem.parameters.positions[constant.name]
+        each = {series: estimates[place] for series, place in zip(problem.series, places, strict=True)}
+        constants[constant.name] = each if constant.separate else each[problem.series[0]]
+    names = [kappa.name for kappa in problem.parameters.kappas]
+    kappas = [
+        kappa_of_constants(problem, number, constants) or of_kappa(names.index(name))
+        for number, name in enumerate(names)
+    ]
+    return constants, dict(zip(problem.series, kappas, strict=True))
 
 
 def _estimate(
@@ -202,7 +224,7 @@ def noise_of(
         if not name.startswith("noise"):
             continue
         low95, low68, median, high68, high95 = (float(q) for q in distribution.quantile(name, LEVELS))
-        estimates[name[len("noise[") : -1]] = Estimate(
+        estimates[split_name(name)[1] or FACTOR] = Estimate(
             median,
             distribution.sd(name),
             (low68, high68),
@@ -216,13 +238,14 @@ def noise_of(
             own = estimates.get(name, estimates.get(name.rpartition("/")[2]))
             if own is not None and own.value is not None:
                 sigma[name] = own.value
-    elif "" in estimates and (factor := estimates[""].value) is not None:
+    elif FACTOR in estimates and (factor := estimates[FACTOR].value) is not None:
         for name, rows in problem.groups().items():
             sigma[name] = factor * float(np.sqrt((problem.noise.sigma[rows] ** 2).mean()))
     if problem.noise.is_scaled and local.policy == "unknown":  # the factor is on a sigma of 1
         (group,) = replace(problem.noise, policy="unknown").groups(problem.groups(), len(problem.series))
-        estimates, bounds = {group: estimates[""]}, {group: bounds[""]}
-    return NoiseSummary(local.policy, sigma, estimates, dict(bounds), local.error_model, local.separate)
+        estimates, bounds = {group: estimates[FACTOR]}, {group: bounds[""]}
+    prior = {name or FACTOR: ends for name, ends in bounds.items()}
+    return NoiseSummary(local.policy, sigma, estimates, prior, local.error_model, local.separate)
 
 
 def correlation_of(distribution: Distribution, names: tuple[str, ...]) -> Array:

@@ -15,6 +15,7 @@ from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.types import State
 from ifrfit.inference.summary.status import on_bound
 from ifrfit.physics.impulse_laws import Coefficients
 
@@ -26,27 +27,34 @@ def truncated_gaussian(problem: Problem, fit: LeastSquaresFit) -> TruncatedGauss
     local = fit.gaussian
     lower, upper, gradient = _bounds(problem, fit)
     reasons = prior_reasons(problem, fit)
+    priors = dict(zip(problem.parameters.names, (c.prior for c in problem.parameters.entries), strict=True))
     loadings, marginals = {}, {}
-    for place in np.flatnonzero(problem.parameters.free).tolist():
-        name, constant = problem.parameters.names[place], problem.parameters.entries[place]
-        loadings[name] = local.to_theta[place]
-        domain = constant.domain
-        value = float(fit.optimum.theta[place])
+    for name, (value, functional, domain) in _quantities(problem, fit).items():
         # the width of a prior is known, whatever the noise of the rows
-        dof = math.inf if constant.prior is not None and name in reasons else fit.noise_dof
-        marginals[name] = _marginal(fit, value, loadings[name], domain, dof, gradient)
-    for number, kappa in enumerate(problem.parameters.kappas):
-        if kappa.name and kappa.name not in loadings:
-            value, functional = kappa_at(problem, fit, number)
-            loadings[kappa.name] = functional
-            marginals[kappa.name] = _marginal(fit, value, functional, kappa.domain, fit.noise_dof, gradient)
+        dof = math.inf if priors.get(name) is not None and name in reasons else fit.noise_dof
+        loadings[name] = functional
+        marginals[name] = _marginal(fit, value, functional, domain, dof, gradient)
     for number, series in enumerate(problem.series):
         transition = _transition(problem, fit, number, gradient)
         if transition is not None:
             marginals[transition_name(series)] = transition
     covariance = local.covariance(capped=True)
     center = local.phi - 0.5 * covariance @ gradient
-    return TruncatedGaussian(marginals, loadings, local.names, local.phi, center, covariance, lower, upper)
+    state = State(local.names, local.phi, center, covariance, lower, upper)
+    return TruncatedGaussian(marginals, loadings, state)
+
+
+def _quantities(problem: Problem, fit: LeastSquaresFit) -> dict[str, tuple[float, Array, Domain]]:
+    """Optimum of each free entry of theta and kappa, derivative by the local coordinates, and domain."""
+    theta, names, entries = fit.optimum.theta, problem.parameters.names, problem.parameters.entries
+    found = {
+        names[place]: (float(theta[place]), fit.gaussian.to_theta[place], entries[place].domain)
+        for place in np.flatnonzero(problem.parameters.free).tolist()
+    }
+    for number, kappa in enumerate(problem.parameters.kappas):
+        if kappa.name and kappa.name not in found:
+            found[kappa.name] = (*kappa_at(problem, fit, number), kappa.domain)
+    return found
 
 
 def _marginal(
@@ -120,23 +128,13 @@ def prior_reasons(problem: Problem, fit: LeastSquaresFit) -> dict[str, str]:
     if not named:
         return {}
     bare = gaussian_approximation(problem, fit.sigma, fit.optimum.theta, with_priors=False)
-    functionals = {
-        problem.parameters.names[place]: (
-            fit.gaussian.to_theta[place],
-            problem.parameters.entries[place].prior_sd,
-        )
-        for place in np.flatnonzero(problem.parameters.free).tolist()
-    }
-    for number, kappa in enumerate(problem.parameters.kappas):
-        if kappa.name:
-            functionals[kappa.name] = kappa_at(problem, fit, number)[1], kappa.domain.prior_sd
     reason = f"rests on your prior of {' and '.join(named)}"
     informed = any(c.is_informed for c in problem.parameters if c.prior is not None)
     found = {}
-    for name, (functional, prior_sd) in functionals.items():
-        without = bare.variance(functional, prior_sd)
+    for name, (_, functional, domain) in _quantities(problem, fit).items():
+        without = bare.variance(functional, domain.prior_sd)
         if math.isinf(without):
             found[name] = reason if informed else ""
-        elif fit.gaussian.variance(functional, prior_sd) < HALF**2 * without:
+        elif fit.gaussian.variance(functional, domain.prior_sd) < HALF**2 * without:
             found[name] = reason
     return found

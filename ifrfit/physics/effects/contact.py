@@ -200,5 +200,5 @@ class Impacts:
     def take(self, rows: NDArray[np.intp]) -> Impacts:
         """These impacts only; arrays must have one dimension."""
         own: dict[str, Any] = {n: a[rows] for n, a in vars(self).items() if isinstance(a, np.ndarray)}
-        incidence = Incidence(**{name: array[rows] for name, array in vars(self.incidence).items()})
+        incidence = self.incidence.take(rows)
         return replace(self, incidence=incidence, **own)

@@ -243,7 +243,7 @@ class _Planner:
                 reason += f"; remove {self.given[effect.replaces]} to compute it"
             alarm = state != "on" and acts and change > self.accuracy
             # without the closure's constant there is nothing to compare with
-            shown = None if name == "compliance" and self._needed(name) else change
+            shown = None if effect.replaces == "tangential" and self._needed(name) else change
             lines.append(
                 PlanLine(name, effect.title, state, criterion, shown, observable, reason, remark, alarm)
             )
@@ -259,10 +259,12 @@ class _Planner:
                 raise DataError(
                     f"effects lists {name}, but {obstacles[name]}. Change that, or take {name} off."
                 )
-        if self.impacts.constant is None and obstacles["compliance"]:
+        laws = {name: obstacles[name] for name, e in EFFECTS.items() if e.replaces == "tangential"}
+        if self.impacts.constant is None and all(laws.values()):
+            law, obstacle = next(iter(laws.items()))
             raise DataError(
-                f"constants.{self.impacts.closure.constant} is missing, and compliance cannot take its "
-                f"place: {obstacles['compliance']}."
+                f"constants.{self.impacts.closure.constant} is missing, and {law} cannot take its place: "
+                f"{obstacle}."
             )
 
     def _check_restitution(self, laws: Sequence[str]) -> None:
@@ -282,14 +284,16 @@ class _Planner:
 
     def _needed(self, name: str) -> bool:
         """Whether nothing can be computed without it."""
-        if name == "lateral-spin":
+        if EFFECTS[name].stage == "plane":
             return bool(np.any(self.impacts.incidence.spin_x != 0.0))
-        return name == "compliance" and self.impacts.constant is None
+        return EFFECTS[name].replaces == "tangential" and self.impacts.constant is None
 
     def _change(self, one: Sequence[str], two: Sequence[str]) -> tuple[float, str]:
         """Largest change between two sets of effects, and the observable it happens to."""
-        if self.impacts.constant is None and ("compliance" in one) != ("compliance" in two):
-            return math.inf, self.observables[0]
+        if self.impacts.constant is None:
+            laws = [any(EFFECTS[name].replaces == "tangential" for name in names) for names in (one, two)]
+            if laws[0] != laws[1]:
+                return math.inf, self.observables[0]
         first, second = (compose(self.contact, self.impacts, names) for names in (one, two))
         found = differences(first, second, self.impacts.mu, self.observables)
         observable = max(found, key=lambda name: found[name])
@@ -332,7 +336,7 @@ class _Planner:
             return "constant", f"{constant} is given and stays"
         if name in refused:
             return ("off", "") if small else ("refused", "not computed")
-        if name == "lateral-spin":
+        if EFFECTS[name].stage == "plane":
             return ("on", "in 3-D") if self._needed(name) else ("off", "planar")
         if name not in dropped:
             if self.requested != "auto":

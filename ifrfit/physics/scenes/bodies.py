@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ifrfit.errors import DataError
@@ -16,26 +16,40 @@ from ifrfit.physics.scenes.toml_table import Table
 from ifrfit.physics.units import dimension_of
 
 DIAMETERS = (1e-10, 100.0)
-Bodies = tuple[Contact, Quantity, str, str, tuple[str, ...]]
 
 
-def read_contact(top: Table) -> Bodies:
+@dataclass(frozen=True, kw_only=True)
+class Bodies:
+    """What hits what.
+
+    Attributes
+    ----------
+    contact : Contact
+    gives_inertia : bool
+        Whether the file states the inertia factor.
+    diameter : Quantity
+        m.
+    body, wall : str
+        What they are made of, in words; may be empty.
+    sources : tuple of str
+        Where the numbers of named materials come from.
+    """
+
+    contact: Contact
+    gives_inertia: bool
+    diameter: Quantity
+    body: str
+    wall: str
+    sources: tuple[str, ...] = ()
+
+
+def read_bodies(top: Table) -> Bodies:
     """Read [sphere], [wall], [contact] and [fluid].
 
     Parameters
     ----------
     top : Table
         The whole file.
-
-    Returns
-    -------
-    contact : Contact
-    diameter : Quantity
-        m.
-    body, wall : str
-        In words.
-    sources : tuple of str
-        Of the numbers of named materials.
 
     Raises
     ------
@@ -59,7 +73,14 @@ def read_contact(top: Table) -> Bodies:
             contact = contact.with_numbers(**{each.name: value})
     between.done()
     sources = tuple(f"{m.name}: {m.source}" for m in dict.fromkeys((ball, plane)) if m.source)
-    return contact, diameter, ball.name, plane.name, sources
+    return Bodies(
+        contact=contact,
+        gives_inertia=inertia is not None,
+        diameter=diameter,
+        body=ball.name,
+        wall=plane.name,
+        sources=sources,
+    )
 
 
 def contact_of(ball: Material, plane: Material, inertia_factor: float = SOLID) -> Contact:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from ifrfit.physics.closures import CLOSURES
 from ifrfit.physics.effects import EFFECTS
 from ifrfit.physics.effects.plan import Requested
 from ifrfit.physics.observables import OBSERVABLES
-from ifrfit.physics.scenes.bodies import read_contact
+from ifrfit.physics.scenes.bodies import Bodies, read_bodies
 from ifrfit.physics.scenes.quantities import Quantity
 from ifrfit.physics.scenes.scene import Scene
 from ifrfit.physics.scenes.toml_table import Table
@@ -44,6 +45,37 @@ def read_scene(path: str | Path) -> Scene:
     path = Path(path)
     content, sha256 = load(path)
     return _scene(content, path, sha256)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings(Bodies):
+    """What a scene file says of the bodies, and the speed (m/s) where it gives one."""
+
+    speed: Quantity | None
+
+
+def read_surroundings(path: str | Path) -> Surroundings:
+    """Read of a scene file what hits what, for impacts that were measured.
+
+    Parameters
+    ----------
+    path : str or Path
+        A scene file; [sphere] is needed, [wall], [contact], [fluid] and the speed of [impact] are taken where
+        they are there. The rest of it may be missing and is not read.
+
+    Raises
+    ------
+    DataError
+        As `read_scene`.
+    """
+    content, _ = load(Path(path))
+    top = Table(content, "", str(path))
+    bodies = read_bodies(top)
+    speed = top.table("impact").quantity("speed", "speed", low=SPEEDS[0], high=SPEEDS[1])
+    for key in ("title", "effects", "accuracy", "constants", "observables", "noise"):
+        top.raw(key)
+    top.done()
+    return Surroundings(**vars(bodies), speed=speed)
 
 
 def load(path: Path) -> tuple[dict[str, Any], str]:
@@ -77,20 +109,18 @@ def _scene(content: dict[str, Any], path: Path, sha256: str) -> Scene:
     effects = _effects(top)
     accuracy = top.number("accuracy", low=1e-12, high=1.0)
     impact = top.table("impact")
-    contact, diameter, body, wall, sources = read_contact(top)
+    bodies = read_bodies(top)
     table = top.table("constants")
-    closure, constants, result, series = _constants(table, path, contact.inertia_factor)
-    conditions, spin_unit = _conditions(impact, diameter)
+    closure, constants, result, series = _constants(table, path, bodies.contact.inertia_factor)
+    conditions, spin_unit = _conditions(impact, bodies.diameter)
     observables = _observables(top, conditions)
     noise = _noise(top.table("noise"), observables)
     top.done()
     scene = Scene(
+        **vars(bodies),
         name=path.stem,
         title=title,
         sha256=sha256,
-        contact=contact,
-        body=body,
-        wall=wall,
         conditions=conditions,
         spin_unit=spin_unit,
         closure=closure,
@@ -101,7 +131,6 @@ def _scene(content: dict[str, Any], path: Path, sha256: str) -> Scene:
         observables=observables,
         accuracy=1e-3 if accuracy is None else accuracy,
         noise=noise,
-        sources=sources,
     )
     if len(scene.axes) > MOST_AXES:
         raise DataError(

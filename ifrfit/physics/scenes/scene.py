@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.effects import Contact
 from ifrfit.physics.effects.plan import Requested
+from ifrfit.physics.scenes.bodies import Bodies
 from ifrfit.physics.scenes.quantities import Quantity
 
 AXES = ("gamma_deg", "speed_m_s", "spin_x", "spin_y", "diameter_m")
 
 
-@dataclass(frozen=True)
-class Scene:
-    """What a scene file says.
+@dataclass(frozen=True, kw_only=True)
+class Scene(Bodies):
+    """What a scene file says: the bodies, and the impacts.
 
     Attributes
     ----------
@@ -28,9 +28,6 @@ class Scene:
     title : str
     sha256 : str
         Of the file, hexadecimal.
-    contact : Contact
-    body, wall : str
-        What they are made of, in words; may be empty.
     conditions : mapping
         `AXES` to their quantities: degrees, m/s, spins as `spin_unit` says, m.
     spin_unit : str
@@ -48,16 +45,11 @@ class Scene:
         Change of an observable allowed to all dropped effects together; angles in radians.
     noise : mapping
         Observable to the standard deviation of the noise that is added.
-    sources : tuple of str
-        Where the numbers of the materials come from.
     """
 
     name: str
     title: str
     sha256: str
-    contact: Contact
-    body: str
-    wall: str
     conditions: Mapping[str, Quantity]
     spin_unit: str
     closure: str
@@ -68,7 +60,6 @@ class Scene:
     observables: tuple[str, ...]
     accuracy: float
     noise: Mapping[str, float] = field(default_factory=dict)
-    sources: tuple[str, ...] = ()
 
     @property
     def axes(self) -> tuple[str, ...]:

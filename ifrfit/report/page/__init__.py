@@ -1,4 +1,4 @@
-"""The uncertainty report: one page that a colleague can open in ten years; the same as Markdown or PDF."""
+"""The uncertainty report: one page that a colleague can open in ten years; the same as Markdown."""
 
 from __future__ import annotations
 

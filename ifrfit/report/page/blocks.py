@@ -1,4 +1,4 @@
-"""What a report consists of, before anybody decides whether it becomes HTML, Markdown or PDF."""
+"""What a report consists of, before anybody decides whether it becomes HTML or Markdown."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.entry_names import quantity_of, split_name
 from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import FACTOR
 from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.report import style
 from ifrfit.report.page.drawings.canvas import shortened
@@ -116,7 +117,7 @@ def _yardstick(result: FitResult) -> str:
     words = "the sigma that the data state"
     if result.noise.policy == "known":
         return words
-    found = result.noise.estimates.get("")
+    found = result.noise.estimates.get(FACTOR)
     optimum = float((result.points["sigma_used"] / result.points["sigma"]).median())
     factor = optimum if found is None or found.value is None else found.value
     return f"{words}; the noise of the fit is {factor:.3g} times that"

@@ -13,7 +13,7 @@ from typing import Protocol
 from ifrfit.report.page.blocks import Block, Report
 from ifrfit.report.page.report_input import ReportInput
 
-# every report holds it, near its beginning or its end, so that a later one may take its place
+# every report holds it, near its beginning, so that a later one may take its place
 GENERATOR = "ifrfit report"
 
 
@@ -30,8 +30,8 @@ class FormatWriter(Protocol):
     def __call__(self, report: Report, stem: str, /) -> Mapping[str, bytes]:
         """Files by name, the report itself first, whose name is ``stem`` with the suffix of the format.
 
-        The same report gives the same bytes. The report itself holds `GENERATOR` in its first 4,096 or last
-        65,536 bytes, or it would not be replaced by the next one; files beside it are pictures (.png), in a
+        The same report gives the same bytes. The report itself holds `GENERATOR` in its first 4,096
+        bytes, or it would not be replaced by the next one; files beside it are pictures (.png), in a
         folder ``stem-...``.
         """
 

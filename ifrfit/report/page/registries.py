@@ -6,7 +6,6 @@ from ifrfit.registry import Registry
 from ifrfit.report.page import (
     html,
     markdown,
-    pdf,
 )
 from ifrfit.report.page.plugins import ReportFormat, ReportSection
 from ifrfit.report.page.sections import (
@@ -49,6 +48,5 @@ FORMATS: Registry[ReportFormat] = Registry(
     (
         html.FORMAT,
         markdown.FORMAT,
-        pdf.FORMAT,
     ),
 )

@@ -69,9 +69,20 @@ def check_report(path: Path, *, force: bool = False) -> None:
     UsageError
         If its suffix is no format of reports, or where something else lies there.
     """
-    if path.suffix.removeprefix(".") not in FORMATS:
-        raise UsageError(f"{path}: a report ends in {', '.join('.' + each for each in FORMATS)}.")
+    check_format(path.suffix.removeprefix("."), str(path))
     check_free(path, force=force)
+
+
+def check_format(name: str, where: str) -> None:
+    """Refuse what is no format of reports; `where` it was asked for begins the message.
+
+    Raises
+    ------
+    UsageError
+    """
+    if name not in FORMATS:
+        remedy = "print the page from a browser for a PDF" if name == "pdf" else "choose one of them"
+        raise UsageError(f"{where}: a report is {', '.join(FORMATS)}; {remedy}.")
 
 
 def check_free(path: Path, *, force: bool) -> None:
@@ -89,9 +100,9 @@ def check_free(path: Path, *, force: bool) -> None:
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether a file is an earlier report: it says so itself, at its beginning or, a PDF, at its end."""
-    content = path.read_bytes()
-    return GENERATOR.encode() in content[:4096] or GENERATOR.encode() in content[-65536:]
+    """Whether a file is an earlier report: it says so itself, at its beginning."""
+    with path.open("rb") as file:
+        return GENERATOR.encode() in file.read(4096)
 
 
 def put(folder: Path, files: Files, *, force: bool) -> None:

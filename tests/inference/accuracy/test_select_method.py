@@ -13,16 +13,10 @@ from json_schemas import validator
 import ifrfit
 from ifrfit import AngleErrors, Automatic, Exact, Model, Noise
 from ifrfit.errors import UsageError
+from ifrfit.inference.accuracy.effort import Effort
 from ifrfit.inference.accuracy.mcmc_accuracy import END, check_reachable, halting, reachable, standard_error
-from ifrfit.inference.accuracy.messages import says
 from ifrfit.inference.accuracy.request import make_request
-from ifrfit.inference.accuracy.select_method import (
-    UNASKED,
-    chains_as_requested,
-    exact_as_requested,
-    picked_as_requested,
-)
-from ifrfit.inference.accuracy.types import Effort
+from ifrfit.inference.accuracy.select_method import UNASKED, as_requested
 from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.estimators import make_estimator
 from ifrfit.inference.io.read_result import from_dict
@@ -49,10 +43,10 @@ class Ticking:
         return self.now
 
 
-def reached(lsq, run=picked_as_requested, *, accuracy=None, budget=None, step=1e-6, **more):
+def reached(lsq, *, accuracy=None, budget=None, step=1e-6, **more):
     problem, optimum = lsq.problem_and_optimum()
     request = make_request(accuracy, budget, clock=Ticking(step))
-    return build_result(problem, optimum, run(problem, optimum, request, **more))
+    return build_result(problem, optimum, as_requested(problem, optimum, request, **more))
 
 
 def test_a_budget_with_time_enough_comes_to_the_finest(lsq):
@@ -66,7 +60,7 @@ def test_a_budget_that_is_over_leaves_least_squares(lsq):
     assert found.method == found.effort.method == "lsq"
     assert found.effort.reached is None
     assert found.constants["mu"] == lsq.constants["mu"]
-    assert "how far from the posterior is not known" in says(found.effort)
+    assert "how far from the posterior is not known" in found.effort.says
     assert found.facts["converged"].ok  # nothing was asked of its accuracy
 
 
@@ -91,7 +85,7 @@ def test_time_that_ends_anywhere_leaves_a_whole_result():
     for looks in range(1, 16):
         seen = iter(range(10_000))
         request = make_request(0.1, 1.0, clock=lambda looks=looks, seen=seen: float(next(seen) > looks))
-        found = picked_as_requested(problem, optimum, request)
+        found = as_requested(problem, optimum, request)
         end = found.method, "sharing" in found.diagnostics
         assert (UNASKED in found.warnings) == (end == ("exact", False))
         ends.add(end)
@@ -99,14 +93,14 @@ def test_time_that_ends_anywhere_leaves_a_whole_result():
 
 
 def test_who_insists_on_exact_gets_it_late_rather_than_not(lsq):
-    found = reached(lsq, run=exact_as_requested, budget=1.0, step=1.1)
+    found = reached(lsq, methods=["exact"], budget=1.0, step=1.1)
     assert found.effort.method == "exact"
     assert found.effort.tolerance == 0.1
     assert found.effort.seconds > 1.0
 
 
 def test_who_insists_on_chains_gets_a_few_steps_and_is_told(lsq):
-    found = reached(lsq, run=chains_as_requested, budget=1.0, step=1.1)
+    found = reached(lsq, methods=["mcmc"], budget=1.0, step=1.1)
     assert (found.method, found.effort.steps) == ("mcmc", 50)
     assert not found.facts["converged"].ok
 
@@ -237,7 +231,7 @@ def test_the_page_tells_it_and_repeats_it(lsq):
     ],
 )
 def test_the_line_says_what_was_picked_reached_and_asked(effort, text):
-    assert says(effort) == text
+    assert effort.says == text
 
 
 def test_an_accuracy_that_was_asked_is_met_or_not():

@@ -123,7 +123,7 @@ def test_rows_drawn_in_the_place_of_impacts_come_out_too_narrow() -> None:
     rows = Cases.of(problem, np.arange(problem.rows.value.size))
     apart = bootstrap(problem, found, scheme=rows, replicates=1000)
     once = bootstrap(*fitted(scene(30, seed=2)), replicates=1000).draws
-    assert apart.splits_impacts
+    assert apart.scheme.splits_impacts
     for name in ("e_n", "e_t", "mu"):
         assert impacts[name].std() == pytest.approx(once[name].std(), rel=0.2)
         ratio = apart.draws[name].std() / impacts[name].std()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -18,7 +17,6 @@ from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.closure_questions import chosen_closures
 from ifrfit.inference.io.json_text import dumps
 from ifrfit.physics.closures import CLOSURES
-from ifrfit.registry import registered
 
 
 @pytest.fixture(scope="module")
@@ -34,25 +32,6 @@ def found(data):
 @pytest.fixture(scope="module")
 def schema():
     return validator("compare")
-
-
-def test_every_closure_of_the_registry_takes_part(data):
-    found = compare(data, loo=False, fix={"e_n": 0.9, "mu": 0.15}, noise="known")
-    assert tuple(found.entries) == tuple(CLOSURES)
-    assert ifrfit.compare is compare
-
-
-def test_a_closure_added_later_takes_part(data):
-    with registered(replace(CLOSURES["ifr"], name="other", title="Other")):
-        found = compare(data, ("ifr", "other"), loo=False, fix={"e_n": 0.9}, noise="known")
-    assert found.entries["other"].log_evidence == pytest.approx(found.entries["ifr"].log_evidence, abs=1e-9)
-    assert {"ifr", "other"} <= set(found.verdict.tied)
-
-
-def test_fits_are_the_fits(found, data):
-    own = ifrfit.fit(data, closure="fr", fix={"e_n": 0.9}, noise="known")
-    assert found.entries["fr"].log_evidence == own.fit.log_evidence
-    assert found.entries["fr"].fit.constants == own.constants
 
 
 def test_choices_hold_where_the_constant_is(data):
@@ -151,14 +130,6 @@ def test_schema_refuses_what_it_should(found, schema):
     content = found.to_dict()
     for key, value in (("schema", "ifrfit/compare/2"), ("verdict", {}), ("closures", {}), ("extra", 1)):
         assert not schema.is_valid({**content, key: value}), key
-
-
-def test_it_is_the_same_every_time(found, data):
-    again = compare(data, FOUR, fix={"e_n": 0.9}, noise="known", command="ifrfit compare made.csv")
-    first, second = found.to_dict(), again.to_dict()
-    for content in (first, second):
-        content.pop("created")
-    assert first == second
 
 
 def test_save_writes_the_whole_file(found, tmp_path):

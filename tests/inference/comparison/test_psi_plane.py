@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from ifrfit.inference.comparison.psi_plane import psi_plane
 from ifrfit.inference.comparison.psi_rows import psi_rows
-from ifrfit.inference.model.error_model import make_error_model
+from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics.closures import CLOSURES
 
 # closure, its constant, slope of sliding, slope of sliding less that of sticking; for inertia factor J
@@ -171,7 +171,7 @@ def test_other_scatter_is_not_taken_for_gaussian():
     from dataclasses import replace
 
     problem = problem_of(observations("ifr", e_t=-0.8), "f", noise="known")
-    plane = psi_plane([replace(problem, error_model=make_error_model(tails="student-t"))])
+    plane = psi_plane([replace(problem, error_model=ErrorModel(tails="student-t"))])
     assert "Gaussian errors of the values only" in plane.reason
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calibrate_closures import page, verdict
 from calibration_verdict import FAMILY, binomial_p
-from closure_page import page, verdict
 from closure_study import (
     BILINEAR,
     CLOSURES,

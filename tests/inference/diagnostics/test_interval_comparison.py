@@ -13,6 +13,7 @@ from scipy import special
 
 from ifrfit.inference.diagnostics.interval_comparison import intervals
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
+from ifrfit.inference.posterior import integrate
 
 Z = float(special.ndtri(0.975))
 
@@ -120,14 +121,13 @@ def test_widths_disagree_beyond_a_factor() -> None:
 
 
 def test_the_exact_posterior_itself(tmp_path: Path) -> None:
-    posterior = pytest.importorskip("ifrfit.inference.posterior")
     problem, fit = question(tmp_path, table(GRAZING, sigma=0.01, seed=1, e_t=-0.9))
-    found = intervals(problem, fit, posterior.integrate(problem, start=fit))
+    found = intervals(problem, fit, integrate(problem, start=fit))
     assert disagreements(found) == ()
     both = found[["covariance_low", "covariance_high"]].to_numpy()
     width = (both[:, 1] - both[:, 0])[:, None]
     assert (np.abs(found[["exact_low", "exact_high"]].to_numpy() - both) <= 0.01 * width).all()
     # at a bound they part, and the exact one is named
     problem, fit = question(tmp_path, table(sigma=0.1, seed=1))
-    said = disagreements(intervals(problem, fit, posterior.integrate(problem, start=fit)))
+    said = disagreements(intervals(problem, fit, integrate(problem, start=fit)))
     assert any(one.startswith("e_t: ") and "beyond the bound -1" in one for one in said)

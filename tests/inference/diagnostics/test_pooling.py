@@ -104,12 +104,6 @@ def test_within_a_factor_three_there_is_no_preference(gain):
     assert fact.figures["preferred"] is None
 
 
-def test_shared_by_far_is_no_fault_of_the_fit():
-    fact = sharing(build(separate=("mu",)), 0.0, Fake({(): 50.0}))
-    assert fact.ok
-    assert fact.says.endswith("by a factor e^50")
-
-
 def test_several_separate_constants_are_tried_together_and_one_by_one():
     fake = Fake({(): -9.0, ("mu",): 4.0, ("e_t",): -7.0})
     fact = sharing(build(separate=("e_t", "mu")), 0.0, fake)
@@ -221,19 +215,6 @@ def grid(problem):
     separate = any(c.separate for c in problem.parameters)
     found = sum(log_mean(x) for x in log_l) if separate else log_mean(log_l.sum(axis=0))
     return SimpleNamespace(log_evidence=found)
-
-
-@pytest.mark.parametrize(("mu", "preferred"), [((0.1, 0.1), []), ((0.1, 0.2), ["mu"])])
-def test_evidence_over_a_grid_tells_the_two_apart(mu, preferred):
-    fix = {"e_n": 0.9, "e_t": -0.8}
-    apart, together = build(mu, separate=("mu",), fix=fix), build(mu, fix=fix)
-    asked = sharing(apart, grid(apart).log_evidence, grid)
-    other = sharing(together, grid(together).log_evidence, grid, names=("mu",))
-    assert asked.figures["preferred"] == other.figures["preferred"] == preferred
-    assert asked.ok
-    assert other.ok == (not preferred)
-    gains = [fact.figures["models"][1]["log_bayes_factor"] for fact in (asked, other)]
-    assert gains[0] == pytest.approx(-gains[1], rel=1e-12)
 
 
 @pytest.mark.parametrize(("mu", "preferred"), [((0.1, 0.1), []), ((0.1, 0.2), ["mu"])])

@@ -109,7 +109,7 @@ def test_read_like_the_posterior_that_it_was_drawn_from(impacts, choice) -> None
     angles = told.derived["transition_angle_deg"]
     for series, one in angles.items():
         assert_alike(one, exact.derived["transition_angle_deg"][series])
-    assert told.correlation[1] == pytest.approx(exact.correlation[1], abs=6.0 / math.sqrt(M))
+    assert told.correlation.matrix == pytest.approx(exact.correlation.matrix, abs=6.0 / math.sqrt(M))
     assert told.state.names == exact.state.names
 
 

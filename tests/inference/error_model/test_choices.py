@@ -11,9 +11,9 @@ from ifrfit import AngleErrors, Noise
 from ifrfit.errors import IfrfitError
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.io.plain import Node, from_plain, to_plain
-from ifrfit.inference.keywords import noise_of
 from ifrfit.inference.model.error_law import STUDENT_T
-from ifrfit.inference.model.error_model import PLAIN, ErrorModel, make_error_model
+from ifrfit.inference.model.error_model import PLAIN, ErrorModel
+from ifrfit.inference.option_fields import build
 from ifrfit.inference.result.restore import question
 from ifrfit.physics import rebound
 from ifrfit.report.page import page
@@ -68,12 +68,12 @@ def said(call):
     ],
 )
 def test_choices_that_cannot_be_are_refused_in_words(choice, words):
-    assert words in said(lambda: make_error_model(**choice))
+    assert words in said(lambda: build(Noise, choice))
 
 
 def test_choices_come_back_as_they_were_made():
-    assert make_error_model() == PLAIN
-    assert make_error_model(tails="student-t").dof == STUDENT_T.default_dof
+    assert ErrorModel() == PLAIN
+    assert ErrorModel(tails="student-t").dof == STUDENT_T.default_dof
     choices = {
         "dof": 7.0,
         "angle_errors": "measured",
@@ -83,10 +83,10 @@ def test_choices_come_back_as_they_were_made():
         "sigma_spin": None,
         "tails": "student-t",
     }
-    chosen = make_error_model(**choices)
+    chosen = build(Noise, choices).error_model
     assert to_plain(chosen) == choices | {"angle_population": [5.0, 80.0]}
     assert from_plain(ErrorModel, Node(to_plain(chosen), "", "")) == chosen
-    assert make_error_model(sigma_velocity=0.01, sigma_spin=0.02).is_plain
+    assert ErrorModel(velocity=0.01, spin=0.02).is_plain
 
 
 # method, scatter, closure: run, or refused with these words (docs/noise.md shows the same table)
@@ -112,16 +112,14 @@ def test_support_of_method_by_noise_by_closure(tmp_path, closure, method, choice
     path = table_of(tmp_path)
 
     def run():
-        return ifrfit.fit(
-            path, closure=closure, method=method, noise=noise_of(None, choice), fix={"e_n": 0.9}
-        )
+        return ifrfit.fit(path, closure=closure, method=method, noise=build(Noise, choice), fix={"e_n": 0.9})
 
     if refusal:
         assert refusal in said(run)
         return
     result = run()
     assert result.method == method
-    assert result.noise.error_model == make_error_model(**choice)
+    assert result.noise.error_model == build(Noise, choice).error_model
     assert result.noise.error_model.words in result.summary().replace("\n  ", " ")
     assert result.constants["mu"].interval95[0] < result.constants["mu"].interval95[1]
 

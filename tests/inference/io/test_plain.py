@@ -17,14 +17,33 @@ from numpy.typing import NDArray
 
 from ifrfit.data import Descriptor, Source
 from ifrfit.errors import DataError
-from ifrfit.inference.accuracy.types import Effort
+from ifrfit.inference.accuracy.effort import Effort
 from ifrfit.inference.comparison.types import PriorRow, PsiPlane, Verdict
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine, SceneOfData
 from ifrfit.inference.io.json_text import dumps
-from ifrfit.inference.io.plain import INTERNAL, OPTIONAL, Node, Null, Nulls, Shape, from_plain, to_plain
-from ifrfit.inference.io.write_result import NoiseInFile, ParameterInFile, ResultFile
+from ifrfit.inference.io.plain import (
+    INTERNAL,
+    OPTIONAL,
+    Node,
+    Null,
+    Nulls,
+    Shape,
+    from_plain,
+    layout,
+    to_plain,
+)
+from ifrfit.inference.io.write_result import ParameterInFile
 from ifrfit.inference.model.error_model import ErrorModel
-from ifrfit.inference.result.types import Constants, Estimate, Fact, FitStatistics, State, Status
+from ifrfit.inference.result.fit_result import FitResult
+from ifrfit.inference.result.types import (
+    Constants,
+    Estimate,
+    Fact,
+    FitStatistics,
+    NoiseSummary,
+    State,
+    Status,
+)
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 texts, counts = st.text(max_size=8), st.integers(0, 10**6)
@@ -60,17 +79,24 @@ descriptors = st.builds(
     inertia_factor=finite,
     printed_constants=by_name(finite),
 )
+positive = st.floats(1e-6, 45.0)
 choices = st.builds(
-    ErrorModel, perhaps, texts, st.tuples(finite, finite) | st.none(), perhaps, perhaps, perhaps, texts
-)
+    ErrorModel,
+    st.floats(1.0, 1e6) | st.none(),
+    st.just("measured"),
+    st.tuples(st.floats(0.0, 40.0), st.floats(41.0, 90.0)),
+    positive | st.none(),
+    positive,
+    positive | st.none(),
+) | st.just(ErrorModel())
 VALUES = {
     Estimate: estimates,
     Fact: st.builds(Fact, st.booleans(), texts, by_name(figures), texts),
     FitStatistics: st.builds(
         FitStatistics, *[counts] * 4, finite, finite, counts, perhaps, perhaps, *[finite] * 4
     ),
-    NoiseInFile: st.builds(
-        NoiseInFile, texts, by_name(finite), by_name(estimates), by_name(intervals), choices | st.none()
+    NoiseSummary: st.builds(
+        NoiseSummary, texts, by_name(finite), by_name(estimates), by_name(intervals), choices, st.booleans()
     ),
     ParameterInFile: st.builds(
         ParameterInFile, intervals, perhaps, st.tuples(finite, finite) | st.none(), st.booleans()
@@ -209,7 +235,7 @@ def test_what_is_wrong_is_named(kind, content, says):
 
 def test_the_file_of_a_result_has_the_keys_of_its_schema():
     schema = validator("result").schema
-    optional = {each.name for each in fields(ResultFile) if "optional" in each.metadata}
-    keys = [each.name for each in fields(ResultFile)]
-    assert set(keys) == set(schema["properties"])
-    assert set(keys) - optional == set(schema["required"])
+    kept = {key: each for each, key, _ in layout(FitResult)}
+    optional = {key for key, each in kept.items() if "optional" in each.metadata}
+    assert kept.keys() | {"schema", "ifrfit", "asked", "points"} == schema["properties"].keys()
+    assert kept.keys() - optional | {"schema", "ifrfit", "points"} == set(schema["required"])

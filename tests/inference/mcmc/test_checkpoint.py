@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcmc_targets import Normal
-from posterior_questions import Question, Row, measured
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.mcmc import Chains, begin, run
-from ifrfit.inference.mcmc.checkpoint import FILE, load_chains, question_of, save_chains
-from ifrfit.inference.model.error_model import ErrorModel
-
-FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
+from ifrfit.inference.mcmc.checkpoint import FILE, load_chains, save_chains
 
 
 @pytest.fixture(scope="module")
@@ -92,24 +87,3 @@ def test_objects_are_never_unpacked(chains: Chains, tmp_path: Path) -> None:
     np.savez(tmp_path / FILE, **(arrays(chains, tmp_path) | {"at": np.array([{}], dtype=object)}))
     with pytest.raises(DataError, match="cannot be read as chains"):
         load_chains(tmp_path, "q")
-
-
-def test_the_question_is_all_that_the_chains_depend_on() -> None:
-    rows = measured("beta", FAN, seed=1)
-    problem = Question(rows, fix={"e_n": 0.9}).problem()
-    same = question_of(Question(rows, fix={"e_n": 0.9}).problem(), 1)
-    assert question_of(problem, 1) == same
-    others = [
-        Question(rows, fix={"e_n": 0.8}).problem(),
-        Question(rows, fix={"e_n": 0.9}, prior={"mu": (0.1, 0.1)}).problem(),
-        Question(rows, fix={"e_n": 0.9}, noise="scaled").problem(),
-        Question(rows, fix={"e_n": 0.9}, closure="fr").problem(),
-        Question(rows, fix={"e_n": 0.9}, inertia_factor=0.5).problem(),
-        Question((*rows[1:], Row("beta", 8.0, 0.1)), fix={"e_n": 0.9}).problem(),
-        problem.with_noise(problem.noise.with_bounds({"": (0.1, 1.0)})),
-        replace(problem, error_model=ErrorModel(dof=4.0)),
-        replace(problem, error_model=ErrorModel(angles="set", gamma=1.0)),
-        replace(problem, rows=replace(problem.rows, sigma_gamma_deg=np.full(len(rows), 0.5))),
-    ]
-    told = {same, question_of(problem, 2), *(question_of(other, 1) for other in others)}
-    assert len(told) == len(others) + 2

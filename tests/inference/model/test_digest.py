@@ -56,7 +56,11 @@ def changed(value: Any, way: Path, change: Callable[[Any], Any]) -> Any:
     first, rest = way[0], way[1:]
     if isinstance(first, int):
         return (*value[:first], changed(value[first], rest, change), *value[first + 1 :])
-    return replace(value, **{first: changed(getattr(value, first), rest, change)})
+    twin = object.__new__(type(value))  # not checked: any other value will do
+    for each in fields(value):
+        own = getattr(value, each.name)
+        object.__setattr__(twin, each.name, changed(own, rest, change) if each.name == first else own)
+    return twin
 
 
 def another(value: Any) -> Any:

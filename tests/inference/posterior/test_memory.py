@@ -67,7 +67,9 @@ def test_a_common_factor_under_a_tilted_bound_makes_no_fourth_axis(name: str) ->
     assert post.density.integral.size() < 4_000_000
 
 
-@pytest.mark.parametrize("name", ASKED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name == "no more" else pytest.mark.long) for name in ASKED]
+)
 def test_a_common_factor_is_the_mixture_over_its_values(name: str) -> None:
     asked, (low, high) = ASKED[name], FACTOR["noise_bounds"][""]  # type: ignore[index]
     x, w = np.polynomial.legendre.leggauss(24)

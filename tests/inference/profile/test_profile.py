@@ -144,15 +144,6 @@ def test_sticking_impacts_leave_mu_a_lower_limit(tmp_path: Path) -> None:
     assert derived["transition_angle_deg"] == {"run": None}
 
 
-def test_rows_that_say_nothing_are_flat(tmp_path: Path) -> None:
-    found = profiles(tmp_path, HEADER + rows((0.0,) * 3, np.zeros(3), 0.01, "v_x"))
-    for name, domain in (("e_t", (-1.0, -0.4)), ("mu", (0.0, math.inf))):
-        assert found[name].shape == "flat"
-        assert found[name].status == "not_determined"
-        assert found[name].interval95 == domain
-        assert found[name].rise.max() == 0.0
-
-
 def test_two_optima_are_two_pieces(tmp_path: Path) -> None:
     # two points: sticking and sliding explain them, and sliding alone does too
     found = profiles(tmp_path, table((20.0, 60.0), sigma=0.01))

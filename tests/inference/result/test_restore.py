@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import jsonschema
 import numpy as np
 import pytest
+from json_schemas import validator
 
 import ifrfit
 from ifrfit.errors import DataError, UsageError
@@ -39,17 +39,14 @@ def test_the_question_comes_back_from_the_file(fits):
 
 
 def test_what_was_asked_is_in_the_schema(fits):
-    import json
-    from importlib.resources import files
-
-    schema = json.loads(files("ifrfit").joinpath("result.schema.json").read_text(encoding="utf-8"))
+    schema = validator("result")
     for fit in fits:
         content = fit.to_dict()
-        jsonschema.validate(content, schema, cls=jsonschema.Draft202012Validator)
+        schema.validate(content)
     assert content["asked"]["mu"] == {"bounds": [0.0, None], "fixed": None, "prior": None, "separate": True}
     assert content["asked"]["e_n"]["fixed"] == 0.94
     content["asked"]["e_n"]["fixed"] = "0.94"
-    assert not jsonschema.Draft202012Validator(schema).is_valid(content)
+    assert not schema.is_valid(content)
 
 
 def test_what_is_missing_or_wrong_is_said(fits):

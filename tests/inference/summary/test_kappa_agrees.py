@@ -86,16 +86,8 @@ def test_e_n_and_kappa_agree_where_mu_is_fixed(method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_by_series_each_kappa_follows_its_own_mu(impacts, method: str) -> None:
-    path = impacts(
-        {"gamma": [5.0, 15.0, 25.0, 35.0, 45.0, 60.0, 75.0], "noise": 0.03, "series": "a"},
-        {
-            "gamma": [5.0, 15.0, 25.0, 35.0, 45.0, 60.0, 75.0],
-            "noise": 0.03,
-            "series": "b",
-            "mu": 0.2,
-            "seed": 1,
-        },
-    )
+    one = {"gamma": GAMMA, "noise": 0.03, "series": "a"}
+    path = impacts(one, {**one, "series": "b", "mu": 0.2, "seed": 1})
     found = ifrfit.fit(
         path, fix={"e_n": 0.94}, separate=["mu"], bounds={"mu": (0.0, 0.17)}, **METHODS[method]
     )

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ifrfit.errors import UsageError
-from ifrfit.physics import CLOSURES, get_closure, rebound, transition_tau
+from ifrfit.physics import CLOSURES, get_closure, rebound
 from ifrfit.physics.angles import Incidence
 from ifrfit.physics.compliance import rebound_ratio
 
@@ -59,18 +59,6 @@ def test_invariants_in_three_dimensions(
     if i.slip > 1e-6:
         flat = rebound(np.arctan(i.tau), e_n=e_n, mu=mu, chi=chi, closure="maw")
         assert r.beta == pytest.approx(float(flat.beta), abs=1e-8)
-
-
-def test_gross_slip_is_coulomb_sliding() -> None:
-    chi, e_n, mu = 1.44, 0.9, 0.1
-    end = transition_tau(MAW, chi, mu * (1.0 + e_n))
-    assert end == pytest.approx(0.5 * (1.0 + e_n) * mu * 7.0 * (4.0 * chi - 1.0) / (4.0 * chi))
-    gamma = np.degrees(np.arctan(end * np.array([0.9, 0.999, 1.001, 1.5])))
-    r = rebound(gamma, e_n=e_n, mu=mu, chi=chi, closure="maw", degrees=True)
-    slides = rebound(gamma, e_n=e_n, mu=mu, beta0=1.0, closure="fr", degrees=True)
-    assert r.sticking.tolist() == [True, True, False, False]
-    assert (r.v_x[2:] == slides.v_x[2:]).all()
-    assert r.beta[1] == pytest.approx(r.beta[2], abs=1e-2)
 
 
 @pytest.mark.parametrize("j", [0.4, 2 / 3])

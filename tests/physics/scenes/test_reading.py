@@ -33,6 +33,11 @@ def test_a_plain_scene(write):
     assert any("s41598-021-04045-6" in source for source in scene.sources)
 
 
+CONTACT = (
+    "[contact]\ninterface_energy_J_m2 = 0.1\ndissipation_time_us = 0.001\n[fluid]\nviscosity_Pa_s = 0.001\n"
+)
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -42,10 +47,13 @@ def test_a_plain_scene(write):
         ("speed_m_s = 2", "speed_mm_s = 2000"),
         ("speed_m_s = 2", "speed_cm_s = 200"),
         ("gamma_deg = [10, 30, 50]", "gamma_deg = { from = 10, to = 50, count = 3 }"),
+        ("interface_energy_J_m2 = 0.1", "interface_energy_mJ_m2 = 100"),
+        ("dissipation_time_us = 0.001", "dissipation_time_ns = 1"),
+        ("viscosity_Pa_s = 0.001", "viscosity_mPa_s = 1"),
     ],
 )
 def test_units_and_forms_are_equal_to_the_last_bit(write, old, new):
-    one, two = read_scene(write()), read_scene(write((old, new)))
+    one, two = (read_scene(write(*exchange, text=SCENE + CONTACT)) for exchange in ((), ((old, new),)))
     assert one.conditions == two.conditions
     assert one.contact == two.contact
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import functools
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from browser_here import executable, lacking
 from factories import impacts_file
 
 import ifrfit
@@ -21,7 +20,6 @@ from ifrfit.report.page import assemble
 from ifrfit.report.page.blocks import Report
 from ifrfit.report.page.html import render
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 HOSTILE = (
     "<img src=x onerror=\"document.title='taken'\">",
     "</script><script>document.title='taken'</script>",
@@ -77,18 +75,13 @@ def pages(reports: Callable[[str], Report]) -> Callable[[str], str]:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    """A headless Chromium; without one the test is skipped, but where CI promised one it fails."""
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        found = None
-    if found is None:
-        if os.environ.get("IFRFIT_NEEDS_BROWSER") == "1":
-            pytest.fail("IFRFIT_NEEDS_BROWSER is set, but there is no Chromium (or no playwright).")
-        pytest.skip("no Chromium here: apt-get install chromium, pip install playwright")
+    """A headless Chromium; tests that ask for it are not collected where there is none."""
+    if lacking():
+        pytest.fail(f"IFRFIT_NEEDS_BROWSER is set, but {lacking()}.")
+    from playwright.sync_api import sync_playwright
+
     with sync_playwright() as driver:
-        launched = driver.chromium.launch(executable_path=found)
+        launched = driver.chromium.launch(executable_path=executable())
         yield launched
         launched.close()
 

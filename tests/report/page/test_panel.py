@@ -101,7 +101,7 @@ def test_the_note_says_which_sigma_chi2_rests_on(opened, pages, results):
     scaled = opened(pages("digitised"))
     result = results("digitised")
     found = re.search(r"the noise of the fit is ([\d.]+) times that", scaled.text("note"))
-    assert float(found[1]) == pytest.approx(result.noise.estimates[""].value, rel=5e-3)
+    assert float(found[1]) == pytest.approx(result.noise.estimates["factor"].value, rel=5e-3)
     names, best, _, _ = coordinates(result, None)
     at = values_of(names, best)
     assert first_number(scaled.text("chi2")) == pytest.approx(
@@ -171,6 +171,9 @@ def test_paper_shows_no_controls_and_reduced_motion_does_not_glide(opened, pages
     assert not shown.tab.is_visible("#explorer")
     assert not shown.tab.is_visible("nav")
     assert shown.tab.is_visible("#constants table")
+    for part in (".picture", ".scroll", ".verdict"):  # on sheets these are not cut in two
+        inside = f"getComputedStyle(document.querySelector('{part}')).breakInside"
+        assert shown.tab.evaluate(inside) == "avoid", part
 
 
 def test_the_policy_stops_what_is_not_ours(opened, pages):

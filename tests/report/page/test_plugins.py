@@ -31,6 +31,7 @@ def test_a_format_of_ones_own_is_written_and_replaced(results, appraisals, tmp_p
         for _ in range(2):  # the first one is known as a report
             assert write_report(results("lsq"), appraisals("lsq"), path) == ["report.toc"]
     assert path.read_text().splitlines()[:2] == [GENERATOR, "Constants"]
-    suffixes = ", ".join(f".{name}" for name in FORMATS)
-    with pytest.raises(UsageError, match=re.escape(f"a report ends in {suffixes}.")):
+    with pytest.raises(
+        UsageError, match=re.escape(f"report.toc: a report is {', '.join(FORMATS)}; choose one")
+    ):
         write_report(results("lsq"), appraisals("lsq"), path)

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 LEFT, RIGHT, BOTTOM, TOP = 13.0, 3.0, 10.0, 3.0  # mm
 
 _SYMBOLS = {
-    "e_n": r"$e_n$",
-    "mu": r"$\mu$",
-    "kappa": r"$\kappa$",
     "beta_sticking": r"$\beta$ in sticking",
     "transition_angle_deg": "transition (deg)",
 }

@@ -8,8 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.markers import draw_markers, draw_residual_axis, residual_limits, ring_outliers, sticks
-from ifrfit.report.outlier_marks import is_outlier
+from ifrfit.report.markers import (
+    draw_markers,
+    draw_residual_axis,
+    is_outlier,
+    residual_limits,
+    ring_outliers,
+    sticks,
+)
 from ifrfit.report.page.drawings.canvas import panel
 from ifrfit.report.panels import PIXELS, marker_size
 from ifrfit.report.style import GREY, SeriesStyle, drawing

@@ -49,7 +49,7 @@ def build(given: ReportInput) -> Sequence[Block] | None:
             f"(dashed). Below: pairs with the contours that hold 68 % (solid) and 95 % (dashed).{left_out}",
         )
     ]
-    labels, matrix = result.correlation
+    labels, matrix = result.correlation.names, result.correlation.matrix
     if len(labels) > 1:
         rows = tuple(
             (label, *(f"{matrix[i, j]:+.3f}" for j in range(len(labels)))) for i, label in enumerate(labels)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ifrfit.data.schema import SCHEMA
-from ifrfit.inference.accuracy.messages import says
 from ifrfit.inference.io.json_text import dumps
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.page.blocks import Block, Code, Download, Pairs, Paragraph, Table
@@ -82,7 +81,7 @@ def _facts(result: FitResult) -> list[tuple[str, str]]:
         if source.descriptor is not None and source.descriptor.licence:
             pairs.append((f"licence of {source.name}", source.descriptor.licence))
     if result.effort is not None:
-        pairs.append(("effort", says(result.effort)))
+        pairs.append(("effort", result.effort.says))
     pairs.append(("seed", str(result.seed)))
     pairs.append(("versions", ", ".join(f"{name} {version}" for name, version in result.versions.items())))
     pairs.append(("fitted", result.created or "not stated"))
