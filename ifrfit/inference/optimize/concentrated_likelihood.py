@@ -34,6 +34,7 @@ _SWEEPS = 12  # over the multipliers of the constraints
 _SHRUNK = 0.5  # a region whose chords came nearer by this factor is not cut
 _FLAT = 1e-10  # relative curvature below which the frame keeps an unknown's own scale
 _NARROW = 1e-6  # least half width of a region, in the frame
+_STEEPEST = 1e50  # a multiplier, at the most: of a region without a point they grow without end
 _FAR = 1e9  # an unknown beyond has no end
 
 
@@ -391,11 +392,12 @@ class _Proof:
         squares = _at(gram, slope, square, point)
         size = squares + 2.0 * np.abs((slope @ point[..., None])[..., 0]) + square
         error = self.rounding * ((weight * np.abs(size)).sum(axis=1) + np.abs(constant) + np.abs(value))
-        bound = np.maximum(regions.bound, constant + value - error)
+        # what is not a number tells nothing: fmax and fmin pass it over
+        bound = np.fmax(regions.bound, constant + value - error)
         if look:
             self._look(regions.cell, squares)
         left = self.target - (constant + value - error)
-        kept = bound < self.target
+        kept = ~(bound >= self.target)
         rise = np.maximum(left, 0.0)
         half_width = np.sqrt(rise[:, None] * np.maximum(inverse[:, range(q), range(q)], 0.0))
         gradient = 2.0 * ((gram @ point[:, None, :, None])[..., 0] - slope)[:, :-1]
@@ -405,10 +407,10 @@ class _Proof:
         before = (sizes * np.log(regions.most / regions.least) ** 2).sum(axis=1)
         new = _Regions(
             regions.cell,
-            np.maximum(regions.low, point - half_width),
-            np.minimum(regions.high, point + half_width),
-            np.maximum(regions.least, own - swing - slack),
-            np.minimum(regions.most, own + swing + rise[:, None] / weight[:, :-1] + slack),
+            np.fmax(regions.low, point - half_width),
+            np.fmin(regions.high, point + half_width),
+            np.fmax(regions.least, own - swing - slack),
+            np.fmin(regions.most, own + swing + rise[:, None] / weight[:, :-1] + slack),
             bound,
         )
         kept &= (new.low <= new.high).all(axis=1) & (new.least <= new.most).all(axis=1)
@@ -431,8 +433,8 @@ class _Proof:
         bend = ((np.abs(gram) @ half[:, None, :, None])[..., 0] * half[:, None]).sum(axis=2)
         made = replace(
             regions,
-            least=np.maximum(regions.least, value - swing - slack),
-            most=np.minimum(regions.most, value + swing + bend + slack),
+            least=np.fmax(regions.least, value - swing - slack),
+            most=np.fmin(regions.most, value + swing + bend + slack),
         )
         return made.take(np.flatnonzero((made.least <= made.most).all(axis=1)))
 
@@ -456,7 +458,7 @@ class _Proof:
             for _ in range(_SWEEPS):
                 for i in range(limits.shape[1]):
                     ahead = (excess[:, i] - (mixed[:, i] * multiplier).sum(axis=1)) / diagonal[:, i]
-                    multiplier[:, i] = np.maximum(0.0, multiplier[:, i] + ahead)
+                    multiplier[:, i] = np.clip(multiplier[:, i] + ahead, 0.0, _STEEPEST)
         pulled = down - 0.5 * (np.swapaxes(constraints, 1, 2) @ multiplier[..., None])[..., 0]
         point = (inverse @ pulled[..., None])[..., 0]
         # what the inverse has lost in digits counts against the bound

@@ -115,7 +115,6 @@ FAMILIES = {
     "kappa-e_n": (("beta", "v_x", "e_n"), 3, False),
     "friction": (("beta", "mu"), 5, False),
     "impulse": (("mu_app", "mu"), 3, False),
-    "rebound": (("tan_psi_out",), 2, False),
     "direct": (("e_n", "mu"), 5, False),
 }
 
