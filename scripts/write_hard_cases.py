@@ -15,6 +15,7 @@ TITLES = {
     "scenes": "Simulated scenes",
     "data refused": "Data refused or skipped",
     "identifiability": "What the data can say",
+    "strangers": "Tables that contradict themselves or mislead",
     "numerics": "Numerics",
 }
 

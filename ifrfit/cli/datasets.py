@@ -66,7 +66,7 @@ def datasets_install(
     name: str,
     file: Path,
     provenance: Annotated[
-        str, typer.Option(help="Where rows do not say it: digitised or measured.")
+        str, typer.Option(help="Where rows do not say it: digitised, published or measured.")
     ] = "digitised",
     convention: Annotated[Repeated, typer.Option(metavar="NAME=CHOICE")] = [],  # noqa: B006
 ) -> None:

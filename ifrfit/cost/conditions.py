@@ -45,11 +45,13 @@ def beginning(
     Raises
     ------
     UsageError
-        As `ifrfit.fit`; with `posterior` where the errors do not allow one.
+        As `ifrfit.fit`; for an angle offset; with `posterior` where the errors do not allow one.
     DataError
         As `ifrfit.fit`.
     """
     problem = question.problem(get_closure(model.closure), model.parameters(question.inertia_factor))
+    if problem.offset is not None:
+        raise UsageError("ifrfit cost measures no fit of an angle offset: leave --angle-offset out.")
     error_model = problem.error_model
     tied = tied_to_e_n(problem, error_model) if posterior else []
     if tied:

@@ -45,6 +45,8 @@ class MomentumCheck:
         Name of the source.
     where : str
         The first of the violating lines, in words.
+    of_pair : bool
+        Whether the impacts are collisions of two equal spheres, whose spins count as their sum.
     """
 
     n: int
@@ -55,6 +57,7 @@ class MomentumCheck:
     suggested: float | None
     source: str
     where: str = ""
+    of_pair: bool = False
 
     @property
     def ok(self) -> bool:
@@ -79,13 +82,19 @@ class MomentumCheck:
         if self.suggested is None:
             return (
                 f"{self.source}: {rest}. Check the signs of the spins, the size, and the inertia factor "
-                f"{self.inertia_factor:.4g} (--inertia-factor)."
+                f"{self.inertia_factor:.4g} (--inertia-factor){self._sum_of_spins}."
             )
         factor, body = _body(self.suggested)
         return (
             f"{self.source}: the velocities contradict the inertia factor {self.inertia_factor:.4g}; try "
-            f"--inertia-factor {factor:.3g}{body}, or check size and signs. With {self.inertia_factor:.4g}, "
-            f"{rest}."
+            f"--inertia-factor {factor:.3g}{body}, or check size and signs{self._sum_of_spins}. With "
+            f"{self.inertia_factor:.4g}, {rest}."
+        )
+
+    @property
+    def _sum_of_spins(self) -> str:
+        return (
+            ", and that spins are the sum of both spheres' (one of them asks for 2 J)" if self.of_pair else ""
         )
 
 
@@ -103,6 +112,8 @@ def check_momentum(
     after: Mapping[str, Array],
     tangential: Array,
     inertia_factor: float,
+    *,
+    of_pair: bool = False,
 ) -> MomentumCheck | None:
     """Check that v_t - J R Omega is conserved, in the paper's signs.
 
@@ -118,6 +129,8 @@ def check_momentum(
         Tangential speed before, over u.
     inertia_factor : float
         J = I/(m R^2).
+    of_pair : bool
+        As `MomentumCheck` has it.
 
     Returns
     -------
@@ -145,6 +158,7 @@ def check_momentum(
         suggested=_suggested(dv[:, known], ds[:, known], scale, rms) if rms > LIMIT else None,
         source=cells.name,
         where=f"{cells.word}{'' if beyond.size == 1 else 's'} {lines}" if beyond.size else "",
+        of_pair=of_pair,
     )
 
 

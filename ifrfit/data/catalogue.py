@@ -164,9 +164,11 @@ def _replaced(found: Entry) -> str:
     bundled = read_package(found.bundled)["ifrfit"]["provenance"]
     what = bundled if bundled == "stand-in" else f"{bundled} data"
     original = own.get("installed", {}).get("original_file", "your file")
-    kind = {"digitised": "digitisation replaces", "measured": "measurement replaces"}.get(
-        own["provenance"], "simulation replaces"
-    )
+    kind = {
+        "measured": "measurement replaces",
+        "published": "table replaces",
+        "digitised": "digitisation replaces",
+    }.get(own["provenance"], "simulation replaces")
     return (
         f"{found.name}: your {kind} the bundled {what} (from {original}); "
         f"'ifrfit datasets remove {found.name}' brings it back."

@@ -169,6 +169,12 @@ def _note_conventions(layout: Layout, there: set[str]) -> None:
                     "changed sign."
                 )
             continue
+        if of == "pair":
+            layout.notes.append(
+                f"{name}: read as collisions of two equal spheres, which are a wall in the relative frame: "
+                "velocities are of one centre relative to the other, spins the sum of both spheres'."
+            )
+            continue
         wanted = {"psi", "tan_psi"} if of == "psi" else {of}
         if not layout.has("observable") and not there & wanted:
             unused.append(f"{of}={choice}")

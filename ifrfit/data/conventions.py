@@ -20,6 +20,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "e_t": ("centre",),
     "psi": ("over-incoming", "over-outgoing"),
     "z": ("into-wall", "out-of-wall"),
+    "pair": ("equal-spheres",),
     "provenance": tuple(p for p in PROVENANCES if p != "stand-in"),
     "column:NAME": ("HEADER",),
     "unit:HEADER": tuple(UNITS),
@@ -43,6 +44,10 @@ OPEN_QUESTIONS = {
     "magnitude": "a magnitude without its sign fits two mirror-image solutions wherever beta crosses zero. "
     "Give the signed values, beta = -V_t/U_t",
 }
+_WHY_PAIR = (
+    " Two equal spheres are a wall in the relative frame; of other pairs radii, masses and inertia factors "
+    "of both bodies enter, and ifrfit does not read them. For impacts on a wall leave the convention away."
+)
 OPEN_QUESTIONS["tan_psi"] = OPEN_QUESTIONS["psi"]
 
 
@@ -55,7 +60,7 @@ class Conventions:
     angle_column, angle_from, angle_unit : str or None
         Which column is the incidence angle, from where it is measured, and in what.
     choices : mapping of str to str
-        Of ``beta``, ``e_t``, ``psi`` and ``z``.
+        Of ``beta``, ``e_t``, ``psi``, ``z`` and ``pair``.
     columns : mapping of str to str
         Header in the file to the name of the schema.
     units : mapping of str to str
@@ -91,6 +96,11 @@ class Conventions:
     def out_of_wall(self) -> bool:
         """Whether z points out of the wall."""
         return self.choices.get("z") == "out-of-wall"
+
+    @property
+    def of_pair(self) -> bool:
+        """Whether rows are collisions of two equal spheres, seen from the centre of one of them."""
+        return "pair" in self.choices
 
     def ignores(self, there: Collection[str]) -> set[str]:
         """Return the headers of a file to pass over.
@@ -136,7 +146,9 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
         ``ignore=HEADER`` or ``ignore=HEADER,HEADER``, ``provenance=measured``, and
         ``z=out-of-wall``: z points out of the wall, in a frame that is right-handed all the same. Such a
         frame is turned half round about x, so y and z components of velocities and of right-handed spins
-        change sign; x components stay.
+        change sign; x components stay. ``pair=equal-spheres``: velocities are those of one sphere's centre
+        relative to the other's and spins the sum of both spheres', which makes such a pair a wall
+        (docs/pairs.md); no number changes.
 
     Raises
     ------
@@ -155,7 +167,7 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
         kind, _, of = name.partition(":")
         if name == "angle":
             _update(angle, _angle(choice), name)
-        elif name in ("beta", "e_t", "psi", "z", "provenance"):
+        elif name in ("beta", "e_t", "psi", "z", "pair", "provenance"):
             _update(choices, {name: _choice(name, choice)}, name)
         elif kind == "column" and of:
             _update(columns, {choice: _column(of, choice)}, name)
@@ -181,7 +193,9 @@ def parse_conventions(convention: Sequence[str] | Mapping[str, str]) -> Conventi
 def _choice(name: str, choice: str) -> str:
     meant = (provenance_name(choice) or choice) if name == "provenance" else choice
     if meant not in CHOICES[name]:
-        why = " A stand-in says so in the file itself." if meant == "stand-in" else ""
+        why = _WHY_PAIR if name == "pair" else ""
+        if meant == "stand-in":
+            why = " A stand-in says so in the file itself."
         raise UsageError(f"--convention {name}={choice}: the choices are {', '.join(CHOICES[name])}.{why}")
     return meant
 

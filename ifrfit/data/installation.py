@@ -35,7 +35,7 @@ def install(
     file : str or Path
         Anything `ifrfit.read` takes; read, and refused if need be, before anything is written.
     provenance : str
-        Of the rows that do not state theirs: ``measured``, ``digitised`` or ``simulated``.
+        Of the rows that do not state theirs: ``measured``, ``published``, ``digitised`` or ``simulated``.
     convention : sequence of str or mapping
         As in `ifrfit.read`.
 

@@ -25,7 +25,7 @@ class Descriptor:
     name, title : str
         Short name and one-line title.
     provenance : str
-        ``measured``, ``digitised``, ``simulated`` or ``stand-in``.
+        ``measured``, ``published``, ``digitised``, ``simulated`` or ``stand-in``.
     conditions : mapping
         Diameter, material, wall, speed, spin and so on, as the source states them.
     default_observables, default_series : tuple of str
@@ -78,14 +78,15 @@ class Source:
     rows_skipped : mapping of str to int
         Count of the others by reason.
     provenance : str
-        ``measured``, ``digitised``, ``simulated``, ``stand-in``, several joined by ``, ``, or empty: not
-        stated.
+        ``measured``, ``published``, ``digitised``, ``simulated``, ``stand-in``, several joined by ``, ``,
+        or empty: not stated.
     selection : str
         What was chosen from the source, in words; empty where all of it is used.
     descriptor : Descriptor or None
         For bundled or installed datasets.
     headers : mapping of str to tuple of str
-        Columns of the file that a column of the schema comes from, for the uncertainties of angle and spin.
+        Columns of the file that a column of the schema comes from, for the uncertainties of angle and spin;
+        under ``spin`` those of the spin before impact.
     """
 
     name: str

@@ -64,8 +64,8 @@ def common_columns(layout: Layout) -> tuple[dict[str, Any], dict[str, str]]:
     return columns, headers
 
 
-def uncertainty_headers(layout: Layout) -> dict[str, tuple[str, ...]]:
-    """Return the columns of the file that the uncertainties of angle and spins come from."""
+def source_headers(layout: Layout) -> dict[str, tuple[str, ...]]:
+    """Return the columns of the file that spins, and the uncertainties of angle and spins, come from."""
     keys = {"sigma_gamma_deg": ("sigma_gamma", *(f"sigma:raw:u_{axis}" for axis in "xyz"))}
     for axis, other in ("xy", "yx"):
         # the other axis counts too where the impact is turned until it runs along x
@@ -76,6 +76,7 @@ def uncertainty_headers(layout: Layout) -> dict[str, tuple[str, ...]]:
             f"sigma:raw:omega_{other}",
             *size,
         )
+    keys["spin"] = tuple(f"{form}_{axis}" for form in ("spin", "raw:omega") for axis in "xy")
     found = {name: tuple(layout.header(k) for k in of if layout.has(k)) for name, of in keys.items()}
     return {name: headers for name, headers in found.items() if headers}
 

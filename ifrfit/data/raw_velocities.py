@@ -4,6 +4,10 @@ Frame of the file: z points into the wall, x along the incoming tangential veloc
 right-handed frame; spins are right-handed. If the tangential velocity is not along x, everything is rotated
 about z until it is. In the paper's signs omega_x is minus the right-handed one and omega_y is the same. A
 file whose z points out of the wall is first turned half round about x (see `ifrfit.data.column_roles`).
+
+Two equal spheres of mass m and radius R, with the impulse P on the first, change their relative velocity by
+2 P/m and the sum of their spins by 2 R n x P/(J m R^2), n from the first to the second: as one sphere on a
+wall does under the impulse per mass 2 P/m. So the same equations read both (docs/pairs.md).
 """
 
 from __future__ import annotations
@@ -101,7 +105,8 @@ def _check_momentum(
     if "spin_y_after" not in results:
         return
     values = {name: value for name, (value, _, _) in results.items()}
-    check = check_momentum(layout.cells, before, values, incoming.tangential / incoming.u, inertia_factor)
+    tangential, of_pair = incoming.tangential / incoming.u, layout.conventions.of_pair
+    check = check_momentum(layout.cells, before, values, tangential, inertia_factor, of_pair=of_pair)
     layout.momentum.extend([check] if check else [])
     if not spinning:
         layout.notes.append(f"{layout.cells.name}: no spin before the impact is given; it was taken as 0.")

@@ -18,7 +18,7 @@ from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions, parse_conventions
 from ifrfit.data.long_table import read_long
 from ifrfit.data.observations import Observations, Source, make_table
-from ifrfit.data.partial_table import Piece, uncertainty_headers
+from ifrfit.data.partial_table import Piece, source_headers
 from ifrfit.data.raw_velocities import is_raw, read_raw
 from ifrfit.data.schema import PROVENANCES, provenance_name
 from ifrfit.data.tabular import read_cells
@@ -42,8 +42,8 @@ def read(
     ----------
     path : str or Path
     convention : sequence of ``NAME=CHOICE`` or mapping, optional
-        ``angle``, ``beta``, ``e_t``, ``psi``, ``z``, ``column:NAME``, ``unit:HEADER``, ``ignore``,
-        ``provenance``; see `ifrfit.data.conventions.parse_conventions`.
+        ``angle``, ``beta``, ``e_t``, ``psi``, ``z``, ``pair``, ``column:NAME``, ``unit:HEADER``,
+        ``ignore``, ``provenance``; see `ifrfit.data.conventions.parse_conventions`.
     inertia_factor : float
         J = I/(m R^2), used by the check of angular momentum of raw velocities.
 
@@ -118,7 +118,7 @@ def _assemble(
     provenance = _provenances(layout)[rows]
     columns |= {"provenance": provenance, "source": _as_text(path.name), "row": cells.lines[rows]}
     stated = ", ".join(str(p) for p in dict.fromkeys(provenance) if p)
-    headers = uncertainty_headers(layout)
+    headers = source_headers(layout)
     source = Source(
         _as_text(path.name), cells.sha256, total, len(rows), dict(skipped), stated, headers=headers
     )

@@ -80,6 +80,8 @@ def _without_profiles(problem: Problem) -> str:
     free = int(problem.parameters.free.sum())
     if free == 0:
         return "Every constant is fixed: there is nothing to profile."
+    if problem.offset is not None:
+        return "Profiles do not fit an angle offset."
     if not problem.error_model.is_plain:
         return "Profiles know independent Gaussian errors of the values only."
     if free > MOST_CONSTANTS or problem.rows.value.size > MOST_ROWS:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.pooling import sharing
 from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.posterior import TOLERANCE, QuadraturePosterior, integrate
+from ifrfit.inference.posterior import TOLERANCE, QuadraturePosterior, integrate, integrate_over_offset
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact
 
@@ -32,6 +33,9 @@ def exact_estimation(
     """The posterior by quadrature, and whether the data want separate constants to be shared."""
     if tolerance is None:
         tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
+    if problem.offset is not None:
+        mixture = integrate_over_offset(problem, tolerance, optimum)
+        return posterior_estimation(problem, optimum, mixture, integrate_over_offset)
     posterior = integrate(problem, start=optimum, tolerance=tolerance)
     return posterior_estimation(problem, optimum, posterior, integrate)
 
@@ -39,8 +43,8 @@ def exact_estimation(
 def posterior_estimation(
     problem: Problem,
     optimum: LeastSquaresFit,
-    posterior: QuadraturePosterior,
-    integrate: Callable[[Problem], QuadraturePosterior] | None,
+    posterior: QuadraturePosterior | Mixture,
+    integrate: Callable[[Problem], QuadraturePosterior | Mixture] | None,
 ) -> Estimation:
     """An integrated posterior; other questions about sharing are put to `integrate`, if there is one."""
     diagnostics = {"converged": _quadrature_converged(posterior, noise_converged(optimum))}
@@ -50,7 +54,7 @@ def posterior_estimation(
     return Estimation("exact", posterior, diagnostics, is_posterior=True, log_evidence=posterior.log_evidence)
 
 
-def _quadrature_converged(posterior: QuadraturePosterior, noise_converged: Fact) -> Fact:
+def _quadrature_converged(posterior: QuadraturePosterior | Mixture, noise_converged: Fact) -> Fact:
     """Whether the quadrature reached its tolerance, and the noise of the least squares behind it settled."""
     figures = {
         "error": posterior.error,

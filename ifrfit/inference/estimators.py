@@ -99,7 +99,12 @@ class RunKeywords(TypedDict, total=False):
 
 
 class Method(Options):
-    """Base of the package's own methods: does every problem, as long as it does not say otherwise."""
+    """Base of the package's own methods: does every problem, as long as it does not say otherwise.
+
+    An offset of the set angles is fitted by a method that says so, see `refuses_offset`.
+    """
+
+    fits_angle_offset: ClassVar[bool] = False
 
     def refuses(self, problem: Problem) -> str:
         """Why the method cannot do a problem; empty where it can."""
@@ -154,6 +159,7 @@ class Exact(Method):
     """
 
     name: ClassVar[str] = "exact"
+    fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "exact posterior"
     label: ClassVar[str] = "exact"
     summary: ClassVar[str] = "the posterior"
@@ -191,6 +197,7 @@ class LeastSquares(Method):
     """Least squares with a certificate of the global optimum, and the Gaussian approximation about it."""
 
     name: ClassVar[str] = "lsq"
+    fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "least squares"
     label: ClassVar[str] = "least squares"
     summary: ClassVar[str] = "least squares"
@@ -259,6 +266,7 @@ class MCMC(Method):
     """
 
     name: ClassVar[str] = "mcmc"
+    fits_angle_offset: ClassVar[bool] = True
     title: ClassVar[str] = "Markov chain Monte Carlo"
     label: ClassVar[str] = "MCMC"
     summary: ClassVar[str] = "Markov chains"
@@ -394,6 +402,21 @@ class Automatic(Method):
             workers=self.workers,
             progress=asked.get("progress"),
         )
+
+
+def refuses_offset(estimator: Estimator, problem: Problem) -> str:
+    """Why a method cannot fit the angle offset of a problem; empty where it can, or where there is none.
+
+    A method of another package can if it has an attribute `fits_angle_offset` that is true.
+    """
+    if problem.offset is None:
+        return ""
+    if not getattr(estimator, "fits_angle_offset", False):
+        name = f"--method {estimator.name}" if estimator.name in ESTIMATORS else "The choice of a method"
+        return f"{name} fits no angle offset: use --method exact with --angle-offset."
+    if any(getattr(estimator, name, None) is not None for name in ("accuracy", "budget")):
+        return "--accuracy and --budget do not know what an angle offset costs: leave them out."
+    return ""
 
 
 def _picked(keyword: str) -> str:

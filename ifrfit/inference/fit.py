@@ -12,7 +12,7 @@ from ifrfit.data import Observations, combine, resolve, select
 from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.request import now
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting, setting_of
-from ifrfit.inference.estimators import Estimator
+from ifrfit.inference.estimators import Estimator, refuses_offset
 from ifrfit.inference.keywords import (
     FitKeywords,
     check_keywords,
@@ -30,6 +30,8 @@ from ifrfit.inference.result.build import build_result, summarize_optimum
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.closures import get_closure
+from ifrfit.physics.effects.contact import SOLID
+from ifrfit.text import joined
 
 Data = str | Path | Observations
 Progress = Callable[[int, int], None]
@@ -114,6 +116,7 @@ def fit(
         seed=seed,
         command=command,
         conditions=question.conditions,
+        assumed=question.assumed,
         progress=progress,
         started=started,
     )
@@ -133,6 +136,8 @@ class Question:
         The scene of the data.
     separate_noise : bool
         Whether each series has unknown noises of its own.
+    assumed : tuple of str
+        What nobody said of the ball and its impacts, and was taken all the same, in words.
     """
 
     observations: Observations
@@ -140,6 +145,7 @@ class Question:
     noise: Noise
     conditions: Setting | None
     separate_noise: bool = False
+    assumed: tuple[str, ...] = ()
 
     def problem(self, closure: Closure, parameters: Sequence[Parameter]) -> Problem:
         """The question for a closure.
@@ -183,7 +189,20 @@ def make_question(
         raise UsageError(f"--seed {seed}: it must be 0 or more.")
     observations = with_propagated_sigma(observations, noise.error_model)
     conditions = setting_of(observations, inertia_factor, scene)
-    return Question(observations, inertia_factor, noise, conditions, model.separates_noise)
+    assumed = _assumed(observations, inertia_factor, given=stated is not None)
+    return Question(observations, inertia_factor, noise, conditions, model.separates_noise, assumed)
+
+
+def _assumed(observations: Observations, inertia_factor: float, *, given: bool) -> tuple[str, ...]:
+    """What of the inertia factor and the spin before impact neither the user nor a dataset states."""
+    plain = [s for s in observations.sources if s.descriptor is None and s.rows_used > 0]
+    solid = " (solid sphere)" if inertia_factor == SOLID else ""
+    said = [f"inertia factor {inertia_factor:g}{solid}"] if plain and not given else []
+    silent = [source for source in plain if "spin" not in source.headers]
+    if silent:
+        where = "" if len(silent) == len(observations.sources) else f" in {joined([s.name for s in silent])}"
+        said.append(f"no spin before impact{where}")
+    return tuple(said)
 
 
 def fit_problem(
@@ -193,6 +212,7 @@ def fit_problem(
     seed: int = 0,
     command: str = "",
     conditions: Setting | None = None,
+    assumed: tuple[str, ...] = (),
     progress: Progress | None = None,
     started: float | None = None,
 ) -> FitResult:
@@ -205,14 +225,21 @@ def fit_problem(
     DataError
         As the method.
     """
-    reason = estimator.refuses(problem)
+    reason = refuses_offset(estimator, problem) or estimator.refuses(problem)
     if reason:
         raise UsageError(reason)
     optimum = least_squares(problem)
     summary = summarize_optimum(problem, optimum, conditions)
     estimation = estimator.run(problem, optimum, seed=seed, progress=progress, started=started)
     return build_result(
-        problem, optimum, estimation, seed=seed, command=command, conditions=conditions, summary=summary
+        problem,
+        optimum,
+        estimation,
+        seed=seed,
+        command=command,
+        conditions=conditions,
+        assumed=assumed,
+        summary=summary,
     )
 
 

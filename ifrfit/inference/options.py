@@ -134,6 +134,9 @@ class AngleErrors(Options):
         Standard uncertainty of the angle, degrees, in rows that state none.
     population : (float, float) or None
         Degrees between which the true angles lie, for "measured".
+    offset_sd : float or None
+        Degrees: prior standard deviation, about 0, of an offset that all set angles have in common. It is
+        fitted beside the constants. None: the angles are set without one.
 
     Raises
     ------
@@ -161,9 +164,16 @@ class AngleErrors(Options):
         metavar="DEG",
         keyword="sigma_gamma",
     )
+    offset_sd: float | None = option(
+        None,
+        "Fit a common offset of the angles; its prior sd.",
+        form="number",
+        metavar="DEG",
+        keyword="angle_offset",
+    )
 
     def __post_init__(self) -> None:
-        ErrorModel(angles=self.kind, population=self.population, gamma=self.sigma_deg)  # which checks
+        ErrorModel(None, self.kind, self.population, self.sigma_deg, offset=self.offset_sd)  # which checks
 
 
 @dataclass(frozen=True, repr=False)
@@ -226,6 +236,7 @@ class Noise(Options):
             self.sigma_velocity,
             self.sigma_spin,
             self.tails,
+            angles.offset_sd,
         )
 
     @property

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 WARNING = "STAND-IN DATA, not an experiment:\ngenerated from the printed constants"
-_SYMBOLS = {"e_n": "$e_n$", "e_t": "$e_t$", "mu": "μ"}
+_SYMBOLS = {"e_n": "$e_n$", "e_t": "$e_t$", "beta0": r"$\beta_0$", "mu": "μ"}
 
 
 @dataclass(frozen=True)
@@ -234,7 +234,7 @@ def _band(table: pd.DataFrame, prefix: str, sign: float) -> Band:
 
 
 def _title(figure: PaperFigure) -> str:
-    return f"Fig. {figure.name}  {figure.title}" if figure.kind != "kharaz" else figure.title
+    return f"Fig. {figure.name}  {figure.title}" if figure.kind != "real" else figure.title
 
 
 def _transition_notes(figure: PaperFigure, result: FitResult) -> tuple[str, ...]:

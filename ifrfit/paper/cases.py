@@ -30,6 +30,7 @@ class Case:
         Constant to (mean, sd).
     gamma_min : float, optional
         Degrees.
+    closure : str
     repeats_data : bool
         Its impacts are those of another case, seen through another observable: it is not counted twice.
     readings : tuple of str
@@ -46,6 +47,7 @@ class Case:
     fixed: tuple[str, ...] = ()
     prior: Mapping[str, tuple[float, float]] | None = None
     gamma_min: float | None = None
+    closure: str = "ifr"
     repeats_data: bool = False
     readings: tuple[str, ...] = ()
 

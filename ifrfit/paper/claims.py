@@ -53,8 +53,9 @@ class Answer:
 def across_regimes(done: FittedCase) -> Answer | None:
     """Answer whether one set of constants holds in sticking and in sliding.
 
-    "No" where the fit of one set shows lack of fit, or where the evidence favours an e_t of its own for each
-    regime by a factor of 20; impacts are sorted into regimes by the fit of one set.
+    "No" where the fit of one set shows lack of fit, where readings of e_n contradict one value, or where the
+    evidence favours an e_t of its own for each regime by a factor of 20; impacts are sorted into regimes by
+    the fit of one set.
     """
     if done.result is None:
         return None
@@ -63,8 +64,9 @@ def across_regimes(done: FittedCase) -> Answer | None:
     if blocked:
         return Answer(done.name, blocked)
     lack = result.facts["lack_of_fit"]
-    if not lack.ok:
-        return Answer(done.name, "no", lack.says)
+    for fact in (lack, result.facts.get("normal_restitution", lack)):
+        if not fact.ok:
+            return Answer(done.name, "no", fact.says)
     counts = [regime_counts(result, str(series)) for series in result.points["series"].unique()]
     stick, slide = (sum(count[i] for count in counts) for i in (0, 1))
     if not stick or not slide:

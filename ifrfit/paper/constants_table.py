@@ -25,6 +25,9 @@ _QUESTION = (
 )
 
 
+_REFUTING = ("lack_of_fit", "normal_restitution")
+
+
 def table_text(done: Sequence[FittedCase], answers: Sequence[Answer]) -> str:
     """Write the table, then the questions that only real points answer; at most 100 columns wide."""
     blocks: dict[bool, list[str]] = {False: [], True: []}
@@ -64,14 +67,15 @@ def _block(done: FittedCase, result: FitResult) -> str:
         _COLUMNS + ("what it says" if done.stand_in else "reading"),
     ]
     estimates = result.flat_constants()
+    valid = all(result.facts[name].ok for name in _REFUTING if name in result.facts)
     for line in done.lines:
         found = estimates[line.constant]
         printed = "" if line.printed is None else as_given(line.printed)
         span = "" if found.status == "fixed" else interval_text(found.interval95, places_of(found))
         sd = "-" if found.stderr is None or found.value is None else sd_text(found.stderr)
-        says = _recovery(line) if done.stand_in else _reading(line, found)
+        says = _recovery(line) if done.stand_in else _reading(line, found, valid=valid)
         rows.append(
-            f"  {line.constant:<4} {printed:>7} {value_text(found):>9} {sd:>7}  {span:<18}  "
+            f"  {line.constant:<5} {printed:>6} {value_text(found):>9} {sd:>7}  {span:<18}  "
             f"{found.status.replace('_', ' '):<14}  {says}"
         )
     rows += _wrapped(_facts(result) if done.stand_in else f"verdict: {_verdict(result)}")
@@ -93,10 +97,10 @@ def _recovery(line: Line) -> str:
     return "recovers what was put in" if line.recovers else "misses what was put in"
 
 
-def _reading(line: Line, found: Estimate) -> str:
+def _reading(line: Line, found: Estimate, *, valid: bool) -> str:
     if found.status == "fixed":
         return "given to the fit"
-    if not line.lack_of_fit_ok:
+    if not valid:
         return "not valid, see verdict"
     if line.recovers is not None:
         return "agrees with print" if line.recovers else "differs from print"

@@ -29,9 +29,16 @@ class PaperFigure:
     title : str
         What is shown, in the picture.
     kind : str
-        points: data, a fit and lines; theory: lines only; kharaz: the bundled real data; scheme: a drawing.
+        points: data of the paper, a fit and lines; theory: lines only; real: bundled real data; scheme: a
+        drawing.
     case : str
         Name of the fit that it shows, see `ifrfit.paper.cases`.
+    label : str
+        Of real data: what its curve is called.
+    other, other_label : str
+        Of real data: name of a second fit, drawn as a line, and what it is called.
+    direct : str
+        Of real data: a series that is drawn and not fitted.
     x, y : Abscissa, Ordinate
     settings : tuple of Setting
     models : tuple of Model
@@ -46,8 +53,12 @@ class PaperFigure:
 
     name: str
     title: str
-    kind: Literal["points", "theory", "kharaz", "scheme"]
+    kind: Literal["points", "theory", "real", "scheme"]
     case: str = ""
+    label: str = "recovered"
+    other: str = ""
+    other_label: str = ""
+    direct: str = ""
     x: Abscissa = INCIDENCE
     y: Ordinate | None = None
     settings: tuple[Setting, ...] = (Setting(""),)
@@ -59,7 +70,7 @@ class PaperFigure:
     @property
     def stem(self) -> str:
         """Name of its files without suffix."""
-        return f"fig{self.name}" if self.kind != "kharaz" else self.name
+        return f"fig{self.name}" if self.kind != "real" else self.name
 
 
 def constants_words(constants: Mapping[str, float]) -> str:
@@ -99,4 +110,4 @@ def _model(
 
 _TEXT = files("ifrfit.paper").joinpath("figures.toml").read_text("utf-8")
 FIGURES = tuple(_figure(entry) for entry in tomllib.loads(_TEXT)["figure"])
-PAPER = tuple(figure for figure in FIGURES if figure.kind != "kharaz")
+PAPER = tuple(figure for figure in FIGURES if figure.kind != "real")

@@ -27,12 +27,12 @@ class Setting:
 
 @dataclass(frozen=True)
 class Model:
-    """A line of given constants (closure IFR).
+    """A line of given constants.
 
     Attributes
     ----------
     constants : mapping
-        e_n, e_t, mu.
+        e_n, e_t, mu, or those of its closure.
     label : str
     kind : str
         As in figN.csv.
@@ -41,6 +41,7 @@ class Model:
         What the values are taken for, where it is not the observable of the figure.
     misprint : callable, optional
         From the rebound to the values as the paper's printed equation has them, in the figure's unit.
+    closure : str
     """
 
     constants: Mapping[str, float]
@@ -49,11 +50,14 @@ class Model:
     pen: Pen
     observable: str = ""
     misprint: Callable[[Rebound], Array] | None = None
+    closure: str = "ifr"
 
     def transitions(self, setting: Setting) -> tuple[float, ...]:
         """Transition angles in degrees."""
         kappa = self.constants["mu"] * (1.0 + self.constants["e_n"])
-        tau = transition_tau(CLOSURES["ifr"], self.constants["e_t"], kappa)
+        closure = CLOSURES[self.closure]
+        own = self.constants[closure.own.name] if closure.own else 0.0
+        tau = transition_tau(closure, own, kappa)
         return transition_angles(tau, setting.spin_x, setting.spin_y)
 
     def curve(self, x: Abscissa, y: Ordinate, setting: Setting) -> Curve:
@@ -62,7 +66,14 @@ class Model:
         at = np.unique(np.concatenate([x.grid, x.of_gamma(np.array(kinks, dtype=float))]))
         at = at[(at >= min(x.low, x.grid[0])) & (at <= x.high)]
         spin_x = at if x.spin else setting.spin_x
-        impact = rebound(x.gamma(at), spin_x, setting.spin_y, degrees=True, **self.constants)  # type: ignore[arg-type]
+        impact = rebound(
+            x.gamma(at),
+            spin_x,
+            setting.spin_y,
+            closure=self.closure,
+            degrees=True,
+            **self.constants,
+        )
         if self.misprint is not None:
             values = self.misprint(impact)
         else:

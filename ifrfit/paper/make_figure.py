@@ -11,7 +11,7 @@ from ifrfit.paper.build_scene import Fitted, theory_scene, with_points
 from ifrfit.paper.cases import Case, case_named
 from ifrfit.paper.drawing import draw
 from ifrfit.paper.figures import PaperFigure
-from ifrfit.paper.kharaz import kharaz
+from ifrfit.paper.real_data import real_data
 from ifrfit.paper.recovered_constants import FittedCase, fit_case
 from ifrfit.paper.scene import Row, Scene, rounded, rows_of
 
@@ -61,8 +61,8 @@ def scene_of(figure: PaperFigure, done: dict[str, FittedCase]) -> Scene | None:
     result = _fitted(case, done).result
     if result is None:
         return None
-    if figure.kind == "kharaz":
-        return _kharaz(figure, result, done)
+    if figure.kind == "real":
+        return _real(figure, result, done)
     if not case.readings:
         return with_points(figure, Fitted(result))
     named = str(result.points["observable"].iloc[0])
@@ -71,12 +71,12 @@ def scene_of(figure: PaperFigure, done: dict[str, FittedCase]) -> Scene | None:
     return with_points(figure, Fitted(result, fit_case(case, reading=other).result, label))
 
 
-def _kharaz(figure: PaperFigure, result: FitResult, done: dict[str, FittedCase]) -> Scene | None:
-    every = _fitted(case_named("kharaz-2001"), done).result
-    if every is None:
+def _real(figure: PaperFigure, result: FitResult, done: dict[str, FittedCase]) -> Scene | None:
+    other = _fitted(case_named(figure.other), done).result
+    if other is None:
         return None
     try:
-        return kharaz(figure, Fitted(result, every))
+        return real_data(figure, Fitted(result, other))
     except DataError as error:
         done[figure.case] = replace(done[figure.case], result=None, refusal=str(error))
         return None

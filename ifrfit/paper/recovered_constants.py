@@ -13,7 +13,6 @@ from ifrfit.data import Observations
 from ifrfit.data.catalogue import load_dataset, printed_constants
 from ifrfit.data.locations import entry
 from ifrfit.errors import IfrfitError
-from ifrfit.inference.diagnostics.thresholds import GAP
 from ifrfit.inference.fit import fit
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.paper.cases import Case
@@ -106,8 +105,7 @@ class FittedCase:
             return ()
         printed = case_constants(case)
         provenance = provenance_words(tuple(str(kind) for kind in result.points["provenance"].unique()))
-        gap = result.facts["global_optimum"].figures["gap"]
-        objective = result.fit.chi2 + result.fit.prior_chi2
+        _, least_squares = result.problem_and_optimum()
         lack = result.facts["lack_of_fit"]
         return tuple(
             Line(
@@ -123,7 +121,7 @@ class FittedCase:
                 identifiable=result.facts["identifiable"].ok,
                 lack_of_fit_ok=lack.ok,
                 lack_of_fit_p=lack.figures["p"],
-                certified=gap is not None and gap <= GAP * max(1.0, objective),
+                certified=least_squares.optimum.certified,
                 provenance=provenance,
                 case=case.name,
                 figure=" ".join(case.figures),
@@ -159,6 +157,7 @@ def fit_case(case: Case, *, reading: str | None = None) -> FittedCase:
             fix={name: case_constants(case)[name] for name in case.fixed},
             prior=case.prior,
             gamma_min=case.gamma_min,
+            closure=case.closure,
         )
     except IfrfitError as error:
         if entry(case.dataset).installed is None:

@@ -23,7 +23,7 @@ from ifrfit.report.style import SUFFIXES, save_svg_and_png
 
 TABLE = "constants.csv"
 FORMATS = (*SUFFIXES, "csv")
-REAL = ("digitised", "measured")
+REAL = ("measured", "published", "digitised")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def reproduce(
         Names of the figures wanted, as "5" or "4"; all of them if empty. constants.csv, which is about all,
         is left as it is where some are named.
     digitised_only : bool
-        Leave out whatever does not rest on points that were digitised or measured.
+        Leave out whatever does not rest on points that were measured, published or digitised.
     progress : callable
         Told a line per figure.
 
@@ -151,7 +151,8 @@ def select_figures(names: Sequence[str], digitised_only: bool) -> Choice:
     Raises
     ------
     UsageError
-        If there is no such figure, or none of those wanted has points that were digitised or measured.
+        If there is no such figure, or none of those wanted has points that were measured, published or
+        digitised.
     """
     requested = _named(names)
     if not digitised_only:
@@ -162,8 +163,8 @@ def select_figures(names: Sequence[str], digitised_only: bool) -> Choice:
     if not selected:
         listed = ", ".join(figure.stem for figure in requested)
         raise UsageError(
-            f"--digitised-only: nothing of {listed} rests on points that were digitised or "
-            "measured. Put yours in with 'ifrfit datasets install NAME FILE'."
+            f"--digitised-only: nothing of {listed} rests on points that were measured, "
+            "published or digitised. Put yours in with 'ifrfit datasets install NAME FILE'."
         )
     left_out = tuple(figure.stem for figure in requested if figure not in selected)
     return Choice(selected, left_out, real)

@@ -87,8 +87,8 @@ class Incidence:
         return Incidence(*map(of, vars(self).values()))
 
     def take(self, rows: NDArray[np.intp]) -> Incidence:
-        """These impacts only; arrays must have one dimension."""
-        return self.map(lambda part: part[rows])
+        """These impacts only, along the last axis."""
+        return self.map(lambda part: part[..., rows])
 
     @property
     def slip(self) -> Array:

@@ -48,7 +48,7 @@ class Row:
 
 
 def table_rows(result: FitResult) -> list[Row]:
-    """Constants in the order of the closure, then kappa and what the closure's stands for, then the noise."""
+    """Constants in the order of the closure, kappa and what the closure's stands for, offset, noise."""
     rows = [
         Row(name, series, estimate, "", status_words(estimate))
         for name, entry in result.constants.items()
@@ -65,6 +65,9 @@ def table_rows(result: FitResult) -> list[Row]:
             Row(meaning.symbol, series, estimate, "", meaning.words)
             for series, estimate in by_series(result.derived.get(meaning.name)).items()
         ]
+    offset = result.noise.angle_offset
+    if offset is not None:
+        rows.append(Row("angle offset", "", offset, "", f"degrees; {status_words(offset)}"))
     return rows + list(_noise_rows(result))
 
 

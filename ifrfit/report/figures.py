@@ -13,7 +13,7 @@ from ifrfit.inference.result.types import Estimate
 from ifrfit.report import panels, shading, style
 from ifrfit.report.legend import Legend
 from ifrfit.report.provenance import is_stand_in
-from ifrfit.report.regimes import has_angle, regime_name
+from ifrfit.report.regimes import at_true_angles, has_angle, regime_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,6 +44,7 @@ def plot(result: FitResult) -> Figure:
     """
     if not len(result.points):
         raise UsageError("This result holds no points, so there is nothing to draw. Fit the data again.")
+    result = at_true_angles(result)
     observables = [str(name) for name in result.points["observable"].unique()]
     styles = style.series_styles([str(name) for name in result.points["series"].unique()])
     columns = min(len(observables), MOST_COLUMNS)

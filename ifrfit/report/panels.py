@@ -27,6 +27,8 @@ GRID = np.concatenate([[0.01], np.arange(0.5, 90.0, 0.5), [89.99]])
 LONGEST_LABEL = 34
 FEW = 8
 CROWD = 200
+ANGLE, SPEED = "incidence angle γ (deg)", "incoming speed (m/s)"
+NUMBER = "measurement (number, in order)"
 BEHIND, IN_FRONT = 2.0, 5.5  # drawing order: points are at 5
 MANY = 2000
 PIXELS = 500  # from here on points are pixels in the svg too, or it would be huge
@@ -72,20 +74,36 @@ def draw_data(
     rows = result.points[result.points["observable"] == observable]
     found = curves(result, observable, names)
     angled = has_angle(observable)
-    x = rows["gamma_deg"].to_numpy(dtype=float) if angled else np.arange(1.0, len(rows) + 1.0)
+    x, label = abscissa(rows, observable)
     size = marker_size(len(rows)) * (1.0 if angled else 0.75)
     for curve in found:
         own = (rows["series"] == curve.series).to_numpy()
         if angled:
             _draw_curve(axes, curve, styles[curve.series], crowded=len(rows) > CROWD)
         else:
-            _draw_level(axes, curve, styles[curve.series], _span(x[own]))
+            _draw_level(axes, curve, styles[curve.series], _span(x[own], label))
         _draw_points(axes, x[own], rows[own], styles[curve.series], size, angled)
     ring_outliers(axes, x, rows["value"].to_numpy(dtype=float), is_outlier(result, rows))
     axes.set_ylim(*value_limits(rows, found, x if angled else None))
-    set_x(axes, len(rows), angled)
+    set_x(axes, x, label)
     axes.set_ylabel(axis_label(observable))
     mark_stand_in(axes, rows)
+
+
+def abscissa(rows: pd.DataFrame, observable: str) -> tuple[Array, str]:
+    """Where the rows of an observable are drawn, and the label of that axis.
+
+    Over the angle of incidence; those that no angle enters over the angle at which they were measured if that
+    differs, else over the speed, else by their number: a trend is a finding.
+    """
+    gamma, speed = (rows[name].to_numpy(dtype=float) for name in ("gamma_deg", "speed_m_s"))
+    if has_angle(observable) or _differs(gamma):
+        return gamma, ANGLE
+    return (speed, SPEED) if _differs(speed) else (np.arange(1.0, len(rows) + 1.0), NUMBER)
+
+
+def _differs(x: Array) -> bool:
+    return bool(np.isfinite(x).all() and np.ptp(x) > 0.0)
 
 
 def mark_stand_in(axes: Axes, rows: pd.DataFrame) -> None:
@@ -100,15 +118,16 @@ def draw_residuals(
     """Draw standardised residuals with lines at +-2."""
     rows = result.points[result.points["observable"] == observable]
     angled = has_angle(observable)
-    x = rows["gamma_deg"].to_numpy(dtype=float) if angled else np.arange(1.0, len(rows) + 1.0)
+    x, label = abscissa(rows, observable)
     z = rows["standardised"].to_numpy(dtype=float)
     for series in names:
         own = (rows["series"] == series).to_numpy()
         _markers(axes, x[own], z[own], rows[own], styles[series], marker_size(len(rows)) * 0.85, angled)
     ring_outliers(axes, x, z, is_outlier(result, rows))
     draw_residual_axis(axes, z, room=1.35, front=IN_FRONT if len(rows) > CROWD else 1.0)
-    set_x(axes, len(rows), angled)
-    axes.set_xlabel("incidence angle γ (deg)" if angled else "measurement (number, in order)")
+    set_x(axes, x, label)
+    offset = result.noise.angle_offset is not None and label == ANGLE
+    axes.set_xlabel(f"{label}, fitted offset added" if offset else label)
 
 
 def axis_label(observable: str) -> str:
@@ -163,20 +182,22 @@ def _sensible(x: Array) -> NDArray[np.bool_]:
     return np.asarray((x >= 5.0) & (x <= 85.0)) if x.size > 1 else np.ones(x.size, bool)
 
 
-def set_x(axes: Axes, count: int, angled: bool) -> None:
-    """Ticks along the incidence angle, or along the number of the measurement."""
-    if angled:
+def set_x(axes: Axes, x: Array, label: str) -> None:
+    """Limits and ticks of an axis as `abscissa` gives it."""
+    if label == ANGLE:
         axes.set_xlim(0.0, 90.0)
         axes.set_xticks(np.arange(0.0, 91.0, 15.0))
-    else:
+    elif label == NUMBER:
         from matplotlib.ticker import MaxNLocator
 
+        count = x.size
         axes.set_xlim(0.5 - 0.02 * count, count + 0.5 + 0.02 * count)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=6))
 
 
-def _span(x: Array) -> Array:
-    return np.array([x.min() - 0.5, x.max() + 0.5])
+def _span(x: Array, label: str) -> Array:
+    beyond = 0.02 * x.max() if label == SPEED else 0.5
+    return np.array([x.min() - beyond, x.max() + beyond])
 
 
 def _draw_curve(axes: Axes, curve: Curve, series_style: SeriesStyle, *, crowded: bool) -> None:

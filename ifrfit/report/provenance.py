@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 PROVENANCE = {
     "measured": "Values as their authors measured them",
+    "published": "Printed in a table of a publication, rounded as it stands there",
     "digitised": "Read off a published figure, whose reading errors are part of the scatter",
     "simulated": "Computed by a simulation, not measured",
     "": "Where these values come from is not stated; --convention provenance=measured would say it",

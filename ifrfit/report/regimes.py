@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.result.fit_result import FitResult
@@ -41,6 +42,14 @@ def count_impacts(rows: pd.DataFrame) -> int:
 def has_angle(observable: str) -> bool:
     """Whether the incidence angle enters an observable at all."""
     return observable not in OBSERVABLES or OBSERVABLES[observable].has_angle
+
+
+def at_true_angles(result: FitResult) -> FitResult:
+    """The result with its points at the angles of incidence that it found; the set ones without an offset."""
+    offset = result.noise.angle_offset
+    if offset is None or offset.value is None:
+        return result
+    return replace(result, points=result.points.assign(gamma_deg=result.points["gamma_deg"] + offset.value))
 
 
 def transitions(result: FitResult, series: str) -> tuple[Estimate, ...]:

@@ -13,8 +13,10 @@ from ifrfit.report.rounding import by_series, labelled
 from ifrfit.text import fixed, joined, p_text
 
 HEADLINES = {
+    "beyond_closure": "readings lie beyond what the closure can give",
     "converged": "the estimator did not converge",
     "global_optimum": "the optimum is not proven to be the best",
+    "angle_offset": "the angle offset lies far outside its prior",
     "noise_modes": "several sets of constants explain the data",
     "identifiable": "the data do not determine every constant",
     "lack_of_fit": "the data contradict the closure",
@@ -104,6 +106,11 @@ def misfit_line(result: FitResult) -> str:
     if fit.log_evidence is not None:
         parts.append(f"log evidence {fixed(fit.log_evidence, 2)}")
     return "; ".join(parts)
+
+
+def assumed_line(result: FitResult) -> str:
+    """What decides the answer although nobody said so; empty where all was said."""
+    return f"assumed: {', '.join(result.assumed)}" if result.assumed else ""
 
 
 def effort_line(result: FitResult) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,6 +27,7 @@ LINES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 STICKING_SHADE = "#0000000D"
 GREY = "0.35"
 RESIDUAL_DASHES = (0, (4, 3))
+_CLIPPED = re.compile(r'(clip-path="url\(#|<clipPath id=")(p[0-9a-f]{10})')
 
 
 @dataclass(frozen=True)
@@ -122,6 +125,20 @@ def save_figure(figure: Figure, path: Path) -> None:
 
     The same figure gives the same bytes on every run.
     """
-    metadata = {"Date": None} if path.suffix == ".svg" else {"Software": "ifrfit"}
+    if path.suffix == ".svg":
+        path.write_text(svg_text(figure), encoding="utf-8", newline="\n")
+        return
     with drawing():
-        figure.savefig(path, metadata=metadata)
+        figure.savefig(path, metadata={"Software": "ifrfit"})
+
+
+def svg_text(figure: Figure) -> str:
+    """A figure as svg, without a date, its clipped regions numbered in order.
+
+    matplotlib names them by a hash of their corners, whose last bits depend on processor and addresses.
+    """
+    text = io.StringIO()
+    with drawing():
+        figure.savefig(text, format="svg", metadata={"Date": None})
+    numbers: dict[str, int] = {}
+    return _CLIPPED.sub(lambda m: f"{m[1]}clip{numbers.setdefault(m[2], len(numbers) + 1)}", text.getvalue())

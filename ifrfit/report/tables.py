@@ -10,7 +10,7 @@ from ifrfit.report.page.html import environment
 from ifrfit.report.provenance import is_stand_in, kinds_of, provenance_words, source_sentences
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.rounding import plus_minus, span_text
-from ifrfit.report.sentences import findings, headline, misfit_line, model_line
+from ifrfit.report.sentences import assumed_line, findings, headline, misfit_line, model_line
 
 _LATEX_SPECIAL = str.maketrans(
     {
@@ -106,8 +106,8 @@ def _provenance(result: FitResult) -> list[str]:
 
 
 def _regimes(result: FitResult, sign: str) -> list[str]:
-    misfit = misfit_line(result)
-    return [f"{line}." for line in (*regime_lines(result, sign), *([misfit] if misfit else []))]
+    lines = *regime_lines(result, sign), misfit_line(result), assumed_line(result)
+    return [f"{line}." for line in lines if line]
 
 
 def _markdown(text: str) -> str:

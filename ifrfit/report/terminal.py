@@ -19,7 +19,7 @@ from ifrfit.report.provenance import (
 )
 from ifrfit.report.regimes import regime_lines
 from ifrfit.report.rounding import places_of, value_text
-from ifrfit.report.sentences import effort_line, findings, headline, misfit_line, model_line
+from ifrfit.report.sentences import assumed_line, effort_line, findings, headline, misfit_line, model_line
 from ifrfit.text import interval_ends, interval_text, sd_text
 
 WIDTH = 100
@@ -63,7 +63,8 @@ def text(result: FitResult) -> str:
     lines += wrapped(model_line(result), 2)
     lines += ["", *_table_lines(table_rows(result)), ""]
     regimes = regime_lines(result)
-    below = [*regimes, *(line for line in (misfit_line(result), effort_line(result)) if line)]
+    further = misfit_line(result), assumed_line(result), effort_line(result)
+    below = [*regimes, *(line for line in further if line)]
     for line in below:
         lines += ["  " + part for part in wrapped(line, 2, WIDTH - 2)]
     if below:

@@ -15,6 +15,7 @@ import frictionless
 import numpy as np
 import pytest
 
+from ifrfit import fit
 from ifrfit.data import catalogue
 from ifrfit.data import locations as finding
 from ifrfit.data.description import listing_lines
@@ -30,9 +31,10 @@ NAMES = (
     "kharaz-2001",
     "netl-glass-acrylic",
     "reagle-2013",
+    "wang-2018-limestone",
     "wang-2020",
 )
-REAL = ("cornell-glass", "kharaz-2001", "netl-glass-acrylic")
+REAL = ("cornell-glass", "kharaz-2001", "netl-glass-acrylic", "wang-2018-limestone")
 STAND_INS = tuple(name for name in NAMES if name not in REAL)
 MINE = (
     "series,observable,gamma_deg,value\nno spin,beta,20,0.41\nno spin,beta,60,-0.47\nno spin,beta,75,-0.75\n"
@@ -131,6 +133,7 @@ def test_default_selections_and_noise_policies():
         "kharaz-2001": (("kratos",), ("beta_cm", "spin_y_after"), "scaled"),
         "netl-glass-acrylic": (("glass-acrylic",), ("e_n", "mu"), "unknown"),
         "reagle-2013": (("27 m/s",), ("beta_tot",), "known"),
+        "wang-2018-limestone": (("0.1 m", "0.2 m"), ("v_x", "v_n", "spin_y_after"), "unknown"),
         "wang-2020": (("no spin",), ("delta_deg",), "known"),
     }
 
@@ -203,6 +206,23 @@ def test_netl_counts_and_spread():
     assert table["gamma_deg"].isna().all()
 
 
+def test_rocks_are_as_their_authors_measured_them():
+    """Line 18 of the supplement: 0.1 m, from 5.366 and 3.65 m/s to 2.57 and 2.898 m/s, 48.4 rad/s."""
+    table = catalogue.load_dataset("wang-2018-limestone").table
+    assert table.value_counts(["series", "observable"]).to_dict() == {
+        (series, observable): count
+        for series, count in (("0.1 m", 38), ("0.2 m", 37))
+        for observable in ("v_x", "v_n", "spin_y_after")
+    }
+    first = table[table["impact_id"] == "row-18"].set_index("observable")
+    speed = np.hypot(5.366, 3.65)
+    assert first["speed_m_s"].to_numpy() == pytest.approx([speed] * 3, abs=1e-6)
+    assert first["gamma_deg"].to_numpy() == pytest.approx([np.degrees(np.arctan2(3.65, 5.366))] * 3, abs=1e-5)
+    assert first["value"].to_dict() == pytest.approx(
+        {"v_x": 2.898 / speed, "v_n": 2.57 / speed, "spin_y_after": -48.4 * 0.05 / speed}, abs=1e-6
+    )
+
+
 def test_printed_constants_by_series():
     printed = catalogue.printed_constants("cross-2019")
     assert printed["no spin"] == {"e_n": 0.94, "e_t": -0.98, "mu": 0.12}
@@ -264,9 +284,9 @@ def test_describe_states_the_place_of_all_conditions_once():
 def test_the_list_fits_a_terminal_and_says_what_a_stand_in_is():
     lines = listing_lines(catalogue.listing())
     assert max(map(len, lines)) <= 88
-    assert "hashemnia-2019      stand-in   Steel ball on a steel plate (Hashemnia & Askari 2019)" in lines
+    assert "hashemnia-2019       stand-in   Steel ball on a steel plate (Hashemnia & Askari 2019)" in lines
     at = next(i for i, line in enumerate(lines) if line.startswith("kharaz-2001 "))
-    assert lines[at + 1] == " " * 31 + "Gorham & Salman 2001): two readings"
+    assert lines[at + 1] == " " * 32 + "Gorham & Salman 2001): two readings"
     text = " ".join(lines)
     assert "A stand-in is generated from the constants a paper prints" in text
     real = [entry for entry in catalogue.listing() if entry.name in REAL]
@@ -459,6 +479,27 @@ def test_rows_keep_the_provenance_they_state(tmp_path):
     assert "your measurement replaces" in catalogue.load_dataset("cross-2019").notes[0]
 
 
+def test_a_printed_table_is_published_up_to_the_result(tmp_path):
+    path = tmp_path / "table.csv"
+    rows = (
+        "series,gamma_deg,beta,sigma",
+        *(f"no spin,{row},0.02" for row in ("20,0.41", "60,-0.47", "75,-0.75")),
+    )
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    catalogue.install("cross-2019", path, provenance="published")
+    data = catalogue.load_dataset("cross-2019")
+    assert data.provenance == ("published",)
+    assert data.notes[0].startswith("cross-2019: your table replaces the bundled stand-in (from table.csv); ")
+    found = fit(data, fix={"e_n": 0.94}, method="lsq")
+    assert "3 impacts, beta, published, sigma given" in found.summary()
+    assert "Printed in a table of a publication, rounded as it stands there." in found.summary()
+    assert found.to_dict()["input"][0]["provenance"] == "published"
+    figure = found.plot()
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes)]
+    legend = [text.get_text() for one in legends if one is not None for text in one.get_texts()]
+    assert any("(published)" in text for text in legend)
+
+
 def test_a_stand_in_cannot_be_installed(tmp_path):
     path = tmp_path / "copy.csv"
     shutil.copy(ROOT / "datasets" / "cross-2019" / "data.csv", path)
@@ -467,7 +508,7 @@ def test_a_stand_in_cannot_be_installed(tmp_path):
     ):
         catalogue.install("cross-2019", path)
     with pytest.raises(
-        UsageError, match="Provenance 'stand-in' cannot be installed: use one of measured, digitised"
+        UsageError, match="Provenance 'stand-in' cannot be installed: use one of measured, published"
     ):
         catalogue.install("cross-2019", path, provenance="stand-in")
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 FILE = "impacts.csv"
 OUT = "results"
 METHODS = ("lsq", "profile", "exact", "mcmc")
-GROUPS = ("rebound", "scenes", "data refused", "identifiability", "numerics")
+GROUPS = ("rebound", "scenes", "data refused", "identifiability", "strangers", "numerics")
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hard_cases import identifiable, numerics, rebounds, refusals, scenes
+from hard_cases import identifiable, numerics, rebounds, refusals, scenes, strangers
 from hard_cases.case import HardCase
 
 CASES: tuple[HardCase, ...] = (
@@ -10,5 +10,6 @@ CASES: tuple[HardCase, ...] = (
     *scenes.CASES,
     *refusals.CASES,
     *identifiable.CASES,
+    *strangers.CASES,
     *numerics.CASES,
 )

@@ -41,6 +41,7 @@ VALUES = {
     "angle_errors": ("set", Noise(angles=AngleErrors("set"))),
     "angle_population": ((5.0, 80.0), Noise(angles=AngleErrors("measured", population=(5.0, 80.0)))),
     "sigma_gamma": (1.0, Noise(angles=AngleErrors("set", sigma_deg=1.0))),
+    "angle_offset": (1.0, Noise(angles=AngleErrors(offset_sd=1.0))),
     "sigma_velocity": (0.02, Noise(sigma_velocity=0.02)),
     "sigma_spin": (0.03, Noise(sigma_velocity=0.02, sigma_spin=0.03)),
     "accuracy": (1e-2, Exact(accuracy=1e-2)),

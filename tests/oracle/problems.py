@@ -238,6 +238,8 @@ SCATTER = (
     fit("angles-set-student-t", "table:angles", angle_errors="set", tails="student-t"),
     fit("angles-measured", "table:angles", **MEASURED),
     fit("angles-centre", "table:angles-centre", angle_errors="set", fix={"e_n": 0.94}),
+    fit("angles-offset", "table:beta-e_n", angle_offset=1.0, quick=True),
+    fit("angles-offset-lsq", "table:beta-e_n", angle_offset=1.0, method="lsq", noise="scaled"),
     fit("angles-sigma-gamma", "table:beta-e_n", angle_errors="set", sigma_gamma=1.0),
     fit("spins-set", "table:spins", angle_errors="set", fix={"e_n": 0.94, "e_t": -0.9}),
     fit("spins-effective", "table:spins", angle_errors="effective", fix={"e_n": 0.94}),

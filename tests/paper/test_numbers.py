@@ -16,8 +16,8 @@ from ifrfit.paper.figures import FIGURES, PAPER
 from ifrfit.paper.scene import HEADER, rounded, rows_of, write_rows
 from ifrfit.physics import rebound
 
-WITH_POINTS = [f.name for f in FIGURES if f.kind in ("points", "kharaz")]
-KHARAZ = [f for f in FIGURES if f.kind == "kharaz"]
+WITH_POINTS = [f.name for f in FIGURES if f.kind in ("points", "real")]
+KHARAZ = [f for f in FIGURES if f.case.startswith("kharaz")]
 WITH_AXES = [f.name for f in FIGURES if f.kind != "scheme"]
 
 
@@ -193,7 +193,7 @@ def test_a_curve_that_is_not_in_the_csv_would_be_seen(picture):
     assert not pairs <= lines | limits
 
 
-@pytest.mark.parametrize("name", ["3", "6", "9", "kharaz-mu-app"])
+@pytest.mark.parametrize("name", ["3", "6", "9", "kharaz-mu-app", "cornell-mu-app"])
 def test_bands_are_nested_about_the_curve(scene, name):
     for curve in (c for c in scene(name).curves if c.credible is not None):
         inner, outer = curve.credible, curve.predictive
@@ -248,3 +248,26 @@ def test_the_delta_read_directly_agrees_with_the_one_from_the_centre(scene):
     for points in (direct, fitted):
         beyond = points.x > 15.0
         assert np.abs(points.y - np.interp(points.x, curve.x, curve.y))[beyond].max() < 1.5
+
+
+@pytest.mark.parametrize("name", ["beta", "psi-after", "mu-app", "delta"])
+def test_cornell_points_are_all_collisions_in_both_regimes_and_both_closures_hold_them(scene, name):
+    shown = scene(f"cornell-{name}")
+    (points,) = shown.points
+    assert (points.x.size, int(points.sticking.sum()), points.provenance) == (24, 13, "measured")
+    ifr, fr, chart = shown.curves
+    assert [curve.kind for curve in shown.curves] == ["recovered", "other", "printed_constants"]
+    assert fr.label.startswith("FR: ")
+    within = [np.interp(np.linspace(5.0, 55.0, 11), c.x, c.y) for c in (ifr, fr, chart)]
+    spread = np.median(points.sigma)
+    assert np.abs(np.ptp(within, axis=0)).max() < 0.5 * spread
+    assert shown.warnings == ()
+
+
+def test_the_authors_chart_is_walton_with_their_constants(scene):
+    chart = scene("cornell-beta").curves[2]
+    kappa = 0.092 * 1.97
+    assert np.interp(10.0, chart.x, chart.y) == pytest.approx(0.44)
+    assert np.interp(60.0, chart.x, chart.y) == pytest.approx(
+        -1.0 + 3.5 * kappa / math.tan(math.radians(60.0))
+    )

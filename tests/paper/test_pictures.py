@@ -6,6 +6,8 @@ import pytest
 from factories import cut_off
 
 from ifrfit.paper.figures import FIGURES
+from ifrfit.paper.scheme_springs import draw as draw_springs
+from ifrfit.report.style import save_figure
 
 DRAWN = [f.name for f in FIGURES]
 WITH_AXES = [f.name for f in FIGURES if f.kind != "scheme"]
@@ -48,9 +50,13 @@ def test_a_stand_in_says_so_in_the_picture_and_nothing_else_does(picture, name):
         assert mark.get_fontsize() >= 24
     else:
         assert "STAND-IN" not in said
-    if OF[name].kind == "kharaz":
+    if OF[name].case == "kharaz-2001-from-15-deg":
         assert "(digitised)" in said
         assert "contradict" in said
+    if OF[name].case == "cornell-glass":
+        assert "(measured)" in said
+        assert "FR, the authors' chart" in said
+        assert "contradict" not in said
     if OF[name].kind == "theory":
         assert "theory alone, no data" in said
 
@@ -66,3 +72,17 @@ def test_fig_5_does_not_pretend_to_show_yu_and_tafti():
     (ours,) = [model for model in OF["5"].models if "elastic-plastic" in model.label]
     assert "ours, not Yu & Tafti's" in ours.label
     assert all("Yu" not in model.label for model in OF["5"].models if model is not ours)
+
+
+@pytest.mark.parametrize(("by", "same"), [(1e-15, True), (1e-3, False)])
+def test_the_last_bits_of_a_layout_are_not_in_the_svg(tmp_path, by, same):
+    """Control: a shift that can be seen is."""
+    first, second = draw_springs(), draw_springs()
+    axes = second.axes[0]
+    x, y, width, height = axes.get_position(original=True).bounds
+    axes.set_position((x, y * (1.0 + by), width, height))
+    bounds = [figure.axes[0].get_window_extent().bounds for figure in (first, second)]
+    assert bounds[0] != bounds[1]
+    save_figure(first, tmp_path / "a.svg")
+    save_figure(second, tmp_path / "b.svg")
+    assert ((tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()) is same

@@ -127,5 +127,5 @@ def test_real_data_are_answered_today():
 
 
 def test_every_case_has_a_figure_of_the_paper_or_no_place_in_one():
-    """Repeats have no angle to draw over, and equal spheres are no experiment of the paper."""
-    assert [case.name for case in CASES if not case.figures] == ["cornell-glass", "netl-glass-acrylic"]
+    """Repeats have no angle to draw over, and of rocks that contradict the closure no curve is right."""
+    assert [case.name for case in CASES if not case.figures] == ["wang-2018-limestone", "netl-glass-acrylic"]

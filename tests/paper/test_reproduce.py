@@ -22,7 +22,7 @@ HEADER = (
 FORMATS = ("svg", "png", "csv")
 STEMS = {
     *(f"fig{name}" for name in ("1", "2", "3", "4a", "4b", "5", "6", "7", "8", "9", "A2.1a", "A2.1b")),
-    *(f"kharaz-{name}" for name in ("beta", "psi-after", "mu-app", "delta")),
+    *(f"{of}-{name}" for of in ("cornell", "kharaz") for name in ("beta", "psi-after", "mu-app", "delta")),
 }
 
 
@@ -83,6 +83,7 @@ def test_the_table_has_its_columns_and_says_where_everything_comes_from(whole):
     assert {row["dataset"]: row["provenance"] for row in rows} == {
         "kharaz-2001": "digitised",
         "cornell-glass": "measured",
+        "wang-2018-limestone": "measured",
         "netl-glass-acrylic": "measured",
         **dict.fromkeys(
             ("cross-2019", "buck-2017", "hashemnia-2019", "reagle-2013", "wang-2020"), "stand-in"
@@ -211,6 +212,7 @@ def test_a_second_whole_run_writes_the_same_bytes(whole, tmp_path):
         (("fig9", "Fig. 3"), ["fig3", "fig9"]),
         (("A2.1",), ["figA2.1a", "figA2.1b"]),
         (("a2.1B",), ["figA2.1b"]),
+        (("cornell",), ["cornell-beta", "cornell-psi-after", "cornell-mu-app", "cornell-delta"]),
         (("kharaz",), ["kharaz-beta", "kharaz-psi-after", "kharaz-mu-app", "kharaz-delta"]),
         (("kharaz-2001",), ["kharaz-beta", "kharaz-psi-after", "kharaz-mu-app", "kharaz-delta"]),
         ((), [figure.stem for figure in FIGURES]),
@@ -246,7 +248,7 @@ def test_digitised_only_leaves_out_stand_ins_and_theory_and_replaces_its_own_out
     for name in ("kharaz-beta.svg", "fig3.csv"):
         (tmp_path / name).write_text("of an earlier run")
     text = reproduce.reproduce(tmp_path, digitised_only=True)
-    made = files(*(stem for stem in STEMS if stem.startswith("kharaz")))
+    made = files(*(stem for stem in STEMS if stem.startswith(("cornell", "kharaz"))))
     found = contents(tmp_path)
     assert set(found) == made | {"constants.csv", "notes.txt", "fit.svg"}
     assert found["notes.txt"] == found["fit.svg"] == b"mine"

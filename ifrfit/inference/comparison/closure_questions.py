@@ -110,7 +110,12 @@ def fit_each(
                 problem = question.problem(closure, parameters)
             problem = problem.with_closure(closure, parameters)
             found[closure.name] = fit_problem(
-                problem, Exact(), seed=seed, command=command, conditions=question.conditions
+                problem,
+                Exact(),
+                seed=seed,
+                command=command,
+                conditions=question.conditions,
+                assumed=question.assumed,
             )
         except (UsageError, DataError) as error:
             if not found and not specific:

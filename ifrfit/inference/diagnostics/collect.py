@@ -5,15 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
+from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.series_compared import pooling, unequal_noise
-from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.diagnostics.thresholds import FACTS, PULL
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.angle_offset import AngleOffset
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
+from ifrfit.text import plus_minus
+
+_OF_SPEED = [[name] for name in LAWS]
 
 
 def misfit_facts(
@@ -33,21 +39,26 @@ def misfit_facts(
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
         effects = {}  # velocities and spins say it themselves
     restitution = normal_restitution(problem, found)
+    if "p_laws_of_speed" in ({} if restitution is None else restitution.figures) and called[:1] in _OF_SPEED:
+        effects = {}  # a rise of e_n with the angle feigns a law of the speed
     shared = None if brief else pooling(problem, found)
     noises = None if brief else unequal_noise(problem, found)
     if shared is not None and not shared.ok:
         effects = {}  # constants that differ feign effects: they are looked for when the series are apart
         called = ["series"]
+    beyond = beyond_closure(problem, found)
     small = scatter_too_small(problem, found, residuals)
     # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called)
     facts = {
+        **({} if beyond is None else {"beyond_closure": beyond}),
         **({} if shared is None else {"pooling": shared}),
         **({} if noises is None else {"unequal_noise": noises}),
         "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
         **({} if small is None else {"scatter_too_small": small}),
         **({} if restitution is None else {"normal_restitution": restitution}),
-        **({} if brief else {"outliers": outliers(problem, found, residuals)}),
+        # rows that the closure cannot give are no outliers: left out one by one, none would be left
+        **({} if brief or beyond is not None else {"outliers": outliers(problem, found, residuals)}),
         **effects,
     }
     if momentum is not None:
@@ -91,8 +102,9 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
     rivals = optimum.n_near - 1
     if optimum.certified:
         alone = "the only one" if rivals == 0 else f"with {rivals} other within 4 of its chi2"
-        noise = "" if optimum.tolerance is None else ", unknown noise included"
-        return Fact(optimum.n_same == 1, f"global optimum certified{noise}, {alone}", figures, rule)
+        what = "" if optimum.tolerance is None else ", unknown noise included"
+        what += "" if found.angle_offset is None else ", at the fitted angle offset"
+        return Fact(optimum.n_same == 1, f"global optimum certified{what}, {alone}", figures, rule)
     if optimum.gap is not None:
         proof = f"gap {optimum.gap:.1e}"
     elif optimum.method.endswith(ITERATED):
@@ -100,6 +112,18 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
     else:
         proof = f"no bound is known for {'these observables' if bilinear else 'this closure'}"
     return Fact(False, f"the optimum is not proven to be global ({optimum.method}; {proof})", figures, rule)
+
+
+def angle_offset(found: AngleOffset) -> Fact:
+    """Whether the offset of the set angles at the optimum is one that its prior allows."""
+    figures = {"value": found.value, "sd": found.sd, "prior_sd": found.prior_sd, "pull": found.pull}
+    says = f"the angle offset is {plus_minus(found.value, found.sd)} degrees, prior 0 +- {found.prior_sd:g}"
+    ok = abs(found.pull) <= PULL
+    if not ok:
+        says += f", {abs(found.pull):.1f} sd off: look for what turned the angles, or widen --angle-offset"
+    elif not found.is_determined:
+        says += ": the data tell it no better than the prior does"
+    return Fact(ok, says, figures, FACTS["angle_offset"])
 
 
 def at_bound(constants: Constants) -> Fact:

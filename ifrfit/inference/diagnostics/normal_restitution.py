@@ -1,14 +1,19 @@
-"""Readings of e_n: one value at all angles and speeds, as fixed or known before, and at most 1."""
+"""Readings of e_n: one value at all angles and speeds, as fixed or known before, and at most 1.
+
+Yield and viscosity make e_n fall with the normal speed, which at one total speed is a rise with the angle. A
+rise that neither of their laws gives is not blamed on them.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+from scipy import optimize, special
 
+from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS, LawOfSpeed
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -89,13 +94,20 @@ def normal_restitution(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     Fact or None
         None without readings of e_n.
     """
-    looks = [finding for readings in _by_series(problem, found) for finding in _findings(problem, readings)]
+    every = list(_by_series(problem, found))
+    looks = [finding for readings in every for finding in _findings(problem, readings)]
     if not looks:
         return None
     p = min(1.0, len(looks) * min(look.p for look in looks))
     figures = {"p": p, "n_tests": len(looks)}
     rule = FACTS["normal_restitution"]
     wrong = [look.says for look in sorted(looks, key=lambda look: look.p) if len(looks) * look.p < REFUTED]
+    if wrong and (of_law := _laws_of_speed(every)) < REFUTED:
+        figures["p_laws_of_speed"] = of_law
+        wrong.append(
+            f"neither yield nor viscosity makes e_n rise so with the angle (p = {p_text(of_law)}); a shape "
+            "that is not round does, as of faceted rocks"
+        )
     if wrong:
         return Fact(False, "; ".join(wrong), figures, rule)
     return Fact(True, f"readings of e_n agree with one value (p = {p_text(p)})", figures, rule)
@@ -136,12 +148,8 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str) -> Iterator[_Fin
     at = np.flatnonzero(np.isfinite(x))
     if at.size < _FEWEST or np.unique(x[at]).size < 4:
         return
-    x, root = x[at], np.sqrt(readings.weight[at])
-    scaled = (x - x.mean()) / np.ptp(x)
-    design = np.stack((np.ones(x.size), scaled, scaled**2), axis=1)
-    value = readings.value[at]
-    coefficients, *_ = np.linalg.lstsq(design * root[:, None], value * root, rcond=None)
-    rest = float(((value - design @ coefficients) * root) @ ((value - design @ coefficients) * root))
+    x, root, value = x[at], np.sqrt(readings.weight[at]), readings.value[at]
+    parabola, rest = _parabola(x, value, root)
     mean = float(np.average(value, weights=root**2))
     gained = max(float(root**2 @ (value - mean) ** 2) - rest, 0.0)
     if math.isinf(readings.dof):
@@ -151,8 +159,8 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str) -> Iterator[_Fin
     else:
         p = 0.0 if gained > 0.0 else 1.0
     order = np.argsort(x)
-    ends = (design @ coefficients)[order[[0, -1]]]
-    if np.ptp(design @ coefficients) <= _NEGLIGIBLE:
+    ends = parabola[order[[0, -1]]]
+    if np.ptp(parabola) <= _NEGLIGIBLE:
         return
     shown = np.exp(x[order[[0, -1]]]) if unit == "m/s" else x[order[[0, -1]]]
     yield _Finding(
@@ -161,6 +169,56 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str) -> Iterator[_Fin
         f"{ends[1]:.3g} at {shown[1]:.3g} {unit} (p = {p_text(p)}); one e_n over {what} does not stand. "
         "Fit a narrower range of it",
     )
+
+
+def _parabola(x: Array, value: Array, root: Array) -> tuple[Array, float]:
+    """A parabola in x by least squares with weights `root` squared: its values, and the sum left."""
+    scaled = (x - x.mean()) / np.ptp(x)
+    design = np.stack((np.ones(x.size), scaled, scaled**2), axis=1)
+    coefficients, *_ = np.linalg.lstsq(design * root[:, None], value * root, rcond=None)
+    parabola = design @ coefficients
+    return parabola, float(np.sum(((value - parabola) * root) ** 2))
+
+
+def _laws_of_speed(every: Sequence[_Readings]) -> float:
+    """The p value of e_n by yield or viscosity, one number a series, against a rise with the angle.
+
+    1 where e_n does not rise with the angle, or where the normal speed explains it better: a parabola in its
+    logarithm beside one in the angle. F of the better law against the latter, or chi2 where sigma is known.
+    """
+    p, looks, gained = 1.0, 0, 0.0
+    for readings in every:
+        speed = readings.speed * np.cos(np.radians(readings.gamma))
+        at = np.flatnonzero(speed > 0.0)
+        gamma, speed, value, root = (
+            readings.gamma[at],
+            speed[at],
+            readings.value[at],
+            np.sqrt(readings.weight[at]),
+        )
+        if at.size < _FEWEST or np.unique(gamma).size < 4 or np.unique(speed).size < 4:
+            continue
+        parabola, rest = _parabola(gamma, value, root)
+        misfits = [_misfit_of_law(law, speed, value, root) for law in LAWS.values()]
+        scale = 1.0 if math.isinf(readings.dof) else rest / (at.size - 3)
+        if scale == 0.0 or parabola[np.argmax(gamma)] <= parabola[np.argmin(gamma)]:
+            return 1.0
+        gained += (_parabola(np.log(speed), value, root)[1] - rest) / scale
+        square = max(min(misfits) - rest, 0.0) / scale
+        known = math.isinf(readings.dof)
+        of_series = special.chdtrc(2, square) if known else special.fdtrc(2, at.size - 3, square / 2.0)
+        p, looks = min(p, float(of_series)), looks + 1
+    return min(1.0, looks * p) if gained >= 0.0 and looks else 1.0
+
+
+def _misfit_of_law(law: Callable[[float], LawOfSpeed], speed: Array, value: Array, root: Array) -> float:
+    """The least weighted sum of squares that a law e_n(v) leaves, by its e_n at the median speed."""
+    ratio = speed / np.median(speed)
+
+    def misfit(e_n: float) -> float:
+        return float(np.sum(((value - law(e_n)(ratio)) * root) ** 2))
+
+    return float(optimize.minimize_scalar(misfit, bounds=(0.01, 0.999), method="bounded").fun)
 
 
 def _against_known(problem: Problem, readings: _Readings) -> Iterator[_Finding]:

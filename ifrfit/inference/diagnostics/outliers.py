@@ -15,6 +15,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.result.types import Fact
 
 _MOST = 8  # outliers that are looked for
+_FEW = 0.25  # share of all rows that may be outliers and be left out
 
 
 def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fact:
@@ -66,6 +67,11 @@ def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None)
     them = "them" if many else "it"
     if len(found) == _MOST and problem.noise.is_known:
         remedy = "with so many, sigma is rather too small for the scatter: --noise scaled or unknown"
+        return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
+    if len(found) > max(2.0, _FEW * problem.rows.value.size):
+        remedy = (
+            "so many of so few rows are no outliers: the law does not hold for them, or sigma is too small"
+        )
         return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
     says = f"{count}: {named}; check {them}, or leave {them} out with {remedy}"
     return Fact(False, says, figures, FACTS["outliers"])

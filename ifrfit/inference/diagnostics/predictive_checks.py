@@ -44,7 +44,8 @@ def predictive(problem: Problem, draws: Mapping[str, Array]) -> Fact:
     problem : Problem
     draws : mapping of str to ndarray, (m,)
         Independent posterior draws of every free entry of theta by its name; also of
-        "noise[series/observable]" where the noise is unknown, and of "noise" where it is scaled. Some 200 are
+        "noise[series/observable]" where the noise is unknown, of "noise" where it is scaled, and of
+        "angle_offset" where an offset of the set angles is unknown. Some 200 are
         enough; of many rows only the first draws are used, at least 8.
 
     Returns
@@ -144,7 +145,7 @@ def _standardised(density: Density, points: Array) -> Array:
     problem = density.problem
     if not problem.error_model.is_plain:
         return np.asarray(special.ndtri(np.clip(density.below(points), _TAIL, 1.0 - _TAIL)))
-    residuals = problem.rows.value - problem.predict(density.theta(points))
+    residuals = problem.rows.value - density.at_offsets(points).predict(density.theta(points))
     return np.asarray(residuals / density.sigma(points))
 
 

@@ -15,6 +15,7 @@ RHAT = 1.01
 ESS = 2000
 LENGTH = 50
 STABLE = 0.2
+PULL = 3.0
 
 STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
@@ -47,6 +48,9 @@ FACTS = {
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
     "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
+    "beyond_closure": f"stands only where it fails: p < {REFUTED:g}, times the number of rows, that a "
+    "reading lies within what the closure gives between the ends of its domain, and a quarter of the rows of "
+    "its observable beyond it at 0.025",
     "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola "
     "in the angle and in the logarithm of the speed against one value; their mean against a fixed value or a "
     "prior, and against 1; no single reading 4 sd above 1",
@@ -63,6 +67,8 @@ FACTS = {
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",
+    "angle_offset": f"stands where --angle-offset is given: the fitted offset lies within {PULL:g} sd of its "
+    "prior",
     "resampling": "bootstrap: at least 5 impacts of each kind and series (cases), 5 residuals of each noise "
     "(residual), or no row without a residual (wild): of 5 the sd comes out 10 % too small, of fewer more so",
     "sharing": "constants shared by all series are not refuted: evidence of separate ones less than 20 times "

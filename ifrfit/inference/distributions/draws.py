@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.inference.distributions.protocol import transition_name
-from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.problem import OFFSET, Problem
 
 Array = NDArray[np.float64]
 
@@ -42,8 +42,8 @@ class Draws:
         ----------
         problem : Problem
         draws : mapping of str to ndarray, (m,)
-            By the free entries of `Problem.names`; noises as "noise[SERIES/OBSERVABLE]", or "noise". Nothing
-            has to be known of the noise.
+            By the free entries of `Problem.names`; noises as "noise[SERIES/OBSERVABLE]", or "noise", and the
+            "angle_offset". Nothing has to be known of these.
 
         Raises
         ------
@@ -55,9 +55,9 @@ class Draws:
             for name, is_free in zip(problem.parameters.names, problem.parameters.free, strict=True)
             if is_free
         ]
-        noises = [name for name in draws if name.startswith("noise")]
+        others = [name for name in draws if name.startswith("noise") or name == OFFSET]
         found = {name: draws[name] for name in free} | kappa_draws(problem, draws)
-        found |= {name: draws[name] for name in noises}
+        found |= {name: draws[name] for name in others}
         transitions = {
             transition_name(series): np.broadcast_to(_transition(problem, draws, number), _shape(found))
             for number, series in enumerate(problem.series)

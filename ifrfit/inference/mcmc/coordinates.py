@@ -1,4 +1,4 @@
-"""The coordinates in which walkers walk: kappa in the place of mu, noise by its logarithm."""
+"""The coordinates in which walkers walk: kappa in the place of mu, noise by its logarithm, angle offset."""
 
 from __future__ import annotations
 
@@ -77,10 +77,10 @@ class Coordinates:
         return np.where(np.isnan(found), -np.inf, found)
 
     def quantities(self, at: Array) -> Mapping[str, Array]:
-        """Free constants, kappa and noises, each (...)."""
+        """Free constants, kappa, noises and the angle offset, each (...)."""
         flat = self.points(at).reshape(-1, self.dimensions)
         drawn = self.density.draws(flat)
-        noises = {name: values for name, values in drawn.items() if name.startswith("noise")}
-        constants = {name: values for name, values in drawn.items() if name not in noises}
-        found = constants | kappa_draws(self.problem, drawn) | noises
+        constants = {unknown.name: drawn[unknown.name] for unknown in self.density.unknowns}
+        others = {name: values for name, values in drawn.items() if name not in constants}
+        found = constants | kappa_draws(self.problem, drawn) | others
         return {name: np.reshape(values, at.shape[:-1]) for name, values in found.items()}

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.mcmc.coordinates import Coordinates
+from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.laplace import gaussian_approximation
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset
 from ifrfit.inference.optimize.noise_modes import noise_at_mode
 
 Array = NDArray[np.float64]
@@ -63,14 +64,15 @@ def optima(found: LeastSquaresFit) -> list[Array]:
 
 def _gaussian(coordinates: Coordinates, found: LeastSquaresFit, theta: Array) -> tuple[Array, Array]:
     """Centre, (d,), and root of the covariance, (d, d), about an optimum."""
-    problem, density = coordinates.problem, coordinates.density
+    problem, density = at_fitted_offset(coordinates.problem, found), coordinates.density
     low, high = problem.parameters.bounds()
     theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
     free = problem.parameters.free
     sigma = noise_at_mode(problem, theta, 0.0).sigma if found.rivals else found.sigma
     covariance = gaussian_approximation(problem, sigma, theta).covariance(capped=True)[np.ix_(free, free)]
-    noise, spread = _noise(coordinates, sigma)
-    point = np.concatenate((theta[free], noise))
+    noise, spread = _noise(problem, sigma)
+    offset = found.angle_offset
+    point = np.concatenate((theta[free], noise, [] if offset is None else [offset.value]))
     inside = _INSIDE * (density.upper - density.lower)
     point = np.clip(point, density.lower + inside, density.upper - inside)
     n = int(free.sum())
@@ -78,13 +80,14 @@ def _gaussian(coordinates: Coordinates, found: LeastSquaresFit, theta: Array) ->
     values, vectors = np.linalg.eigh(covariance)
     # the symmetric root is the only one that no rounding turns round: signs of eigenvectors are arbitrary
     root[:n, :n] = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
-    root[n:, n:] = np.diag(spread)
+    root[n : n + spread.size, n : n + spread.size] = np.diag(spread)
+    if offset is not None:  # constants go along with it
+        root[:n, -1], root[-1, -1] = offset.carried[free] * offset.sd, offset.sd
     return coordinates.at(point), root
 
 
-def _noise(coordinates: Coordinates, sigma: Array) -> tuple[Array, Array]:
+def _noise(problem: Problem, sigma: Array) -> tuple[Array, Array]:
     """Logarithm of each noise at the optimum, and its sd."""
-    problem = coordinates.problem
     base = problem.noise.base
     centre, spread = [], []
     for rows in problem.noise_groups().values():

@@ -52,9 +52,12 @@ def with_error_model(problem: Problem, error_model: ErrorModel) -> Problem:
     UsageError
         If the closure does not know this error model.
     DataError
-        If the data lack the errors of angle and spin, or have several unknown noises.
+        If the data lack the errors of angle and spin, have several unknown noises, or know no angle whose
+        offset could be fitted.
     """
     error_model.check_closure(problem.closure)
+    if error_model.offset is not None and not problem.rows.has_angle.any():
+        raise DataError("--angle-offset, but the angle of incidence enters no row: leave it out.")
     if error_model.angles != "none":
         _check_errors_of_angles(problem, error_model)
     if error_model.is_plain:

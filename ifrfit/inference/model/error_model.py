@@ -40,6 +40,9 @@ class ErrorModel:
     tails : str
         Name of the law of errors, in `ERROR_LAWS`. Left empty it becomes gaussian without `dof`, student-t
         with it.
+    offset : float or None
+        Prior sd, degrees, of an unknown offset that all set angles of incidence have in common; None where
+        there is none. See `ifrfit.inference.model.problem.Problem.at_offset`.
 
     Raises
     ------
@@ -55,6 +58,7 @@ class ErrorModel:
     velocity: float | None = field(default=None, metadata={"key": "sigma_velocity"})
     spin: float | None = field(default=None, metadata={"key": "sigma_spin"})
     tails: str = ""
+    offset: float | None = field(default=None, metadata={"key": "angle_offset", "optional": True})
 
     def __post_init__(self) -> None:
         if not self.tails:
@@ -70,6 +74,7 @@ class ErrorModel:
         elif not 1.0 <= self.dof <= 1e6:
             raise UsageError(f"--dof {self.dof:g}: choose 1 (Cauchy) or more; 4 is usual.")
         self._check_angles()
+        self._check_offset()
         for option, value in (("--sigma-velocity", self.velocity), ("--sigma-spin", self.spin)):
             if value is not None and not 0.0 < value < math.inf:
                 raise UsageError(f"{option} {value:g}: it must be positive (per incoming speed).")
@@ -100,6 +105,21 @@ class ErrorModel:
             if not 0.0 < gamma <= 45.0:
                 raise UsageError(f"--sigma-gamma {gamma:g}: it must lie above 0 and at most at 45 degrees.")
 
+    def _check_offset(self) -> None:
+        """Refuse a prior of the angle offset that is none, and errors beside which it cannot be fitted."""
+        if self.offset is None:
+            return
+        if not 0.0 < self.offset <= 30.0:
+            raise UsageError(
+                f"--angle-offset {self.offset:g}: give the standard deviation of its prior, above 0 and at "
+                "most 30 degrees."
+            )
+        if not self.is_plain:
+            raise UsageError(
+                "--angle-offset is fitted beside independent Gaussian errors of the values only: leave "
+                f"{self.option} out."
+            )
+
     @property
     def law(self) -> ErrorLaw:
         """The law of errors."""
@@ -107,7 +127,7 @@ class ErrorModel:
 
     @property
     def is_plain(self) -> bool:
-        """Whether errors are independent, Gaussian, and of the values alone."""
+        """Whether errors are independent, Gaussian, and of the values alone, given the offset if any."""
         return self.tails == GAUSSIAN.name and self.angles == "none"
 
     @property
@@ -156,6 +176,8 @@ class ErrorModel:
                 "measured angles and spins scatter about the true ones, "
                 f"integrated out over angles from {low:g} to {high:g} degrees"
             )
+        if self.offset is not None:
+            parts.append(f"angle offset fitted (prior 0 +- {self.offset:g} degrees)")
         return "; ".join(parts)
 
 

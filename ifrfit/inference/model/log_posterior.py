@@ -25,8 +25,9 @@ Array = NDArray[np.float64]
 class Density:
     """Prior and likelihood of a problem over its free unknowns.
 
-    A point holds the free entries of theta, then the logarithm of each unknown noise: in these coordinates
-    the default prior is flat between `lower` and `upper`, which are finite. The prior is the one of the exact
+    A point holds the free entries of theta, then the logarithm of each unknown noise, then the offset of the
+    set angles, degrees, where it is unknown: in the coordinates of constants and noises the default prior is
+    flat between `lower` and `upper`, which are finite. The prior is the one of the exact
     posterior, normalised, so that the densities of two closures compare.
 
     Attributes
@@ -48,18 +49,26 @@ class Density:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the coordinates of a point stand for: free constants, then noises."""
-        return (*(u.name for u in self.unknowns), *(noise_name(group) for group in self.noises))
+        """What the coordinates of a point stand for: free constants, then noises, then the angle offset."""
+        offset = () if self.problem.offset is None else (self.problem.offset.name,)
+        return (*(u.name for u in self.unknowns), *map(noise_name, self.noises), *offset)
+
+    @cached_property
+    def of_noise(self) -> slice:
+        """Coordinates of the noises."""
+        return slice(len(self.unknowns), len(self.unknowns) + len(self.noises))
 
     @cached_property
     def lower(self) -> Array:
         """Lower ends of the coordinates, (d,)."""
-        return np.array([*(u.lower for u in self.unknowns), *(math.log(a) for a, _ in self.noises.values())])
+        ends = [*(u.lower for u in self.unknowns), *(math.log(a) for a, _ in self.noises.values())]
+        return np.array(ends if self.problem.offset is None else [*ends, self.problem.offset.lower])
 
     @cached_property
     def upper(self) -> Array:
         """Upper ends of the coordinates, (d,)."""
-        return np.array([*(u.upper for u in self.unknowns), *(math.log(b) for _, b in self.noises.values())])
+        ends = [*(u.upper for u in self.unknowns), *(math.log(b) for _, b in self.noises.values())]
+        return np.array(ends if self.problem.offset is None else [*ends, self.problem.offset.upper])
 
     def __call__(self, points: Array) -> Array:
         """Log of prior times likelihood, (m,); -inf outside the domain.
@@ -81,12 +90,19 @@ class Density:
         total = np.where(inside, 0.0, -np.inf)
         for unknown, at in zip(self.unknowns, points.T, strict=False):
             total = total + unknown.log_prior(at)
-        spans = (self.upper - self.lower)[len(self.unknowns) :]
+        if self.problem.offset is not None:
+            total = total + self.problem.offset.log_prior(points[:, -1])
+        spans = (self.upper - self.lower)[self.of_noise]
         return np.asarray(total - np.log(spans).sum())
 
     def rows(self, points: Array) -> Array:
         """Log likelihood of each row where rows are independent, (m, n)."""
-        return self.problem.row_log_likelihood(self.theta(points), np.exp(points[:, len(self.unknowns) :]))
+        noise = np.exp(points[:, self.of_noise])
+        return self.at_offsets(points).row_log_likelihood(self.theta(points), noise)
+
+    def at_offsets(self, points: Array) -> Problem:
+        """The problem at the angle offset of each point; as it is where none is unknown."""
+        return self.problem if self.problem.offset is None else self.problem.at_offset(points[:, -1:])
 
     def impacts(self, points: Array) -> Array:
         """Log likelihood of each impact, (m, n_impacts), in the order of `impact`."""
@@ -148,12 +164,12 @@ class Density:
 
     def sigma(self, points: Array) -> Array:
         """Noise of each row, (m, n) or (1, n)."""
-        noise = np.exp(points[:, len(self.unknowns) :])
+        noise = np.exp(points[:, self.of_noise])
         return self.problem.noise.sigma_at(noise, self.problem.noise_groups().values())
 
     def points(self, draws: Mapping[str, Array], n_draws: int = 1) -> Array:
         """Points from draws as `draws` names them, of any shape, (m, d); (n_draws, 0) without unknowns."""
-        noises = self.names[len(self.unknowns) :]
+        noises = self.names[self.of_noise]
         columns = [np.log(draws[name]) if name in noises else draws[name] for name in self.names]
         return np.stack(columns, axis=-1).reshape(-1, len(columns)) if columns else np.empty((n_draws, 0))
 
@@ -164,6 +180,6 @@ class Density:
 
     def draws(self, points: Array) -> dict[str, Array]:
         """The points as the exact posterior names its draws, noises as they are; without kappa."""
-        noise = len(self.unknowns)
-        columns = [*points[:, :noise].T, *np.exp(points[:, noise:].T)]
+        columns = points.T.copy()
+        columns[self.of_noise] = np.exp(columns[self.of_noise])
         return dict(zip(self.names, columns, strict=True))

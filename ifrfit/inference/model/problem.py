@@ -23,6 +23,8 @@ from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.rebound import rebound_with
 
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
+OFFSET = "angle_offset"  # among the quantities of a distribution
+_OBLIQUE_BY = 1e-6  # degrees from 0 and from 90 where ratios of velocities have no value
 _STEP = 1e-6  # of central differences of the curved observables: error about 1e-11
 
 
@@ -173,9 +175,15 @@ class Problem:
         Raises
         ------
         UsageError
-            If unknown noises are missing, or errors are other than independent and Gaussian: those need nodes
-            about an optimum, as `ifrfit.inference.model.log_posterior.Density` has them.
+            If unknown noises are missing, where an angle offset is unknown as well, or errors are other than
+            independent and Gaussian: those need nodes about an optimum, as
+            `ifrfit.inference.model.log_posterior.Density` has them.
         """
+        if self.error_model.offset is not None:
+            raise UsageError(
+                "The angle offset is unknown, too. Take "
+                "ifrfit.inference.model.log_posterior.Density(problem), or problem.at_offset(degrees)."
+            )
         if not self.error_model.is_plain:
             raise UsageError(
                 f"{self.error_model.option} has no density by rows. Take "
@@ -264,6 +272,36 @@ class Problem:
     def with_noise(self, noise: NoiseModel) -> Problem:
         """The same question under another noise."""
         return replace(self, noise=noise)
+
+    def at_offset(self, degrees: float | Array) -> Problem:
+        """The question where every impact came in at its set angle plus an offset, which is then known.
+
+        The offset is an error of the angle between the incoming path and the normal of the wall, as of a
+        turned stage. The angle of incidence is all that it changes, in rows that this angle enters: values
+        measured after impact and spins stay as they are given. A camera that is turned against the wall errs
+        in these as well, and is another matter.
+
+        Parameters
+        ----------
+        degrees : float, or ndarray, (m, 1)
+            Of several, `predict` takes one for each of m theta; nothing else takes several.
+        """
+        return replace(
+            self, rows=self.rows.turned(degrees), error_model=replace(self.error_model, offset=None)
+        )
+
+    @cached_property
+    def offset(self) -> FreeParameter | None:
+        """The unknown offset of the set angles, degrees, with its prior; None where there is none.
+
+        Its domain leaves every oblique impact on its side of the normal, and above the wall.
+        """
+        if self.error_model.offset is None:
+            return None
+        gamma = self.rows.gamma_deg[self.rows.has_angle]
+        low = _OBLIQUE_BY - float(gamma[gamma > 0.0].min(initial=90.0))
+        high = 90.0 - float(gamma.max(initial=0.0)) - _OBLIQUE_BY
+        return FreeParameter.of(OFFSET, Parameter(OFFSET, low, high, prior=(0.0, self.error_model.offset)))
 
     @cached_property
     def by_series(self) -> tuple[Problem, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -90,7 +90,7 @@ class Rows:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def __len__(self) -> int:
-        return int(self.tau.size)
+        return int(self.value.size)
 
     @cached_property
     def observables(self) -> tuple[Observable, ...]:
@@ -173,10 +173,22 @@ class Rows:
 
     def take(self, rows: Index) -> Rows:
         """The same for some rows."""
-        if rows.size == self.tau.size and bool((np.diff(rows) == 1).all()):
+        if rows.size == self.value.size and bool((np.diff(rows) == 1).all()):
             return self
         incidence = self.incidence.take(rows)
-        return Rows(incidence, names=self.names, **{name: getattr(self, name)[rows] for name in _BY_ROW})
+        return Rows(incidence, names=self.names, **{name: getattr(self, name)[..., rows] for name in _BY_ROW})
+
+    def turned(self, degrees: float | Array) -> Rows:
+        """The same where the angle of incidence is larger, in rows that it enters; see `Problem.at_offset`.
+
+        Parameters
+        ----------
+        degrees : float, or ndarray, (m, 1)
+            Of several each has its own incidence, tau and gamma_deg, (m, n); all else stays one number a row.
+        """
+        gamma = self.gamma_deg + np.where(self.has_angle, degrees, 0.0)
+        incidence = Incidence.of(gamma, self.incidence.spin_x, self.incidence.spin_y, degrees=True)
+        return replace(self, incidence=incidence, tau=incidence.tau, gamma_deg=gamma)
 
 
 _BY_ROW = tuple(f.name for f in fields(Rows) if f.name not in ("incidence", "names"))  # one number a row

@@ -90,7 +90,12 @@ class GaussianApproximation:
 
 
 def gaussian_approximation(
-    problem: Problem, sigma: Array, theta: Array, *, with_priors: bool = True
+    problem: Problem,
+    sigma: Array,
+    theta: Array,
+    *,
+    with_priors: bool = True,
+    common: Array | None = None,
 ) -> GaussianApproximation:
     """Expand the objective at theta.
 
@@ -102,6 +107,49 @@ def gaussian_approximation(
     theta : ndarray
     with_priors : bool
         Count the user's priors as measurements.
+    common : ndarray, (n,), optional
+        An error that the rows have in common: they are off by it times one standard normal number. It is
+        integrated out.
+    """
+    names, phi, to_theta, by_phi, residual = weighted_jacobian(problem, sigma, theta, with_priors=with_priors)
+    n = problem.rows.value.size
+    entries = problem.parameters.entries
+    gradient = -2.0 * (by_phi.T @ residual)
+    unit = np.zeros(n) if common is None else common / sigma
+    size = float(unit @ unit)
+    shrunk = 1.0 - 1.0 / np.sqrt(1.0 + size)
+    unit = unit / np.sqrt(size) if size > 0.0 else unit
+    # (1 - shrunk u u') is the inverse root of 1 + size u u', the covariance of weighted rows
+    by_phi = by_phi.copy()
+    by_phi[:n] -= shrunk * np.outer(unit, unit @ by_phi[:n])
+    free = problem.parameters.free
+    scale = np.array([c.prior_sd for c in entries]) / np.abs(np.diag(to_theta))
+    scaled = by_phi[:, free] * scale[free]
+    left, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    p = int(free.sum())
+    if singular.size < p:  # fewer rows than constants: the rest of the directions are loose
+        _, _, right = np.linalg.svd(scaled, full_matrices=True)
+        singular = np.concatenate((singular, np.zeros(p - singular.size)))
+    vectors = np.zeros((theta.size, p))
+    vectors[free] = scale[free, None] * right.T
+    seen = singular[: left.shape[1]] > RANK * singular.max(initial=0.0)
+    fitted = left[:n, seen]
+    leverage = ((fitted - shrunk * np.outer(unit, unit @ fitted)) ** 2).sum(axis=1)
+    leverage += size / (1.0 + size) * unit**2
+    return GaussianApproximation(names, phi, to_theta, vectors, singular, gradient, leverage)
+
+
+def weighted_jacobian(
+    problem: Problem, sigma: Array, theta: Array, *, with_priors: bool = True
+) -> tuple[tuple[str, ...], Array, Array, Array, Array]:
+    """Derivatives of the rows over their sigma, and of the priors, by the coordinates of the expansion.
+
+    Returns
+    -------
+    names, phi, to_theta
+        As `kappa_coordinates`.
+    by_phi : ndarray, (n + priors, p)
+    residual : ndarray, (n + priors,)
     """
     names, phi, to_theta = kappa_coordinates(problem, theta)
     jacobian = problem.jacobian(theta) / sigma[:, None]
@@ -114,22 +162,7 @@ def gaussian_approximation(
             extra[row, i] = 1.0 / entries[i].prior[1]  # type: ignore[index]
         jacobian = np.concatenate((jacobian, extra))
         residual = np.concatenate((residual, -problem.parameters.prior_residuals(theta)))
-    by_phi = jacobian @ to_theta
-    free = problem.parameters.free
-    scale = np.array([c.prior_sd for c in entries]) / np.abs(np.diag(to_theta))
-    scaled = by_phi[:, free] * scale[free]
-    left, singular, right = np.linalg.svd(scaled, full_matrices=False)
-    p = int(free.sum())
-    if singular.size < p:  # fewer rows than constants: the rest of the directions are loose
-        _, _, right = np.linalg.svd(scaled, full_matrices=True)
-        singular = np.concatenate((singular, np.zeros(p - singular.size)))
-    vectors = np.zeros((theta.size, p))
-    vectors[free] = scale[free, None] * right.T
-    seen = singular[: left.shape[1]] > RANK * singular.max(initial=0.0)
-    leverage = (left[: problem.rows.value.size, seen] ** 2).sum(axis=1)
-    return GaussianApproximation(
-        names, phi, to_theta, vectors, singular, -2.0 * (by_phi.T @ residual), leverage
-    )
+    return names, phi, to_theta, jacobian @ to_theta, residual
 
 
 def kappa_coordinates(problem: Problem, theta: Array) -> tuple[tuple[str, ...], Array, Array]:

@@ -19,6 +19,13 @@ from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
 from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.angle_offset import (
+    AngleOffset,
+    offset_at,
+    offset_minima,
+    prior_sd_of,
+    slope_by_offset,
+)
 from ifrfit.inference.optimize.laplace import GaussianApproximation, gaussian_approximation
 from ifrfit.inference.optimize.noise_identifiability import needs_sigma, refuse_exact_group
 from ifrfit.inference.optimize.noise_modes import NoiseModes, noise_factors, noise_modes, phi
@@ -28,6 +35,7 @@ from ifrfit.inference.optimize.solve import solve
 
 _ITERATIONS = 100
 _CONVERGED = 1e-10
+_SEARCHES = 3  # over an angle offset
 _REWEIGHTINGS = 60
 _WEIGHTS_CONVERGED = 1e-8
 _SAME_MODE = 1.0  # rise of -2 log likelihood that the degrees of freedom of the noises may cause
@@ -53,6 +61,9 @@ class LeastSquaresFit:
     rivals : tuple of (float, ndarray)
         Other modes over constants and noises: how far minus twice their log likelihood lies above that of the
         best, and theta.
+    angle_offset : AngleOffset or None
+        Offset of the set angles at which all of this holds, where one is fitted; `gaussian` has its
+        uncertainty integrated out.
     """
 
     optimum: Optimum
@@ -62,6 +73,7 @@ class LeastSquaresFit:
     change: float
     gaussian: GaussianApproximation
     rivals: tuple[tuple[float, Array], ...] = ()
+    angle_offset: AngleOffset | None = None
 
     @property
     def converged(self) -> bool:
@@ -91,7 +103,51 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresF
     """
     if not problem.error_model.is_plain:
         return _iteratively_reweighted(problem)
+    if problem.error_model.offset is not None:
+        return _with_angle_offset(problem, start)
     return _with_plain_errors(problem, start)
+
+
+def at_fitted_offset(problem: Problem, found: LeastSquaresFit) -> Problem:
+    """The problem at the offset of the set angles that a fit found; itself where there is none."""
+    return problem if found.angle_offset is None else problem.at_offset(found.angle_offset.value)
+
+
+def _with_angle_offset(problem: Problem, start: Array | None = None) -> LeastSquaresFit:
+    """Fit under an unknown offset of the set angles: the fit at the best offset, and what that adds to it.
+
+    The search follows the modes of the fit without an offset; it is repeated with those that the fit at the
+    best one finds beside them. Other local minima over the offset count as other minima of the constants.
+    """
+    assert problem.offset is not None
+    prior_sd = prior_sd_of(problem)
+    first = _with_plain_errors(problem.at_offset(min(0.0, problem.offset.upper)), start)
+    modes = [first.optimum.theta, *(theta for _, theta in first.rivals)]
+    for _ in range(_SEARCHES):
+        minima = offset_minima(problem, modes)
+        at_best = problem.at_offset(minima[0][1])
+        near = None if problem.closure.bilinear else modes[0]
+        found = _with_plain_errors(at_best, near, offset_sd=prior_sd)
+        if problem.noise.is_known:
+            break
+        expected = minima[0][0] - (minima[0][1] / prior_sd) ** 2
+        if phi(at_best, found.optimum.theta) >= expected - NOISE_GAP:
+            break
+        modes.append(found.optimum.theta)
+    offset = offset_at(at_best, found.sigma, found.optimum.theta, minima, prior_sd)
+    prior = offset.pull**2
+    others = [(value + prior, theta) for value, theta in found.optimum.minima]
+    for rise, degrees in offset.minima:
+        if rise <= NEAR:
+            theta = solve(problem.at_offset(degrees), found.sigma, start).theta
+            others.append((found.optimum.objective + prior + rise, theta))
+    optimum = replace(
+        found.optimum,
+        objective=found.optimum.objective + prior,
+        minima=tuple(sorted(others, key=lambda pair: pair[0])),
+        method=f"{found.optimum.method}, at the best angle offset",
+    )
+    return replace(found, optimum=optimum, angle_offset=offset)
 
 
 def refit(problem: Problem, sigma: Array, start: Array | None = None) -> LeastSquaresFit:
@@ -116,12 +172,30 @@ def refit(problem: Problem, sigma: Array, start: Array | None = None) -> LeastSq
 
 
 def _with_plain_errors(
-    problem: Problem, start: Array | None = None, known_sigma: Array | None = None
+    problem: Problem,
+    start: Array | None = None,
+    known_sigma: Array | None = None,
+    *,
+    offset_sd: float | None = None,
 ) -> LeastSquaresFit:
-    """Fit under normal errors of the values alone; see `least_squares` and `refit`."""
+    """Fit under normal errors of the values alone; see `least_squares` and `refit`.
+
+    The Gaussian has an offset of the angles about those of the problem integrated out, where the sd of its
+    prior is given.
+    """
+
+    def expanded(sigma: Array, theta: Array) -> GaussianApproximation:
+        common = None if offset_sd is None else offset_sd * slope_by_offset(problem, theta)
+        return gaussian_approximation(problem, sigma, theta, common=common)
+
     if problem.noise.is_known:
+<<<<<<< HEAD
         optimum = solve(problem, problem.noise.sigma, start, proven=known_sigma is None)
         gaussian = gaussian_approximation(problem, problem.noise.sigma, optimum.theta)
+=======
+        optimum = solve(problem, problem.noise.sigma, start)
+        gaussian = expanded(problem.noise.sigma, optimum.theta)
+>>>>>>> main
         return LeastSquaresFit(
             optimum, problem.noise.sigma, group_sigma(problem, problem.noise.sigma), math.inf, 0.0, gaussian
         )
@@ -138,8 +212,13 @@ def _with_plain_errors(
     # a search that found the optimum once follows it while the noise settles
     near = modes.best.theta if start is None and modes is not None else start
     for _ in range(_ITERATIONS):
+<<<<<<< HEAD
         optimum = solve(problem, base * factor, near, proven=modes is not None)
         gaussian = gaussian_approximation(problem, base * factor, optimum.theta)
+=======
+        optimum = solve(problem, base * factor, near)
+        gaussian = expanded(base * factor, optimum.theta)
+>>>>>>> main
         new = _factors(problem, optimum.theta, base, groups, gaussian)
         change = float(np.abs(new / factor - 1.0).max())
         factor = new
@@ -150,7 +229,7 @@ def _with_plain_errors(
     if optimum.is_local and modes is not None:
         optimum = solve(problem, sigma, start)
     dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
-    gaussian = gaussian_approximation(problem, sigma, optimum.theta)
+    gaussian = expanded(sigma, optimum.theta)
     rivals: tuple[tuple[float, Array], ...] = ()
     if modes is None:
         optimum = replace(optimum, gap=None)

@@ -147,10 +147,31 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
 
 
+<<<<<<< HEAD
 def _share_nothing(problem: Problem) -> bool:
     """Whether the series share no constant and no noise."""
     separate = all(each.separate or each.fixed is not None for each in problem.parameters)
     return len(problem.series) > 1 and separate and problem.noise.is_unknown and problem.noise.separate
+=======
+def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
+    """The best of the modes that lie downhill from some places; nothing is proven of others.
+
+    Parameters
+    ----------
+    problem : Problem
+        With an unknown noise.
+    thetas : sequence of ndarray
+        Modes of a neighbouring problem.
+    """
+    search = _Search(problem)
+    searched = not problem.closure.bilinear
+    if search.is_monotone:
+        optimum = solve(problem, search.base, thetas[0] if searched else None)
+        return Mode(search.value(optimum.theta), optimum)
+    for theta in thetas:
+        search.descend(search.solve(search.variance(theta), theta if searched else None))
+    return search.modes[0]
+>>>>>>> main
 
 
 def phi(problem: Problem, theta: Array) -> float:

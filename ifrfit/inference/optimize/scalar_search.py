@@ -15,7 +15,13 @@ DISTINCT = 1e-6  # relative; minima nearer to one another are one
 
 
 def scalar_minima(
-    function: Callable[[Array], Array], low: float, high: float, seeds: Iterable[float] = ()
+    function: Callable[[Array], Array],
+    low: float,
+    high: float,
+    seeds: Iterable[float] = (),
+    *,
+    n_grid: int = _GRID,
+    xatol: float = 1e-12,
 ) -> list[tuple[float, float]]:
     """Local minima of `function` on [low, high] as (value, place), best first.
 
@@ -26,15 +32,19 @@ def scalar_minima(
     low, high : float
     seeds : iterable of float
         Places that join the grid. Each interval of the grid next to a dip is searched by Brent's method.
+    n_grid : int
+        Places of the grid.
+    xatol : float
+        Tolerance of the places of the minima.
     """
     inside = [x for x in seeds if low < x < high]
-    grid = np.unique(np.concatenate((np.linspace(low, high, _GRID), inside)))
+    grid = np.unique(np.concatenate((np.linspace(low, high, n_grid), inside)))
     values = function(grid)
     padded = np.concatenate(([np.inf], values, [np.inf]))
     found: list[tuple[float, float]] = []
     dips = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))
     for i in map(int, dips[np.argsort(values[dips], kind="stable")][:_MOST]):
-        pair = _polished(lambda x: float(function(np.array([x]))[0]), grid, values, i, 1e-12)
+        pair = _polished(lambda x: float(function(np.array([x]))[0]), grid, values, i, xatol)
         if all(are_distinct(pair[1], place) for _, place in found):
             found.append(pair)
     return sorted(found)

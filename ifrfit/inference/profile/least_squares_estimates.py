@@ -61,7 +61,7 @@ def estimates_of_optimum(
         constant = problem.parameters.entries[place]
         if constant.name in ("e_n", "mu") and only_kappa_is_seen(problem):
             (number, *_) = np.flatnonzero(problem.parameters.positions[constant.name] == place).tolist()
-            return _through_kappa(problem, constant, of_kappa(number))
+            return through_kappa(problem, constant, of_kappa(number))
         at = [float(theta[place]) for theta in outlying(fit.optimum)]
         return free(problem.parameters.names[place], constant.domain, at, entry(problem, fit, place))
 
@@ -82,7 +82,7 @@ def _profiled(problem: Problem, fit: LeastSquaresFit, quantity: Quantity, known:
     return profile_of(quantity, curve, value, dof, known, fill=False).estimate()
 
 
-def _through_kappa(problem: Problem, constant: Parameter, kappa: Estimate) -> Estimate:
+def through_kappa(problem: Problem, constant: Parameter, kappa: Estimate) -> Estimate:
     """e_n is anywhere in its domain, and mu is what kappa leaves of it."""
     e_n = problem.parameters["e_n"]
     if constant.name == "e_n":

@@ -7,11 +7,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
+from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.intervals import profile_of
+from ifrfit.inference.profile.least_squares_estimates import through_kappa
 from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, profile_curve, quantities_of, transition_tau
 from ifrfit.inference.profile.types import ProfileLikelihood
@@ -127,6 +131,11 @@ def estimates_of_profiles(
     gaussian : TruncatedGaussian
     local_kappas : mapping
         Those of least squares, for what has no profile.
+
+    Notes
+    -----
+    Where the data see kappa alone, a prior of e_n or mu that says less than half of its domain counts for
+    nothing, as in every method: e_n is anywhere, and mu what the profile of kappa leaves of it.
     """
 
     def of_kappa(number: int) -> Estimate:
@@ -135,7 +144,17 @@ def estimates_of_profiles(
         return local_kappas[series] if profile is None else profile.estimate()
 
     names = problem.parameters.names
-    constants, kappas = by_constant(problem, lambda place: profiles[names[place]].estimate(), of_kappa)
+    pair = [problem.parameters[name] for name in ("e_n", "mu")]
+    loose = only_kappa_is_seen(problem) and any(constant.prior is not None for constant in pair)
+
+    def of_entry(place: int) -> Estimate:
+        constant = problem.parameters.entries[place]
+        if loose and constant.name in ("e_n", "mu"):
+            (number, *_) = np.flatnonzero(problem.parameters.positions[constant.name] == place).tolist()
+            return through_kappa(problem, constant, of_kappa(number))
+        return profiles[names[place]].estimate()
+
+    constants, kappas = by_constant(problem, of_entry, of_kappa)
     local = transitions_of(problem, gaussian, kappas)
     transitions = {
         series: _transition_of(series, kappas[series], profiles, local[series]) for series in problem.series

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ifrfit._version import __version__
-from ifrfit.inference.diagnostics.collect import at_bound, global_optimum, misfit_facts
+from ifrfit.inference.diagnostics.collect import angle_offset, at_bound, global_optimum, misfit_facts
 from ifrfit.inference.diagnostics.identifiability import identifiable
 from ifrfit.inference.diagnostics.lack_of_fit import residuals_of
 from ifrfit.inference.diagnostics.modes import several_modes
@@ -23,7 +23,7 @@ from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.apply_error_model import reported_policy
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
 from ifrfit.inference.result.estimation import Estimation
@@ -40,13 +40,18 @@ from ifrfit.inference.result.types import (
     NoiseSummary,
 )
 from ifrfit.inference.summary.derived import derived_of, transitions_of
-from ifrfit.inference.summary.estimates import correlation_of, estimates_of, noise_of
+from ifrfit.inference.summary.estimates import angle_offset_of, correlation_of, estimates_of, noise_of
 from ifrfit.inference.summary.gaussian import truncated_gaussian
 
 if TYPE_CHECKING:
     import pandas as pd
 
 DRAWS = 2000  # kept in the result, for predictions
+_ASSUMED_OF_NOISE = {
+    "known": (),
+    "scaled": ("errors as large as the scatter, in the proportions of sigma",),
+    "unknown": ("errors as large as the scatter",),
+}
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
@@ -93,6 +98,7 @@ def summarize_optimum(
     """
     import pandas as pd
 
+    problem = at_fitted_offset(problem, optimum)
     e_n, c, mu = problem.per_row(optimum.optimum.theta)
     _, sticks = problem.impulse(e_n, c, mu)
     residuals = residuals_of(problem, optimum)
@@ -128,6 +134,7 @@ def build_result(
     seed: int = 0,
     command: str = "",
     conditions: Setting | None = None,
+    assumed: tuple[str, ...] = (),
     brief: bool = False,
     summary: OptimumSummary | None = None,
 ) -> FitResult:
@@ -137,7 +144,8 @@ def build_result(
     ----------
     problem : Problem
     optimum : LeastSquaresFit
-        Of the problem.
+        Of the problem; where it has an unknown offset of the set angles, all that is said of the rows is said
+        at the offset of this optimum.
     estimation : Estimation
         What the method found beyond the optimum.
     seed : int
@@ -146,6 +154,8 @@ def build_result(
         The command line, for the record.
     conditions : Setting, optional
         The scene of the data, for the effects' criteria.
+    assumed : tuple of str
+        What was taken of ball and impacts although nobody said so, in words.
     brief : bool
         Leave out what takes further fits and serves readers of this one alone: outliers, remedies, effects.
     summary : OptimumSummary, optional
@@ -155,6 +165,8 @@ def build_result(
     -------
     FitResult
     """
+    asked = problem
+    problem = at_fitted_offset(asked, optimum)
     about = summary or summarize_optimum(problem, optimum, conditions, brief=brief)
     own = estimation.distribution
     constants, kappas, transitions = _estimates(problem, about, estimation)
@@ -164,8 +176,9 @@ def build_result(
     noise = NoiseSummary(
         reported_policy(problem),
         optimum.noise,
-        error_model=problem.error_model,
+        error_model=asked.error_model,
         separate=problem.noise.is_unknown and problem.noise.separate,
+        angle_offset=angle_offset_of(optimum.angle_offset, distribution) if optimum.angle_offset else None,
     )
     drawn = None
     if own is not None:
@@ -182,7 +195,7 @@ def build_result(
         derived=derived_of(problem, constants, kappas, transitions),
         correlation=Correlation(names, correlation_of(distribution, names)),
         fit=replace(about.statistics, log_evidence=estimation.log_evidence),
-        facts=_facts(problem, optimum, about, estimation, constants, drawn),
+        facts=_facts(asked, optimum, about, estimation, constants, drawn),
         warnings=(*_warnings(problem), *estimation.warnings),
         state=state_of(problem, about.gaussian, distribution, drawn if estimation.predicts else None),
         points=about.points,
@@ -191,10 +204,11 @@ def build_result(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions() | dict(estimation.versions),
         asked=problem.parameters.parameters,
+        assumed=(*(assumed if problem.has_oblique else ()), *_ASSUMED_OF_NOISE[noise.policy]),
         effort=estimation.effort,
         scene=None if conditions is None else conditions.scene,
         effects=about.effects,
-        problem=problem,
+        problem=asked,
         least_squares=optimum,
         distribution=distribution,
         profiles=estimation.profiles,
@@ -226,17 +240,22 @@ def _facts(
 ) -> dict[str, Fact]:
     """Findings on the optimum, on the estimates and on the method, in the order of the report."""
     counts = about.statistics
+    asked, problem = problem, at_fitted_offset(problem, optimum)
+    offset = optimum.angle_offset
     several = several_modes(problem, optimum)
     facts = {
+        # what refutes the closure comes first: no remedy of what follows would help
+        **{name: fact for name, fact in about.facts.items() if name == "beyond_closure"},
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
         **({} if several is None else {"noise_modes": several}),
+        **({} if offset is None else {"angle_offset": angle_offset(offset)}),
         "identifiable": identifiable(problem, optimum, constants, counts.n_sticking, counts.n_sliding),
         "at_bound": at_bound(constants),
         **about.facts,
     }
     if estimation.is_posterior and drawn is not None:
-        facts["predictive"] = predictive(problem, {name: x[:_CHECKED] for name, x in drawn.items()})
+        facts["predictive"] = predictive(asked, {name: x[:_CHECKED] for name, x in drawn.items()})
     return facts | dict(estimation.diagnostics)
 
 

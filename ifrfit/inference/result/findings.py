@@ -63,6 +63,9 @@ class Findings:
     asked : tuple of Parameter
         The constants as they were asked for: domain, fixed value, prior, separate or shared. Empty where the
         file that the result was read from does not say.
+    assumed : tuple of str
+        What decides the answer although neither user nor data said so, in words: the inertia factor, no spin,
+        the size of the errors.
     effort : Effort or None
         What --accuracy or --budget asked and reached; None where neither was given.
     scene : SceneOfData or None
@@ -92,6 +95,7 @@ class Findings:
     method: str
     noise: NoiseSummary
     asked: tuple[Parameter, ...] = field(default=(), metadata=INTERNAL)
+    assumed: tuple[str, ...] = field(default=(), metadata=OPTIONAL)
     effort: Effort | None = field(default=None, metadata=OPTIONAL)
     constants: Constants
     derived: Derived

@@ -143,6 +143,8 @@ class FitResult(Findings, Display):
             raise UsageError(
                 "A result that was read from a file has no intervals to compare: fit the data again."
             )
+        if self.problem.offset is not None:
+            raise UsageError("Intervals are not compared with an angle offset: leave --intervals out.")
         if not self.noise.error_model.is_plain:
             raise UsageError(
                 "Intervals are compared for independent Gaussian errors of the values only: leave out "

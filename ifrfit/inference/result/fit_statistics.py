@@ -25,6 +25,7 @@ def statistics_of(
     chi2 = float(((r / yardstick) ** 2).sum())
     is_chi2 = problem.noise.is_known and problem.error_model.is_plain
     prior = problem.parameters.prior_residuals(found.optimum.theta)
+    offset = found.angle_offset
     groups = problem.noise_groups()
     likely = found.sigma.copy()  # the most likely noise, without the correction for the constants
     for rows in groups.values():
@@ -32,14 +33,14 @@ def statistics_of(
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
     if not problem.error_model.is_plain:
         log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
-    k = found.gaussian.rank + len(groups)
+    k = found.gaussian.rank + len(groups) + (offset is not None and offset.is_determined)
     regime = problem.rows.is_oblique
     return FitStatistics(
         n=n,
         n_sliding=int((regime & ~sticks).sum()),
         n_sticking=int((regime & sticks).sum()),
         rank=found.gaussian.rank,
-        prior_chi2=float(prior @ prior),
+        prior_chi2=float(prior @ prior) + (0.0 if offset is None else offset.pull**2),
         chi2=chi2,
         dof=dof,
         reduced_chi2=chi2 / dof if dof > 0 and not problem.noise.is_unknown else None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ifrfit.data import Observations
 from ifrfit.data.schema import TABLE_COLUMNS
 from ifrfit.errors import UsageError
+from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
@@ -58,7 +59,7 @@ def question(result: FitResult) -> tuple[Problem, LeastSquaresFit]:
     return problem, least_squares(problem)
 
 
-def posterior_of(result: FitResult) -> QuadraturePosterior:
+def posterior_of(result: FitResult) -> QuadraturePosterior | Mixture:
     """The exact posterior of a fit.
 
     Raises
@@ -66,6 +67,6 @@ def posterior_of(result: FitResult) -> QuadraturePosterior:
     UsageError
         If the fit was made by another method, or was read from a file.
     """
-    if not isinstance(result.distribution, QuadraturePosterior):
+    if not isinstance(result.distribution, QuadraturePosterior | Mixture):
         raise UsageError("The result holds no exact posterior. Fit the data again with --method exact.")
     return result.distribution

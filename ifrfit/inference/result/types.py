@@ -107,6 +107,8 @@ class NoiseSummary:
         How values scatter about the model, where that is not plainly Gaussian.
     separate : bool
         Whether unknown noises are those of each series.
+    angle_offset : Estimate or None
+        Offset of the set angles, degrees, where it was fitted; its prior is in `error_model`.
     """
 
     policy: str
@@ -115,6 +117,7 @@ class NoiseSummary:
     prior: Mapping[str, Interval] = field(default_factory=dict, metadata=OPTIONAL)
     error_model: ErrorModel = field(default=PLAIN, metadata={**OPTIONAL, "key": "scatter"})
     separate: bool = field(default=False, metadata=OPTIONAL)
+    angle_offset: Estimate | None = field(default=None, metadata=OPTIONAL)
 
 
 @dataclass(frozen=True)

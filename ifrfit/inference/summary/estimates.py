@@ -8,12 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
+from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.entry_names import split_name
 from ifrfit.inference.model.parameters import Domain
-from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.problem import OFFSET, Problem
+from ifrfit.inference.optimize.angle_offset import AngleOffset
 from ifrfit.inference.result.estimation import Unresolved
 from ifrfit.inference.result.types import FACTOR, Constants, Estimate, Interval, NoiseSummary, by_entry
 from ifrfit.inference.summary.status import (
@@ -245,7 +248,30 @@ def noise_of(
         (group,) = replace(problem.noise, policy="unknown").groups(problem.groups(), len(problem.series))
         estimates, bounds = {group: estimates[FACTOR]}, {group: bounds[""]}
     prior = {name or FACTOR: ends for name, ends in bounds.items()}
-    return NoiseSummary(local.policy, sigma, estimates, prior, local.error_model, local.separate)
+    return replace(local, sigma=sigma, estimates=estimates, prior=prior)
+
+
+def angle_offset_of(found: AngleOffset, distribution: Distribution) -> Estimate:
+    """The offset of the set angles as the distribution has it; where that has none, by its Gaussian.
+
+    "prior" where the data do not halve the sd of its prior, else "determined".
+    """
+    if OFFSET in distribution.names:
+        low95, low68, value, high68, high95 = (float(q) for q in distribution.quantile(OFFSET, LEVELS))
+        mean, sd = distribution.mean(OFFSET), distribution.sd(OFFSET)
+    else:
+        value, mean, sd = found.value, None, found.sd
+        low95, low68, high68, high95 = (value + sd * float(special.ndtri(p)) for p in LEVELS if p != 0.5)
+    determined = sd < HALF * found.prior_sd
+    return Estimate(
+        value,
+        sd,
+        (low68, high68),
+        (low95, high95),
+        "determined" if determined else "prior",
+        "" if determined else "rests on its prior",
+        mean=mean,
+    )
 
 
 def correlation_of(distribution: Distribution, names: tuple[str, ...]) -> Array:

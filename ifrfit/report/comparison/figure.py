@@ -97,9 +97,13 @@ def _draw_observable(
     drawn = []
     for name, entry in comparison.entries.items():
         for curve in panels.curves(entry.fit, observable, names, bands=False):
-            own = styles[name]
-            axes[0].plot(
-                curve.x, curve.table["value"].to_numpy(), color=own.colour, ls=own.line, zorder=front
+            own, offset = styles[name], entry.fit.noise.angle_offset
+            axes[0].plot(  # over the set angle, whatever offset the closure has found
+                curve.x - (0.0 if offset is None else offset.value or 0.0),
+                curve.table["value"].to_numpy(),
+                color=own.colour,
+                ls=own.line,
+                zorder=front,
             )
             drawn.append(curve)
     markers = style.series_styles([str(name) for name in comparison.best.points["series"].unique()])
@@ -119,8 +123,8 @@ def _draw_observable(
         _draw_strip(strip, _rows(entry.fit.points, observable), title(name), styles[name], size)
     for upper in axes[:-1]:
         upper.tick_params(labelbottom=False)
-    panels.set_x(axes[-1], len(rows), angled=True)
-    axes[-1].set_xlabel("incidence angle γ (deg)")
+    panels.set_x(axes[-1], x, panels.ANGLE)
+    axes[-1].set_xlabel(panels.ANGLE)
 
 
 def _draw_strip(

@@ -15,6 +15,7 @@ from ifrfit.physics import CLOSURES, OBSERVABLES, Closure
 from ifrfit.report import style
 from ifrfit.report.page.drawings.canvas import shortened
 from ifrfit.report.provenance import is_stand_in
+from ifrfit.report.regimes import at_true_angles
 from ifrfit.report.sentences import undetermined
 from ifrfit.text import joined
 
@@ -51,6 +52,7 @@ def payload(result: FitResult) -> dict[str, Any]:
         with the sigma that chi2 rests on, each group's best values with the inverse of its covariance in the
         coordinates of the state. Only what JSON knows.
     """
+    result = at_true_angles(result)
     observables = [name for name in _observables(result) if OBSERVABLES[name].panel is not None]
     points = result.points[result.points["observable"].isin(observables)]
     step = -(-len(points) // MOST_ROWS)

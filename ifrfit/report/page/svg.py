@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import re
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
 from ifrfit.report.page.blocks import Picture
-from ifrfit.report.style import drawing
+from ifrfit.report.style import svg_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +33,7 @@ def inline(picture: Picture, *, alone: bool = False) -> str:
     the whole page, and metadata are left out; coordinates are rounded to 0.01 pt; title and description are
     added. A small figure that stands `alone` is shown larger.
     """
-    root = ET.fromstring(_written(picture.figure))
+    root = ET.fromstring(svg_text(picture.figure))
     _plain_names(root)
     used = _references(root)
     for element in root.iter():
@@ -57,13 +56,6 @@ def inline(picture: Picture, *, alone: bool = False) -> str:
     _name(root, picture)
     _size(root, picture.figure, alone)
     return ET.tostring(root, encoding="unicode")
-
-
-def _written(figure: Figure) -> str:
-    buffer = io.StringIO()
-    with drawing():
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return buffer.getvalue()
 
 
 def _plain_names(root: ET.Element) -> None:

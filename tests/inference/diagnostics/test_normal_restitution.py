@@ -7,6 +7,7 @@ import pytest
 from factories import impacts_file
 
 from ifrfit import fit
+from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.physics import rebound
 
 ANGLES = np.linspace(5.0, 80.0, 20)
@@ -103,3 +104,48 @@ def test_readings_of_v_n_are_brought_to_e_n(tmp_path):
     found = restitution(impacts_file(tmp_path / "t.csv", parts))
     assert found.ok
     assert found.figures["p"] > 0.001
+
+
+def drops(path, restitution_at, *, seed=0, noise=0.03):
+    """Raw velocities of 40 impacts of two speeds, e_n by a function of angle and normal speed."""
+    rng = np.random.default_rng(seed)
+    gamma = np.radians(np.tile(np.linspace(20.0, 80.0, 20), 2))
+    speed = np.repeat([4.0, 7.0], 20) * rng.uniform(0.9, 1.1, 40)
+    e_n = restitution_at(gamma, speed * np.cos(gamma))
+    impact = rebound(gamma, e_n=0.8, e_t=-0.9, mu=0.3)
+    noises = noise * rng.standard_normal((2, 40))
+    v_x = speed * (impact.v_x + noises[0])
+    v_n = speed * np.maximum(e_n * np.cos(gamma) + noises[1] * np.cos(gamma), 0.01)
+    columns = np.stack([speed * np.sin(gamma), speed * np.cos(gamma), v_x, v_n], axis=1)
+    rows = [",".join(f"{x:.6g}" for x in row) for row in columns]
+    path.write_text("\n".join(["u_x_m_s,u_z_m_s,v_x_m_s,v_n_m_s", *rows]) + "\n", encoding="utf-8")
+    return fit(path, method="lsq", closure="fr")
+
+
+def test_restitution_that_rises_with_the_angle_is_not_blamed_on_yield(tmp_path):
+    found = drops(tmp_path / "t.csv", lambda gamma, speed: 0.35 + 0.5 * gamma**3)
+    fact = found.facts["normal_restitution"]
+    assert not fact.ok
+    assert fact.figures["p_laws_of_speed"] < 1e-3
+    assert "neither yield nor viscosity makes e_n rise so with the angle" in fact.says
+    assert "effects" not in found.facts
+
+
+def test_yield_is_still_called_yield(tmp_path):
+    """Control: e_n by the law of an elastic, perfectly plastic sphere rises with the angle, too."""
+    law = LAWS["plasticity"](0.6)
+    found = drops(tmp_path / "t.csv", lambda gamma, speed: law(speed / 3.0))
+    fact = found.facts["normal_restitution"]
+    assert not fact.ok
+    assert "p_laws_of_speed" not in fact.figures
+    assert "yield" not in fact.says
+    assert found.facts["effects"].figures["called"][0] == "plasticity"
+
+
+def test_faceted_rocks_are_refuted_for_their_shape():
+    """75 real blocks of limestone on concrete, whose e_n rises from 0.37 to beyond 1 with the angle."""
+    found = fit("wang-2018-limestone", method="lsq")
+    assert found.summary().startswith("LOOK  the readings of e_n contradict what is taken of them")
+    assert "a shape that is not round does, as of faceted rocks" in found.facts["normal_restitution"].says
+    assert "effects" not in found.facts
+    assert "yield, which" not in found.summary()

@@ -26,6 +26,18 @@ def test_a_wide_prior_determines_nothing(path, method):
         assert result.constants[name].value is None
 
 
+@pytest.mark.parametrize("sd", [0.15, 0.3])
+def test_methods_agree_on_a_weak_prior(path, sd):
+    """A profile that closes by the prior alone is no limit that the data set."""
+    found = [fit(path, method=method, prior={"e_n": (0.9, sd)}).constants for method in METHODS]
+    for name in ("e_n", "mu"):
+        estimates = [constants[name] for constants in found]
+        assert {each.status for each in estimates} == {"not_determined"}
+        assert len({each.reason for each in estimates}) == 1
+        for each in estimates:
+            assert each.interval95 == pytest.approx(estimates[0].interval95, abs=0.01)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_a_narrow_prior_still_counts(path, method):
     result = fit(path, method=method, prior={"e_n": (0.9, 0.02)})

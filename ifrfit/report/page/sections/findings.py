@@ -10,7 +10,7 @@ from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.provenance import STAND_IN, kinds_of, source_sentences
 from ifrfit.report.regimes import regime_lines
-from ifrfit.report.sentences import findings, misfit_line, model_line
+from ifrfit.report.sentences import assumed_line, findings, misfit_line, model_line
 
 
 def build(given: ReportInput) -> Sequence[Block]:
@@ -23,8 +23,8 @@ def build(given: ReportInput) -> Sequence[Block]:
             # of several kinds this one is told first
             paragraphs.append(Paragraph(f"{source.name}: {sentences.pop(1)}", "stand-in"))
         paragraphs.append(Paragraph(" ".join(sentences)))
-    misfit = misfit_line(result)
-    lines = [f"{model_line(result)}", *regime_lines(result, "±"), *([misfit] if misfit else [])]
+    further = misfit_line(result), assumed_line(result)
+    lines = [model_line(result), *regime_lines(result, "±"), *(line for line in further if line)]
     paragraphs.append(Paragraph(" ".join(sentence(line) for line in lines)))
     return (*paragraphs, Findings(tuple(findings(result))))
 

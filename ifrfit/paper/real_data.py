@@ -1,7 +1,7 @@
-"""Alumina on glass of Kharaz et al. (2001), the bundled real data, as the paper's kinds of figure.
+"""The bundled real data as the paper's kinds of figure.
 
-Measured were the centre's restitution and the spin after. Each of them gives the impulse, and the impulse
-gives beta, psi_after, mu_app and delta; delta was read directly as well, by others, and is not fitted.
+Measured were the centre's restitution and, of some, the spin after. Each of them gives the impulse, and the
+impulse gives beta, psi_after, mu_app and delta; what a source gives directly as well is drawn and not fitted.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from ifrfit.paper.build_scene import (
     points_of,
     recovered_curve,
 )
+from ifrfit.paper.cases import case_named
 from ifrfit.paper.figures import PaperFigure
 from ifrfit.paper.observable_conversion import convert_observable
 from ifrfit.paper.scene import Curve, Pen, Points, Scene
@@ -38,10 +39,10 @@ _DIRECT = SeriesStyle(COLOURS[2], "D", "-")
 _NEEDS_E_N = ("mu_app", "delta_deg")
 
 
-def kharaz(figure: PaperFigure, fitted: Fitted) -> Scene:
-    """One of the four figures.
+def real_data(figure: PaperFigure, fitted: Fitted) -> Scene:
+    """A figure of real data: points, the fit with its bands, another fit as a line, and printed constants.
 
-    `fitted.result` is the fit without the near-normal impacts, `fitted.other` that to all of them.
+    Points of `fitted.other` that `fitted.result` leaves out are drawn in grey.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def kharaz(figure: PaperFigure, fitted: Fitted) -> Scene:
         for name, styles in zip(measured, series_styles(list(measured)).values(), strict=True)
         for part in _converted(result, every, name, styles, y, e_n)
     ]
-    points += _direct(y)
+    points += _direct(figure, y)
     rows = _noise_rows(result, measured[0], y, e_n)
     series = str(result.points["series"].iloc[0])
     styles = {series: SeriesStyle(COLOURS[0], "o", "-")}
@@ -68,18 +69,19 @@ def kharaz(figure: PaperFigure, fitted: Fitted) -> Scene:
     contradicted = "" if lack.ok else ", contradicted"
     line = Curve(
         "other",
-        f"all angles{contradicted}: {estimates_words(every)}",
+        f"{figure.other_label}{contradicted}: {estimates_words(every)}",
         figure.x.grid,
         y.sign * table["value"].to_numpy(dtype=float),
         Pen(GREY, (0, (3, 2)), 0.9),
     )
+    printed = [m.curve(figure.x, y, s) for m in figure.models for s in figure.settings]
     warnings = () if lack.ok else (contradiction(every, lack.figures.get("p")),)
     return Scene(
         figure.stem,
         figure.title,
         figure.x,
         y,
-        (replace(curve, label=curve.label.replace("recovered", "from 15°")), line),
+        (replace(curve, label=curve.label.replace("recovered", figure.label)), line, *printed),
         tuple(points),
         regimes_of(result, styles, figure.x.inside),
         warnings,
@@ -140,10 +142,10 @@ def _noise_rows(result: FitResult, measured: str, y: Ordinate, e_n: float) -> pd
     return rows.assign(sigma_used=_converted_values(rows, measured, y, e_n)[1])
 
 
-def _direct(y: Ordinate) -> list[Points]:
-    """The second reading, where it is of the observable shown."""
-    table = load_dataset("kharaz-2001").table
-    rows = table[(table["series"] == "mfix") & (table["observable"] == y.observable)]
+def _direct(figure: PaperFigure, y: Ordinate) -> list[Points]:
+    """A further series, where it is of the observable shown."""
+    table = load_dataset(case_named(figure.case).dataset).table
+    rows = table[(table["series"] == figure.direct) & (table["observable"] == y.observable)]
     if not len(rows):
         return []
     kinds = tuple(str(kind) for kind in rows["provenance"].unique())

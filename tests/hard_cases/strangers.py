@@ -1,0 +1,222 @@
+"""Tables of strangers: what contradicts itself, misleads, or is no sphere on a wall."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hard_cases.case import FILE, HardCase, Told, command, put, refused
+from hard_cases.identifiable import fitted, statuses
+from hard_cases.synthetic import FAN, HEADER, noise, rows, table, values
+
+from ifrfit import fit
+from ifrfit.inference import FitResult
+
+METHODS = ("lsq", "exact")
+WIDE = "gamma_deg,beta,"
+SUPERBALL = "gamma_deg,e_n,sigma_e_n,beta,sigma_beta\n25,0.78,0.01,0.49,0.03\n"
+
+
+def _two_series(sigma: float | None, spread: float, **second: float) -> str:
+    text = HEADER
+    for number, (series, constants) in enumerate((("first", {}), ("second", second))):
+        value = values(FAN, "beta", **constants) + noise(len(FAN), spread, 11 + number)
+        text += rows(FAN, value, sigma, series=series)
+    return text
+
+
+def _with_e_n(readings: np.ndarray) -> str:
+    beta = values(FAN, "beta") + noise(len(FAN), 0.02, 3)
+    return HEADER + rows(FAN, beta, None) + rows(FAN, readings, None, "e_n")
+
+
+def _looks(name: str, *words: str) -> Callable[[FitResult], None]:
+    """The fact fails with these words, and the first line says so."""
+
+    def check(result: FitResult) -> None:
+        fact = result.facts[name]
+        assert not fact.ok
+        for word in words:
+            assert word in fact.says, (word, fact.says)
+        assert result.summary().startswith("LOOK")
+
+    return check
+
+
+def _apart(result: FitResult) -> None:
+    _looks("pooling", "the series do not share mu", "--separate mu")(result)
+    assert "effects" not in result.facts
+
+
+def _silent_prior(result: FitResult) -> None:
+    assert statuses(result) == {"e_n": "not_determined", "e_t": "determined", "mu": "not_determined"}
+
+
+def _confined(result: FitResult) -> None:
+    assert statuses(result) == {"e_n": "prior", "e_t": "determined", "mu": "prior"}
+    assert "your bounds of e_n" in result.constants["mu"].reason
+
+
+def _rocks(result: FitResult) -> None:
+    _looks("normal_restitution", "a shape that is not round does, as of faceted rocks")(result)
+    assert "effects" not in result.facts
+
+
+def _glass(result: FitResult) -> None:
+    assert all(fact.ok or name == "at_bound" for name, fact in result.facts.items())
+    for name, low, high in (("e_n", 0.96, 0.98), ("mu", 0.086, 0.098)):
+        assert low < result.constants[name].value < high
+    assert (result.fit.n_sticking, result.fit.n_sliding) == (13, 11)
+
+
+def _of_dataset(name: str) -> Callable[[Path, str], FitResult]:
+    return lambda folder, method: fit(name, method=method)
+
+
+def _command(text: str, *options: str) -> Callable[[Path], Told]:
+    def run(folder: Path) -> Told:
+        put(folder, text)
+        return command(folder, ["fit", FILE, "--out", "results", *options])
+
+    return run
+
+
+def _usage(*words: str) -> Callable[[Told], None]:
+    def check(told: Told) -> None:
+        assert told.status == 2
+        assert told.left == ()
+        for word in words:
+            assert word in told.err, (word, told.err)
+
+    return check
+
+
+def _never_offered(told: Told) -> None:
+    refused("beta_err", "sigma_beta")(told)
+    assert "beta_cm" not in told.err
+
+
+def _case(
+    name: str,
+    what: str,
+    answer: str,
+    run: Callable[..., Any],
+    check: Callable[[Any], None],
+    *,
+    fits: bool = True,
+) -> HardCase:
+    return HardCase(name, "strangers", what, answer, run, check, METHODS if fits else ())
+
+
+CASES = (
+    _case(
+        "two series of different mu",
+        "Two series of one table, made with mu of 0.12 and 0.20, without a sigma; e_n is given.",
+        "The first line says that the series do not share their constants, with the p-value, both values and "
+        "--separate mu; no effect is blamed.",
+        fitted(_two_series(None, 0.02, mu=0.20)),
+        _apart,
+    ),
+    _case(
+        "series of different noise",
+        "Two series of the same constants, one with six times the scatter of the other, without a sigma.",
+        "The first line says that the series do not share their noise, with --separate noise.",
+        fitted(
+            HEADER
+            + rows(FAN, values(FAN, "beta") + noise(len(FAN), 0.01, 5), None, series="fine")
+            + rows(FAN, values(FAN, "beta") + noise(len(FAN), 0.06, 6), None, series="rough")
+        ),
+        _looks("unequal_noise", "--separate noise"),
+    ),
+    _case(
+        "e_n that falls with the angle",
+        "Readings of e_n that fall from 0.95 to 0.60 between 5 and 85 degrees, beside beta.",
+        "The first line says that the readings contradict one value, with the p-value and both ends.",
+        fitted(_with_e_n(0.95 - 0.35 * (np.array(FAN) - 5.0) / 80.0 + noise(len(FAN), 0.01, 4)), fix={}),
+        _looks("normal_restitution", "is not one value", "degrees"),
+    ),
+    _case(
+        "e_n fixed against its readings",
+        "Readings of e_n about 0.94 beside --fix e_n=0.5.",
+        "The first line says that the readings contradict what was fixed, with both numbers.",
+        fitted(_with_e_n(0.94 + noise(len(FAN), 0.01, 4)), fix={"e_n": 0.5}),
+        _looks("normal_restitution", "but e_n is fixed at 0.5"),
+    ),
+    _case(
+        "e_n above 1",
+        "Readings of e_n about 1.1, as of a camera whose scale is not the same before and after.",
+        "The first line says that they contradict what is taken of e_n: they lie above 1.",
+        fitted(_with_e_n(1.1 + noise(len(FAN), 0.02, 4)), fix={}),
+        _looks("normal_restitution", "above 1"),
+    ),
+    _case(
+        "sigma far too large",
+        "Values that scatter by 0.003 with a sigma of 0.05.",
+        "The first line says that the data scatter less than their sigma, with chi2 and its p-value.",
+        fitted(table(sigma=0.05, true_sigma=0.003, seed=7)),
+        _looks("scatter_too_small", "sigma is too large"),
+    ),
+    _case(
+        "a prior that says nothing",
+        "beta alone, which fixes kappa only, with --prior e_n=0.9,5.",
+        "e_n and mu stay not determined, as without the prior.",
+        fitted(table(sigma=0.02, seed=8, e_t=-0.85), fix={}, prior={"e_n": (0.9, 5.0)}),
+        _silent_prior,
+    ),
+    _case(
+        "bounds that decide",
+        "beta alone with --bounds e_n=0.85,0.95.",
+        "The status of e_n and mu is prior: they rest on the bounds.",
+        fitted(table(sigma=0.02, seed=8, e_t=-0.85), fix={}, bounds={"e_n": (0.85, 0.95)}),
+        _confined,
+    ),
+    _case(
+        "a prior outside the domain",
+        "A table of beta with --prior e_n=1.1,0.02.",
+        "Refused with exit status 2, nothing written: the domain is named.",
+        _command(table(sigma=0.02, seed=8), "--prior", "e_n=1.1,0.02"),
+        _usage("e_n=1.1,0.02", "domain [0, 1]"),
+        fits=False,
+    ),
+    _case(
+        "beta_err",
+        "A column beta_err beside beta.",
+        "Refused with exit status 3, nothing written: an uncertainty is meant, sigma_beta, never beta_cm.",
+        _command(WIDE + "beta_err\n30,0.1,0.02\n60,-0.4,0.02\n"),
+        _never_offered,
+        fits=False,
+    ),
+    _case(
+        "faceted rocks",
+        "75 real drops of limestone blocks, whose e_n rises with the angle beyond 1 (`wang-2018-limestone`).",
+        "Refuted in the first line for their shape: e_n is not one value; no yield and no other effect is "
+        "blamed.",
+        _of_dataset("wang-2018-limestone"),
+        _rocks,
+    ),
+    _case(
+        "a superball by closure F",
+        "One bounce of a superball on granite, e_n 0.78 and beta 0.49 (Cross 2010), fitted by closure F.",
+        "The first line says that the reading lies beyond what the closure can give: in F the contact point "
+        "at most stops.",
+        fitted(SUPERBALL, fix={}, closure="f"),
+        _looks("beyond_closure", "at most stops", "--closure fr or ifr"),
+    ),
+    _case(
+        "glass spheres on each other",
+        "24 real collisions of equal glass spheres, sticking and sliding (`cornell-glass`).",
+        "Taken in as a wall in the relative frame: one set of constants holds for both regimes.",
+        _of_dataset("cornell-glass"),
+        _glass,
+    ),
+    _case(
+        "spheres of unequal size",
+        "A table with --convention pair=unequal-spheres.",
+        "Refused with exit status 2, nothing written: only equal spheres are read as a wall.",
+        _command(table(sigma=0.02, seed=8), "--convention", "pair=unequal-spheres"),
+        _usage("pair=unequal-spheres", "Two equal spheres are a wall in the relative frame"),
+        fits=False,
+    ),
+)

@@ -1,0 +1,88 @@
+"""Readings that no constants of the closure give are told first, with the reason, and are no outliers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ifrfit import fit
+from ifrfit.physics import rebound
+
+ANGLES = np.linspace(8.0, 50.0, 12)
+SUPERBALL = "gamma_deg,e_n,sigma_e_n,beta,sigma_beta\n25,0.78,0.01,0.49,0.03\n"
+
+
+def table(path, value, observable="beta", sigma=0.02):
+    rows = [f"{g},{v},{sigma}" for g, v in zip(ANGLES, value, strict=True)]
+    path.write_text("\n".join([f"gamma_deg,{observable},sigma", *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def noisy(value, seed=0, sigma=0.02):
+    return value + sigma * np.random.default_rng(seed).standard_normal(ANGLES.size)
+
+
+@pytest.mark.parametrize(("observable", "sign"), [("beta", 1.0), ("beta_cm", 1.0), ("spin_y_after", -1.0)])
+def test_a_ball_that_springs_back_is_beyond_closure_f(tmp_path, observable, sign):
+    impact = rebound(ANGLES, degrees=True, closure="fr", e_n=0.8, beta0=0.5, mu=0.6)
+    value = impact.spin_y if observable == "spin_y_after" else getattr(impact, observable)
+    found = fit(
+        table(tmp_path / "t.csv", noisy(value), observable), closure="f", method="lsq", fix={"e_n": 0.8}
+    )
+    fact = found.facts["beyond_closure"]
+    assert not fact.ok
+    assert fact.figures["observable"] == observable
+    assert "as a superball's does: a closure with tangential restitution, --closure fr or ifr" in fact.says
+    assert "outliers" not in found.facts
+    assert found.summary().startswith("LOOK  readings lie beyond what the closure can give")
+    assert "beyond_closure" not in fit(tmp_path / "t.csv", closure="fr", method="lsq", fix={"e_n": 0.8}).facts
+
+
+@pytest.mark.parametrize("closure", ["ifr", "fr", "ifr-contact"])
+def test_a_contact_point_faster_than_before_gains_energy(tmp_path, closure):
+    found = fit(table(tmp_path / "t.csv", noisy(1.15)), closure=closure, method="lsq", fix={"e_n": 0.8})
+    assert "gains energy, which no closure of a rigid sphere gives" in found.facts["beyond_closure"].says
+
+
+def test_the_wrong_sign_of_beta_may_lie_below_every_closure(tmp_path):
+    found = fit(table(tmp_path / "t.csv", noisy(-1.2)), method="lsq", fix={"e_n": 0.8})
+    assert "look at signs and at the angle's origin" in found.facts["beyond_closure"].says
+
+
+def test_one_impact_of_a_superball_refutes_closure_f_first(tmp_path):
+    """Superball on granite at 25 degrees: e 0.78, e_x 0.49 (Cross 2010, Table I)."""
+    path = tmp_path / "t.csv"
+    path.write_text(SUPERBALL, encoding="utf-8")
+    found = fit(path, closure="f", method="lsq")
+    assert found.summary().startswith("LOOK  readings lie beyond what the closure can give; ")
+    for closure in ("ifr", "fr", "ifr-contact"):
+        assert "beyond_closure" not in fit(path, closure=closure, method="lsq").facts
+
+
+def test_a_single_outlier_among_many_is_an_outlier(tmp_path):
+    """Control: one of twelve readings far beyond the closure says nothing of the closure."""
+    value = noisy(rebound(ANGLES, degrees=True, e_n=0.8, e_t=-0.9, mu=0.15).beta)
+    value[3] = 1.8
+    found = fit(table(tmp_path / "t.csv", value), method="lsq", fix={"e_n": 0.8})
+    assert "beyond_closure" not in found.facts
+    assert not found.facts["outliers"].ok
+
+
+def test_many_rows_of_few_are_no_outliers_to_leave_out(tmp_path):
+    """beta of 0.2 in sticking, where IFR has 2/5 at least: so that five of seven rows are far off."""
+    value = 0.2 + 0.02 * np.random.default_rng(0).standard_normal(7)
+    rows = [f"{g},{v},0.02" for g, v in zip(range(10, 45, 5), value, strict=True)]
+    (tmp_path / "t.csv").write_text("\n".join(["gamma_deg,beta,sigma", *rows]) + "\n", encoding="utf-8")
+    found = fit(tmp_path / "t.csv", method="lsq", fix={"e_n": 0.8})
+    assert found.summary().startswith("LOOK  the data contradict the closure")
+    says = found.facts["outliers"].says
+    assert "--exclude" not in says
+    assert "so many of so few rows are no outliers: the law does not hold for them" in says
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_data_at_the_end_of_the_domain_are_not_beyond_it(tmp_path, seed):
+    """beta of 1 while sticking, the most there is: noise carries half of the readings beyond."""
+    value = rebound(ANGLES, degrees=True, e_n=0.8, e_t=-0.4, mu=2.0).beta
+    found = fit(table(tmp_path / "t.csv", noisy(value, seed)), method="lsq", fix={"e_n": 0.8})
+    assert "beyond_closure" not in found.facts
