@@ -189,13 +189,8 @@ def _with_plain_errors(
         return gaussian_approximation(problem, sigma, theta, common=common)
 
     if problem.noise.is_known:
-<<<<<<< HEAD
         optimum = solve(problem, problem.noise.sigma, start, proven=known_sigma is None)
-        gaussian = gaussian_approximation(problem, problem.noise.sigma, optimum.theta)
-=======
-        optimum = solve(problem, problem.noise.sigma, start)
         gaussian = expanded(problem.noise.sigma, optimum.theta)
->>>>>>> main
         return LeastSquaresFit(
             optimum, problem.noise.sigma, group_sigma(problem, problem.noise.sigma), math.inf, 0.0, gaussian
         )
@@ -212,13 +207,8 @@ def _with_plain_errors(
     # a search that found the optimum once follows it while the noise settles
     near = modes.best.theta if start is None and modes is not None else start
     for _ in range(_ITERATIONS):
-<<<<<<< HEAD
-        optimum = solve(problem, base * factor, near, proven=modes is not None)
-        gaussian = gaussian_approximation(problem, base * factor, optimum.theta)
-=======
-        optimum = solve(problem, base * factor, near)
+        optimum = solve(problem, base * factor, near, proven=False)
         gaussian = expanded(base * factor, optimum.theta)
->>>>>>> main
         new = _factors(problem, optimum.theta, base, groups, gaussian)
         change = float(np.abs(new / factor - 1.0).max())
         factor = new

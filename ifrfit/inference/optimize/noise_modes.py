@@ -147,12 +147,12 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
 
 
-<<<<<<< HEAD
 def _share_nothing(problem: Problem) -> bool:
     """Whether the series share no constant and no noise."""
     separate = all(each.separate or each.fixed is not None for each in problem.parameters)
     return len(problem.series) > 1 and separate and problem.noise.is_unknown and problem.noise.separate
-=======
+
+
 def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
     """The best of the modes that lie downhill from some places; nothing is proven of others.
 
@@ -171,7 +171,6 @@ def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
     for theta in thetas:
         search.descend(search.solve(search.variance(theta), theta if searched else None))
     return search.modes[0]
->>>>>>> main
 
 
 def phi(problem: Problem, theta: Array) -> float:
@@ -286,7 +285,7 @@ class _Search:
             variance = np.empty(self.sizes.size)
             for each, minimum in zip(components, chosen, strict=True):
                 variance[each.groups] = minimum.variance
-            optimum = self.solve(variance, near)
+            optimum = solve(self.problem, self.sigma(variance), near, proven=False)
             near = optimum.theta if near is None else near
             if not self._known(optimum.theta):
                 self.modes.append(Mode(self.value(optimum.theta), optimum))
@@ -326,7 +325,7 @@ class _Search:
         """Follow the tangents down from an optimum to a mode, and keep it if it is a new one."""
         variance = self.variance(optimum.theta)
         for _ in range(_DESCENTS):
-            optimum = self.solve(variance, optimum.theta)
+            optimum = solve(self.problem, self.sigma(variance), optimum.theta, proven=False)
             before, variance = variance, self.variance(optimum.theta)
             if np.abs(variance / before - 1.0).max() <= _AT_REST or self._known(optimum.theta):
                 break

@@ -27,9 +27,10 @@ def solve(
     sigma : ndarray
         Standard uncertainty of each row.
     near : ndarray, optional
-        theta of a neighbouring problem: a search looks for the optimum there alone, and proves nothing.
+        theta of a neighbouring problem: a search looks for the optimum there alone.
     proven : bool
-        Whether a proof is needed where it is dear: series that share some constants.
+        Whether a proof is needed where it is dear (series that share some constants, a search over e_n);
+        without it what lies near `near` will do there, too.
     slack : float
         Gap that is small enough there.
 
@@ -42,7 +43,7 @@ def solve(
     if len(problem.series) == 1 or not any(c.separate for c in problem.parameters):
         group = whole_group(problem, sigma)
         found = solve_group(
-            group, None if near is None else float(near[problem.parameters.positions["e_n"][0]])
+            group, None if near is None or proven else float(near[problem.parameters.positions["e_n"][0]])
         )
         if found is None:
             return multistart(problem, sigma, near)
@@ -51,7 +52,7 @@ def solve(
         places = problem.parameters.positions["e_n"]
         parts = []
         for i, group in enumerate(series_groups(problem, sigma)):
-            alone = solve_group(group, None if near is None else float(near[places[i]]))
+            alone = solve_group(group, None if near is None or proven else float(near[places[i]]))
             parts.append(_searched(problem, i, sigma, near) if alone is None else alone)
         return _join(problem, parts)
     groups = series_groups(problem, sigma)
@@ -59,7 +60,7 @@ def solve(
     joined = _solve_separate(problem, groups, whole)
     if joined is not None:
         return joined
-    linked = solve_shared(problem, groups, whole, near, proven=proven, slack=slack)
+    linked = solve_shared(problem, groups, whole, None if proven else near, proven=proven, slack=slack)
     return multistart(problem, sigma, near) if linked is None else linked
 
 
