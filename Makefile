@@ -44,6 +44,7 @@ calibrate: $(READY)
 	$(BIN)/python scripts/calibrate_intervals.py
 	$(BIN)/python scripts/study_angle_errors.py
 	$(BIN)/python scripts/calibrate_closures.py
+	$(BIN)/python scripts/slips_study.py --clean 60 --power 8
 
 benchmark: $(READY)
 	$(BIN)/python benchmarks/least_squares.py

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ifrfit.data.angular_momentum import MomentumCheck
 from ifrfit.data.cell_table import Cells
 from ifrfit.data.conventions import Conventions, suggest
+from ifrfit.data.missing_codes import refuse_missing_codes
 from ifrfit.data.units import UNITS, parse_header, units_of
 from ifrfit.errors import DataError
 from ifrfit.physics.observables import OBSERVABLES
@@ -78,7 +79,7 @@ class Layout:
         if not self.has(key):
             return np.full(len(self.cells), np.nan)
         column = self.columns[key]
-        values = self.cells.numbers(column.index)
+        values = self._numbers_of(column)
         if column.sign < 0:
             values = -values
         if column.dimension == "number" or column.unit == "1":
@@ -95,10 +96,17 @@ class Layout:
         factor = UNITS[column.unit][1]
         return values if factor == 1.0 else values * factor
 
+    def _numbers_of(self, column: Column) -> NDArray[np.float64]:
+        """Numbers of a column as they stand in the file; codes for "not measured" are refused."""
+        values = self.cells.numbers(column.index)
+        if column.key != "n_repeats":
+            refuse_missing_codes(self.cells, column.header, values)
+        return values
+
     def gamma(self) -> NDArray[np.float64]:
         """Return the incidence angle from the normal in degrees; NaN if the table has none."""
         if self.has("tan_gamma"):
-            angle = np.degrees(np.arctan(self.cells.numbers(self.columns["tan_gamma"].index)))
+            angle = np.degrees(np.arctan(self._numbers_of(self.columns["tan_gamma"])))
         else:
             angle = self.numbers("gamma")
         return 90.0 - angle if self.angle_from == "from-wall" else angle

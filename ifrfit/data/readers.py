@@ -16,6 +16,7 @@ from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
 from ifrfit.data.conventions import Conventions, parse_conventions
+from ifrfit.data.impact_numbers import refuse_restarted_impacts
 from ifrfit.data.long_table import read_long
 from ifrfit.data.observations import Observations, Source, make_table
 from ifrfit.data.partial_table import Piece, source_headers
@@ -114,6 +115,7 @@ def _assemble(
     columns: dict[str, Any] = {}
     for name in pieces[0].columns:
         columns[name] = np.concatenate([np.asarray(piece.columns[name]) for piece in pieces])[order]
+    refuse_restarted_impacts(layout, columns, rows)
     columns["series"] = _labels(layout, "series", _as_text(path.stem))[rows]
     provenance = _provenances(layout)[rows]
     columns |= {"provenance": provenance, "source": _as_text(path.name), "row": cells.lines[rows]}

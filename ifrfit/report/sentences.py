@@ -24,6 +24,8 @@ HEADLINES = {
     "unequal_noise": "the series do not share their noise",
     "scatter_too_small": "the data scatter less than their sigma",
     "normal_restitution": "the readings of e_n contradict what is taken of them",
+    "slips": "the table looks as if it had a slip in it",
+    "duplicates": "impacts stand in the table twice",
     "effects": "the residuals call for a further effect",
     "outliers": "outliers",
     "predictive": "the posterior does not predict such data",

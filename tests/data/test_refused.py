@@ -129,3 +129,46 @@ def test_an_uncertainty_is_never_offered_as_a_value(read, header, sigma):
         read(f"gamma_deg,beta,{header}\n10,-0.5,0.01\n20,-0.4,0.01\n")
     assert f"a column {sigma}" in str(raised.value)
     assert f"column:{sigma}={header}" in str(raised.value)
+
+
+@pytest.mark.parametrize("code", ["-999", "-99", "9999", "-99.9"])
+@pytest.mark.parametrize("column", ["beta", "gamma_deg", "spin_y", "sigma"])
+def test_a_code_for_a_missing_value_is_refused_with_its_place(read, column, code):
+    cells = {"gamma_deg": "20", "beta": "0.4", "spin_y": "0.1", "sigma": "0.02"}
+    lines = [",".join(cells), ",".join(cells.values()), ",".join((cells | {column: code}).values())]
+    with pytest.raises(DataError) as raised:
+        read("\n".join(lines) + "\n")
+    assert f"line 3, column {column}: {code} looks like a code for 'not measured'" in str(raised.value)
+    assert "Leave such cells empty" in str(raised.value)
+
+
+def test_a_number_like_a_code_among_its_like_is_none(read):
+    text = "u_x_m_s,u_z_m_s,v_x_m_s,radius_m,omega_y_after_rad_s\n1,2,0.5,0.001,{}\n1,2,0.5,0.001,-150\n"
+    assert read(text.format("-99")).table.value.size == 4
+    assert read(text.format("-80")).table.value.size == 4
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "words"),
+    [
+        ("gamma_deg", (10, 20), "has the angle 20 degrees here and 10 degrees in line 2"),
+        ("spin_y", (0.1, 0.3), "has the spin 0.3 here and 0.1 in line 2"),
+        ("speed_m_s", (1, 2), "has the speed 2 m/s here and 1 m/s in line 2"),
+    ],
+)
+def test_an_impact_id_that_starts_anew_is_refused(read, column, values, words):
+    cells = {"gamma_deg": 10, "beta": 0.4, "spin_y": 0.1, "speed_m_s": 1, "impact_id": 7}
+    rows = [cells | {column: value} for value in values]
+    text = "\n".join(",".join(map(str, row)) for row in (cells, *(row.values() for row in rows)))
+    with pytest.raises(DataError, match="impact '7'") as raised:
+        read(text + "\n")
+    assert words in str(raised.value)
+    assert "column impact_id" in str(raised.value)
+    assert "Number the impacts through the whole table or remove the column." in str(raised.value)
+
+
+def test_readings_of_one_impact_may_differ_a_little(read):
+    text = "observable,value,gamma_deg,impact_id\nbeta_cm,-0.7,{},1\nspin_y_after,-0.4,{},1\n"
+    assert len(read(text.format(20, 20.3))) == 2
+    with pytest.raises(DataError, match=r"Number the impacts through the whole table\.$"):
+        read(text.format(20, 21))

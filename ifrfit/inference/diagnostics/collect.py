@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
+from ifrfit.inference.diagnostics.duplicates import duplicates
 from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
@@ -34,25 +35,31 @@ def misfit_facts(
 
     Brief, it leaves out outliers, and the search for a remedy of a misfit.
     """
-    called = effects["effects"].figures["called"] if effects else []
+    called = [name for fact in effects.values() for name in fact.figures["called"]]
     momentum = _angular_momentum(problem) if problem.observations.momentum else None
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
         effects = {}  # velocities and spins say it themselves
     restitution = normal_restitution(problem, found)
     if "p_laws_of_speed" in ({} if restitution is None else restitution.figures) and called[:1] in _OF_SPEED:
-        effects = {}  # a rise of e_n with the angle feigns a law of the speed
+        # a rise of e_n with the angle feigns a law of the speed
+        effects = {name: fact for name, fact in effects.items() if name == "slips"}
     shared = None if brief else pooling(problem, found)
     noises = None if brief else unequal_noise(problem, found)
     if shared is not None and not shared.ok:
-        effects = {}  # constants that differ feign effects: they are looked for when the series are apart
+        # constants that differ feign effects: they are looked for when the series are apart
+        effects = {
+            name: fact for name, fact in effects.items() if name == "slips" and _precedes(fact, shared)
+        }
         called = ["series"]
     beyond = beyond_closure(problem, found)
+    double = None if brief else duplicates(problem, found)
     small = scatter_too_small(problem, found, residuals)
     # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called)
     facts = {
         **({} if beyond is None else {"beyond_closure": beyond}),
         **({} if shared is None else {"pooling": shared}),
+        **({} if double is None else {"duplicates": double}),
         **({} if noises is None else {"unequal_noise": noises}),
         "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
         **({} if small is None else {"scatter_too_small": small}),
@@ -64,6 +71,13 @@ def misfit_facts(
     if momentum is not None:
         facts["angular_momentum"] = momentum
     return facts
+
+
+def _precedes(fact: Fact, shared: Fact) -> bool:
+    """Whether a slip is surer than that the series differ, which it may feign."""
+    tests = fact.figures["tests"]
+    least = min((tests[name]["p"] for name in fact.figures["called"]), default=1.0)
+    return not fact.ok and least < min(shared.figures["p"].values())
 
 
 def noise_converged(found: LeastSquaresFit) -> Fact:

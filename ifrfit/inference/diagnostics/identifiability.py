@@ -16,9 +16,18 @@ _SHARE = 0.1  # of the largest loading below which a constant is not named in a 
 
 
 def identifiable(
-    problem: Problem, fit: LeastSquaresFit, constants: Constants, n_sticking: int, n_sliding: int
+    problem: Problem,
+    fit: LeastSquaresFit,
+    constants: Constants,
+    n_sticking: int,
+    n_sliding: int,
+    *,
+    slip: bool = False,
 ) -> Fact:
-    """Whether the data determine every free constant; names the loose combinations and the remedy."""
+    """Whether the data determine every free constant; names the loose combinations and the remedy.
+
+    With a slip in the table nothing is advised but to mend that first.
+    """
     local = fit.gaussian
     n_free = int(problem.parameters.free.sum())
     loose = [
@@ -26,6 +35,9 @@ def identifiable(
         for i in np.flatnonzero(~local.tight)
     ]
     figures = {"rank": local.rank, "free": n_free, "loose": loose}
+    if slip and (local.rank < n_free or _limits(problem, constants)):
+        says = "the data do not determine every constant as the table stands: mend the slip in it first"
+        return Fact(False, says, figures, FACTS["identifiable"])
     if local.rank == n_free:
         limits = _limits(problem, constants)
         says = limits or "the data determine every free constant"

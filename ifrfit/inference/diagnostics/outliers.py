@@ -63,7 +63,7 @@ def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None)
     named = "; ".join(f"{row_name(problem, i)} at {z:+.1f} sigma" for i, z in found)
     many = len(found) > 1
     count = f"{len(found)} outlier{'s' if many else ''}{' or more' if len(found) == _MOST else ''}"
-    remedy = " ".join(f"--exclude {_exclude_name(problem, i)}" for i, _ in found)
+    remedy = " ".join(f"--exclude {exclude_name(problem, i)}" for i, _ in found)
     them = "them" if many else "it"
     if len(found) == _MOST and problem.noise.is_known:
         remedy = "with so many, sigma is rather too small for the scatter: --noise scaled or unknown"
@@ -84,7 +84,8 @@ def row_name(problem: Problem, i: int) -> str:
     return f"{source} line {row} ({observable})"
 
 
-def _exclude_name(problem: Problem, i: int) -> str:
+def exclude_name(problem: Problem, i: int) -> str:
+    """What --exclude takes for a row."""
     row = problem.observations.table.iloc[i]
     several = problem.observations.table["source"].nunique() > 1
     return f"{row['source']}:{row['row']}" if several else str(row["row"])

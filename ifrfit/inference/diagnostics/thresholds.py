@@ -7,7 +7,9 @@ HALF = 0.5
 GAP = 1e-9
 NOISE_GAP = 0.02
 RIVAL = 0.01
+ALIKE = 4.0
 REFUTED = 0.001
+DECISIVE = 18.4
 OUTLIER = 0.01
 AT_REST = 1e-6
 FAILED = 0.01
@@ -62,8 +64,16 @@ FACTS = {
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
     "viscoelasticity or yield, adhesion and rolling friction would move the values, and of other laws of "
-    "sticking, sliding and friction and of another inertia factor, which may be mistaken for them; named is "
-    "the largest fall of -2 log likelihood, with those within 4 of it",
+    "sticking, sliding, friction and restitution and of another inertia factor, which may be mistaken for "
+    "them; named is the largest fall of -2 log likelihood, with those within 4 of it",
+    "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
+    "speaks most: of an offset of the angles, a turned camera, the scale of speeds and of spins, spin before "
+    "that is not in the table, another inertia factor, an e_n that changes in the course of the table; and a "
+    f"fall of -2 log likelihood below {DECISIVE:g} for the table with another sign, with angles from the "
+    "wall or in radians, percent, centre for contact point, 0 for 'not measured'. It fails only where no "
+    f"effect explains more by {ALIKE:g}; what explains as much is named beside it",
+    "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
+    "every decimal, by noise and rounding (Poisson)",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",

@@ -118,7 +118,7 @@ class NoiseModel:
             value = rows.value[own]
             unit = rows.observables[rows.which[own[0]]].unit
             natural = max(90.0 if unit == "deg" else 1.0, float(np.abs(value).max()))
-            found[name] = (_resolution(value) / math.sqrt(12.0), natural)
+            found[name] = (resolution(value) / math.sqrt(12.0), natural)
         if self.is_unknown:
             return found | dict(self.prior_bounds)
         low = min(found[name][0] / float(self.sigma[own].max()) for name, own in measured.items())
@@ -147,7 +147,7 @@ def _by_observable(measured: Mapping[str, Index]) -> Mapping[str, Index]:
     return {name: np.sort(np.concatenate(rows)) for name, rows in parts.items()}
 
 
-def _resolution(value: Array) -> float:
+def resolution(value: Array) -> float:
     """The last decimal that any value is written with."""
     steps = 10.0 ** -np.arange(_DECIMALS)
     in_steps = value / steps[:, None]

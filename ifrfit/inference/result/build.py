@@ -243,14 +243,19 @@ def _facts(
     asked, problem = problem, at_fitted_offset(problem, optimum)
     offset = optimum.angle_offset
     several = several_modes(problem, optimum)
+    slips = {name: about.facts[name] for name in ("duplicates", "slips") if name in about.facts}
+    first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
     facts = {
+        **first,
         # what refutes the closure comes first: no remedy of what follows would help
         **{name: fact for name, fact in about.facts.items() if name == "beyond_closure"},
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
         **({} if several is None else {"noise_modes": several}),
         **({} if offset is None else {"angle_offset": angle_offset(offset)}),
-        "identifiable": identifiable(problem, optimum, constants, counts.n_sticking, counts.n_sliding),
+        "identifiable": identifiable(
+            problem, optimum, constants, counts.n_sticking, counts.n_sliding, slip="slips" in first
+        ),
         "at_bound": at_bound(constants),
         **about.facts,
     }

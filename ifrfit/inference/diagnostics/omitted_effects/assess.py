@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ifrfit.inference.diagnostics.causes import slips_first
 from ifrfit.inference.diagnostics.omitted_effects.dimensionless_criteria import effect_lines
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
-from ifrfit.inference.diagnostics.omitted_effects.selection import effects_fact
+from ifrfit.inference.diagnostics.omitted_effects.selection import effect_scores, effects_fact
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -38,7 +39,7 @@ def effects_of(
     lines : tuple of EffectLine
         Empty where nothing is known of the scene.
     facts : dict
-        ``effects``; empty where no effect could show in these rows.
+        ``slips``, and ``effects`` where one could show in these rows and no slip explains as much.
     """
     chi, speed = None, 0.0
     lines: tuple[EffectLine, ...] = ()
@@ -46,8 +47,8 @@ def effects_of(
         chi = _chi(setting, problem.inertia_factor)
         speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
         lines = effect_lines(problem, fit, setting, kappa_known=_has_value("kappa", derived))
-    fact = effects_fact(problem, fit, chi=chi, speed=speed, e_n_known=_has_value("e_n", constants))
-    return lines, {} if fact is None else {"effects": fact}
+    found = effect_scores(problem, fit, chi=chi, speed=speed, e_n_known=_has_value("e_n", constants))
+    return lines, slips_first(problem, fit, found, effects_fact(problem, found))
 
 
 def _chi(setting: Setting, j: float) -> float | None:

@@ -28,12 +28,13 @@ from ifrfit.physics.effects.contact import SOLID
 from ifrfit.physics.impulse_laws import Coefficients
 
 # no effects of the registry, but what a misfit may be instead
-RIVALS = ("sticking-law", "sliding-law", "friction-by-speed", "inertia-factor")
+RIVALS = ("sticking-law", "sliding-law", "restitution-by-angle", "friction-by-speed", "inertia-factor")
 
 _POISSON = (0.1, 0.3, 0.45)  # where the materials are not known
 _KAPPA = (0.5, 2.0)  # that a step may reach, over the fitted one
 _STEP = 1e-6
 _SMALL_COUPLE = 1e-6  # mu_r of the difference that stands for the derivative
+_GRAZING = 1e-3  # cosine of the angle below which a tangent is cut off
 _LOWEST = 0.02  # e_n below which nothing is left to fall
 _SHAPE = (0.1, 0.95)  # e_n from which a law takes its shape where the data do not tell e_n
 
@@ -165,6 +166,10 @@ def _of_speed(
             direction = _restitution_law(problem, (e_n, c, mu), normal, weight, name, e_n_known)
             if direction is not None:
                 yield direction
+        if problem.rows.of_kind("normal").any():
+            # a face that stands oblique sends a part of the tangential velocity away from the wall
+            tangent = i.sine / np.maximum(i.cosine, _GRAZING)
+            yield Direction("restitution-by-angle", by_e_n * tangent, two_sided=True)
         # e_n^2 falls by (V_s/V)^2: per V_s^2
         less = -0.5 / (np.maximum(e_n, _LOWEST) * np.where(coming, normal, np.inf) ** 2)
         yield Direction("adhesion", by_e_n * less)

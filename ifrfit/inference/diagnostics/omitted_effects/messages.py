@@ -22,6 +22,7 @@ _CALLED = {
     "rolling": "rolling friction",
     "sticking-law": "another constant law of sticking",
     "sliding-law": "a restitution in sliding too",
+    "restitution-by-angle": "a restitution that changes with the angle, as of a body with faces",
     "friction-by-speed": "friction that depends on the speed of sliding",
     "inertia-factor": "another inertia factor",
 }
@@ -39,6 +40,11 @@ _MOST = 0.9  # of a direction lies where the words say
 def called_title(name: str) -> str:
     """What is called for, in a few words."""
     return _CALLED[name].partition(",")[0]
+
+
+def short_words(name: str) -> str:
+    """An effect, or what may be mistaken for one, in a few words."""
+    return _SHORT.get(name) or called_title(name)
 
 
 def called_words(problem: Problem, named: Sequence[Score]) -> str:
@@ -120,6 +126,9 @@ def _size(problem: Problem, named: Sequence[Score]) -> list[str]:
         return [f"mu_r = {_pair(one.strength, one.sd)}"]
     if name == "inertia-factor":
         return [f"some {problem.inertia_factor * (1.0 + one.strength):.2g} to first order"]
+    if name == "restitution-by-angle":
+        way = "rises" if one.strength > 0.0 else "falls"
+        return [f"e_n {way} by {abs(one.strength):.2g} times the tangent of the angle"]
     if name == "friction-by-speed":
         share = math.log(10.0) * one.strength
         way = "rises" if share > 0.0 else "falls"
@@ -147,6 +156,8 @@ def _remedy(problem: Problem, named: Sequence[Score]) -> str:
         )
     if names[0] == "inertia-factor":
         return "Give the body's own with --inertia-factor"
+    if names[0] == "restitution-by-angle":
+        return "One e_n holds for a narrow range of angles: --gamma-min, --gamma-max"
     if names[0] == "rolling":
         return "No closure holds it; the velocities of the centre (v_x, v_n, beta_cm) do not feel it"
     if any(one.direction.by_kappa for one in named):

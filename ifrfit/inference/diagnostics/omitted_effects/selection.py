@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import RIVALS, directions
 from ifrfit.inference.diagnostics.omitted_effects.messages import called_words, none_words
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
-from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 
-ALIKE = 4.0  # of -2 log likelihood, as for optima that are counted as near
 
-
-def effects_fact(
+def effect_scores(
     problem: Problem,
     fit: LeastSquaresFit,
     *,
     chi: float | None = None,
     speed: float = 0.0,
     e_n_known: bool = True,
-) -> Fact | None:
-    """Test the residuals for effects that the closure does not hold.
+) -> dict[str, Score]:
+    """Test the residuals for effects that the closure does not hold, and for what may be mistaken for them.
 
     Parameters
     ----------
@@ -40,8 +38,8 @@ def effects_fact(
 
     Returns
     -------
-    Fact or None
-        None where no effect could show in these rows.
+    dict
+        By name, with p corrected for the number of tests; empty where no effect could show in these rows.
     """
     theta = fit.optimum.theta
     jacobian = problem.jacobian(theta)
@@ -54,9 +52,15 @@ def effects_fact(
         known=problem.noise.is_known and problem.error_model.is_plain,
     )
     if all(one.direction.name in RIVALS for one in tested):
-        return None
+        return {}
     corrected = [replace(one, p=p) for one, p in zip(tested, holm([one.p for one in tested]), strict=True)]
-    found = _each_best(corrected)
+    return _each_best(corrected)
+
+
+def effects_fact(problem: Problem, found: Mapping[str, Score]) -> Fact | None:
+    """Which effect the residuals call for; None where none could show in these rows."""
+    if not found:
+        return None
     named = best_of([one for one in found.values() if one.p < REFUTED])
     figures: dict[str, object] = {
         "called": [one.direction.name for one in named],

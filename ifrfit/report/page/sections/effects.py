@@ -18,6 +18,7 @@ from ifrfit.text import p_text
 _RIVALS = {
     "sticking-law": "another law of sticking",
     "sliding-law": "restitution in sliding",
+    "restitution-by-angle": "restitution by angle",
     "friction-by-speed": "friction by speed",
     "inertia-factor": "another inertia factor",
 }
@@ -54,8 +55,9 @@ def _tests(result: FitResult) -> Table:
         "Score tests of the residuals along what each effect would do to the values, the most telling first. "
         "Strength: 1 is the effect as its theory has it; of adhesion the square of the sticking speed in "
         "(m/s)^2, of rolling friction mu_r, of other laws of sticking and sliding the change of the impulse "
-        "factor, of friction by speed d ln mu/d ln speed, of the inertia factor its relative change. p is "
-        "corrected for the number of tests.",
+        "factor, of restitution by angle the change of e_n over the tangent of the angle, of friction by "
+        "speed d ln mu/d ln speed, of the inertia factor its relative change. p is corrected for the number "
+        "of tests.",
         ("effect", "strength", "sd", "fall of -2 log L", "p"),
         rows,
         frozenset({1, 2, 3, 4}),

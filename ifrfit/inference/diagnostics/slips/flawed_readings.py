@@ -1,0 +1,110 @@
+"""What a flawed measurement makes of the impacts of a fit: angles set off, a turned camera, wrong scales."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.model.problem import Problem
+from ifrfit.physics.angles import Incidence
+from ifrfit.physics.rebound import Rebound, rebound_with
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """By how much a measurement is off; nothing by default.
+
+    Attributes
+    ----------
+    offset : float
+        Degrees by which the true angle of incidence exceeds the given one.
+    turn : float
+        Degrees by which the camera is turned against the normal of the wall: the angle it reads before
+        impact is larger by so much, the one after impact smaller.
+    speed : float
+        Share by which velocities after impact are read too large.
+    spin : float
+        Share by which spins, before and after, are read too large.
+    constant_spin : float
+        R omega_y/u of every impact that the table does not hold.
+    rolled : float
+        Share of pure rolling before impact, R omega_y = -u sin(gamma), that the table does not hold.
+    """
+
+    offset: float = 0.0
+    turn: float = 0.0
+    speed: float = 0.0
+    spin: float = 0.0
+    constant_spin: float = 0.0
+    rolled: float = 0.0
+
+
+class Reading(Rebound):
+    """A rebound as it is read: its parts need not obey the mechanics of one impulse."""
+
+    @property
+    def beta(self) -> Array:
+        """Tangential restitution of the contact point, from its velocities as read."""
+        before = self.incidence
+        along = self.contact_x * before.slip_x + self.contact_y * before.slip_y
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.where(before.slip == 0.0, np.nan, -along / before.slip**2))
+
+
+def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
+    """Value of each row, without noise, as a flawed measurement has it.
+
+    Parameters
+    ----------
+    problem : Problem
+        With angles and spins as given.
+    theta : ndarray, (p,)
+    flaw : Flaw
+
+    Returns
+    -------
+    ndarray, (n,)
+    """
+    given, true = problem.rows.incidence, _true_incidence(problem, flaw)
+    e_n, c, mu = problem.per_row(theta)
+    law = problem.closure.law(problem.inertia_factor)
+    k, sticks = law.impulse(true, c, mu * (1.0 + e_n))
+    state = rebound_with(true, k, sticks.astype(bool), e_n, problem.inertia_factor)
+    if flaw == Flaw(offset=flaw.offset):  # the values are those of the true angle
+        return _values(problem, state, mu)
+    cosine, sine = np.cos(np.radians(flaw.turn)), np.sin(np.radians(flaw.turn))
+    speed, spin = 1.0 + flaw.speed, 1.0 + flaw.spin
+    v_x = speed * (state.v_x * cosine - state.v_n * sine)
+    v_n = speed * (state.v_n * cosine + state.v_x * sine)
+    v_y, spin_x, spin_y = speed * state.v_y, spin * state.spin_x, spin * state.spin_y
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own_e_n = np.where(given.cosine == 0.0, np.nan, v_n / given.cosine)
+        impulse = np.where(given.slip_x == 0.0, np.nan, (given.sine - v_x) / given.slip_x)
+    parts = (v_x, v_y, v_n, spin_x, spin_y, v_x + spin_y, v_y + spin_x, sticks.astype(bool), impulse)
+    return _values(problem, Reading(*parts, given, own_e_n, problem.inertia_factor), mu)
+
+
+def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
+    """The impacts as they were, from what is given of them."""
+    given = problem.rows.incidence
+    gamma = problem.rows.gamma_deg + flaw.offset - flaw.turn
+    scale = 1.0 / (1.0 + flaw.spin)
+    sine = np.sin(np.radians(gamma))
+    spin_y = scale * given.spin_y + flaw.constant_spin - flaw.rolled * sine
+    return Incidence.of(np.clip(gamma, 0.0, 90.0), scale * given.spin_x, spin_y, degrees=True)
+
+
+def _values(problem: Problem, state: Rebound, mu: Array) -> Array:
+    out = np.empty(len(problem.rows))
+    for observable, at, _ in problem.rows.by_observable:
+        out[at] = np.broadcast_to(observable.value(state, mu), out.shape)[at]
+    return out
+
+
+def of_inertia(problem: Problem, theta: Array, share: float) -> Array:
+    """Value of each row with an inertia factor that is larger by a share of itself, (n,)."""
+    return replace(problem, inertia_factor=problem.inertia_factor * (1.0 + share)).predict(theta)

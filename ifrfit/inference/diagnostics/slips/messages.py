@@ -1,0 +1,169 @@
+"""What is said of a slip: what it is, how large, and the option or the edit that tries it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from ifrfit.inference.diagnostics.omitted_effects.messages import short_words
+from ifrfit.inference.diagnostics.outliers import exclude_name
+from ifrfit.inference.diagnostics.slips.evidence import Slip
+from ifrfit.inference.diagnostics.thresholds import REFUTED
+from ifrfit.inference.model.problem import Problem
+from ifrfit.text import joined, p_text, plus_minus
+
+_LONGEST = 4  # rows that are named
+# of what is looked for, for the sentence that nothing was found
+_KINDS = {
+    "angles": ("angle-offset", "camera-turn"),
+    "scales": ("speed-scale", "spin-scale", "inertia-factor"),
+    "spin before": ("incoming-spin", "incoming-roll"),
+    "drift of e_n": ("restitution-drift",),
+}
+_BODIES = ((0.4, "solid sphere"), (2.0 / 3.0, "thin hollow ball"), (0.5, "disc on its edge"))
+_NEAR = 0.02  # of an inertia factor, from that of a known body
+
+
+def none_words(tested: Sequence[Slip]) -> str:
+    """What was looked for in vain."""
+    sized = {slip.name: slip.p for slip in tested if slip.sd}
+    kinds = [kind for kind, names in _KINDS.items() if any(name in sized for name in names)]
+    looked = joined([*kinds, "signs", "units"])
+    least = min(sized.values(), default=1.0)
+    if least < REFUTED:
+        return f"no slip in the table explains as much as an effect does ({looked} looked at)"
+    return f"no slip shows in the table ({looked} looked at{f'; p = {p_text(least)}' if sized else ''})"
+
+
+def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str]) -> str:
+    """The slip that explains the data, what else may be the cause, and what to do."""
+    first, *others = named
+    what, remedy = _words(problem, first)
+    else_ = [*(_words(problem, other)[0] for other in others), *(short_words(name) for name in effects)]
+    alike = f", not told apart from {joined(else_, 'or')}" if else_ else ""
+    p = f"p = {p_text(first.p)}; " if first.sd else ""
+    says = f"the table looks as if it had {what}{alike} ({p}-2 log likelihood falls by {first.drop:.3g})"
+    return f"{says}: {remedy}"
+
+
+def _words(problem: Problem, slip: Slip) -> tuple[str, str]:
+    """What it is, and what to do."""
+    if slip.sd:
+        return _SIZED[slip.name](problem, slip)
+    return _unsized(problem, slip)
+
+
+def _offset(problem: Problem, slip: Slip) -> tuple[str, str]:
+    prior = max(1.0, math.ceil(abs(slip.size)))
+    return (
+        f"angles of incidence off by {plus_minus(-slip.size, slip.sd)} degrees",
+        f"check the zero of the angle, or let it be fitted with --angle-offset {prior:.1f}",
+    )
+
+
+def _turn(problem: Problem, slip: Slip) -> tuple[str, str]:
+    size = plus_minus(slip.size, slip.sd)
+    return (
+        f"a camera turned against the wall by {size} degrees",
+        f"take {slip.size:.2g} degrees off the directions before impact, add them to those after",
+    )
+
+
+def _speed(problem: Problem, slip: Slip) -> tuple[str, str]:
+    return (
+        f"speeds after impact {_percent(slip)} off beside those before",
+        f"check scale and times of the camera; to try it, divide velocities after by {1.0 + slip.size:.4g}",
+    )
+
+
+def _spin(problem: Problem, slip: Slip) -> tuple[str, str]:
+    return (
+        f"spins {_percent(slip)} off beside the speeds",
+        f"check the radius and the scale; to try it, divide the spins by {1.0 + slip.size:.4g}",
+    )
+
+
+def _incoming(problem: Problem, slip: Slip) -> tuple[str, str]:
+    size = plus_minus(slip.size, slip.sd)
+    return (
+        f"spin before impact that is not in it, R omega_y/u of some {size}",
+        "measure it; a column spin_y holds it",
+    )
+
+
+def _rolled(problem: Problem, slip: Slip) -> tuple[str, str]:
+    size = plus_minus(slip.size, slip.sd)
+    return (
+        f"spin before impact that is not in it, some {size} of pure rolling",
+        "measure it; a column spin_y holds R omega_y/u, negative in rolling",
+    )
+
+
+def _inertia(problem: Problem, slip: Slip) -> tuple[str, str]:
+    factor, sd = (problem.inertia_factor * x for x in (1.0 + slip.size, slip.sd))
+    bodies = [(j, body) for j, body in _BODIES if abs(j - factor) < _NEAR + 2.0 * sd]
+    j, body = min(bodies, key=lambda pair: abs(pair[0] - factor), default=(factor, ""))
+    like = f" ({body} {j:.4g})" if body else ""
+    return (
+        f"another inertia factor, {plus_minus(factor, sd)}{like}",
+        f"--inertia-factor {j:.4g}",
+    )
+
+
+def _drift(problem: Problem, slip: Slip) -> tuple[str, str]:
+    return (
+        f"an e_n that changes in the course of it, by {plus_minus(slip.size, slip.sd)}",
+        "name days or runs in a column series, and give each its own with --separate e_n",
+    )
+
+
+_SIZED = {
+    "angle-offset": _offset,
+    "camera-turn": _turn,
+    "speed-scale": _speed,
+    "spin-scale": _spin,
+    "incoming-spin": _incoming,
+    "incoming-roll": _rolled,
+    "inertia-factor": _inertia,
+    "restitution-drift": _drift,
+}
+
+
+def _percent(slip: Slip) -> str:
+    return f"{plus_minus(100.0 * slip.size, 100.0 * slip.sd)} %"
+
+
+def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
+    name, observable = slip.name, slip.observable
+    if name == "zero-for-missing":
+        some = [exclude_name(problem, i) for i in slip.rows[:_LONGEST]]
+        more = " and so on" if len(slip.rows) > _LONGEST else ""
+        return (
+            f"0 for 'not measured' in {observable} ({len(slip.rows)} of its cells)",
+            f"empty these cells, or {' '.join(f'--exclude {one}' for one in some)}{more}",
+        )
+    if name.startswith("sign-of-spin"):
+        axis = "x" if "-x" in name else "y"
+        before, after = f"spin_{axis} (before)", f"spin_{axis}_after"
+        columns = {"before": before, "after": after}.get(name.rpartition("-")[2], f"{before} and {after}")
+        back = "positive is back-spin" if axis == "y" else "positive is minus the right-handed one"
+        return f"the opposite sign in {columns}", f"turn the sign round in these columns ({back})"
+    if name == "angle-from-wall":
+        read = any("read as the angle from the wall" in note for note in problem.observations.notes)
+        other, this = ("normal", "wall") if read else ("wall", "normal")
+        return (
+            f"angles of incidence from the {other}, which were read as those from the {this}",
+            f"--convention angle=from-{other}",
+        )
+    if name == "angle-in-radians":
+        return "angles of incidence in radians, which were read as degrees", "--convention angle=rad"
+    if name == "sign":
+        option = "--convention beta=opposite-sign" if observable == "beta" else "turn the sign round"
+        return f"the opposite sign in {observable}", option
+    if name == "percent":
+        return f"{observable} in percent", f"divide {observable} by 100"
+    if name == "radians":
+        return f"{observable} in radians", f"call the column {observable.removesuffix('_deg')}_rad"
+    there = name.removeprefix("meant-")
+    option = "beta=centre" if there == "beta_cm" else f"column:{there}={observable}"
+    return f"{there} in the column of {observable}", f"--convention {option}"

@@ -1,0 +1,100 @@
+"""Slips with a size: one unknown number beside the constants, along whose derivative residuals are tested."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
+from ifrfit.inference.diagnostics.slips.flawed_readings import Array, Flaw, of_inertia, readings
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import OBLIQUE
+
+_STEP = 1e-5  # of derivatives, in the unit of the size
+_TIED = 0.8  # correlation with angle or speed from which the order of the rows is no time
+_PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
+
+
+Sized = Callable[[Array, float], Array]
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A slip of unknown size.
+
+    Attributes
+    ----------
+    name : str
+    values : callable
+        From theta and the size to the value of each row, (n,).
+    most : float
+        Largest size that is searched.
+    usual : float
+        Prior standard deviation of the size: a slip of several times that is unlikely, however well it fits.
+    """
+
+    name: str
+    values: Sized
+    most: float
+    usual: float
+
+
+def nuisances(problem: Problem) -> Iterator[Nuisance]:
+    """Every slip of unknown size that these rows could show."""
+
+    def read(name: str, most: float, usual: float, flaw: Callable[[float], Flaw]) -> Nuisance:
+        return Nuisance(name, lambda theta, size: readings(problem, theta, flaw(size)), most, usual)
+
+    measured = {each.numerator for each in problem.rows.observables}
+    oblique = [each for each in problem.rows.observables if each.kind in OBLIQUE]
+    if any(each.has_angle for each in problem.rows.observables):
+        yield read("angle-offset", 10.0, 2.0, lambda x: Flaw(offset=x))
+        yield read("camera-turn", 10.0, 2.0, lambda x: Flaw(turn=x))
+    if "velocity" in measured or any(not each.numerator for each in oblique):
+        yield read("speed-scale", 0.5, 0.1, lambda x: Flaw(speed=x))
+    if "spin" in measured or problem.rows.incidence.spin_y.any():
+        yield read("spin-scale", 0.5, 0.2, lambda x: Flaw(spin=x))
+    # who knows the velocity of the contact point before impact knows its spin
+    of_parts = any(not {"Tx", "Sy"} <= each.takes for each in oblique)
+    if of_parts and not (problem.rows.incidence.spin_y.any() or problem.rows.incidence.spin_x.any()):
+        yield read("incoming-spin", 5.0, 0.5, lambda x: Flaw(constant_spin=x))
+        yield read("incoming-roll", 1.5, 0.5, lambda x: Flaw(rolled=x))
+    if {each.numerator == "spin" for each in oblique} == {True, False}:
+        # spins beside velocities show it as they do rolling
+        yield Nuisance("inertia-factor", lambda theta, size: of_inertia(problem, theta, size), 0.9, 0.3)
+    yield from _drifts(problem)
+
+
+def _drifts(problem: Problem) -> Iterator[Nuisance]:
+    """Another e_n from some row on; only where the rows are not in the order of angle or speed."""
+    impact = problem.rows.impacts
+    n = int(impact.max()) + 1
+    if n < 8 or not problem.rows.of_kind("normal", "curved").any():
+        return
+    table = problem.observations.table
+    for column in ("gamma_deg", "speed_m_s"):
+        x = table[column].to_numpy(dtype=float)
+        known = np.isfinite(x)
+        varies = known.any() and float(np.ptp(x[known])) > 0.0
+        if varies and abs(np.corrcoef(x[known], impact[known])[0, 1]) > _TIED:
+            return
+    place = problem.parameters.positions["e_n"][problem.rows.series]
+    row = np.arange(impact.size)
+
+    def drifting(shape: Array) -> Nuisance:
+        def values(theta: Array, size: float) -> Array:
+            return problem.predict(theta) + size * shape * problem.jacobian(theta)[row, place]
+
+        return Nuisance("restitution-drift", values, 0.5, 0.1)
+
+    for part in _PARTS:
+        yield drifting(np.where(impact < part * n, -0.5, 0.5))
+
+
+def direction_of(problem: Problem, nuisance: Nuisance, theta: Array) -> Direction:
+    """Derivative of every row's value by the size."""
+    up, down = (nuisance.values(theta, step) for step in (_STEP, -_STEP))
+    change = np.nan_to_num((up - down) / (2.0 * _STEP))
+    return Direction(nuisance.name, change, two_sided=True)

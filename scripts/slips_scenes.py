@@ -1,0 +1,217 @@
+"""Simulated experiments with a slip of the hand in their table, with a physical effect, or with neither."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.data.observations import Observations, make_table
+from ifrfit.physics.angles import Incidence
+from ifrfit.physics.closures import get_closure
+from ifrfit.physics.effects import Contact, Impacts, compose
+from ifrfit.physics.observables import OBSERVABLES
+
+Array = NDArray[np.float64]
+VELOCITIES = ("v_x", "v_n", "spin_y_after")
+_GLASS = {"density": 2563.0, "modulus": 38.3e9, "stiffness_ratio": 0.875}
+_EFFECTS = {
+    "compliance": {},
+    "viscoelastic": {"dissipation_time": 8e-7},
+    "plasticity": {"limiting_pressure": 0.5e9},
+    "rolling": {"rolling_friction": 0.01},
+}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An experiment: what is measured, how often, and how well.
+
+    Attributes
+    ----------
+    observables : tuple of str
+    n : int
+        Impacts.
+    noise : float
+        Of every value; of angles that many radians.
+    known : bool
+        Whether the table gives sigma.
+    spins : bool
+        Whether the sphere spins before impact.
+    closure : str
+    fixed : mapping
+        What the fit fixes.
+    ordered : bool
+        Whether the angles rise through the table.
+    """
+
+    observables: tuple[str, ...] = VELOCITIES
+    n: int = 60
+    noise: float = 0.01
+    known: bool = True
+    spins: bool = False
+    closure: str = "ifr"
+    fixed: dict[str, float] = field(default_factory=dict)
+    ordered: bool = True
+
+
+@dataclass(frozen=True)
+class Impact:
+    """What happens: angles, spins, speeds, and the values that a flawless measurement has."""
+
+    gamma: Array
+    spin_y: Array
+    speed: Array
+    values: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A slip or an effect of some size.
+
+    Attributes
+    ----------
+    name : str
+        As the facts call it; empty for none.
+    size : float
+    """
+
+    name: str = ""
+    size: float = 0.0
+
+
+def experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
+    """The table of one experiment.
+
+    Parameters
+    ----------
+    scene : Scene
+    cause : Cause
+    seed : int
+    """
+    rng = np.random.default_rng([seed, 13])
+    gamma = rng.uniform(3.0, 80.0, scene.n)
+    if scene.ordered:
+        gamma.sort()
+    given_spin = np.resize([0.0, 0.3, -0.15], scene.n) if scene.spins else np.zeros(scene.n)
+    speed = np.exp(rng.uniform(np.log(0.5), np.log(3.0), scene.n))
+    constants = {"e_n": rng.uniform(0.6, 0.95), "mu": rng.uniform(0.08, 0.25)} | scene.fixed
+    own = get_closure(scene.closure)
+    c = 0.0
+    if own.constant:
+        low, high = own.domain(0.4)
+        c = rng.uniform(low + 0.02 * (high - low), low + 0.5 * (high - low))
+    e_n = np.full(scene.n, constants["e_n"])
+    body = {"restitution": e_n, "c": c, "mu": constants["mu"]}
+    true_gamma, true_spin, j = gamma, given_spin, 0.4
+    if cause.name == "angle-offset":
+        true_gamma = gamma + cause.size
+    elif cause.name == "camera-turn":
+        true_gamma = gamma - cause.size
+    elif cause.name == "incoming-spin":
+        true_spin = cause.size * (1.0 + 0.3 * rng.standard_normal(scene.n))
+    elif cause.name == "incoming-roll":
+        true_spin = -cause.size * np.sin(np.radians(gamma))
+    elif cause.name == "inertia-factor":
+        j = 0.4 * (1.0 + cause.size)
+    elif cause.name == "restitution-drift":
+        body["restitution"] = e_n + np.where(np.arange(scene.n) < 0.4 * scene.n, 0.0, -cause.size)
+    elif cause.name == "spin-scale":
+        true_spin = given_spin / (1.0 + cause.size)
+    state = _rebound(scene, cause, true_gamma, true_spin, speed, j, body)
+    values = _read(scene, cause, state, true_gamma, gamma, given_spin, body["mu"])
+    return _written(scene, cause, gamma, given_spin, speed, values, rng)
+
+
+def _rebound(scene, cause, gamma, spin, speed, j, body):
+    one = np.ones(scene.n)
+    incidence = Incidence.of(gamma, 0.0, spin, degrees=True)
+    impacts = Impacts(
+        incidence, speed, 2.5e-3 * one, get_closure(scene.closure),
+        body["restitution"], body["c"] * one, body["mu"] * one,
+    )  # fmt: skip
+    numbers = {key: x * cause.size for key, x in _EFFECTS.get(cause.name, {}).items()}
+    if cause.name == "plasticity":
+        numbers = {"limiting_pressure": 0.5e9 / max(cause.size, 1e-9)}
+    contact = Contact(**_GLASS, inertia_factor=j).with_numbers(**numbers)
+    return compose(contact, impacts, (cause.name,) if cause.name in _EFFECTS else ())
+
+
+def _read(scene, cause, state, true_gamma, gamma, spin, mu):
+    """What is read of each observable: by components, as an instrument has them."""
+    v_x, v_n, after = state.v_x, state.v_n, state.spin_y
+    if cause.name == "camera-turn":
+        cosine, sine = np.cos(np.radians(cause.size)), np.sin(np.radians(cause.size))
+        v_x, v_n = v_x * cosine - v_n * sine, v_n * cosine + v_x * sine
+    elif cause.name == "speed-scale":
+        v_x, v_n = v_x * (1.0 + cause.size), v_n * (1.0 + cause.size)
+    elif cause.name == "spin-scale":
+        after = after * (1.0 + cause.size)
+    by_angle = true_gamma if cause.name == "angle-offset" else gamma
+    sine, cosine = np.sin(np.radians(by_angle)), np.cos(np.radians(by_angle))
+    slip = sine + spin
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return {
+            "v_x": v_x,
+            "v_n": v_n,
+            "spin_y_after": after,
+            "e_n": v_n / cosine,
+            "beta_cm": -v_x / sine,
+            "beta": -(v_x + after) / slip,
+            "tan_psi_after": (v_x + after) / cosine,
+            "delta_deg": np.degrees(np.arctan2(v_x, v_n)),
+        }
+
+
+def _written(scene, cause, gamma, spin, speed, values, rng):
+    """The table, with noise, and with what is wrong in the writing of it."""
+    n, names = scene.n, scene.observables
+    rows, sigmas = [], []
+    for name in names:
+        sigma = scene.noise * (57.3 if OBSERVABLES[name].unit == "deg" else 1.0)
+        rows.append(values[name] + sigma * rng.standard_normal(n))
+        sigmas.append(np.full(n, sigma if scene.known else np.nan))
+    written = dict(zip(names, rows, strict=True))
+    kind, _, of = cause.name.partition(" ")
+    names = list(names)
+    if kind == "sign" or (kind.endswith("-after") and kind.startswith("sign")):
+        written[of or "spin_y_after"] = -written[of or "spin_y_after"]
+    elif kind == "sign-of-spin-y-before":
+        spin = -spin
+    elif kind == "sign-of-spins-y":
+        spin, written["spin_y_after"] = -spin, -written["spin_y_after"]
+    elif kind == "angle-from-wall":
+        gamma = 90.0 - gamma
+    elif kind == "angle-in-radians":
+        gamma = np.radians(gamma)
+    elif kind == "percent":
+        written[of] = 100.0 * written[of]
+        sigmas[names.index(of)] = 100.0 * sigmas[names.index(of)]
+    elif kind == "radians":
+        written[of] = np.radians(written[of])
+        sigmas[names.index(of)] = np.radians(sigmas[names.index(of)])
+    elif kind.startswith("meant-"):
+        written = {(of if name == kind[6:] else name): x for name, x in written.items()}
+        names = [of if name == kind[6:] else name for name in names]
+    elif kind == "zero-for-missing":
+        gone = rng.choice(n, size=max(int(cause.size), 1), replace=False)
+        written[of][gone] = 0.0
+    columns = {
+        "series": "run",
+        "observable": np.repeat(names, n),
+        "gamma_deg": np.tile(gamma, len(names)),
+        "spin_y": np.tile(spin, len(names)),
+        "speed_m_s": np.tile(speed, len(names)),
+        "value": np.concatenate([written[name] for name in names]),
+        "sigma": np.concatenate(sigmas),
+        "impact_id": np.tile(np.arange(n).astype(str), len(names)),
+        "source": "study",
+        "provenance": "simulated",
+    }
+    if cause.name == "duplicates":
+        twice = np.concatenate([np.arange(n), rng.choice(n, size=int(cause.size), replace=False)])
+        take = (np.arange(len(names))[:, None] * n + twice).ravel()
+        columns = {k: v[take] if isinstance(v, np.ndarray) else v for k, v in columns.items()}
+        columns["impact_id"] = np.tile(np.arange(twice.size).astype(str), len(names))
+    return Observations(make_table(columns))

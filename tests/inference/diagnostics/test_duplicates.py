@@ -1,0 +1,58 @@
+"""Rows that were copied are a finding; repeats that agree because they are rounded are none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from factories import at_most
+from slips_scenes import Cause, Scene, experiment
+
+from ifrfit.inference.fit import fit
+from ifrfit.physics import rebound
+
+GAMMA = np.repeat(np.linspace(10.0, 70.0, 7), 6)
+
+
+def repeats(path, decimals, seed):
+    """Six readings of each setting, rounded."""
+    rng = np.random.default_rng(seed)
+    beta = rebound(GAMMA, e_n=0.9, e_t=-0.9, mu=0.15, degrees=True).beta + 0.02 * rng.standard_normal(
+        GAMMA.size
+    )
+    rows = [f"{g:g},{b:.{decimals}f}" for g, b in zip(GAMMA, beta, strict=True)]
+    path.write_text("\n".join(["gamma_deg,beta", *rows]) + "\n", encoding="utf-8")
+    return fit(path, method="lsq", fix={"e_n": 0.9}).facts.get("duplicates")
+
+
+def test_copied_impacts_are_named_by_their_lines():
+    fact = fit(experiment(Scene(), Cause("duplicates", 3), 1), method="lsq", independent=True).facts[
+        "duplicates"
+    ]
+    assert fact.figures["n"] == 3
+    assert "3 impacts stand in the table twice, alike in every decimal" in fact.says
+    assert "--exclude" in fact.says
+
+
+@pytest.mark.parametrize(("decimals", "found"), [(5, True), (1, False)])
+def test_rounding_decides(tmp_path, decimals, found):
+    """A table of single readings of different angles, copied: it is seen where beta has enough decimals."""
+    data = experiment(Scene(("beta",), 20, 0.02, known=False), Cause(), 2).table
+    rows = [f"{g:.1f},{b:.{decimals}f}" for g, b in zip(data["gamma_deg"], data["value"], strict=True)]
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(["gamma_deg,beta", *rows, *rows]) + "\n", encoding="utf-8")
+    assert ("duplicates" in fit(path, method="lsq", fix={"e_n": 0.8}).facts) == found
+
+
+def test_steps_of_an_instrument_are_no_copies(tmp_path):
+    """Single readings of one setting in steps that are coarser than their decimals."""
+    path = tmp_path / "t.csv"
+    steps = np.random.default_rng(1).integers(-3, 4, 40)
+    path.write_text("\n".join(["e_n", *(f"{0.9 + s / 137:.6f}" for s in steps)]) + "\n", encoding="utf-8")
+    assert "duplicates" not in fit(path, method="lsq").facts
+
+
+@pytest.mark.parametrize("decimals", [1, 2, 3, 4])
+@pytest.mark.parametrize("seeds", [5, pytest.param(300, marks=pytest.mark.long)])
+def test_repeats_are_no_copies(tmp_path, decimals, seeds):
+    alarms = [repeats(tmp_path / "t.csv", decimals, seed) is not None for seed in range(seeds)]
+    assert sum(alarms) <= at_most(seeds, 0.001)
