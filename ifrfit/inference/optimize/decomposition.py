@@ -19,10 +19,11 @@ from ifrfit.inference.diagnostics.thresholds import GAP
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.piecewise import Array, PiecewiseOptimum, PiecewiseProblem
 from ifrfit.inference.optimize.piecewise_profile import PiecewiseProfile
-from ifrfit.inference.optimize.scalar_search import are_distinct, bounded_minimum, scalar_minima
+from ifrfit.inference.optimize.scalar_search import are_distinct, bounded_minimum, minimum_near, scalar_minima
 
 _CUTS = 300  # at the most
 _NARROW = 1e-13
+_SHARE = 0.01  # of the range, to either side of a place near the optimum
 _CUT = 0.125  # of an interval, to either side of the minimum in it
 
 
@@ -132,7 +133,7 @@ class LinkedOptimum:
     minima : tuple of (float, float)
         Value and place of the distinct local minima that were found, best first.
     bound : float
-        Nothing lies lower than this.
+        Nothing lies lower than this; -inf without a proof.
     """
 
     minima: tuple[tuple[float, float], ...]
@@ -166,21 +167,41 @@ class Decomposition:
         multipliers = np.mean(slopes) - np.array(slopes)
         return lagrangian_bound(self.members, multipliers.tolist(), low, high)
 
-    def minimise(self, seeds: Sequence[float] = ()) -> LinkedOptimum:
+    def minimise(
+        self,
+        seeds: Sequence[float] = (),
+        near: float | None = None,
+        *,
+        proven: bool = True,
+        slack: float = 0.0,
+    ) -> LinkedOptimum:
         """Search the profile, then prove the best of what is found.
 
         Parameters
         ----------
         seeds : sequence of float
             Places to look at, beside a grid.
+        near : float, optional
+            The only place to look at; then nothing is proven.
+        proven : bool
+            Without it there is no bound.
+        slack : float
+            Gap that is small enough, if that is more than rounding.
         """
-        dips = scalar_minima(self.profile, self.low, self.high, seeds)
+        if near is None:
+            dips = scalar_minima(self.profile, self.low, self.high, seeds)
+        else:
+
+            def profile(x: float) -> float:
+                return float(self.profile(np.array([x]))[0])
+
+            dips = [minimum_near(profile, near, self.low, self.high, share=_SHARE, n_grid=33, xatol=1e-12)]
         found = sorted((self.value(x), x) for _, x in dips)
-        best, bound = self._prove(found[0])
+        best, bound = self._prove(found[0], slack) if proven and near is None else (found[0], -np.inf)
         others = (dip for dip in found if are_distinct(dip[1], best[1]))
         return LinkedOptimum((best, *others), bound)
 
-    def _prove(self, best: tuple[float, float]) -> tuple[tuple[float, float], float]:
+    def _prove(self, best: tuple[float, float], slack: float) -> tuple[tuple[float, float], float]:
         """Bound F by branching on x; gives the optimum, a better one if the branching met it, and a bound.
 
         The interval with the lowest bound is cut first, so that the bound of the whole rises with each cut.
@@ -193,7 +214,8 @@ class Decomposition:
         queue = [bounded(self.low, self.high)]
         for _ in range(_CUTS):
             bound, low, high = queue[0]
-            if bound >= best[0] - 0.5 * GAP * max(1.0, best[0]) or high - low <= _NARROW * (1.0 + abs(high)):
+            small = max(0.5 * GAP * max(1.0, best[0]), slack)
+            if bound >= best[0] - small or high - low <= _NARROW * (1.0 + abs(high)):
                 break
             heapq.heappop(queue)
             middle = 0.5 * (low + high)

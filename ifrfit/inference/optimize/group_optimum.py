@@ -20,8 +20,15 @@ from ifrfit.inference.optimize.piecewise import PiecewiseOptimum
 from ifrfit.inference.optimize.restitution_and_friction import solve_over_e_n
 
 
-def solve_group(group: ParameterGroup) -> GroupOptimum | None:
-    """Optimum of rows that share one set of constants; None where only a search can find it."""
+def solve_group(group: ParameterGroup, near: float | None = None) -> GroupOptimum | None:
+    """Optimum of rows that share one set of constants; None where only a search can find it.
+
+    Parameters
+    ----------
+    group : ParameterGroup
+    near : float, optional
+        e_n of a neighbouring problem: where it is searched for, it is looked for there first.
+    """
     if group.rows.of_kind("curved").any():
         return None
     if group.e_n.fixed is None and is_separable(group):
@@ -31,7 +38,7 @@ def solve_group(group: ParameterGroup) -> GroupOptimum | None:
         return None if found is None else raised(found, objective)
     form = linear_form(group)
     if form is None:
-        return solve_over_e_n(group)
+        return solve_over_e_n(group, near)
     optimum = minimise(form.problem)
     minima = tuple((value, center_free_e_n(group, form.to_constants(t))) for value, t in optimum.optima)
     return GroupOptimum(minima[0][1], optimum.chi2, optimum.gap, minima, _extremes(group, form, optimum))

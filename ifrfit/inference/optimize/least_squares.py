@@ -189,7 +189,7 @@ def _with_plain_errors(
         return gaussian_approximation(problem, sigma, theta, common=common)
 
     if problem.noise.is_known:
-        optimum = solve(problem, problem.noise.sigma, start)
+        optimum = solve(problem, problem.noise.sigma, start, proven=known_sigma is None)
         gaussian = expanded(problem.noise.sigma, optimum.theta)
         return LeastSquaresFit(
             optimum, problem.noise.sigma, group_sigma(problem, problem.noise.sigma), math.inf, 0.0, gaussian
@@ -204,18 +204,19 @@ def _with_plain_errors(
     else:
         factor = np.asarray(known_sigma) / base
     change = math.inf
-    near = start  # a search that found the optimum once follows it while the noise settles
+    # a search that found the optimum once follows it while the noise settles
+    near = modes.best.theta if start is None and modes is not None else start
     for _ in range(_ITERATIONS):
-        optimum = solve(problem, base * factor, near)
+        optimum = solve(problem, base * factor, near, proven=False)
         gaussian = expanded(base * factor, optimum.theta)
         new = _factors(problem, optimum.theta, base, groups, gaussian)
         change = float(np.abs(new / factor - 1.0).max())
         factor = new
         if change <= _CONVERGED:
             break
-        near = None if problem.closure.bilinear else optimum.theta
+        near = optimum.theta
     sigma = base * factor
-    if near is not None:
+    if optimum.is_local and modes is not None:
         optimum = solve(problem, sigma, start)
     dof = sum(rows.size - float(gaussian.leverage[rows].sum()) for rows in groups.values())
     gaussian = expanded(sigma, optimum.theta)

@@ -54,7 +54,20 @@ def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Opt
         found.append((float(2.0 * result.cost), full(result.x)))
     found.sort(key=lambda pair: pair[0])
     best, theta = found[0]
-    return Optimum(theta, best, None, _distinct(problem, sigma, found), f"best of {len(chosen)} starts")
+    method = f"best of {len(chosen)} starts"
+    minima = _distinct(problem, sigma, found)
+    return Optimum(theta, best, None, minima, method, is_local=near is not None)
+
+
+def best_start(problem: Problem, sigma: Array) -> Array:
+    """The lowest of the places that a search begins from."""
+    chosen = np.array(starts(problem))
+    free = problem.parameters.free
+    chosen[:, ~free] = np.array([0.0 if c.fixed is None else c.fixed for c in problem.parameters.entries])[
+        ~free
+    ]
+    z = (problem.rows.value - problem.predict(chosen)) / sigma
+    return np.asarray(chosen[int((z * z).sum(axis=1).argmin())])
 
 
 def starts(problem: Problem) -> list[Array]:

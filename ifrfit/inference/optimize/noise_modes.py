@@ -23,17 +23,34 @@ import numpy as np
 from ifrfit.inference.diagnostics.thresholds import NOISE_GAP
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.concentrated_likelihood import Minimum
 from ifrfit.inference.optimize.laplace import gaussian_approximation
+from ifrfit.inference.optimize.multistart import best_start
+from ifrfit.inference.optimize.noise_components import (
+    Component,
+    SolvedComponent,
+    noise_components,
+    without_restitution,
+)
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 from ifrfit.inference.optimize.solve import solve
 
-_DESCENTS = 200  # weighted fits of one descent, at the most
-_AT_REST = 1e-10  # relative change of every S_g
-_CUTS = 300  # boxes that are cut, at the most
+_DESCENTS = 30  # weighted fits of one descent, at the most
+_AT_REST = 1e-6  # relative change of every S_g; it enters Phi in the second order
+_DEGREES_OF_FREEDOM = 200  # iterations of leverage and noise, at the most
+_LAST_CHANGE = 1e-10
+_CUTS = 60  # boxes that are cut, at the most
+_CUTS_OF_GROUPS = 200  # the same, times the number of groups: of many the bound does not close
 _SAME = 1e-4  # modes nearer than this, in units of each constant's prior sd, are one
+_SAME_NOISE = 1e-6  # relative; modes whose noises are nearer than this are one
+_SLACK = 0.1  # share of `NOISE_GAP` that the fit of a box may be off
 _EDGE = 0.1  # a cut keeps this share of the box on either side
 _SMALLEST = 1e-26  # of S_g over the squares of the values: below it is rounding
+_CLOSED = 0.005  # share of `NOISE_GAP` to which cells are bounded: it costs no more than the whole
+_MOST_COMBINED = 3  # minima of one component that are combined with those of others
+_MOST_PRODUCTS = 1000
+_MOST_RIVALS = 16  # modes beside the best
 
 
 @dataclass(frozen=True)
@@ -111,10 +128,29 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
         optimum = solve(problem, search.base, start)
         mode = Mode(search.value(optimum.theta), optimum)
         return NoiseModes((mode,), optimum.gap, follows_squares=True)
+    components = noise_components(problem)
+    if components is not None:
+        return search.over_components(components)
+    if _share_nothing(problem):
+        return search.over_components(
+            [search.component(each, noise_modes(each)) for each in problem.by_series]
+        )
+    split = without_restitution(problem)
+    if split is not None:
+        rest = noise_modes(split.rest, start)
+        return search.over_components([*split.restitution, search.component(split.rest, rest)])
     first = search.solve(search.spread(), start)
     search.descend(first)
+    if first.gap is None and start is None:
+        search.descend_from_groups()
     gap = None if first.gap is None else search.prove()
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
+
+
+def _share_nothing(problem: Problem) -> bool:
+    """Whether the series share no constant and no noise."""
+    separate = all(each.separate or each.fixed is not None for each in problem.parameters)
+    return len(problem.series) > 1 and separate and problem.noise.is_unknown and problem.noise.separate
 
 
 def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
@@ -178,15 +214,33 @@ def noise_at_mode(problem: Problem, theta: Array, rise: float) -> NoiseAtMode:
     search = _Search(problem)
     squares = search.variance(theta) * search.sizes
     dof = search.sizes
-    for _ in range(_DESCENTS):
+    for _ in range(_DEGREES_OF_FREEDOM):
         sigma = search.sigma(squares / dof)
         leverage = gaussian_approximation(problem, sigma, theta).leverage
         new = np.array([max(rows.size - float(leverage[rows].sum()), 0.5) for rows in search.groups])
         change = float(np.abs(new / dof - 1.0).max())
         dof = new
-        if change <= _AT_REST:
+        if change <= _LAST_CHANGE:
             break
     return NoiseAtMode(rise, theta, search.sigma(squares / dof), dof, squares)
+
+
+def _combinations(minima: Sequence[Sequence[Minimum]]) -> list[tuple[Minimum, ...]]:
+    """The best minimum of every component, every other one beside the best, and what is nearly as good."""
+
+    def rise(chosen: tuple[Minimum, ...]) -> float:
+        return sum(one.value - own[0].value for one, own in zip(chosen, minima, strict=True))
+
+    best = tuple(own[0] for own in minima)
+    single = [(*best[:i], one, *best[i + 1 :]) for i, own in enumerate(minima) for one in own[1:]]
+    few = [own[:_MOST_COMBINED] for own in minima]
+    several = [
+        chosen
+        for chosen in itertools.islice(itertools.product(*few), _MOST_PRODUCTS)
+        if sum(one is not first for one, first in zip(chosen, best, strict=True)) > 1
+        and rise(chosen) <= 2.0 * NEAR
+    ]
+    return [best, *sorted(single + several, key=rise)[:_MOST_RIVALS]]
 
 
 class _Search:
@@ -209,9 +263,35 @@ class _Search:
 
     def solve(self, variance: Array, near: Array | None = None) -> Optimum:
         """The weighted fit where each group's factor has this variance."""
-        found = solve(self.problem, self.sigma(variance), near)
-        self.all_proven &= found.gap is not None
-        return found
+        return solve(self.problem, self.sigma(variance), near)
+
+    def component(self, part: Problem, found: NoiseModes) -> SolvedComponent:
+        """The modes of a part of the rows, whose noises are theirs alone."""
+        own = _Search(part)
+        names = list(self.problem.noise_groups())
+        groups = np.array([names.index(name) for name in part.noise_groups()], dtype=np.intp)
+        minima = [Minimum(mode.value, own.variance(mode.theta)) for mode in found.modes]
+        return SolvedComponent(
+            groups, minima, found.best.value - (np.inf if found.gap is None else found.gap)
+        )
+
+    def over_components(self, components: Sequence[Component]) -> NoiseModes:
+        """Modes and the bound of each component alone, put together."""
+        open_ones = sum(not each.is_monotone for each in components)
+        solved = [each.solve(_CLOSED * NOISE_GAP / max(open_ones, 1)) for each in components]
+        bound = sum(low for _, low in solved)
+        near: Array | None = None
+        for chosen in _combinations([minima for minima, _ in solved]):
+            variance = np.empty(self.sizes.size)
+            for each, minimum in zip(components, chosen, strict=True):
+                variance[each.groups] = minimum.variance
+            optimum = solve(self.problem, self.sigma(variance), near, proven=False)
+            near = optimum.theta if near is None else near
+            if not self._known(optimum.theta):
+                self.modes.append(Mode(self.value(optimum.theta), optimum))
+        self.modes.sort(key=lambda mode: mode.value)
+        gap = max(0.0, self.modes[0].value - bound)
+        return NoiseModes(tuple(self.modes), gap if np.isfinite(gap) else None)
 
     def spread(self) -> Array:
         """Variance of the values of each group, in units of base: weights to begin with."""
@@ -245,7 +325,7 @@ class _Search:
         """Follow the tangents down from an optimum to a mode, and keep it if it is a new one."""
         variance = self.variance(optimum.theta)
         for _ in range(_DESCENTS):
-            optimum = self.solve(variance, optimum.theta if optimum.gap is None else None)
+            optimum = solve(self.problem, self.sigma(variance), optimum.theta, proven=False)
             before, variance = variance, self.variance(optimum.theta)
             if np.abs(variance / before - 1.0).max() <= _AT_REST or self._known(optimum.theta):
                 break
@@ -253,12 +333,25 @@ class _Search:
             self.modes.append(Mode(self.value(optimum.theta), optimum))
             self.modes.sort(key=lambda mode: mode.value)
 
+    def descend_from_groups(self) -> None:
+        """Look for a mode from where each group alone would begin, the others counting next to nothing."""
+        best = self.variance(self.modes[0].theta)
+        for number in range(len(self.groups)):
+            variance = 1e8 * best
+            variance[number] = best[number]
+            near = best_start(self.problem, self.sigma(variance))
+            self.descend(self.solve(variance, near))
+
     def _known(self, theta: Array) -> bool:
         def same(mode: Mode) -> bool:
             both = np.isfinite(theta) & np.isfinite(mode.theta)
             return bool((np.abs(theta - mode.theta)[both] <= _SAME * self.scale[both]).all())
 
-        return any(same(mode) for mode in self.modes)
+        variance = self.variance(theta)
+        return any(
+            same(mode) or bool((np.abs(variance / self.variance(mode.theta) - 1.0) <= _SAME_NOISE).all())
+            for mode in self.modes
+        )
 
     def prove(self) -> float:
         """Cut boxes until their bounds meet the best mode; gives what is left between them."""
@@ -266,9 +359,11 @@ class _Search:
         counter = itertools.count()
         left_out = np.inf  # least bound of the boxes that need no cut
         queue = [self._box(low, self._top(low), next(counter))]
-        for _ in range(_CUTS):
+        for _ in range(min(_CUTS, _CUTS_OF_GROUPS // len(self.groups))):
             if not queue or queue[0].bound >= self.modes[0].value - NOISE_GAP:
                 break
+            if (queue[0].optimum.gap or 0.0) > NOISE_GAP:
+                break  # no box is bounded better than its own fit
             box = heapq.heappop(queue)
             if self.value(box.optimum.theta) <= self.modes[0].value + 2.0 * NEAR:
                 self.descend(box.optimum)
@@ -313,7 +408,8 @@ class _Search:
     def _box(self, low: Array, high: Array, number: int, at_least: float = -np.inf) -> _Box:
         """Bound Phi over a box by the certified fit with the chords' slopes for weights."""
         slope = self._slope(low, high)
-        optimum = self.solve(1.0 / slope)
+        optimum = solve(self.problem, self.sigma(1.0 / slope), slack=_SLACK * NOISE_GAP)
+        self.all_proven &= optimum.gap is not None
         linear = optimum.objective - (optimum.gap or 0.0)
         bound = linear + float(self.sizes @ (low - slope * np.exp(low)))
         return _Box(max(bound, at_least), number, low, high, optimum)

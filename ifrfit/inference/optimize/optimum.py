@@ -35,6 +35,8 @@ class Optimum:
         How it was found.
     tolerance : float or None
         Largest gap that counts as a proof; None for `GAP` relative to the objective.
+    is_local : bool
+        Whether it was looked for near a given place alone.
     """
 
     theta: Array
@@ -44,6 +46,7 @@ class Optimum:
     method: str
     extremes: tuple[Array, ...] = ()
     tolerance: float | None = None
+    is_local: bool = False
 
     @property
     def n_same(self) -> int:

@@ -47,6 +47,7 @@ class GroupOptimum:
     minima: tuple[tuple[float, Constants], ...]
     extremes: tuple[Constants, ...] = ()
     method: str = "all partitions"
+    is_local: bool = False
 
 
 def is_separable(group: ParameterGroup) -> bool:

@@ -24,13 +24,18 @@ from ifrfit.inference.optimize.parameter_group import (
     restitution_sums,
 )
 from ifrfit.inference.optimize.piecewise import NEAR
-from ifrfit.inference.optimize.scalar_search import bounded_minimum, scalar_minima
+from ifrfit.inference.optimize.scalar_search import bounded_minimum, minimum_near, scalar_minima
 
 _REBOUND_SEEDS = 40
+_SHARE = 0.01  # of the range of e_n, to either side of a place near the optimum
+_GRID = 33
 
 
-def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
-    """Optimum over e_n of the certified optima at given e_n, with the Lagrangian bound where there is one."""
+def solve_over_e_n(group: ParameterGroup, near: float | None = None) -> GroupOptimum:
+    """Optimum over e_n of the certified optima at given e_n, with the Lagrangian bound where there is one.
+
+    With `near`, a value of e_n, other minima than that about it are not looked for.
+    """
     low, high = _range_of_e_n(group)
 
     def at(e_n: float) -> tuple[float, Constants]:
@@ -41,13 +46,17 @@ def solve_over_e_n(group: ParameterGroup) -> GroupOptimum:
 
     # over the outgoing velocity the scale is 1/e_n: small values need a closer look
     seeds = np.geomspace(low, high, _REBOUND_SEEDS).tolist() if group.rows.of_scale("rebound").any() else []
-    found = scalar_minima(lambda e_n: np.array([at(float(e))[0] for e in e_n]), low, high, seeds)
+    if near is None:
+        found = scalar_minima(lambda e_n: np.array([at(float(e))[0] for e in e_n]), low, high, seeds)
+    else:
+        found = [minimum_near(lambda e: at(e)[0], near, low, high, share=_SHARE, n_grid=_GRID, xatol=1e-12)]
     objective = found[0][0]
     minima = tuple((value, at(e_n)[1]) for value, e_n in found if value <= objective + NEAR)
     constants = minima[0][1]
     bound = _bound(group, constants)
     gap = max(0.0, objective - bound) if math.isfinite(bound) else None
-    return GroupOptimum(constants, objective, gap, minima, method="all partitions at each e_n")
+    method = "all partitions at each e_n"
+    return GroupOptimum(constants, objective, gap, minima, method=method, is_local=near is not None)
 
 
 def _range_of_e_n(group: ParameterGroup) -> tuple[float, float]:

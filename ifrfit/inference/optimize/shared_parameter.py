@@ -6,6 +6,7 @@ its own, see `ifrfit.inference.optimize.decomposition`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,7 +14,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.decomposition import Decomposition, GaussianMember, PiecewiseMember
 from ifrfit.inference.optimize.design import LinearForm
 from ifrfit.inference.optimize.linear_families import kappa_form
-from ifrfit.inference.optimize.optimum import Optimum, theta_of
+from ifrfit.inference.optimize.optimum import Array, Optimum, theta_of
 from ifrfit.inference.optimize.parameter_group import (
     Constants,
     ParameterGroup,
@@ -25,7 +26,15 @@ from ifrfit.inference.optimize.parameter_group import (
 from ifrfit.inference.optimize.piecewise import NEAR
 
 
-def solve_shared(problem: Problem, groups: Sequence[ParameterGroup], whole: ParameterGroup) -> Optimum | None:
+def solve_shared(
+    problem: Problem,
+    groups: Sequence[ParameterGroup],
+    whole: ParameterGroup,
+    near: Array | None = None,
+    *,
+    proven: bool = True,
+    slack: float = 0.0,
+) -> Optimum | None:
     """Optimum of series under one shared parameter; None if more than one ties them together.
 
     Parameters
@@ -35,6 +44,12 @@ def solve_shared(problem: Problem, groups: Sequence[ParameterGroup], whole: Para
         One a series, without the priors of shared parameters.
     whole : ParameterGroup
         All rows, with all priors.
+    near : ndarray, optional
+        theta beside which alone the optimum is looked for, without a proof.
+    proven : bool
+        Whether a proof is needed.
+    slack : float
+        Gap that is small enough.
     """
     if any(group.rows.of_kind("curved").any() for group in groups):
         return None
@@ -48,7 +63,8 @@ def solve_shared(problem: Problem, groups: Sequence[ParameterGroup], whole: Para
     linked = LinkedGroups.of(groups, shared[0], whole.mu.prior if shared[0] == "mu" else whole.c.prior)
     if linked is None:
         return None
-    found = linked.decomposition.minimise(linked.seeds)
+    place = None if near is None else float(near[problem.parameters.positions[shared[0]][0]]) * linked.unit
+    found = linked.decomposition.minimise(linked.seeds, place, proven=proven, slack=slack)
     least = found.minima[0][0]
     minima = tuple(
         (value + base, theta_of(problem, linked.constants(x)))
@@ -56,7 +72,8 @@ def solve_shared(problem: Problem, groups: Sequence[ParameterGroup], whole: Para
         if value <= least + NEAR
     )
     method = "all partitions of each series at each shared value"
-    return Optimum(minima[0][1], least + base, found.gap, minima, method)
+    gap = found.gap if math.isfinite(found.gap) else None
+    return Optimum(minima[0][1], least + base, gap, minima, method, is_local=near is not None)
 
 
 def fix_restitution(

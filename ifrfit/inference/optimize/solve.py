@@ -9,14 +9,16 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.group_optimum import solve_group
+from ifrfit.inference.optimize.group_optimum import raised, solve_group
 from ifrfit.inference.optimize.multistart import multistart
 from ifrfit.inference.optimize.optimum import Array, Optimum, theta_of
 from ifrfit.inference.optimize.parameter_group import Constants, GroupOptimum, ParameterGroup
-from ifrfit.inference.optimize.shared_parameter import solve_shared
+from ifrfit.inference.optimize.shared_parameter import fix_restitution, solve_shared
 
 
-def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
+def solve(
+    problem: Problem, sigma: Array, near: Array | None = None, *, proven: bool = True, slack: float = 0.0
+) -> Optimum:
     """Find the optimum.
 
     Parameters
@@ -25,7 +27,12 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
     sigma : ndarray
         Standard uncertainty of each row.
     near : ndarray, optional
-        theta of a neighbouring problem, where only a search can find the optimum.
+        theta of a neighbouring problem: a search looks for the optimum there alone.
+    proven : bool
+        Whether a proof is needed where it is dear (series that share some constants, a search over e_n);
+        without it what lies near `near` will do there, too.
+    slack : float
+        Gap that is small enough there.
 
     Returns
     -------
@@ -35,17 +42,26 @@ def solve(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
         return multistart(problem, sigma, near)
     if len(problem.series) == 1 or not any(c.separate for c in problem.parameters):
         group = whole_group(problem, sigma)
-        found = solve_group(group)
+        found = solve_group(
+            group, None if near is None or proven else float(near[problem.parameters.positions["e_n"][0]])
+        )
         if found is None:
             return multistart(problem, sigma, near)
         return _optimum(problem, found)
     if all(c.separate or c.fixed is not None for c in problem.parameters):
-        parts = [solve_group(group) for group in series_groups(problem, sigma)]
-        if all(part is not None for part in parts):
-            return _join(problem, [part for part in parts if part is not None])
-        return multistart(problem, sigma, near)
+        places = problem.parameters.positions["e_n"]
+        parts = []
+        for i, group in enumerate(series_groups(problem, sigma)):
+            alone = solve_group(group, None if near is None or proven else float(near[places[i]]))
+            parts.append(_searched(problem, i, sigma, near) if alone is None else alone)
+        return _join(problem, parts)
     groups = series_groups(problem, sigma)
-    return solve_shared(problem, groups, whole_group(problem, sigma)) or multistart(problem, sigma, near)
+    whole = whole_group(problem, sigma)
+    joined = _solve_separate(problem, groups, whole)
+    if joined is not None:
+        return joined
+    linked = solve_shared(problem, groups, whole, None if proven else near, proven=proven, slack=slack)
+    return multistart(problem, sigma, near) if linked is None else linked
 
 
 def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
@@ -85,7 +101,46 @@ def _optimum(problem: Problem, found: GroupOptimum) -> Optimum:
 
     minima = tuple((value, theta(constants)) for value, constants in found.minima)
     extremes = tuple(theta(constants) for constants in found.extremes)
-    return Optimum(minima[0][1], found.objective, found.gap, minima, found.method, extremes)
+    return Optimum(
+        minima[0][1], found.objective, found.gap, minima, found.method, extremes, is_local=found.is_local
+    )
+
+
+def _searched(problem: Problem, number: int, sigma: Array, near: Array | None) -> GroupOptimum:
+    """A series alone, by a search."""
+    part = problem.by_series[number]
+    own = np.flatnonzero(problem.rows.series == number)
+    names = ("e_n", problem.closure.constant, "mu")
+
+    def constants(theta: Array, which: Problem, series: int) -> Constants:
+        places = which.parameters.positions
+        e_n, c, mu = (0.0 if name is None else float(theta[places[name][series]]) for name in names)
+        return e_n, c, mu
+
+    start = None
+    if near is not None:
+        start = np.zeros(len(part.parameters.names))
+        for name, value in zip(names, constants(near, problem, number), strict=True):
+            if name is not None:
+                start[part.parameters.positions[name]] = value
+    found = multistart(part, sigma[own], start)
+    minima = tuple((value, constants(theta, part, 0)) for value, theta in found.minima)
+    method = f"{found.method} of each series"
+    return GroupOptimum(minima[0][1], found.objective, None, minima, (), method, is_local=found.is_local)
+
+
+def _solve_separate(problem: Problem, groups: list[ParameterGroup], whole: ParameterGroup) -> Optimum | None:
+    """Optimum of series that share nothing but an e_n that is measured alone; None for others."""
+    if any(not x.separate and x.fixed is None for x in (whole.c, whole.mu)):
+        return None
+    fixed = fix_restitution(groups, whole)
+    if fixed is None:
+        return None
+    parts = [solve_group(group) for group in fixed[0]]
+    known = [part for part in parts if part is not None]
+    if len(known) < len(parts):
+        return None
+    return _join(problem, [raised(known[0], fixed[1]), *known[1:]])
 
 
 def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
@@ -102,5 +157,7 @@ def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
     minima.sort(key=lambda pair: pair[0])
     gaps = [part.gap for part in parts]
     gap = None if any(g is None for g in gaps) else sum(g for g in gaps if g is not None)
-    method = "all partitions of each series"
-    return Optimum(minima[0][1], objective, gap, tuple(minima), method, tuple(extremes))
+    searched = [part.method for part in parts if part.method.endswith("series")]
+    method = searched[0] if searched else "all partitions of each series"
+    is_local = any(part.is_local for part in parts)
+    return Optimum(minima[0][1], objective, gap, tuple(minima), method, tuple(extremes), is_local=is_local)

@@ -1,0 +1,227 @@
+"""Unknown noises that share no constant: parts of a problem whose likelihood is the product of theirs.
+
+What measures e_n and nothing else, and the rows of series that share nothing, are components of their own.
+Each is a piecewise problem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.branch_and_bound import minimise
+from ifrfit.inference.optimize.concentrated_likelihood import ConcentratedLikelihood, Minimum
+from ifrfit.inference.optimize.design import LinearForm
+from ifrfit.inference.optimize.linear_families import linear_form
+from ifrfit.inference.optimize.parameter_group import (
+    Array,
+    ParameterGroup,
+    is_separable,
+    without_normal_rows,
+)
+from ifrfit.inference.optimize.solve import series_groups, whole_group
+
+Index = NDArray[np.intp]
+
+_SMALLEST = 1e-26  # of S_g over the squares of the values: below it is rounding
+
+
+@dataclass(frozen=True)
+class NoiseComponent:
+    """Rows in one linear form, and the noises that are theirs alone.
+
+    Attributes
+    ----------
+    form : LinearForm
+        Of rows in units of their base.
+    groups : ndarray of int
+        The problem's groups of noise.
+    of_row : ndarray of int
+        Place in `groups` of each of its rows.
+    sizes, scatter : ndarray
+        Rows of each group, and the variance of their values.
+    least : float
+        S_g/n_g below which there is nothing but rounding.
+    """
+
+    form: LinearForm
+    groups: Index
+    of_row: Index
+    sizes: Array
+    scatter: Array
+    least: float
+
+    @property
+    def is_monotone(self) -> bool:
+        """Whether its likelihood falls with its sum of squares: no more than one noise, and no priors."""
+        return self.groups.size == 0 or (self.groups.size == 1 and bool((self.form.always >= 0).all()))
+
+    def solve(self, gap: float) -> tuple[list[Minimum], float]:
+        """Its minima of Phi, best first, and a lower bound, within `gap` of the best if that can be."""
+        if self.is_monotone:
+            return self._least_squares()
+        always = np.where(self.form.always >= 0, self.of_row[self.form.always], -1)
+        likelihood = ConcentratedLikelihood.of(
+            self.form.problem,
+            self.of_row[self.form.switching],
+            always,
+            self.sizes,
+            self.least,
+            self.scatter,
+        )
+        return likelihood.prove(likelihood.minima(), gap)
+
+    def _least_squares(self) -> tuple[list[Minimum], float]:
+        found = minimise(self.form.problem)
+        if not self.groups.size:
+            return [Minimum(found.chi2, np.empty(0))], found.chi2 - found.gap
+        n = float(self.sizes[0])
+        best, low = (max(x / n, self.least) for x in (found.chi2, found.chi2 - found.gap))
+        return [Minimum(n * float(np.log(best)), np.array([best]))], n * float(np.log(low))
+
+
+class Component(Protocol):
+    """Rows whose noises are theirs alone, and share no constant with other rows."""
+
+    @property
+    def groups(self) -> Index:
+        """The problem's groups of noise."""
+        ...
+
+    @property
+    def is_monotone(self) -> bool:
+        """Whether no gap can be asked for."""
+        ...
+
+    def solve(self, gap: float) -> tuple[list[Minimum], float]:
+        """Minima of Phi, best first, and a lower bound."""
+        ...
+
+
+@dataclass(frozen=True)
+class SolvedComponent:
+    """A component whose minima and bound are known."""
+
+    groups: Index
+    minima: list[Minimum]
+    bound: float
+    is_monotone: bool = True
+
+    def solve(self, gap: float) -> tuple[list[Minimum], float]:
+        """What is known."""
+        return self.minima, self.bound
+
+
+@dataclass(frozen=True)
+class SplitProblem:
+    """What measures e_n alone, and the rest with e_n fixed: it knows kappa only."""
+
+    restitution: list[NoiseComponent]
+    rest: Problem
+
+
+def without_restitution(problem: Problem) -> SplitProblem | None:
+    """Split off the rows that measure e_n alone, where series share some constants; None where it is tied.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    whole = whole_group(problem, problem.noise.base)
+    normal = problem.rows.of_kind("normal")
+    rest = np.flatnonzero(~normal)
+    if (
+        not (problem.noise.is_unknown and problem.closure.bilinear and normal.any() and rest.size)
+        or whole.e_n.fixed is not None
+        or problem.rows.has_kind("curved")
+        or not is_separable(whole)
+        or (whole.e_n.separate and not whole.mu.separate)
+        or np.unique(problem.rows.series[rest]).size < len(problem.series)
+    ):
+        return None
+    at = np.flatnonzero(normal)
+    places = [at]
+    if whole.e_n.separate:
+        places = [at[problem.rows.series[at] == i] for i in range(len(problem.series))]
+    components = _components(problem, [_restitution(whole, own) for own in places if own.size])
+    if components is None:
+        return None
+    e_n = replace(problem.parameters["e_n"], fixed=whole.e_n.lower, prior=None)
+    return SplitProblem(components, problem.with_rows(rest).with_parameters([e_n]))
+
+
+def noise_components(problem: Problem) -> list[NoiseComponent] | None:
+    """Split a problem with unknown noises; None where it is not made of piecewise problems.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    parts = _parts(problem)
+    return None if parts is None else _components(problem, parts)
+
+
+def _components(
+    problem: Problem, parts: Sequence[tuple[ParameterGroup, Index]]
+) -> list[NoiseComponent] | None:
+    """The parts in linear form; None where one has none, or two share a noise."""
+    names = list(problem.noise_groups().values())
+    label = np.empty(len(problem.rows), dtype=np.intp)
+    for number, rows in enumerate(names):
+        label[rows] = number
+    scaled = problem.rows.value / problem.noise.base
+    least = _SMALLEST * max(1.0, float(np.square(scaled).max()))
+    made = []
+    for part, at in parts:
+        form = linear_form(part)
+        if form is None:
+            return None
+        groups, of_row = np.unique(label[at], return_inverse=True)
+        sizes = np.array([float(names[g].size) for g in groups])
+        scatter = np.array([max(float(np.var(scaled[names[g]])), 1e-12) for g in groups])
+        made.append(NoiseComponent(form, groups, of_row.reshape(-1), sizes, scatter, least))
+    every = np.concatenate([each.groups for each in made])
+    return made if np.unique(every).size == every.size else None
+
+
+def _parts(problem: Problem) -> list[tuple[ParameterGroup, Index]] | None:
+    """Rows that share constants, each with their places; None where series share only some of them."""
+    if not problem.closure.bilinear and problem.has_oblique:
+        return None
+    base = problem.noise.base
+    if len(problem.series) == 1 or not any(c.separate for c in problem.parameters):
+        groups = [(whole_group(problem, base), np.arange(len(problem.rows)))]
+    elif all(c.separate or c.fixed is not None for c in problem.parameters):
+        places = [np.flatnonzero(problem.rows.series == i) for i in range(len(problem.series))]
+        groups = list(zip(series_groups(problem, base), places, strict=True))
+    else:
+        return None
+    by_scale = not problem.noise.is_unknown  # one factor for all rows: nothing can be split
+    return groups if by_scale else [part for group, at in groups for part in _split(group, at)]
+
+
+def _split(group: ParameterGroup, at: Index) -> Sequence[tuple[ParameterGroup, Index]]:
+    """What measures e_n alone, and the rest, where they share no constant."""
+    normal = group.rows.of_kind("normal")
+    oblique = bool(group.rows.of_kind("tangential", "curved").any())
+    if group.e_n.fixed is not None or (oblique and not is_separable(group)):
+        return [(group, at)]
+    alone, own = _restitution(group, np.flatnonzero(normal))
+    return [(alone, at[own]), (without_normal_rows(group, 0.0), at[~normal])]
+
+
+def _restitution(group: ParameterGroup, own: Index) -> tuple[ParameterGroup, Index]:
+    """The rows that measure e_n alone."""
+    alone = replace(
+        group,
+        rows=group.rows.take(own),
+        weight=group.weight[own],
+        c=replace(group.c, fixed=group.c.lower, prior=None),
+        mu=replace(group.mu, fixed=group.mu.lower, prior=None),
+    )
+    return alone, own
