@@ -209,3 +209,12 @@ def test_a_wrong_e_n_is_not_recovered_from_beta_but_kappa_is(wrong):
         right.constants["mu"].value * (1.0 + truth["e_n"]),
         rtol=1e-9,
     )
+
+
+@pytest.mark.parametrize("method", ["lsq", "exact", "profile"])
+def test_constants_that_are_all_fixed_are_held_against_the_data(method):
+    """Nothing is left to estimate, and residuals still are judged."""
+    found = ifrfit.fit("kharaz-2001", fix={"e_n": 0.98, "e_t": -0.9, "mu": 0.09}, method=method)
+    assert {each.status for each in found.constants.values()} == {"fixed"}
+    assert not found.correlation.names
+    assert not found.facts["outliers"].ok

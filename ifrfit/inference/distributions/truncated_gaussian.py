@@ -74,7 +74,9 @@ class TruncatedGaussian:
 
     def covariance(self, names: Sequence[str]) -> Array:
         """Covariance before the cut, loose directions with the variance of the default prior, (n, n)."""
-        loadings = np.array([self.loadings[name] for name in names]).reshape(len(names), -1)
+        loadings = np.array([self.loadings[name] for name in names]).reshape(
+            len(names), self.state.center.size
+        )
         return np.asarray(loadings @ self.state.covariance @ loadings.T)
 
     def draws(self, n: int, rng: np.random.Generator) -> dict[str, Array]:
