@@ -1,4 +1,4 @@
-"""Tangential impulses of the bilinear closures, as the impulse balance with vectors takes them."""
+"""Tangential impulses of the closures, as the impulse balance with vectors takes them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any
 
 from ifrfit.cost.impulse_balance import Impulse, ifr
 from ifrfit.physics import CLOSURES
+from ifrfit.physics.angles import Incidence
 
 
 def stop(slip: Any, mass: Any, inertia_factor: Any) -> Any:
@@ -25,10 +26,13 @@ WRITTEN: dict[str, Impulse] = {
 
 
 def impulse_of(closure: str) -> Impulse:
-    """As written above; of any other closure by its coefficients, which leaves the balance independent."""
+    """As written above; of any other closure by its law, which leaves the balance independent."""
+    diagonal = Incidence.of(45.0, degrees=True)  # where kappa/tau is kappa
 
-    def by_coefficients(c: Any, slip: Any, limit: Any, mass: Any, j: Any) -> Any:
-        law = CLOSURES[closure].coefficients(j)
-        return mass * slip * (law.a0 + law.a1 * c) + min(mass * slip * (law.b0 + law.b1 * c), limit)
+    def by_law(c: Any, slip: Any, limit: Any, mass: Any, j: Any) -> Any:
+        if slip == 0.0:
+            return 0.0
+        k, _ = CLOSURES[closure].law(j).impulse(diagonal, c, max(0.0, limit) / (mass * slip))
+        return mass * slip * float(k)
 
-    return WRITTEN.get(closure, by_coefficients)
+    return WRITTEN.get(closure, by_law)

@@ -24,7 +24,11 @@ def report(
     ] = None,
     form: Annotated[
         str | None,
-        typer.Option("--format", help="html or md; by default as FILE ends.", show_default=False),
+        typer.Option(
+            "--format",
+            help="html, md; any other word lists all. By default as FILE ends.",
+            show_default=False,
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace files that are no reports, too.")] = False,
     quiet: Quiet = False,

@@ -11,13 +11,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ifrfit.errors import UsageError
 from ifrfit.physics.angles import Incidence
-from ifrfit.physics.impulse_laws import Coefficients, Law
+from ifrfit.physics.impulse_laws import Coefficients, Law, friction_factor
 
 _RESERVED = ("e_n", "mu", "kappa")  # names that every closure has already
 _ROUNDING = 1e-9
+_STEP, _AGREES = (
+    1e-5,
+    1e-4,
+)  # of the range: step of differences; of the largest value: what they may be off by
 
 
 @dataclass(frozen=True)
@@ -172,13 +177,14 @@ class Closure:
 
 
 def check_closure(closure: Closure) -> None:
-    """Refuse a closure that cannot be computed with, or that creates energy within its domain.
+    """Refuse a closure that cannot be computed with, contradicts itself, or creates energy in its domain.
 
     Raises
     ------
     UsageError
         For a name of the constant that is taken or no identifier, for a law without the functions of `Law`,
-        and for a domain at whose ends an impact gains kinetic energy.
+        for functions of a law that contradict each other, and for a domain at whose ends an impact gains
+        kinetic energy.
     """
     own = closure.own
     if own is not None and (not own.name.isidentifier() or own.name in _RESERVED):
@@ -188,14 +194,77 @@ def check_closure(closure: Closure) -> None:
         )
     for j in (0.4, 2.0 / 3.0):
         law = closure.law(j)
-        if not isinstance(law, Law):
+        missing = [name for name in vars(Law) if name[0] != "_" and not callable(getattr(law, name, None))]
+        if missing:
             raise UsageError(
                 f"The law of closure {closure.title} is a {type(law).__name__}: it must have the functions "
-                "of ifrfit.physics.impulse_laws.Law."
+                f"of ifrfit.physics.impulse_laws.Law, and lacks {', '.join(missing)}."
             )
         low, high = closure.domain(j)
+        _check_functions(closure, law, j)
         for c in {low, high} if own is None or low < high else ():
             _check_passive(closure, law, c, j)
+
+
+def _check_functions(closure: Closure, law: Law, j: float) -> None:
+    """The functions of a law agree with each other, at three constants and impacts of all kinds."""
+    own = closure.own
+    if own is None:
+        name, low, high = "the constant", 0.0, 1.0
+    else:
+        name, (low, high) = own.name, closure.domain(j)
+        low, high = max(low, own.limits[0]), min(high, own.limits[1])
+    if not low < high:
+        return
+    # shares of the range, kappas and angles on which no kink of a law is likely to lie
+    width = high - low
+    c = (low + width * np.array([0.23, 0.51, 0.77]))[:, None, None]
+    kappa = np.array([0.03, 0.17, 0.9])[:, None]
+    incidence = Incidence.of(np.linspace(3.7, 86.3, 23), degrees=True)
+    h = _STEP * width
+    more, less = kappa * (1.0 + _STEP), kappa * (1.0 - _STEP)
+    _, sticks = law.impulse(incidence, c, kappa)
+    near = [law.impulse(incidence, *each) for each in ((c + h, kappa), (c - h, kappa), (c, more), (c, less))]
+    smooth = np.all([each == sticks for _, each in near], axis=0)
+    by_c, by_kappa = law.slopes(incidence, c, kappa)
+    bound, slope = np.asarray(law.bound(c)), np.broadcast_to(law.bound_slope(c), c.shape)
+    friction = friction_factor(incidence, kappa)
+    clear = np.abs(friction - bound) > _ROUNDING * np.abs(bound)
+    differences_by_c, differences_by_kappa = near[0][0] - near[1][0], near[2][0] - near[3][0]
+    bounds = np.asarray(law.bound(c + h)) - np.asarray(law.bound(c - h))
+    wrong = {
+        "it sticks elsewhere than where kappa/tau >= bound": bool(
+            np.any((sticks != (friction >= bound)) & clear)
+        ),
+        f"slopes by {name} are not those of impulse": _differ(2.0 * h * by_c, differences_by_c, smooth),
+        "slopes by kappa are not those of impulse": _differ(
+            by_kappa, differences_by_kappa / (more - less), smooth
+        ),
+        "bound_slope is not that of bound": _differ(2.0 * h * slope, bounds),
+    }
+    if np.any(slope):
+        known = np.asarray(law.constant_at(bound))
+        wrong[f"constant_at(bound({name})) is not {name}"] = _differ(
+            (known - low) / width, (c - low) / width, slope != 0.0
+        )
+    else:
+        above, below = np.asarray(law.constant_at(bound + 0.1)), np.asarray(law.constant_at(bound - 0.1))
+        wrong[f"bound does not depend on {name}: constant_at must be inf above it, -inf below"] = not (
+            np.all(above == np.inf) and np.all(below == -np.inf)
+        )
+    for words, is_so in wrong.items():
+        if is_so:
+            raise UsageError(
+                f"The law of closure {closure.title} contradicts itself with inertia factor {j:.3g}: "
+                f"{words}. Correct the law."
+            )
+
+
+def _differ(found: ArrayLike, expected: ArrayLike, where: ArrayLike = True) -> bool:
+    """Whether they differ by more than steps and rounding explain, or are not finite."""
+    one, two, used = np.broadcast_arrays(found, expected, where)
+    allowed = _AGREES * np.max(np.abs(two[used]), initial=0.0) + _ROUNDING * _STEP
+    return not np.all(np.abs(one - two)[used] <= allowed)
 
 
 def _check_passive(closure: Closure, law: Law, c: float, j: float) -> None:

@@ -38,7 +38,10 @@ class Law(Protocol):
         ...
 
     def constant_at(self, bound: ArrayLike) -> Array:
-        """The c with this `bound`; infinite where every one has a larger bound."""
+        """The c with this `bound`; infinite where every one has a larger bound.
+
+        Where `bound` does not depend on c: +inf above it, -inf below.
+        """
         ...
 
     def for_many(self, count: int) -> Law:
@@ -79,7 +82,7 @@ class Coefficients:
         return np.full(np.shape(c), self.b1)
 
     def constant_at(self, bound: ArrayLike) -> Array:
-        """(b - b0)/b1."""
+        """(b - b0)/b1; with b1 = 0 that is +inf above b0, -inf below."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray((np.asarray(bound, dtype=float) - self.b0) / self.b1)
 

@@ -44,8 +44,6 @@ class Rebound:
         Normal speed away from the wall, e_n cos(gamma).
     spin_x, spin_y : ndarray
         R Omega/u in the paper's signs.
-    contact_x, contact_y : ndarray
-        Tangential velocity of the contact point, V_t/u.
     sticking : ndarray of bool
         Whether the impact sticks; an impact without slip counts as sticking.
     impulse_factor : ndarray
@@ -62,8 +60,6 @@ class Rebound:
     v_n: Array
     spin_x: Array
     spin_y: Array
-    contact_x: Array
-    contact_y: Array
     sticking: NDArray[np.bool_]
     impulse_factor: Array
     incidence: Incidence
@@ -72,6 +68,19 @@ class Rebound:
 
     def __post_init__(self) -> None:
         make_read_only(self)
+
+    @property
+    def contact_x(self) -> Array:
+        """Tangential velocity of the contact point along x, V_x/u; in k, so that it does not cancel."""
+        return self._contact(self.incidence.slip_x)
+
+    @property
+    def contact_y(self) -> Array:
+        """Tangential velocity of the contact point along y, V_y/u."""
+        return self._contact(self.incidence.slip_y)
+
+    def _contact(self, slip: Array) -> Array:
+        return _plain(slip - self.impulse_factor * slip / rotational_share(self.inertia_factor))
 
     @property
     def beta(self) -> Array:
@@ -90,16 +99,20 @@ class Rebound:
         return _plain(np.hypot(np.hypot(self.v_x, self.v_y), self.v_n))
 
     @property
+    def _push(self) -> tuple[Array, Array]:
+        """Minus the tangential impulse per mass."""
+        k = self.impulse_factor
+        return k * self.incidence.slip_x, k * self.incidence.slip_y
+
+    @property
     def mu_app(self) -> Array:
         """Apparent friction P_x/P_n, signed; nan at grazing incidence (Eqs (30), (31))."""
-        return _ratio(self.impulse_factor * self.incidence.slip_x, (1.0 + self.e_n) * self.incidence.cosine)
+        return _ratio(self._push[0], (1.0 + self.e_n) * self.incidence.cosine)
 
     @property
     def mu_app_magnitude(self) -> Array:
         """|P_t|/|P_n|, the apparent friction of an impact with lateral spin."""
-        return _ratio(
-            np.abs(self.impulse_factor) * self.incidence.slip, (1.0 + self.e_n) * self.incidence.cosine
-        )
+        return _ratio(np.hypot(*self._push), (1.0 + self.e_n) * self.incidence.cosine)
 
     @property
     def delta(self) -> Array:
@@ -164,7 +177,6 @@ def rebound_with(
 ) -> Rebound:
     """Rebound whose tangential impulse per mass is -k U_t, whatever closure gave k."""
     push_x, push_y = k * incidence.slip_x, k * incidence.slip_y
-    share = rotational_share(j)
     parts = np.broadcast_arrays(
         incidence.sine - push_x,
         # 0.0 - x rather than -x: a negative zero would turn lambda from 180 into -180 degrees
@@ -172,14 +184,12 @@ def rebound_with(
         e_n * incidence.cosine,
         incidence.spin_x - push_y / j,
         incidence.spin_y - push_x / j,
-        incidence.slip_x - push_x / share,
-        incidence.slip_y - push_y / share,
         sticking,
         k,
         e_n,
     )
-    v_x, v_y, v_n, s_x, s_y, c_x, c_y, sticking, k, e_n = (np.array(part)[()] for part in parts)
-    return Rebound(v_x, v_y, v_n, s_x, s_y, c_x, c_y, sticking, k, incidence, e_n, j)
+    v_x, v_y, v_n, s_x, s_y, sticking, k, e_n = (np.array(part)[()] for part in parts)
+    return Rebound(v_x, v_y, v_n, s_x, s_y, sticking, k, incidence, e_n, j)
 
 
 def closure_constant(closure: Closure, given: Mapping[str, ArrayLike | None]) -> ArrayLike:

@@ -125,6 +125,15 @@ def test_transition_and_sticking_restitution_follow_from_the_constants(impacts):
     assert angle.value == pytest.approx(math.degrees(math.atan(2.5 * 0.12 * 1.94)), abs=1e-7)
 
 
+@pytest.mark.parametrize("method", ["lsq", "exact", "profile"])
+@pytest.mark.parametrize("fix", [{"e_n": 0.94}, {"e_n": 0.94, "mu": 0.12}])
+def test_what_kappa_is_is_no_reason_of_the_transition(impacts, method, fix):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), fix=fix, method=method)
+    kappa, angle = found.derived["kappa"], found.derived["transition_angle_deg"]["run"]
+    assert (kappa.reason, angle.reason) == ("mu (1 + e_n)", "")
+    assert angle.status == kappa.status
+
+
 def test_top_spin_has_two_transitions(impacts):
     found = ifrfit.fit(impacts(gamma=GAMMA, c=-0.8, mu=0.062, spin_y=-0.5), fix={"e_n": 0.94})
     first, second = found.derived["transition_angle_deg"]["run"]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from factories import BILINEAR, own_constant
+from factories import own_constant
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from impulses import impulse_of
@@ -24,8 +24,9 @@ SPEEDS = ("v_x", "v_y", "v_n", "spin_x", "spin_y", "contact_x", "contact_y")
 @st.composite
 def laws(draw: st.DrawFn) -> dict[str, Any]:
     """Closure, its constants within the passive domain, and the inertia, as keywords of `rebound`."""
-    closure = CLOSURES[draw(st.sampled_from(BILINEAR))]
-    j = draw(st.floats(0.05, 1.0))
+    closure = CLOSURES[draw(st.sampled_from(sorted(CLOSURES)))]
+    # a law from a table has its constants for some bodies only
+    j = draw(st.floats(0.05 if closure.bilinear else 0.4, 1.0))
     call: dict[str, Any] = {
         "closure": closure.name,
         "inertia_factor": j,
@@ -43,12 +44,20 @@ def scale_of(spin_x: float, spin_y: float) -> float:
     return 1.0 + abs(spin_x) + abs(spin_y)
 
 
-def friction_bound(call: dict[str, Any]) -> tuple[float, float]:
-    """(a, b) of k = a + min(b, ...) for these constants."""
+def bound_of(call: dict[str, Any]) -> float:
+    """Kappa/tau at which sticking ends."""
     closure = CLOSURES[call["closure"]]
-    linear = closure.coefficients(call["inertia_factor"])
-    c = call.get(closure.constant or "", 0.0)
-    return linear.a0 + linear.a1 * c, linear.b0 + linear.b1 * c
+    return float(closure.law(call["inertia_factor"]).bound(call.get(closure.constant or "", 0.0)))
+
+
+def impulse_bounds(call: dict[str, Any]) -> tuple[float, float]:
+    """Least and largest k: of a + min(b, ...) for these constants; of another law where energy is kept."""
+    closure, j = CLOSURES[call["closure"]], call["inertia_factor"]
+    if not closure.bilinear:
+        return 0.0, 2.0 * rotational_share(j)
+    linear, c = closure.coefficients(j), call.get(closure.constant or "", 0.0)
+    a = linear.a0 + linear.a1 * c
+    return a, a + bound_of(call)
 
 
 @given(gammas, spins, spins, laws())
@@ -64,9 +73,9 @@ def test_balances_of_an_impact(gamma: float, spin_x: float, spin_y: float, call:
     assert abs(r.contact_y - (r.v_y + r.spin_x)) <= tolerance
     assert abs(r.contact_x * r.incidence.slip_y - r.contact_y * r.incidence.slip_x) <= tolerance * slip
     # the impulse lies within its bounds
-    a, b = friction_bound(call)
+    low, high = impulse_bounds(call)
     assert all(math.isfinite(float(getattr(r, name))) for name in (*SPEEDS, "impulse_factor"))
-    assert a - 1e-15 <= r.impulse_factor <= a + b + 1e-15
+    assert low - 1e-15 <= r.impulse_factor <= high + 1e-15
     assert float(r.v_n) == call["e_n"] * float(r.incidence.cosine)
     # energy, over m u^2/2, is that of velocities and spins, and never grows
     change = float(r.energy_change)
@@ -147,10 +156,15 @@ def test_agrees_with_the_impulse_balance_at_any_speed_size_mass_and_direction_of
         assert abs(getattr(r, name) - state[name]) <= tolerance, name
 
 
+@pytest.mark.parametrize("law", CLOSURES)
+def test_no_closure_contradicts_itself(law: str) -> None:
+    """As those are checked that are registered; tests/plugins has laws that are refused."""
+    check_closure(CLOSURES[law])
+
+
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("law", CLOSURES)
 def test_no_closure_creates_energy_at_the_ends_of_its_domain(law: str, share: float) -> None:
-    check_closure(CLOSURES[law])
     gamma, spin = np.linspace(0.0, 90.0, 91)[:, None], np.array([-3.0, -0.5, 0.0, 0.4, 3.0, 100.0])
     for j in (0.4, 0.5, 2.0 / 3.0):
         for mu in (0.0, 0.05, 0.3, 2.0):
@@ -202,7 +216,7 @@ def test_continuous_at_the_transition(
     gamma: float, spin_x: float, spin_y: float, call: dict[str, Any]
 ) -> None:
     """Mu that puts the impact on the transition: a little more sticks, a little less slides, alike."""
-    _, b = friction_bound(call)
+    b = bound_of(call)
     still = rebound(gamma, spin_x, spin_y, **call)
     assume(float(still.incidence.slip) > 1e-3)
     assume(b > 1e-3)
@@ -214,9 +228,12 @@ def test_continuous_at_the_transition(
     assert not bool(less.sticking)
     slip = float(still.incidence.slip)
     j = call["inertia_factor"]
+    # a law from a table meets that of sliding within the accuracy of the table
+    exact = CLOSURES[call["closure"]].bilinear
+    step = 2.0 * h * b + (0.0 if exact else 1e-3 * rotational_share(j))
     for name in SPEEDS:
         jump = abs(float(getattr(more, name) - getattr(less, name)))
-        assert jump <= 2.0 * h * b * slip * (1.0 + 1.0 / j) + 1e-14 * scale_of(spin_x, spin_y)
+        assert jump <= step * slip * (1.0 + 1.0 / j) + 1e-14 * scale_of(spin_x, spin_y)
 
 
 @given(laws(), spins, spins)
@@ -251,10 +268,10 @@ def test_lipschitz_through_no_slip(
         float(one.incidence.slip_x - two.incidence.slip_x), float(one.incidence.slip_y - two.incidence.slip_y)
     )
     impulses = math.hypot(float(one.v_x - two.v_x), float(one.v_y - two.v_y))
-    assert impulses <= sum(friction_bound(call)) * slips + 1e-15
+    assert impulses <= impulse_bounds(call)[1] * slips + 1e-15
 
 
-@pytest.mark.parametrize("law", BILINEAR)
+@pytest.mark.parametrize("law", CLOSURES)
 @pytest.mark.parametrize("slip", [5e-324, 1e-310, 1e-200, 1e-17])
 def test_vanishing_slip_is_a_vanishing_impulse(law: str, slip: float) -> None:
     closure = CLOSURES[law]

@@ -114,8 +114,9 @@ def test_radians_are_numpys() -> None:
     assert float(one.v_x) == pytest.approx(float(two.v_x), rel=1e-14)
 
 
-FIELDS = ("v_x", "v_y", "v_n", "spin_x", "spin_y", "contact_x", "contact_y", "sticking", "impulse_factor")
+FIELDS = ("v_x", "v_y", "v_n", "spin_x", "spin_y", "sticking", "impulse_factor")
 PROPERTIES = [
+    *("contact_x", "contact_y"),
     *("beta", "beta_cm", "beta_tot", "mu_app", "mu_app_magnitude", "delta", "lambda_"),
     *("tan_psi_after", "tan_psi_out", "psi_after", "psi_out", "energy_change"),
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from extensions.method import Mode
 from extensions.observable import SPIN_GAINED
 from factories import impacts_file
 from scipy.stats import kstest
-from toys import BEND, HALF_DROP, TILT
+from toys import BEND, HALF_DROP, TILT, Rooted
 
 import ifrfit
 from ifrfit.errors import DataError, UsageError
@@ -24,10 +24,13 @@ from ifrfit.inference.estimators import ESTIMATORS
 from ifrfit.inference.model.error_law import ERROR_LAWS
 from ifrfit.physics import CLOSURES, Closure
 from ifrfit.physics.angles import Incidence
+from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.effects import EFFECTS
+from ifrfit.physics.impulse_laws import friction_factor
 from ifrfit.registry import registered
 from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.html import panel_script
+from ifrfit.report.page.writing import check_format
 
 GAMMA = np.linspace(4.0, 80.0, 20)
 TRUTH = {"g_rip": 0.7, "eta": 0.6}
@@ -345,6 +348,16 @@ def test_a_method_goes_through_every_command(cli: Callable[..., str], tmp_path: 
     assert "mode" in costs(cli, tmp_path, ("--closure", "grip"))
 
 
+def test_refusals_list_what_is_registered(folder: Path) -> None:
+    data = table(folder, GRIP)
+    with pytest.raises(UsageError, match=r"no closure 'x'\. Choose one of f, .*grip, bend"):
+        ifrfit.fit(data, closure="x")
+    with pytest.raises(UsageError, match="--tails x: choose gaussian or student-t or logistic"):
+        ifrfit.fit(data, noise=ifrfit.Noise(tails="x"))
+    with pytest.raises(UsageError, match=r"--format x: a report is html, md, toc; choose one of them"):
+        check_format("x", "--format x")
+
+
 def test_options_of_a_method_are_its_own(folder: Path) -> None:
     found = ifrfit.fit(table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, method=Mode(patience=2))
     assert "It waited 2." in found.warnings
@@ -409,6 +422,53 @@ SILENT = GRAZING | {
 }
 
 
+def rooted(base: type[Rooted] = Rooted, **functions: Any) -> Closure:
+    """Closure BEND, and functions of its law replaced."""
+    law = dataclass(frozen=True)(type("Broken", (base,), functions))
+    return replace(BEND, name="b2", law=lambda j: law(rotational_share(j)))
+
+
+class HastyBound(Rooted):
+    """The slope of the bound is wrong, and that of the impulse is not."""
+
+    def bound_slope(self, c: Any) -> Any:
+        return self.share * np.asarray(c)
+
+    def slopes(self, incidence: Any, c: Any, kappa: Any) -> Any:
+        return Rooted(self.share).slopes(incidence, c, kappa)
+
+
+def late_to_stick(root: Rooted, incidence: Incidence, c: Any, kappa: Any) -> Any:
+    k, _ = Rooted(root.share).impulse(incidence, c, kappa)
+    return k, 0.9 * friction_factor(incidence, kappa) >= root.bound(c)
+
+
+def without_friction(root: Rooted, incidence: Incidence, c: Any, kappa: Any) -> Any:
+    by_c, by_kappa = Rooted(root.share).slopes(incidence, c, kappa)
+    return by_c, 0.0 * by_kappa
+
+
+def undefined(root: Rooted, incidence: Incidence, c: Any, kappa: Any) -> Any:
+    by_c, by_kappa = Rooted(root.share).slopes(incidence, c, kappa)
+    return np.nan * by_c, by_kappa
+
+
+def flat(endless: float) -> Closure:
+    """A bound that does not depend on the constant, and the constant above it."""
+    return rooted(
+        bound=lambda root, c: root.share + 0.0 * np.asarray(c),
+        bound_slope=lambda root, c: 0.0 * np.asarray(c),
+        constant_at=lambda root, bound: np.copysign(endless, np.asarray(bound) - root.share),
+    )
+
+
+def test_a_law_that_does_not_contradict_itself_is_taken() -> None:
+    """Control: what the refused ones are made from, and a bound that does not depend on the constant."""
+    for entry in (rooted(), flat(np.inf)):
+        with registered(entry):
+            assert CLOSURES["b2"] is entry
+
+
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
@@ -419,7 +479,21 @@ SILENT = GRAZING | {
         ),
         (replace(GRIP, name="g2", own=replace(GRIP.own, name="mu")), "calls its constant 'mu'"),
         (replace(GRIP, name="g2", own=replace(GRIP.own, name="a b")), "calls its constant 'a b'"),
-        (replace(GRIP, name="g2", law=lambda j: 3.0), "is a float: it must have the functions of"),
+        (
+            replace(GRIP, name="g2", law=lambda j: 3.0),
+            r"is a float: it must have the functions of .*Law, and lacks impulse, slopes, .* for_many\.",
+        ),
+        (rooted(bound_slope=None), "and lacks bound_slope"),
+        (
+            rooted(impulse=late_to_stick),
+            r"with inertia factor 0\.4: it sticks elsewhere than where kappa/tau",
+        ),
+        (rooted(slopes=lambda root, i, c, kappa: (c, kappa)), "slopes by eta are not those of impulse"),
+        (rooted(slopes=without_friction), "slopes by kappa are not those of impulse"),
+        (rooted(slopes=undefined), "slopes by eta are not those of impulse"),
+        (rooted(HastyBound), "bound_slope is not that of bound"),
+        (rooted(constant_at=lambda root, bound: bound), r"constant_at\(bound\(eta\)\) is not eta"),
+        (flat(0.0), "bound does not depend on eta: constant_at must be inf above it, -inf below"),
         (replace(TILT, name="tilt"), "end with _deg where its unit is deg"),
         (replace(SPIN_GAINED, name="s2", takes=frozenset({"Q"})), "takes Q: known are Tx, Ty, Sx, Sy, N"),
         (replace(SPIN_GAINED, name="s2", linear=None), "lacks the form of that kind"),

@@ -20,7 +20,13 @@ from ifrfit.inference.profile.objective import Misfit
 from ifrfit.inference.profile.quantities import Quantity, profile_curve, quantities_of, transition_tau
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.types import Angles, Constants, Estimate
-from ifrfit.inference.summary.derived import angle_near, constant_bound, median_spin, transitions_of
+from ifrfit.inference.summary.derived import (
+    angle_estimate,
+    angle_near,
+    constant_bound,
+    median_spin,
+    transitions_of,
+)
 from ifrfit.inference.summary.estimates import by_constant
 from ifrfit.inference.summary.gaussian import prior_reasons
 from ifrfit.inference.summary.identification import known_of
@@ -172,15 +178,5 @@ def _transition_of(
     found = [profiles[key] for key in (name, f"{name} (first)", f"{name} (second)") if key in profiles]
     if not found:
         return local
-    each = [
-        Estimate(
-            profile.value,
-            0.5 * (profile.interval68[1] - profile.interval68[0]) if kappa.stderr is not None else None,
-            profile.interval68,
-            profile.interval95,
-            kappa.status,
-            kappa.reason,
-        )
-        for profile in found
-    ]
+    each = [angle_estimate(profile.value, profile.interval68, profile.interval95, kappa) for profile in found]
     return each[0] if len(each) == 1 else each

@@ -187,14 +187,14 @@ class FitResult(Findings, Display):
         return self._renderer().summary(self, style)
 
     def report(self, path: str | Path) -> None:
-        """Write the uncertainty report: one self-contained page, by the suffix html or md.
+        """Write the uncertainty report in the format of the suffix; one self-contained page as html.
 
         The file appears whole or not at all; an earlier report is replaced, any other file is not.
 
         Parameters
         ----------
         path : str or Path
-            ``report.html`` or ``report.md`` (with its figures beside it).
+            ``report.html``, ``report.md`` (with its figures beside it), or of a registered format.
 
         Raises
         ------

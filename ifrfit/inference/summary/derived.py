@@ -11,7 +11,8 @@ import numpy as np
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution, transition_name
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.result.types import Angles, Constants, Derived, Estimate
+from ifrfit.inference.result.types import Angles, Constants, Derived, Estimate, Interval
+from ifrfit.inference.summary.status import KAPPA
 from ifrfit.physics.closure import Meaning
 from ifrfit.physics.impulse_laws import Coefficients
 from ifrfit.physics.transition import transition_angles
@@ -129,11 +130,17 @@ def _angles(problem: Problem, number: int, tau: float, taus: list[float], kappa:
         low95, low68, best, high68, high95 = (angle_near(t, *spin, branch, len(angles), angle) for t in taus)
         within68 = min(low68, high68), max(low68, high68)
         within95 = min(low95, high95), max(low95, high95)
-        half = 0.5 * (within68[1] - within68[0]) if kappa.stderr is not None else None
-        found.append(Estimate(best, half, within68, within95, kappa.status, kappa.reason))
+        found.append(angle_estimate(best, within68, within95, kappa))
     if not found:
         return None
     return found[0] if len(found) == 1 else found
+
+
+def angle_estimate(value: float, within68: Interval, within95: Interval, kappa: Estimate) -> Estimate:
+    """A transition angle with the status of kappa, and its reason, unless that says what kappa is."""
+    half = 0.5 * (within68[1] - within68[0]) if kappa.stderr is not None else None
+    reason = "" if kappa.reason == KAPPA else kappa.reason
+    return Estimate(value, half, within68, within95, kappa.status, reason)
 
 
 def median_spin(problem: Problem, series: int) -> tuple[float, float]:

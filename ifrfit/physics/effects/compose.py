@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.physics.angles import Array
-from ifrfit.physics.closure import rotational_share
 from ifrfit.physics.effects.contact import Contact, Impacts
 from ifrfit.physics.effects.impact_state import Bounce, Outcome
 from ifrfit.physics.effects.protocol import ORDER
@@ -70,15 +69,13 @@ def _after_contact(contact: Contact, impacts: Impacts, bounce: Bounce) -> Bounce
             v_n=e_n * incidence.cosine,
             spin_x=none,
             spin_y=incidence.spin_y - push / j,
-            contact_x=incidence.slip_x - push / rotational_share(j),
-            contact_y=none,
             sticking=sticking,
             impulse_factor=k,
             incidence=incidence,
             e_n=e_n,
             inertia_factor=j,
         )
-    return replace(bounce, outcome=Outcome(**vars(state), captured=bounce.captured))
+    return replace(bounce, outcome=Outcome(**vars(state), captured=bounce.captured, impulsive=state))
 
 
 def _closure(contact: Contact, impacts: Impacts, bounce: Bounce) -> tuple[Array, NDArray[np.bool_]]:

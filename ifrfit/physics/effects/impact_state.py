@@ -16,36 +16,66 @@ from ifrfit.physics.rebound import Rebound
 class Outcome(Rebound):
     """A `Rebound` that effects have acted on.
 
+    An effect replaces velocities and spins; what follows from them (the velocity of the contact point, beta,
+    the apparent friction, the energy) is computed from them. v_n and e_n are replaced together.
+
     Attributes
     ----------
     captured : ndarray of bool
         The sphere does not leave the wall (v_n = 0). Velocities along the wall and spins are those at that
         instant; what becomes of them later is not computed.
-    spin_loss : ndarray or None
-        How much rolling friction took off |R Omega|/u; None without it.
+    impulsive : Rebound
+        The state that the tangential law left, before any further effect.
     """
 
     captured: NDArray[np.bool_]
-    spin_loss: Array | None = None
+    impulsive: Rebound
+
+    def _gain(self, name: str) -> Array:
+        """What effects have added to a velocity or a spin since the tangential law; exactly 0 for nothing."""
+        now, then = getattr(self, name), getattr(self.impulsive, name)
+        return np.zeros(()) if now is then else np.asarray(now - then)
+
+    @property
+    def _contact_gain(self) -> tuple[Array, Array]:
+        x, y = self._gain("v_x") + self._gain("spin_y"), self._gain("v_y") + self._gain("spin_x")
+        return np.asarray(x), np.asarray(y)
+
+    @property
+    def contact_x(self) -> Array:
+        """Tangential velocity of the contact point along x, V_x/u."""
+        return np.asarray(super().contact_x + self._contact_gain[0])
+
+    @property
+    def contact_y(self) -> Array:
+        """Tangential velocity of the contact point along y, V_y/u."""
+        return np.asarray(super().contact_y + self._contact_gain[1])
+
+    @property
+    def _push(self) -> tuple[Array, Array]:
+        x, y = super()._push
+        return np.asarray(x - self._gain("v_x")), np.asarray(y - self._gain("v_y"))
 
     @property
     def beta(self) -> Array:
         """Tangential restitution of the contact point, -V_t.U_t/|U_t|^2; nan without slip."""
-        if self.spin_loss is None:
+        before, (x, y) = self.incidence, self._contact_gain
+        if not (np.any(x) or np.any(y)):
             return super().beta
-        before = self.incidence
-        along = self.contact_x * before.slip_x + self.contact_y * before.slip_y
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.where(before.slip == 0.0, np.nan, -along / before.slip**2))
+            return np.asarray(super().beta - (x * before.slip_x + y * before.slip_y) / before.slip**2)
 
     @property
     def energy_change(self) -> Array:
         """Change of kinetic energy, rotation included, over m u^2/2."""
         change = super().energy_change
-        if self.spin_loss is None:
-            return change
-        left = np.hypot(self.spin_x, self.spin_y)
-        return np.asarray(change - self.inertia_factor * self.spin_loss * (2.0 * left + self.spin_loss))
+        for names, inertia in ((("v_x", "v_y"), 1.0), (("spin_x", "spin_y"), self.inertia_factor)):
+            for name in names:
+                both = getattr(self, name) + getattr(self.impulsive, name)
+                change = change + inertia * self._gain(name) * both
+        if self.v_n is not self.impulsive.v_n:
+            change = change + (self.v_n**2 - (self.e_n * self.incidence.cosine) ** 2)
+        return np.asarray(change)
 
 
 @dataclass(frozen=True)

@@ -54,13 +54,4 @@ class Rolling:
         loss = np.minimum(couple / contact.inertia_factor, spin)
         with np.errstate(divide="ignore", invalid="ignore"):
             kept = np.where(spin > 0.0, 1.0 - loss / spin, 0.0)
-        spin_x, spin_y = kept * out.spin_x, kept * out.spin_y
-        slowed = replace(
-            out,
-            spin_x=spin_x,
-            spin_y=spin_y,
-            contact_x=out.contact_x + (spin_y - out.spin_y),
-            contact_y=out.contact_y + (spin_x - out.spin_x),
-            spin_loss=loss,
-        )
-        return replace(bounce, outcome=slowed)
+        return replace(bounce, outcome=replace(out, spin_x=kept * out.spin_x, spin_y=kept * out.spin_y))

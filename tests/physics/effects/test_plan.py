@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -13,7 +13,10 @@ from hypothesis import strategies as st
 
 from ifrfit.errors import DataError
 from ifrfit.physics.effects import EFFECTS, ORDER, Contact, Fluid, compose, make_plan
+from ifrfit.physics.effects.contact import ContactNumber
 from ifrfit.physics.effects.plan import differences, pilot_rows
+from ifrfit.physics.effects.rolling import Rolling
+from ifrfit.registry import registered
 
 OBSERVABLES = ("e_n", "beta", "delta_deg", "lambda_deg", "beta_tot", "spin_y_after")
 GIVEN = {"e_n": "constants.e_n", "tangential": "constants.e_t"}
@@ -113,7 +116,47 @@ def test_energy_does_not_grow_at_the_ends_of_an_effects_numbers(impacts, glass, 
         given = {number.name: end for number, end in zip(numbers, ends, strict=True)}
         contact = glass.with_numbers(**given)
         assert not EFFECTS[name].lacks(contact, some)
-        assert (compose(contact, some, [name]).energy_change <= 1e-14).all(), given
+        gain = float(compose(contact, some, [name]).energy_change.max())
+        assert gain <= 1e-14, f"{name} at {given}: the energy grows by up to {gain:.3g} of m u^2/2"
+
+
+@dataclass(frozen=True)
+class Twist(Rolling):
+    """Made up: changes velocities along the wall and spins, and nothing that follows from them."""
+
+    name: str = "twist"
+    numbers: tuple[ContactNumber, ...] = ()
+
+    def lacks(self, contact, impacts):
+        return ""
+
+    def apply(self, contact, impacts, bounce):
+        out = bounce.done
+        changed = {name: 0.9 * getattr(out, name) for name in ("v_x", "v_y", "v_n", "e_n")}
+        return replace(
+            bounce, outcome=replace(out, **changed, spin_x=0.5 * out.spin_x, spin_y=0.2 * out.spin_y)
+        )
+
+
+@pytest.mark.parametrize("name", [*EFFECTS, "twist"])
+def test_contact_beta_friction_and_energy_follow_from_velocities_and_spins(impacts, glass, name):
+    some = impacts([0.0, 10.0, 50.0, 85.0, 90.0], 0.2, -0.3)
+    with registered(Twist()):
+        out = compose(glass, some, dict.fromkeys(("lateral-spin", name)))
+    before, j = some.incidence, glass.inertia_factor
+    exact = {"rtol": 0.0, "atol": 1e-14}
+    x, y = out.v_x + out.spin_y, out.v_y + out.spin_x
+    np.testing.assert_allclose(out.contact_x, x, **exact)
+    np.testing.assert_allclose(out.contact_y, y, **exact)
+    np.testing.assert_allclose(out.beta, -(x * before.slip_x + y * before.slip_y) / before.slip**2, **exact)
+    np.testing.assert_allclose(out.v_n, out.e_n * before.cosine, **exact)
+    pressed = (1.0 + out.e_n) * before.cosine
+    pushed = before.sine - out.v_x, out.v_y
+    np.testing.assert_allclose(out.mu_app[:-1] * pressed[:-1], pushed[0][:-1], **exact)
+    np.testing.assert_allclose(out.mu_app_magnitude[:-1] * pressed[:-1], np.hypot(*pushed)[:-1], **exact)
+    after = out.v_x**2 + out.v_y**2 + out.v_n**2 + j * (out.spin_x**2 + out.spin_y**2)
+    change = after - 1.0 - j * (before.spin_x**2 + before.spin_y**2)
+    np.testing.assert_allclose(out.energy_change, change, **exact)
 
 
 def test_energy_grows_where_a_constant_is_not_passive(impacts):

@@ -9,10 +9,13 @@ import pytest
 from factories import small_report
 
 from ifrfit.errors import UsageError
+from ifrfit.registry import registered
 from ifrfit.report.page import write_batch, write_report
 from ifrfit.report.page.batch import index, named_entries
 from ifrfit.report.page.html import fill
 from ifrfit.report.page.markdown import escaped, markdown_files
+from ifrfit.report.page.plugins import GENERATOR, ReportFormat
+from ifrfit.report.page.registries import FORMATS
 
 KINDS = {"html": b"<!DOCTYPE html>", "md": b"<!-- ifrfit report -->"}
 
@@ -24,12 +27,12 @@ def small(monkeypatch):
 
 
 @pytest.mark.usefixtures("small")
-@pytest.mark.parametrize("suffix", list(KINDS))
+@pytest.mark.parametrize("suffix", FORMATS)
 def test_a_report_is_written_and_replaced_but_nothing_else_is(results, appraisals, tmp_path, suffix):
     path = tmp_path / "deep" / f"report.{suffix}"
     write_report(results("lsq"), appraisals("lsq"), path)
     first = path.read_bytes()
-    assert first.startswith(KINDS[suffix])
+    assert first.startswith(KINDS.get(suffix, b""))
     assert [p.name for p in path.parent.iterdir() if p.name.startswith(".")] == []
     write_report(results("lsq"), appraisals("lsq"), path)
     assert path.read_bytes() == first
@@ -39,6 +42,16 @@ def test_a_report_is_written_and_replaced_but_nothing_else_is(results, appraisal
     assert path.read_bytes() == b"mine"
     write_report(results("lsq"), appraisals("lsq"), path, force=True)
     assert path.read_bytes() == first
+
+
+@pytest.mark.usefixtures("small")
+def test_a_format_without_the_mark_is_not_replaced(results, appraisals, tmp_path):
+    """Control: what each of `FORMATS` must put at the beginning of its file."""
+    with registered(ReportFormat("bare", lambda report, stem: {f"{stem}.bare": b"bare"})):
+        write_report(results("lsq"), appraisals("lsq"), tmp_path / "report.bare")
+        with pytest.raises(UsageError, match="is not a report of ifrfit"):
+            write_report(results("lsq"), appraisals("lsq"), tmp_path / "report.bare")
+    assert GENERATOR.encode() not in (tmp_path / "report.bare").read_bytes()
 
 
 @pytest.mark.usefixtures("small")

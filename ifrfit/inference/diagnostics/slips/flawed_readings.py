@@ -47,6 +47,16 @@ class Reading(Rebound):
     """A rebound as it is read: its parts need not obey the mechanics of one impulse."""
 
     @property
+    def contact_x(self) -> Array:
+        """Velocity of the contact point along x, from those as read."""
+        return self.v_x + self.spin_y
+
+    @property
+    def contact_y(self) -> Array:
+        """Velocity of the contact point along y, from those as read."""
+        return self.v_y + self.spin_x
+
+    @property
     def beta(self) -> Array:
         """Tangential restitution of the contact point, from its velocities as read."""
         before = self.incidence
@@ -84,7 +94,7 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         own_e_n = np.where(given.cosine == 0.0, np.nan, v_n / given.cosine)
         impulse = np.where(given.slip_x == 0.0, np.nan, (given.sine - v_x) / given.slip_x)
-    parts = (v_x, v_y, v_n, spin_x, spin_y, v_x + spin_y, v_y + spin_x, sticks.astype(bool), impulse)
+    parts = (v_x, v_y, v_n, spin_x, spin_y, sticks.astype(bool), impulse)
     return _values(problem, Reading(*parts, given, own_e_n, problem.inertia_factor), mu)
 
 

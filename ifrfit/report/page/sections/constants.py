@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
@@ -69,11 +68,7 @@ def _rows(result: FitResult) -> list[tuple[str, ...]]:
             rows.append((row.label, row.plain, "", "", "", row.remark))
         else:
             rows.append(_row(row.label, row.estimate, row.remark))
-    for label, estimate in derived(result):
-        # what kappa is would be told a second time
-        reason = estimate.reason.removeprefix("mu (1 + e_n)")
-        rows.append(_row(label, estimate, status_words(replace(estimate, reason=reason))))
-    return rows
+    return rows + [_row(label, estimate, status_words(estimate)) for label, estimate in derived(result)]
 
 
 def _row(label: str, estimate: Estimate, remark: str) -> tuple[str, ...]:
