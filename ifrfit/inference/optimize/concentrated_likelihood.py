@@ -113,8 +113,14 @@ class ConcentratedLikelihood:
 
     @cached_property
     def least_squares(self) -> Array:
-        """The least S_g that any constants give each group in each cell, from below, (cells, groups)."""
+        """The least S_g that any constants give each group in each cell, from below, (cells, groups).
+
+        Infinite for all groups of a cell where no constants lie in it.
+        """
         each = branch(self.problem, self._weighted(np.eye(self.sizes.size), priors=0.0), _FIRST).bounds
+        # a group that sees few unknowns may find no corner of a thin cell in which another group does
+        thin = np.isinf(each) & np.isfinite(each).any(axis=0)
+        each = np.where(thin, each.min(axis=1, keepdims=True), each)
         for g in np.flatnonzero(each.min(axis=1) <= 0.0):
             found = minimise(self._rows_of(int(g)))
             each[g] = np.maximum(each[g], found.chi2 - found.gap)
@@ -282,7 +288,8 @@ class _Proof:
         high = self.minima[0].value + 2.0 * NEAR
         near = np.flatnonzero(floor < high)
         most = least * np.exp(np.maximum(high - floor, 0.0)[:, None] / made.sizes)
-        ends = self._ends(least[-1], most[-1], high)
+        last = -1 if np.isfinite(least[-1]).all() else int(floor.argmin())  # where there is no last cell
+        ends = self._ends(least[last], most[last], high)
         if ends is None:
             return None
         self._into_frame(ends)

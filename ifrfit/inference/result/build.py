@@ -243,7 +243,8 @@ def _facts(
     asked, problem = problem, at_fitted_offset(problem, optimum)
     offset = optimum.angle_offset
     several = several_modes(problem, optimum)
-    slips = {name: about.facts[name] for name in ("duplicates", "slips") if name in about.facts}
+    by_hand = ("angular_momentum", "duplicates", "slips")
+    slips = {name: about.facts[name] for name in by_hand if name in about.facts}
     first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
     facts = {
         **first,
