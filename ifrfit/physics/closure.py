@@ -19,10 +19,8 @@ from ifrfit.physics.impulse_laws import Coefficients, Law, friction_factor
 
 _RESERVED = ("e_n", "mu", "kappa")  # names that every closure has already
 _ROUNDING = 1e-9
-_STEP, _AGREES = (
-    1e-5,
-    1e-4,
-)  # of the range: step of differences; of the largest value: what they may be off by
+_STEP = 1e-5  # of differences, over the range of the constant or over kappa
+_AGREES = 1e-4  # by which a slope may miss its differences, over the largest
 
 
 @dataclass(frozen=True)
@@ -230,17 +228,14 @@ def _check_functions(closure: Closure, law: Law, j: float) -> None:
     bound, slope = np.asarray(law.bound(c)), np.broadcast_to(law.bound_slope(c), c.shape)
     friction = friction_factor(incidence, kappa)
     clear = np.abs(friction - bound) > _ROUNDING * np.abs(bound)
-    differences_by_c, differences_by_kappa = near[0][0] - near[1][0], near[2][0] - near[3][0]
-    bounds = np.asarray(law.bound(c + h)) - np.asarray(law.bound(c - h))
+    rise_by_c, rise_by_kappa = near[0][0] - near[1][0], near[2][0] - near[3][0]
+    rise_of_bound = np.asarray(law.bound(c + h)) - np.asarray(law.bound(c - h))
+    elsewhere = (sticks != (friction >= bound)) & clear
     wrong = {
-        "it sticks elsewhere than where kappa/tau >= bound": bool(
-            np.any((sticks != (friction >= bound)) & clear)
-        ),
-        f"slopes by {name} are not those of impulse": _differ(2.0 * h * by_c, differences_by_c, smooth),
-        "slopes by kappa are not those of impulse": _differ(
-            by_kappa, differences_by_kappa / (more - less), smooth
-        ),
-        "bound_slope is not that of bound": _differ(2.0 * h * slope, bounds),
+        "it sticks elsewhere than where kappa/tau >= bound": bool(np.any(elsewhere)),
+        f"slopes by {name} are not those of impulse": _differ(2.0 * h * by_c, rise_by_c, smooth),
+        "slopes by kappa are not those of impulse": _differ(by_kappa, rise_by_kappa / (more - less), smooth),
+        "bound_slope is not that of bound": _differ(2.0 * h * slope, rise_of_bound),
     }
     if np.any(slope):
         known = np.asarray(law.constant_at(bound))

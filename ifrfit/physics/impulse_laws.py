@@ -7,7 +7,7 @@ tau = |U_t|/U_n, the closure's own constant c, and kappa = mu (1 + e_n): e_n and
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,6 @@ from ifrfit.physics.angles import Array, Incidence
 Bool = NDArray[np.bool_]
 
 
-@runtime_checkable
 class Law(Protocol):
     """The impulse factor of one closure at one inertia factor. Arrays broadcast."""
 

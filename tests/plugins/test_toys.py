@@ -30,6 +30,7 @@ from ifrfit.physics.impulse_laws import friction_factor
 from ifrfit.registry import registered
 from ifrfit.report.page.explorer import payload, reason_without_panel
 from ifrfit.report.page.html import panel_script
+from ifrfit.report.page.plugins import GENERATOR
 from ifrfit.report.page.writing import check_format
 
 GAMMA = np.linspace(4.0, 80.0, 20)
@@ -344,7 +345,9 @@ def test_a_method_goes_through_every_command(cli: Callable[..., str], tmp_path: 
     assert content["method"] == "mode"
     assert "It waited 3." in content["warnings"]
     assert "posterior mode" in ifrfit.load_result(tmp_path / "result.json").summary()
-    assert "How many" in (tmp_path / "page.toc").read_text(encoding="utf-8").splitlines()
+    headings = (tmp_path / "page.toc").read_text(encoding="utf-8").splitlines()
+    assert headings[0] == GENERATOR
+    assert "How many" in headings
     assert "mode" in costs(cli, tmp_path, ("--closure", "grip"))
 
 
