@@ -264,7 +264,7 @@ def test_an_offset_far_outside_its_prior_is_told(path):
     assert (
         "sd off: look for what turned the angles, or widen --angle-offset" in fit.facts["angle_offset"].says
     )
-    assert "the angle offset lies far outside its prior" in fit.summary().split(". Details")[0]
+    assert "the angle offset is not credible" in fit.summary().split(". Details")[0]
 
 
 def test_an_offset_that_the_data_do_not_see_follows_its_prior(path):

@@ -11,15 +11,18 @@ from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit, sca
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.outliers import outliers
+from ifrfit.inference.diagnostics.prior_conflict import prior_conflict
 from ifrfit.inference.diagnostics.series_compared import pooling, unequal_noise
 from ifrfit.inference.diagnostics.thresholds import FACTS, PULL
 from ifrfit.inference.model.error_model import ITERATED
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.angle_offset import AngleOffset
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
 from ifrfit.text import plus_minus
 
+_ROOM = 1e-3  # degrees to the end of its domain within which an offset lies on it
 _OF_RESTITUTION = {*LAWS, "restitution-by-angle"}
 
 
@@ -52,6 +55,11 @@ def misfit_facts(
             name: fact for name, fact in effects.items() if name == "slips" and _precedes(fact, shared)
         }
         called = ["series"]
+    conflict = None if brief or (shared is not None and not shared.ok) else prior_conflict(problem, found)
+    if conflict is not None:
+        # so does a value that is wrong
+        effects = {name: fact for name, fact in effects.items() if name == "slips"}
+        called = ["known"]
     beyond = beyond_closure(problem, found)
     double = None if brief else duplicates(problem, found)
     small = scatter_too_small(problem, found, residuals)
@@ -60,6 +68,7 @@ def misfit_facts(
     facts = {
         **({} if beyond is None else {"beyond_closure": beyond}),
         **({} if shared is None else {"pooling": shared}),
+        **({} if conflict is None else {"prior_conflict": conflict}),
         **({} if double is None else {"duplicates": double}),
         **({} if noises is None else {"unequal_noise": noises}),
         "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
@@ -129,12 +138,18 @@ def global_optimum(found: LeastSquaresFit, *, bilinear: bool) -> Fact:
     return Fact(False, f"the optimum is not proven to be global ({optimum.method}; {proof})", figures, rule)
 
 
-def angle_offset(found: AngleOffset) -> Fact:
-    """Whether the offset of the set angles at the optimum is one that its prior allows."""
+def angle_offset(found: AngleOffset, domain: FreeParameter) -> Fact:
+    """Whether the offset of the set angles at the optimum is one that its prior and its domain allow."""
     figures = {"value": found.value, "sd": found.sd, "prior_sd": found.prior_sd, "pull": found.pull}
     says = f"the angle offset is {plus_minus(found.value, found.sd)} degrees, prior 0 +- {found.prior_sd:g}"
-    ok = abs(found.pull) <= PULL
-    if not ok:
+    room = min(found.value - domain.lower, domain.upper - found.value)
+    ok = abs(found.pull) <= PULL and room > _ROOM
+    if room <= _ROOM:
+        says += (
+            ", where an impact would cross the wall or its normal: no offset is the reason. Leave it out, "
+            "and let ifrfit compare look for another law"
+        )
+    elif not ok:
         says += f", {abs(found.pull):.1f} sd off: look for what turned the angles, or widen --angle-offset"
     elif not found.is_determined:
         says += ": the data tell it no better than the prior does"

@@ -20,7 +20,7 @@ from ifrfit.text import joined, p_text, plus_minus
 
 _MOST_SERIES = 30  # beyond, constants of each series are a question of their own
 _MOST_NAMED = 4
-_WORTH_A_FIT = 0.1  # p of the score test below which a constant of each series is fitted
+WORTH_A_FIT = 0.1  # p of the score test below which a constant of each series is fitted
 _FEWEST = 2.0  # degrees of freedom of a series whose noise is compared
 
 
@@ -48,11 +48,12 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         tested = []
         for name in names:
             wider = now.with_parameters([replace(now.parameters[name], separate=True)])
-            p = _score_test(now, wider, found)
-            if p is None or p < _WORTH_A_FIT:
-                one = _test(now, wider, name, found)
-                tested += [] if one is None else [one]
-                p = p if one is None else one.p
+            p = score_test(now, wider, found, len(now.series) - 1)
+            if p is None or p < WORTH_A_FIT:
+                fitted = fitted_test(now, wider, found, len(now.series) - 1)
+                if fitted is not None:
+                    p = fitted[1]
+                    tested.append(_Parted(name, wider, fitted[0], p))
             if p is not None:
                 smallest.setdefault(name, min(1.0, count * p))
         best = min(tested, key=lambda one: one.p, default=None)
@@ -98,42 +99,42 @@ def _words(problem: Problem, one: _Parted, fit: LeastSquaresFit, count: int) -> 
     return f"{one.name} ({', '.join(each)}; {p})"
 
 
-def _score_test(problem: Problem, wider: Problem, found: LeastSquaresFit) -> float | None:
-    """p value of a wider problem, to first order about the shared constants; None without degrees of freedom.
+def score_test(problem: Problem, wider: Problem, found: LeastSquaresFit, k: int) -> float | None:
+    """p value of a problem wider by k numbers, to first order about a fit; None without degrees of freedom.
 
-    A bound is not looked at: what it forbids counts as gained, and is left to the fit.
+    A bound is not looked at: what it forbids counts as gained, and is left to a fit.
     """
     theta = np.empty(len(wider.parameters.names))
     for name, places in wider.parameters.positions.items():
         theta[places] = found.optimum.theta[problem.parameters.positions[name]]
     expansion = gaussian_approximation(wider, found.sigma, theta)
-    gained = expansion.decrease
-    k = len(problem.series) - 1
+    before = problem.parameters.prior_residuals(found.optimum.theta)
+    after = wider.parameters.prior_residuals(theta)
+    gained = max(expansion.decrease + float(before @ before - after @ after), 0.0)
     if problem.noise.is_known:
         return float(special.chdtrc(k, gained))
     dof = len(problem.rows) - float(expansion.leverage.sum())
     z = (problem.rows.value - problem.predict(found.optimum.theta)) / found.sigma
-    left = float(z @ z) - gained
+    left = float(z @ z) - expansion.decrease
     if dof <= 1.0 or left <= 0.0:
         return None
     return float(special.fdtrc(k, dof, gained / k / (left / dof)))
 
 
-def _test(problem: Problem, wider: Problem, name: str, found: LeastSquaresFit) -> _Parted | None:
-    """One constant shared against separate, each fitted; None where there are too few rows."""
+def fitted_test(
+    problem: Problem, wider: Problem, found: LeastSquaresFit, k: int
+) -> tuple[LeastSquaresFit, float] | None:
+    """Fit and p value of a problem wider by k numbers, at its noise; None where there are too few rows."""
     try:
         fit = refit(wider, found.sigma)
     except DataError:
         return None
     gained = max(solve(problem, fit.sigma).objective - fit.optimum.objective, 0.0)
-    k = len(problem.series) - 1
     if problem.noise.is_known:
-        p = float(special.chdtrc(k, gained))
-    elif fit.noise_dof > 1.0:
-        p = float(special.fdtrc(k, fit.noise_dof, gained / k))
-    else:
-        return None
-    return _Parted(name, wider, fit, p)
+        return fit, float(special.chdtrc(k, gained))
+    if fit.noise_dof > 1.0:
+        return fit, float(special.fdtrc(k, fit.noise_dof, gained / k))
+    return None
 
 
 def unequal_noise(problem: Problem, found: LeastSquaresFit) -> Fact | None:

@@ -56,6 +56,8 @@ FACTS = {
     "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola "
     "in the angle and in the logarithm of the speed against one value; their mean against a fixed value or a "
     "prior, and against 1; no single reading 4 sd above 1",
+    "prior_conflict": f"stands where p < {REFUTED:g}, times the number of constants that were fixed or have "
+    "a prior: the constant without that describes the data better (F, or chi2 for known sigma)",
     "pooling": f"with several series: p >= {REFUTED:g}, times the number of constants, that one of each "
     "describes all series as well as one each (F, or chi2 for known sigma)",
     "unequal_noise": f"stands only where it fails: p < {REFUTED:g}, times the number of noises, of "
@@ -78,7 +80,7 @@ FACTS = {
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",
     "angle_offset": f"stands where --angle-offset is given: the fitted offset lies within {PULL:g} sd of its "
-    "prior",
+    "prior, and not where an impact would cross the wall or its normal",
     "resampling": "bootstrap: at least 5 impacts of each kind and series (cases), 5 residuals of each noise "
     "(residual), or no row without a residual (wild): of 5 the sd comes out 10 % too small, of fewer more so",
     "sharing": "constants shared by all series are not refuted: evidence of separate ones less than 20 times "

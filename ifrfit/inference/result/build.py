@@ -241,7 +241,7 @@ def _facts(
     """Findings on the optimum, on the estimates and on the method, in the order of the report."""
     counts = about.statistics
     asked, problem = problem, at_fitted_offset(problem, optimum)
-    offset = optimum.angle_offset
+    offset, domain = optimum.angle_offset, asked.offset
     several = several_modes(problem, optimum)
     by_hand = ("angular_momentum", "duplicates", "slips")
     slips = {name: about.facts[name] for name in by_hand if name in about.facts}
@@ -253,7 +253,7 @@ def _facts(
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
         **({} if several is None else {"noise_modes": several}),
-        **({} if offset is None else {"angle_offset": angle_offset(offset)}),
+        **({} if offset is None or domain is None else {"angle_offset": angle_offset(offset, domain)}),
         "identifiable": identifiable(
             problem, optimum, constants, counts.n_sticking, counts.n_sliding, slip="slips" in first
         ),

@@ -22,7 +22,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE
 from ifrfit.physics.closures import get_closure
 from ifrfit.physics.compliance import chi_of
-from ifrfit.physics.compliance.law import chi_range
+from ifrfit.physics.compliance.law import HIGHEST_CHI, LOWEST_CHI, chi_range
 from ifrfit.physics.effects import Contact
 from ifrfit.physics.effects.contact import SOLID
 from ifrfit.physics.impulse_laws import Coefficients
@@ -125,7 +125,8 @@ def _tangential(
     factor = _kappa_factor(problem, theta, np.column_stack((jacobian, *free.values())), sigma)
     compliance, low_high = get_closure("maw").law(j), chi_range(j)
     for number in [float(chi_of(nu, j)) for nu in _POISSON] if chi is None else [chi]:
-        if low_high[0] <= number <= low_high[1]:
+        # a small inertia factor lies beyond the table, and nothing is known of its compliance
+        if max(low_high[0], LOWEST_CHI) <= number <= min(low_high[1], HIGHEST_CHI):
             kappa = factor * mu * (1.0 + e_n)
             compliant, _ = compliance.impulse(problem.rows.incidence, np.array(number), kappa)
             change = problem.values_with(compliant, e_n, mu) - problem.values_with(k, e_n, mu)

@@ -21,6 +21,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 _FEWEST = 3  # degrees of freedom below which no slip is looked for
 _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not measured"
 _LARGEST = 4.5  # prior standard deviations of a size
+_LIMIT = 0.999  # share of the largest size searched from which a size counts as lying on it
 _USUAL = 1e-3  # quantile of chi2 that a right table is not below
 
 
@@ -44,6 +45,8 @@ class Slip:
         Whose values it is in; empty where it is in none.
     rows : tuple of int
         Single rows that it is in.
+    is_least : bool
+        Whether the size ended on the limit of what is searched.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Slip:
     usual: float = math.inf
     observable: str = ""
     rows: tuple[int, ...] = ()
+    is_least: bool = False
 
     @property
     def rank(self) -> float:
@@ -123,7 +127,9 @@ def _over_sigma(direction: Direction, fit: LeastSquaresFit) -> Direction:
 def _fitted(problem: Problem, fit: LeastSquaresFit, nuisance: Nuisance, slip: Slip) -> Slip:
     """The slip with its size fitted beside the constants."""
     drop, size = _with_size(problem, fit, nuisance.values, slip.size, (-nuisance.most, nuisance.most))
-    return replace(slip, drop=drop, size=size)
+    # the score may see what a constant explains that was fixed, and is free here
+    p = max(slip.p, float(special.chdtrc(1, max(drop, 0.0))))
+    return replace(slip, drop=drop, p=p, size=size, is_least=abs(size) >= _LIMIT * nuisance.most)
 
 
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:

@@ -42,6 +42,8 @@ def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str]) 
     else_ = [*(_words(problem, other)[0] for other in others), *(short_words(name) for name in effects)]
     alike = f", not told apart from {joined(else_, 'or')}" if else_ else ""
     p = f"p = {p_text(first.p)}; " if first.sd else ""
+    if set(effects) & {"sticking-law", "sliding-law"}:
+        remedy = f"ifrfit compare tells closures from one another first; then {remedy}"
     says = f"the table looks as if it had {what}{alike} ({p}-2 log likelihood falls by {first.drop:.3g})"
     return f"{says}: {remedy}"
 
@@ -70,13 +72,19 @@ def _turn(problem: Problem, slip: Slip) -> tuple[str, str]:
 
 
 def _speed(problem: Problem, slip: Slip) -> tuple[str, str]:
+    tried = "" if slip.is_least else f"; to try it, divide velocities after by {1.0 + slip.size:.4g}"
     return (
         f"speeds after impact {_percent(slip)} off beside those before",
-        f"check scale and times of the camera; to try it, divide velocities after by {1.0 + slip.size:.4g}",
+        f"check scale and times of the camera{tried}",
     )
 
 
 def _spin(problem: Problem, slip: Slip) -> tuple[str, str]:
+    if slip.is_least:
+        return (
+            f"spins {_percent(slip)} off beside the speeds",
+            "check their unit (rpm, rev/s, rad/s), and radius against diameter",
+        )
     return (
         f"spins {_percent(slip)} off beside the speeds",
         f"check the radius and the scale; to try it, divide the spins by {1.0 + slip.size:.4g}",
@@ -130,6 +138,8 @@ _SIZED = {
 
 
 def _percent(slip: Slip) -> str:
+    if slip.is_least:
+        return f"at least {abs(100.0 * slip.size):.0f} %"
     return f"{plus_minus(100.0 * slip.size, 100.0 * slip.sd)} %"
 
 

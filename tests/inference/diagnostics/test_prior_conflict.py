@@ -1,0 +1,60 @@
+"""What was fixed or known before is held against the data."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from factories import at_most, impacts_file
+
+from ifrfit import fit
+
+ANGLES = np.linspace(4.0, 84.0, 25)
+TRUTH = {"gamma": ANGLES, "e_n": 0.94, "c": -0.9, "mu": 0.12, "noise": 0.02}
+
+
+@pytest.fixture(params=[None, 0.02], ids=["unknown", "known"])
+def path(request, tmp_path):
+    return impacts_file(tmp_path / "t.csv", TRUTH | {"sigma": request.param})
+
+
+@pytest.mark.parametrize(
+    ("taken", "says"),
+    [
+        ({"fix": {"e_n": 0.94, "e_t": -0.6}}, "e_t = -0.6, which you fixed"),
+        ({"fix": {"e_n": 0.94, "mu": 0.15}}, "mu = 0.15, which you fixed"),
+        ({"fix": {"e_n": 0.94}, "prior": {"mu": (0.2, 0.005)}}, "your prior mu = 0.2 +- 0.005"),
+    ],
+)
+def test_a_value_that_the_data_contradict_is_named(path, taken, says):
+    found = fit(path, method="lsq", **taken)
+    fact = found.facts["prior_conflict"]
+    assert not fact.ok
+    assert fact.says.startswith("the data contradict ")
+    assert says in fact.says
+    assert "effects" not in found.facts  # a wrong value feigns them
+    assert "the data contradict a value that was taken for known" in found.summary().split(". Details")[0]
+
+
+def test_what_the_data_do_not_see_is_not_contradicted(path):
+    """Of beta only kappa is seen: a wrong e_n makes a wrong mu, and no misfit."""
+    assert "prior_conflict" not in fit(path, method="lsq", fix={"e_n": 0.5}).facts
+
+
+def test_right_values_are_seldom_contradicted(tmp_path):
+    """At 1e-3, times the number of constants, of 60 tables."""
+    rng = np.random.default_rng(5)
+    alarms = 0
+    for seed in range(60):
+        sigma = None if seed % 2 else 0.02
+        table = impacts_file(tmp_path / "t.csv", TRUTH | {"sigma": sigma, "seed": seed})
+        prior = {"mu": (0.12 + 0.01 * rng.standard_normal(), 0.01)}
+        alarms += (
+            "prior_conflict" in fit(table, method="lsq", fix={"e_n": 0.94, "e_t": -0.9}, prior=prior).facts
+        )
+    assert alarms <= at_most(60, 1e-3)
+
+
+def test_a_small_inertia_factor_is_no_matter_of_closure_maw(tmp_path):
+    """The table of MAW ends before; the search for omitted effects goes on without it."""
+    table = impacts_file(tmp_path / "t.csv", TRUTH | {"sigma": None})
+    assert "slips" in fit(table, method="lsq", fix={"e_n": 0.94}, inertia_factor=0.05).facts
