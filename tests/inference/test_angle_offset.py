@@ -15,10 +15,13 @@ import ifrfit
 from ifrfit import AngleErrors, Bootstrap, Exact, Model, Noise, Profile
 from ifrfit.errors import DataError, IfrfitError, UsageError
 from ifrfit.inference.appraise import appraise
+from ifrfit.inference.diagnostics.collect import angle_offset
 from ifrfit.inference.mcmc.coordinates import Coordinates
 from ifrfit.inference.model.error_model import ErrorModel
+from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.log_posterior import Density
-from ifrfit.inference.optimize.angle_offset import slope_by_offset
+from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.optimize.angle_offset import AngleOffset, slope_by_offset
 from ifrfit.inference.optimize.laplace import gaussian_approximation, weighted_jacobian
 from ifrfit.inference.optimize.least_squares import at_fitted_offset, least_squares
 from ifrfit.inference.posterior import integrate, integrate_over_offset, log_evidence
@@ -315,3 +318,12 @@ def test_what_is_not_supported_is_refused_in_words(tmp_path, choices, says):
 def test_a_wrong_combination_cannot_be_made(make, says):
     with pytest.raises(IfrfitError, match=says):
         make()
+
+
+def test_an_offset_at_the_end_of_its_domain_is_not_credible():
+    """There an impact would cross the wall: whatever turned the values, it is no offset."""
+    domain = FreeParameter.of("angle_offset", Parameter("angle_offset", -4.0, 5.0, prior=(0.0, 7.0)))
+    found = AngleOffset(5.0, 0.5, 7.0, np.zeros(3), np.zeros(3), ())
+    assert not angle_offset(found, domain).ok
+    assert "no offset is the reason" in angle_offset(found, domain).says
+    assert angle_offset(replace(found, value=4.5), domain).ok

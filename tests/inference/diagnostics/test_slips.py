@@ -7,7 +7,7 @@ import shlex
 import numpy as np
 import pytest
 import slips_study
-from factories import at_most, impacts_file
+from factories import HEADER, at_most, impacts_file, impacts_text
 from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.inference.diagnostics.slips.flawed_readings import Flaw, readings
@@ -201,3 +201,20 @@ def test_the_search_finds_the_certified_optimum(known):
     )
     certified = problem.rows.value - problem.predict(theta)
     assert float(misfit.likelihood(residual)) <= float(misfit.likelihood(certified)) + 0.01
+
+
+def test_a_size_on_the_limit_of_the_search_is_a_least_one(tmp_path):
+    """Spins after that are twice as large: no factor is advised, and the unit is asked for."""
+    rows = impacts_text(
+        np.linspace(5.0, 80.0, 24), ("v_x", "v_n", "spin_y_after"), noise=0.004, sigma=None, seed=3
+    )
+    cells = [row.split(",") for row in rows]
+    for each in cells:
+        if each[1] == "spin_y_after":
+            each[-2] = str(2.0 * float(each[-2]))
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join([HEADER, *(",".join(each) for each in cells)]) + "\n", encoding="utf-8")
+    fact = fit(path, method="lsq").facts["slips"]
+    assert not fact.ok
+    assert "spins at least 50 % off beside the speeds" in fact.says
+    assert "divide" not in fact.says
