@@ -67,8 +67,7 @@ def _words(taken: Parameter, wider: Problem, fit: LeastSquaresFit, p: float, cou
         assert taken.prior is not None
         mean, sd = taken.prior
         what, option = f"your prior {taken.name} = {mean:g} +- {sd:g}", "--prior"
-    to_theta = fit.gaussian.to_theta
-    sds = np.sqrt(np.diag(to_theta @ fit.gaussian.covariance(capped=True) @ to_theta.T))
+    sds = fit.gaussian.theta_sd
     places = np.unique(wider.parameters.positions[taken.name])
     alone = " and ".join(plus_minus(float(fit.optimum.theta[i]), float(sds[i])) for i in places.tolist())
     return f"{what} (p = {p_text(count * p)}): without {option} {taken.name} they say {alone}"

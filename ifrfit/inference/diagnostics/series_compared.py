@@ -89,8 +89,7 @@ def _words(problem: Problem, one: _Parted, fit: LeastSquaresFit, count: int) -> 
     p = f"p = {p_text(count * one.p)}"
     if len(problem.series) > _MOST_NAMED:
         return f"{one.name} ({p})"
-    to_theta = fit.gaussian.to_theta
-    sd = np.sqrt(np.diag(to_theta @ fit.gaussian.covariance(capped=True) @ to_theta.T))
+    sd = fit.gaussian.theta_sd
     places = problem.parameters.positions[one.name]
     each = [
         f"{plus_minus(float(fit.optimum.theta[i]), float(sd[i]))} in {series}"

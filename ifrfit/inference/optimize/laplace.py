@@ -79,6 +79,12 @@ class GaussianApproximation:
         slope = self.gradient @ self.vectors[:, self.seen]
         return float(0.25 * ((slope / self.singular[self.seen]) ** 2).sum())
 
+    @property
+    def theta_sd(self) -> Array:
+        """Standard deviation of each entry of theta, loose directions capped by the default prior, (p,)."""
+        covariance = self.to_theta @ self.covariance(capped=True) @ self.to_theta.T
+        return np.asarray(np.sqrt(np.diag(covariance)))
+
     def covariance(self, *, capped: bool) -> Array:
         """Covariance of phi; loose directions have at most the variance of the default prior if `capped`."""
         seen = self.seen

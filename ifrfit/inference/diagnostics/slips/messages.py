@@ -80,15 +80,10 @@ def _speed(problem: Problem, slip: Slip) -> tuple[str, str]:
 
 
 def _spin(problem: Problem, slip: Slip) -> tuple[str, str]:
+    what = f"spins {_percent(slip)} off beside the speeds"
     if slip.is_least:
-        return (
-            f"spins {_percent(slip)} off beside the speeds",
-            "check their unit (rpm, rev/s, rad/s), and radius against diameter",
-        )
-    return (
-        f"spins {_percent(slip)} off beside the speeds",
-        f"check the radius and the scale; to try it, divide the spins by {1.0 + slip.size:.4g}",
-    )
+        return what, "check their unit (rpm, rev/s, rad/s), and radius against diameter"
+    return what, f"check the radius and the scale; to try it, divide the spins by {1.0 + slip.size:.4g}"
 
 
 def _incoming(problem: Problem, slip: Slip) -> tuple[str, str]:
