@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
+from ifrfit.inference.diagnostics.thresholds import LARGEST_WEIGHT, LEAST_EFFECTIVE, SAMPLING_ERROR
 from ifrfit.inference.distributions.draws import Draws
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.distributions.weighted_draws import WeightedDraws
@@ -31,10 +32,7 @@ from ifrfit.inference.posterior.proposal_adaptation import Gaussian, adapted_pro
 
 Array = NDArray[np.float64]
 
-ENOUGH = 0.05  # standard error, in posterior sd and of the log evidence, that counts as converged
-LEAST_EFFECTIVE = 1000.0  # effective draws below which errors are not to be believed
 _WANTED = 0.02  # standard error at which sampling ends
-_LARGEST_WEIGHT = 0.02  # of one draw: more says that draws miss a place of much weight
 _REPLICATES = 16  # lattices with shifts of their own
 _FIRST = 512  # points of each to begin with
 _WORK = 15_000_000  # points times rows (and as many as the rest of the work is worth) at most
@@ -104,7 +102,7 @@ class ImportancePosterior(WeightedDraws):
     @property
     def converged(self) -> bool:
         """Whether errors are small, and enough draws carry the weight for these to be believed."""
-        is_even = self.largest_weight <= _LARGEST_WEIGHT and self.n_draws >= LEAST_EFFECTIVE
+        is_even = self.largest_weight <= LARGEST_WEIGHT and self.n_draws >= LEAST_EFFECTIVE
         return is_even and max(self.error, self.error_evidence) <= self.tolerance
 
 
@@ -236,7 +234,7 @@ class _Replicates:
             float(special.logsumexp(log_z) - math.log(_REPLICATES)),
             self._error(drawn.values, weights, noises),
             float(relative.std(ddof=1) / relative.mean()) / math.sqrt(_REPLICATES),
-            ENOUGH,
+            SAMPLING_ERROR,
             float(weights.max()),
             noises,
         )

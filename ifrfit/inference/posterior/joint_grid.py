@@ -86,16 +86,29 @@ class JointIntegral:
 
     def size(self) -> int:
         """Values of the density that the present nodes ask for."""
+        return sum(self._sizes())
+
+    def work(self) -> float:
+        """What these values cost, in those of a series whose rows are all summed up beforehand."""
+        return sum(size * series.cost for size, series in zip(self._sizes(), self.series, strict=True))
+
+    def at_first_look(self, holds: Callable[[JointIntegral], bool]) -> bool:
+        """Whether something holds of the nodes that a look at a low order takes."""
+        with self._low_order(self.axes):
+            return holds(self)
+
+    def _sizes(self) -> list[int]:
+        """Values of the density of each series."""
         outer = math.prod(one.axis.nodes().size for one in self.shared)
-        total = 0
+        sizes = []
         for series in self.series:
             axes = (series.e_axis, series.x_axis)
             shape = [outer, *(1 if axis is None else axis.nodes().size for axis in axes)]
             # two panels about the mode of c, whose density does not depend on every axis
             of_c = 2 * (series.c_order + 1) if series.integrates_c else 1
             seen = math.prod(n for axis, n in enumerate(shape) if axis not in series.c_independent_axes)
-            total += max(of_c * seen, math.prod(shape))
-        return total
+            sizes.append(max(of_c * seen, math.prod(shape)))
+        return sizes
 
     def remembered(self) -> Callable[[], None]:
         """The present panels and orders: a call goes back to them."""

@@ -22,6 +22,8 @@ from ifrfit.inference.posterior.transition_roles import (
 
 Array = NDArray[np.float64]
 
+# Cost of a value of the density, measured: a row that every value needs, a noise that is integrated out
+_PER_ROW, _PER_NOISE = 0.03, 0.3
 _LAST_T = 1.0 - 1e-12  # end of the scale of an unbounded transition
 
 
@@ -92,6 +94,18 @@ class SeriesIntegral:
     def integrates_c(self) -> bool:
         """Whether the closure constant is integrated about its conditional mode."""
         return isinstance(self.c, FreeParameter) and not isinstance(self.role, ClosureConstantFree)
+
+    @property
+    def cost(self) -> float:
+        """Of a value of the density, where 1 is that of rows which are summed up beforehand (about 1 us)."""
+        groups = 1.0 if self.noise is None else _PER_NOISE * len(self.noise)
+        if self.row_law is not None:
+            return groups + _PER_ROW * float(self.row_law.latent.order[self.row_law.unit].sum())
+        if self.squares.law is None:
+            return max(groups, 1.0)
+        rows = sum(rows.size for rows in self.squares.curved_rows)
+        # marginals of noises take the sums of squares once more
+        return max(groups, 1.0) + _PER_ROW * rows * (1.0 if self.noise is None else 2.0)
 
     @property
     def axes(self) -> list[QuadratureAxis]:
