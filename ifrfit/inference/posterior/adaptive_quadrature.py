@@ -31,6 +31,7 @@ _PATIENCE_LARGE, _PATIENCE = 2, 8  # rounds in which the error must halve, on la
 _HELPFUL = 0.7  # largest share of its error that a round may leave, if the next one is to be like it
 _NEGLIGIBLE = 1e-7  # share of the mass, times the tolerance, that panels of the first grid may lack
 _SMALLEST_ALLOWED = 1e-15
+_OF_A_LOOK = 0.15  # share of the work that the look for empty panels may take
 _NO_MASS = 1e-12  # of kappa at the end of its domain, beyond which e_n does not separate
 _NEAR_END = 0.999  # share of kappa's domain at which its end begins
 
@@ -252,7 +253,7 @@ class Refinement:
         GridTooLargeError, TimeoutError
             As `run`.
         """
-        if self._integral.at_first_look(self._is_too_large):
+        if self._integral.at_first_look(self._is_too_large_to_look):
             raise _too_large(self._integral.size())
         self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
         is_unbounded = any(series.is_unbounded for series in self._integral.series)
@@ -262,6 +263,9 @@ class Refinement:
             raise TimeoutError
         if self._is_too_large(self._integral):
             raise _too_large(self._integral.size())
+
+    def _is_too_large_to_look(self, integral: JointIntegral) -> bool:
+        return integral.size() > _MEMORY or integral.work() > _OF_A_LOOK * self._work_left
 
     def _is_too_large(self, integral: JointIntegral) -> bool:
         """Whether the present nodes would fill the memory, or take more work than is left."""

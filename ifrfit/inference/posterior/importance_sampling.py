@@ -37,8 +37,8 @@ _REPLICATES = 16  # lattices with shifts of their own
 _FIRST = 512  # points of each to begin with
 _WORK = 15_000_000  # points times rows (and as many as the rest of the work is worth) at most
 _ROWS = 60  # that the rest of the work of a point is worth
-_REFITS = 2  # of the law to draw from
-_POOR = 0.15  # effective share of the points below which it is fitted again
+_REFITS = 4  # of the law to draw from
+_EVEN = 0.15  # effective share of the points at which the law is not fitted again
 _RISE = 25.0  # of minus twice the log likelihood to other modes: beyond, they have no weight
 _MODES = 8
 _NEGLIGIBLE = 1e-12  # probability of sums of squares that noises leave out
@@ -125,17 +125,18 @@ def sample_by_importance(
     rng = np.random.default_rng(seed)
     modes = known_modes(density, start)
     proposal = adapted_proposal(density, modes, rng)
-    for attempt in range(_REFITS + 1):
-        replicates = _Replicates(density, proposal, rng)
-        if replicates.effective_share >= _POOR or attempt == _REFITS:
+    replicates = best = _Replicates(density, proposal, rng)
+    for _ in range(_REFITS):
+        if best.effective_share >= _EVEN:
             break
-        proposal = refitted(density, replicates.at, replicates.log_weights, rng, modes)
+        replicates = _Replicates(density, refitted(replicates.proposal, density, replicates.at, replicates.log_weights, rng), rng)
+        best = max(best, replicates, key=lambda each: each.effective_share)
     while True:
-        found = replicates.posterior()
-        is_last = 2 * replicates.at.shape[0] * (len(problem.rows) + _ROWS) > _WORK
+        found = best.posterior()
+        is_last = 2 * best.at.shape[0] * (len(problem.rows) + _ROWS) > _WORK
         if is_last or max(found.error, found.error_evidence) <= _WANTED:
             return found
-        replicates.refine()
+        best.refine()
 
 
 def known_modes(density: ConstantsDensity, start: LeastSquaresFit) -> list[Gaussian]:
@@ -181,7 +182,7 @@ class _Replicates:
     def __init__(
         self, density: ConstantsDensity, proposal: MixtureProposal, rng: np.random.Generator
     ) -> None:
-        self._density, self._proposal, self._rng = density, proposal, rng
+        self._density, self.proposal, self._rng = density, proposal, rng
         self._shifts = rng.random((_REPLICATES, 1 + density.dimensions))
         self._points = _FIRST  # of each
         self._parts = [self._drawn(finer=False)]
@@ -190,12 +191,12 @@ class _Replicates:
     def _drawn(self, *, finer: bool) -> tuple[Array, Array, Array]:
         """Points, log weights and sums of squares, (replicates, points, ...)."""
         u = np.concatenate([lattice(self._points, shift, finer=finer) for shift in self._shifts])
-        at = self._proposal.draw(u)
+        at = self.proposal.draw(u)
         log_p, squares = self._density(at)
         shape = (_REPLICATES, self._points)
         return (
             at.reshape(*shape, at.shape[1]),
-            (log_p - self._proposal.log_density(at)).reshape(shape),
+            (log_p - self.proposal.log_density(at)).reshape(shape),
             squares.reshape(*shape, squares.shape[1]),
         )
 

@@ -30,8 +30,10 @@ _EVEN = 0.4  # effective share of the points at which the weights are even enoug
 _NEAR = 256  # points that give a component its covariance
 _RESAMPLED = 4096  # points that the components are fitted to
 _STEPS = 20  # of expectation and maximisation
-_LEAST = 0.01  # weight of a component that is kept
+_LEAST = 0.01  # share of a component that is kept
+_POINTS = 3.0  # effective points of a component for each of its dimensions
 _KEPT = 10  # components at most
+_SEEDS = 8  # components to begin with at points of much weight, where a law is fitted again
 _FLAT = 1e-5  # of the domain's width: least sd of a component
 
 Gaussian = tuple[Array, Array]  # centre (d,) and covariance (d, d)
@@ -57,10 +59,37 @@ def adapted_proposal(
         if population.effective_share >= _EVEN:
             break
         population.add(population.component_at_largest_weight(), _EACH)
-    return refitted(density, population.at, population.log_weights, rng, population.gaussians)
+    return fitted_proposal(density, population.at, population.log_weights, rng, population.gaussians)
 
 
 def refitted(
+    proposal: MixtureProposal,
+    density: ConstantsDensity,
+    at: Array,
+    log_weights: Array,
+    rng: np.random.Generator,
+) -> MixtureProposal:
+    """A law fitted to weighted points that were drawn from one, with further components to begin with.
+
+    Parameters
+    ----------
+    proposal : MixtureProposal
+    density : ConstantsDensity
+    at : ndarray, (m, d)
+    log_weights : ndarray, (m,)
+    rng : numpy.random.Generator
+    """
+    known = [each for each in proposal.components if isinstance(each, Component)]
+    gaussians = [(each.centre, each.root @ each.root.T) for each in known]
+    weights = special.softmax(log_weights)
+    centres = at[rng.choice(weights.size, _SEEDS, p=weights)]
+    centre = weights @ at
+    covariance = ((at - centre) * weights[:, None]).T @ (at - centre) / _SEEDS
+    gaussians += [(each, covariance) for each in centres]
+    return fitted_proposal(density, at, log_weights, rng, gaussians)
+
+
+def fitted_proposal(
     density: ConstantsDensity,
     at: Array,
     log_weights: Array,
@@ -81,7 +110,10 @@ def refitted(
     weights = special.softmax(log_weights)
     places = (np.arange(_RESAMPLED) + rng.random()) / _RESAMPLED
     drawn = at[np.minimum(np.searchsorted(np.cumsum(weights), places), weights.size - 1)]
-    shares, fitted = _gaussian_mixture(drawn, start, _least_sd(density, at))
+    effective = float(1.0 / np.sum(weights**2))
+    # fewer points tell no covariance
+    least = max(_LEAST, _POINTS * (density.dimensions + 1.0) / min(effective, _RESAMPLED))
+    shares, fitted = _gaussian_mixture(drawn, start, _least_sd(density, at), least)
     near = [_component(density, *each) for each in fitted]
     wide = [Component(each.centre, WIDER * each.root) for each in near]
     long = _along_each_coordinate(density, near[int(shares.argmax())])
@@ -185,16 +217,18 @@ def _least_sd(density: ConstantsDensity, at: Array) -> Array:
 
 
 def _gaussian_mixture(
-    at: Array, start: Sequence[Gaussian], least_sd: Array
+    at: Array, start: Sequence[Gaussian], least_sd: Array, least: float
 ) -> tuple[Array, list[Gaussian]]:
-    """Shares, centres and covariances of normal components, by expectation and maximisation."""
-    n, d = at.shape
+    """Shares, centres and covariances of normal components, by expectation and maximisation.
+
+    Those with less than the `least` share are dropped, but for the largest.
+    """
     shares, fitted = np.full(len(start), 1.0 / len(start)), list(start)
     for step in range(_STEPS):
         log_q = np.stack([_log_normal(at, *each) for each in fitted]) + np.log(shares)[:, None]
         share_of = special.softmax(log_q, axis=0)
         shares = share_of.mean(axis=1)
-        kept = shares > max(_LEAST, (d + 1.0) / n)
+        kept = shares >= min(least, float(shares.max()))
         if step > _STEPS // 2 and kept.sum() > _KEPT:
             kept &= shares >= np.sort(shares)[-_KEPT]
         shares, share_of = shares[kept] / shares[kept].sum(), share_of[kept]
