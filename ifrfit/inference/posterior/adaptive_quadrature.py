@@ -35,6 +35,7 @@ _OF_A_LOOK = 0.15  # share of the work that the look for empty panels may take
 _NO_MASS = 1e-12  # of kappa at the end of its domain, beyond which e_n does not separate
 _NEAR_END = 0.999  # share of kappa's domain at which its end begins
 
+
 class GridTooLargeError(UsageError):
     """The grid of a posterior would be too large."""
 

@@ -35,8 +35,8 @@ Array = NDArray[np.float64]
 _WANTED = 0.02  # standard error at which sampling ends
 _REPLICATES = 16  # lattices with shifts of their own
 _FIRST = 512  # points of each to begin with
-_WORK = 15_000_000  # points times rows (and as many as the rest of the work is worth) at most
-_ROWS = 60  # that the rest of the work of a point is worth
+_WORK = 6_000_000  # points times what one costs, in rows, after which no finer lattice is begun
+_OF_A_POINT = 20  # rows that a point costs beside its own and those of the law that it is drawn from
 _REFITS = 4  # of the law to draw from
 _EVEN = 0.15  # effective share of the points at which the law is not fitted again
 _RISE = 25.0  # of minus twice the log likelihood to other modes: beyond, they have no weight
@@ -129,11 +129,13 @@ def sample_by_importance(
     for _ in range(_REFITS):
         if best.effective_share >= _EVEN:
             break
-        replicates = _Replicates(density, refitted(replicates.proposal, density, replicates.at, replicates.log_weights, rng), rng)
+        replicates = _Replicates(
+            density, refitted(replicates.proposal, density, replicates.at, replicates.log_weights, rng), rng
+        )
         best = max(best, replicates, key=lambda each: each.effective_share)
     while True:
         found = best.posterior()
-        is_last = 2 * best.at.shape[0] * (len(problem.rows) + _ROWS) > _WORK
+        is_last = 2 * best.at.shape[0] * best.cost > _WORK
         if is_last or max(found.error, found.error_evidence) <= _WANTED:
             return found
         best.refine()
@@ -213,6 +215,12 @@ class _Replicates:
         self._squares = squares.reshape(log_weights.size, squares.shape[-1])
 
     @property
+    def cost(self) -> float:
+        """Of a point, in rows."""
+        of_the_law = self._density.dimensions * len(self.proposal.components)
+        return len(self._density.problem.rows) + of_the_law + _OF_A_POINT
+
+    @property
     def effective_share(self) -> float:
         """Effective draws over points."""
         weights = special.softmax(self.log_weights)
@@ -261,9 +269,7 @@ class _Replicates:
             for (name, scale), square in zip(self._density.noises.items(), squares.T, strict=True)
         }
 
-    def _error(
-        self, values: Mapping[str, Array], weights: Array, noises: Mapping[str, Marginal]
-    ) -> float:
+    def _error(self, values: Mapping[str, Array], weights: Array, noises: Mapping[str, Marginal]) -> float:
         """Largest standard error of a mean, sd or quantile, in sd, from the scatter of the replicates."""
         shares = weights.reshape(_REPLICATES, -1)
         shares = shares / np.maximum(shares.sum(axis=1, keepdims=True), np.finfo(float).tiny)

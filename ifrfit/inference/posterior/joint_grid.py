@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 _COARSE = 4  # order of a first look
 _LARGEST_C_ORDER = 128
+_BLIND = 3.0  # change of the log evidence at which a first look has seen nothing
 _REHEARSALS = 16  # rounds at most
 
 
@@ -130,7 +131,7 @@ class JointIntegral:
             masses = [(one.axis, density.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
             for grid in density.grids:
                 masses += grid.panel_masses(density.share)
-            for axis, mass in masses:
+            for axis, mass in masses if density.evidence_error() <= _BLIND else ():
                 axis.drop(mass, negligible)
         for series, grid in zip(self.series, density.grids, strict=True):
             series.c_independent_axes = tuple(axis for axis in range(3) if grid.f.shape[axis] == 1)

@@ -16,6 +16,7 @@ from scipy import special
 Array = NDArray[np.float64]
 
 _TINY = 1e-300
+_AT_ONCE = 8192  # points whose arrays stay in the cache
 
 
 class Domain(Protocol):
@@ -59,12 +60,16 @@ class Component:
 
     def log_density(self, domain: Domain, at: Array) -> Array:
         """Log density at points of the domain, (m,)."""
-        z, total = np.zeros(at.shape), np.zeros(at.shape[0])
+        z, total = np.empty(at.shape), np.full(at.shape[0], self._log_scale)
         for j, centre, size, low, high in self._conditionals(domain, at, z):
             z[:, j] = (at[:, j] - centre) / size
-            log_t = np.log(0.375) - 2.5 * np.log1p(0.25 * z[:, j] ** 2)
-            total += log_t - np.log(size) - np.log(np.maximum(_between(low, high), _TINY))
+            # the logarithm of a product is cheaper than the logarithms of both
+            total -= np.log((1.0 + 0.25 * z[:, j] ** 2) ** 2.5 * np.maximum(_between(low, high), _TINY))
         return total
+
+    @property
+    def _log_scale(self) -> float:
+        return float(np.log(0.375 / np.diag(self.root)).sum())
 
     def _conditionals(
         self, domain: Domain, at: Array, z: Array
@@ -127,9 +132,12 @@ class MixtureProposal:
 
     def log_density(self, at: Array) -> Array:
         """Log density at points of the domain, (m,)."""
+        parts = np.array_split(at, 1 + at.shape[0] // _AT_ONCE)
+        return np.concatenate([self._log_density(part) for part in parts])
+
+    def _log_density(self, at: Array) -> Array:
         each = np.stack([component.log_density(self.domain, at) for component in self.components])
-        with np.errstate(divide="ignore"):
-            return np.asarray(special.logsumexp(each + np.log(self.weights)[:, None], axis=0))
+        return np.asarray(special.logsumexp(each + np.log(self.weights)[:, None], axis=0))
 
 
 def _below(x: Array) -> Array:
