@@ -78,7 +78,7 @@ class WeightedDraws:
         middle = up_to - 0.5 * np.diff(up_to, prepend=0.0)
         wanted = np.asarray(p, dtype=float)
         finite = np.isfinite(values)
-        found = np.interp(wanted, middle[finite], values[finite]) if finite.any() else np.full(p, np.inf)
+        found = np.interp(wanted, middle[finite], values[finite]) if finite.any() else np.inf * (1.0 + wanted)
         if not finite.all():
             found = np.where(wanted > middle[~finite][0], np.inf, found)
         return float(found) if np.ndim(p) == 0 else np.asarray(found)

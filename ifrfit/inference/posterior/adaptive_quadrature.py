@@ -216,7 +216,8 @@ class Refinement:
         for round_ in range(_ROUNDS):
             self._evaluate()
             is_last = round_ == _ROUNDS - 1 or self.density.size() > _LAST or self._is_over()
-            if self.evidence_error <= self.tolerance or is_last:
+            has_marginals = self.evidence_error <= self.tolerance or is_last
+            if has_marginals:
                 self.marginals = self._marginals_of(self.layout, self.density)
                 self._estimate_error()
                 if max(self.error, self.evidence_error) <= self.tolerance or is_last or self._is_stalled():
@@ -225,8 +226,9 @@ class Refinement:
             self._refine()
             if self._is_too_large(self._integral):
                 restore()
-                self.marginals = self._marginals_of(self.layout, self.density)
-                self._estimate_error()
+                if not has_marginals:
+                    self.marginals = self._marginals_of(self.layout, self.density)
+                    self._estimate_error()
                 return
 
     def kappa_reaches_end(self) -> bool:

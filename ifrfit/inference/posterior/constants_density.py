@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.log_posterior import Density

@@ -35,7 +35,9 @@ Array = NDArray[np.float64]
 _WANTED = 0.02  # standard error at which sampling ends
 _REPLICATES = 16  # lattices with shifts of their own
 _FIRST = 512  # points of each to begin with
-_WORK = 6_000_000  # points times what one costs, in rows, after which no finer lattice is begun
+# Points times what one costs, in rows, after which no finer lattice is begun: where errors are small enough
+# to count as converged, and in any case
+_WORK, _MOST_WORK = 6_000_000, 18_000_000
 _OF_A_POINT = 20  # rows that a point costs beside its own and those of the law that it is drawn from
 _REFITS = 4  # of the law to draw from
 _EVEN = 0.15  # effective share of the points at which the law is not fitted again
@@ -135,8 +137,10 @@ def sample_by_importance(
         best = max(best, replicates, key=lambda each: each.effective_share)
     while True:
         found = best.posterior()
-        is_last = 2 * best.at.shape[0] * best.cost > _WORK
-        if is_last or max(found.error, found.error_evidence) <= _WANTED:
+        work = 2 * best.at.shape[0] * best.cost
+        if work > (_WORK if found.converged else _MOST_WORK):
+            return found
+        if max(found.error, found.error_evidence) <= _WANTED:
             return found
         best.refine()
 
@@ -201,6 +205,11 @@ class _Replicates:
             (log_p - self.proposal.log_density(at)).reshape(shape),
             squares.reshape(*shape, squares.shape[1]),
         )
+
+    def with_law_fitted(self) -> _Replicates:
+        """New replicates, of the law that is fitted to the points of these."""
+        density, rng = self._density, self._rng
+        return _Replicates(density, refitted(self.proposal, density, self.at, self.log_weights, rng), rng)
 
     def refine(self) -> None:
         """Double the points of every lattice."""

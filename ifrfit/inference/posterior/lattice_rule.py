@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Generating vector of an extensible lattice in base 2, order-2 weights, up to 2^20 points: Cools, Kuo & Nuyens
-# (2006), SIAM J. Sci. Comput. 28, 2162
+# Generating vector of an extensible lattice in base 2, order-2 weights, up to 2^20 points: Cools, Kuo &
+# Nuyens (2006), SIAM J. Sci. Comput. 28, 2162
 _GENERATOR = np.array(
     [1, 182667, 469891, 498753, 110745, 446247, 250185, 118627, 245333, 283199,
      408519, 391023, 246327, 126539, 399185, 461527, 300343, 69681, 516695, 436179,
@@ -38,4 +38,4 @@ def lattice(n: int, shift: Array, *, finer: bool = False) -> Array:
     """
     generator = _GENERATOR[: shift.size]
     steps = np.arange(n)[:, None] + (0.5 if finer else 0.0)
-    return np.clip((steps * generator / n + shift) % 1.0, _INSIDE, 1.0 - _INSIDE)
+    return np.asarray(np.clip((steps * generator / n + shift) % 1.0, _INSIDE, 1.0 - _INSIDE))

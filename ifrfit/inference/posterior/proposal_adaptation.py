@@ -1,9 +1,9 @@
 """From the modes that least squares knows to a law close to the posterior: incremental mixture sampling.
 
-A population of points begins with the uniform law and one component about each mode. As long as its weights are
-uneven, a component is added about the point of the largest weight, with the covariance of the points near it
-(IMIS: Raftery & Bao 2010, Biometrics 66, 1162). In the end the components are fitted to the weighted population
-(M-PMC: Cappé, Douc, Guillin, Marin & Robert 2008, Statistics and Computing 18, 447).
+A population of points begins with the uniform law and one component about each mode. As long as its weights
+are uneven, a component is added about the point of the largest weight, with the covariance of the points near
+it (IMIS: Raftery & Bao 2010, Biometrics 66, 1162). In the end the components are fitted to the weighted
+population (M-PMC: Cappé, Douc, Guillin, Marin & Robert 2008, Statistics and Computing 18, 447).
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def _along_each_coordinate(density: ConstantsDensity, component: Component) -> l
 
 
 class _Population:
-    """Weighted points of all laws that were tried so far, each point weighed by the mixture of all of them."""
+    """Weighted points of all laws that were tried so far, each weighed by the mixture of all of them."""
 
     def __init__(self, density: ConstantsDensity, rng: np.random.Generator) -> None:
         self._density, self._rng = density, rng

@@ -22,8 +22,8 @@ from ifrfit.inference.posterior.transition_roles import (
 
 Array = NDArray[np.float64]
 
-# Cost of a value of the density, measured: a noise that is integrated out, curved rows under a bilinear law, each
-# row under another law, each node of a true angle or row with heavy tails
+# Cost of a value of the density, measured: a noise that is integrated out, curved rows under a bilinear law,
+# each row under another law, each node of a true angle or row with heavy tails
 _PER_NOISE, _CURVED, _PER_ROW, _PER_NODE = 0.5, 1.5, 0.2, 0.05
 _LAST_T = 1.0 - 1e-12  # end of the scale of an unbounded transition
 
