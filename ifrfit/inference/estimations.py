@@ -107,7 +107,7 @@ def _by_sampling(posterior: ImportancePosterior, noise_converged: Fact) -> Fact:
         "effective_draws": posterior.n_draws,
         "largest_weight": posterior.largest_weight,
     } | dict(noise_converged.figures)
-    reached = f"standard errors of up to {max(100.0 * posterior.error, 0.1):.1g} % of an sd"
+    reached = f"standard errors of up to {100.0 * posterior.error:.2g} % of an sd"
     drawn = f"{posterior.n_draws:,.0f} effective draws"
     if posterior.converged and noise_converged.ok:
         says = f"posterior by importance sampling: {reached}, {drawn}"

@@ -25,8 +25,7 @@ _ROUNDS = 30
 # Sizes of grids, in values of the density
 _SMALL = 200_000  # up to which a round is cheap
 _LARGE = 1_500_000  # beyond which a round is expensive
-_LAST = 6_000_000  # after which no finer grid is begun
-_MEMORY = 25_000_000  # that would fill the memory (some 4 GB)
+_MEMORY = 6_000_000  # that would fill the memory (some 0.9 GB)
 _PATIENCE_LARGE, _PATIENCE = 2, 8  # rounds in which the error must halve, on large grids and others
 _HELPFUL = 0.7  # largest share of its error that a round may leave, if the next one is to be like it
 _NEGLIGIBLE = 1e-7  # share of the mass, times the tolerance, that panels of the first grid may lack
@@ -158,6 +157,7 @@ def _refined(
         layout = make_layout(problem, start, tolerance, separate_e_n=separate_e_n)
         refinement = Refinement(layout, tolerance, marginals, over, most_work)
         refinement.run()
+        most_work = refinement.work_left
         if not refinement.kappa_reaches_end():
             break
     return refinement
@@ -185,6 +185,8 @@ class Refinement:
     error : float
         Largest error of a marginal, in standard deviations.
     evidence_error : float
+    work_left : float
+        Of `most_work`.
     """
 
     def __init__(
@@ -196,7 +198,7 @@ class Refinement:
         most_work: float = math.inf,
     ) -> None:
         self.layout, self.tolerance = layout, tolerance
-        self._work_left = most_work
+        self.work_left = most_work
         self._integral, self._marginals_of = layout.integral, marginals
         self._is_over = over if over is not None else lambda: False
         self._errors: list[float] = []  # of the marginals, round by round
@@ -215,7 +217,7 @@ class Refinement:
         self.lay_first_grid()
         for round_ in range(_ROUNDS):
             self._evaluate()
-            is_last = round_ == _ROUNDS - 1 or self.density.size() > _LAST or self._is_over()
+            is_last = round_ == _ROUNDS - 1 or self._is_over()
             has_marginals = self.evidence_error <= self.tolerance or is_last
             if has_marginals:
                 self.marginals = self._marginals_of(self.layout, self.density)
@@ -261,21 +263,21 @@ class Refinement:
         self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
         is_unbounded = any(series.is_unbounded for series in self._integral.series)
         if is_unbounded and self._integral.size() > _SMALL:
-            self._integral.refine_transitions(self.tolerance)
+            self.work_left -= self._integral.refine_transitions(self.tolerance, self.work_left)
         if self._is_over():
             raise TimeoutError
         if self._is_too_large(self._integral):
             raise _too_large(self._integral.size())
 
     def _is_too_large_to_look(self, integral: JointIntegral) -> bool:
-        return integral.size() > _MEMORY or integral.work() > _OF_A_LOOK * self._work_left
+        return integral.size() > _MEMORY or integral.work() > _OF_A_LOOK * self.work_left
 
     def _is_too_large(self, integral: JointIntegral) -> bool:
         """Whether the present nodes would fill the memory, or take more work than is left."""
-        return integral.size() > _MEMORY or integral.work() > self._work_left
+        return integral.size() > _MEMORY or integral.work() > self.work_left
 
     def _evaluate(self) -> None:
-        self._work_left -= self._integral.work()
+        self.work_left -= self._integral.work()
         self.density = self._integral.evaluate()
         self.evidence_error = self.density.evidence_error()
 

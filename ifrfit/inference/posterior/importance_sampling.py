@@ -32,7 +32,7 @@ from ifrfit.inference.posterior.proposal_adaptation import Gaussian, adapted_pro
 
 Array = NDArray[np.float64]
 
-_WANTED = 0.02  # standard error at which sampling ends
+_TARGET = 0.02  # standard error at which sampling ends
 _REPLICATES = 16  # lattices with shifts of their own
 _FIRST = 512  # points of each to begin with
 # Points times what one costs, in rows, after which no finer lattice is begun: where errors are small enough
@@ -140,7 +140,7 @@ def sample_by_importance(
         work = 2 * best.at.shape[0] * best.cost
         if work > (_WORK if found.converged else _MOST_WORK):
             return found
-        if max(found.error, found.error_evidence) <= _WANTED:
+        if max(found.error, found.error_evidence) <= _TARGET:
             return found
         best.refine()
 

@@ -136,15 +136,22 @@ class JointIntegral:
         for series, grid in zip(self.series, density.grids, strict=True):
             series.c_independent_axes = tuple(axis for axis in range(3) if grid.f.shape[axis] == 1)
 
-    def refine_transitions(self, allowed: float) -> None:
+    def refine_transitions(self, allowed: float, most_work: float) -> float:
         """Refine the transitions as far as a low order along everything else shows their errors.
 
         Kinks along them take most rounds to resolve, and the other axes have little to do with these: without
         it the grid of reagle-2013 under closure FR becomes more than twice as large.
+
+        Returns
+        -------
+        float
+            The work that this took: little more than `most_work`.
         """
+        done = 0.0
         others = [axis for axis in self.axes if not any(axis is series.x_axis for series in self.series)]
         with self._low_order(others):
             for _ in range(_REHEARSALS):
+                done += self.work()
                 found = self._error_sources(self.evaluate(), ())
                 changed = [
                     place.refine(mass, error, allowed)
@@ -152,8 +159,9 @@ class JointIntegral:
                     if any(place is series.x_axis for series in self.series)
                     if isinstance(place, QuadratureAxis)
                 ]
-                if not any(changed):
+                if not any(changed) or done + self.work() > most_work:
                     break
+        return done
 
     @contextmanager
     def _low_order(self, axes: Sequence[QuadratureAxis]) -> Iterator[None]:
