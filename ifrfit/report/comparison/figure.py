@@ -12,7 +12,7 @@ from ifrfit.inference.comparison.verdict import INDIFFERENT, title
 from ifrfit.report import panels, style
 from ifrfit.report.figures import MOST_COLUMNS
 from ifrfit.report.legend import series_label
-from ifrfit.report.markers import handle
+from ifrfit.report.plot_elements import handle
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import has_angle
 from ifrfit.report.style import GREY
@@ -100,14 +100,14 @@ def _draw_observable(
             own, offset = styles[name], entry.fit.noise.angle_offset
             axes[0].plot(  # over the set angle, whatever offset the closure has found
                 curve.x - (0.0 if offset is None else offset.value or 0.0),
-                curve.table["value"].to_numpy(),
+                curve.y,
                 color=own.colour,
                 ls=own.line,
                 zorder=front,
             )
             drawn.append(curve)
     markers = style.series_styles([str(name) for name in comparison.best.points["series"].unique()])
-    size = panels.marker_size(len(rows))
+    size = panels.look_of(len(rows)).size
     error = rows["sigma_used"].to_numpy(dtype=float)
     for series in names:
         at = (rows["series"] == series).to_numpy()
