@@ -67,27 +67,31 @@ def solve(
 
 
 def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
-    """All rows as one group."""
-    e_n, c, mu = _specs(problem)
+    """All rows as one group; entries fixed in one of several series alone are not fixed in it."""
+    one = len(problem.series) == 1
+    e_n, c, mu = (_entry(problem, x, 0) if one else x for x in _specs(problem))
     return ParameterGroup(problem.rows, 1.0 / sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
 
 
 def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
     """One group a series, its fixed entries included. A prior on a shared constant is not in any of them."""
-    places, entries = problem.parameters.positions, problem.parameters.entries
-
-    def own(c: Parameter, number: int) -> Parameter:
-        return entries[places[c.name][number]] if c.separate else replace(c, prior=None)
-
     groups = []
     for number in range(len(problem.series)):
         at = np.flatnonzero(problem.rows.series == number)
         rows = problem.rows.take(at)
-        e_n, c, mu = (own(x, number) for x in _specs(problem))
+        e_n, c, mu = (
+            _entry(problem, x, number) if x.separate else replace(x, prior=None) for x in _specs(problem)
+        )
         groups.append(
             ParameterGroup(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu)
         )
     return groups
+
+
+def _entry(problem: Problem, constant: Parameter, number: int) -> Parameter:
+    """A constant as it is in one series: fixed where its entry of theta is."""
+    places = problem.parameters.positions.get(constant.name)
+    return constant if places is None else problem.parameters.entries[places[number]]
 
 
 def independent_groups(problem: Problem, sigma: Array) -> list[tuple[ParameterGroup, Index]] | None:
