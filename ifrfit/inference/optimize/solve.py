@@ -105,23 +105,15 @@ def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:
 
 def _searched(problem: Problem, number: int, sigma: Array, near: Array | None) -> GroupOptimum:
     """A series alone, by a search."""
-    part = problem.by_series[number]
-    own = np.flatnonzero(problem.rows.series == number)
-    names = ("e_n", problem.closure.constant, "mu")
+    mine = [int(places[number]) for places in problem.parameters.positions.values()]
+    own_sigma = sigma[problem.rows.series == number]
+    found = multistart(problem.by_series[number], own_sigma, None if near is None else near[mine])
 
-    def constants(theta: Array, which: Problem, series: int) -> Constants:
-        places = which.parameters.positions
-        e_n, c, mu = (0.0 if name is None else float(theta[places[name][series]]) for name in names)
-        return e_n, c, mu
+    def constants(theta: Array) -> Constants:
+        e_n, *c, mu = theta.tolist()
+        return e_n, c[0] if c else 0.0, mu
 
-    start = None
-    if near is not None:
-        start = np.zeros(len(part.parameters.names))
-        for name, value in zip(names, constants(near, problem, number), strict=True):
-            if name is not None:
-                start[part.parameters.positions[name]] = value
-    found = multistart(part, sigma[own], start)
-    minima = tuple((value, constants(theta, part, 0)) for value, theta in found.minima)
+    minima = tuple((value, constants(theta)) for value, theta in found.minima)
     method = f"{found.method} of each series"
     return GroupOptimum(minima[0][1], found.objective, None, minima, (), method, is_local=found.is_local)
 
