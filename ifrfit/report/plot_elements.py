@@ -160,7 +160,8 @@ def draw_curve(
         band = curve.credible
         for (low, high), alpha in zip(((band.lo95, band.hi95), (band.lo68, band.hi68)), shades, strict=True):
             axes.fill_between(curve.x, low, high, color=pen.colour, alpha=alpha, lw=0.0, zorder=behind)
-    (line,) = axes.plot(curve.x, curve.y, color=pen.colour, ls=pen.dashes, lw=pen.width, zorder=front)
+    look: dict[str, Any] = {"color": pen.colour, "ls": pen.dashes, "lw": pen.width, "zorder": front}
+    (line,) = axes.plot(curve.x, curve.y, label=curve.label, **look)
     if has_edge:
         from matplotlib.patheffects import Normal, Stroke
 
