@@ -11,15 +11,21 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)  # of the quantiles that a result keeps
+BANDS = {
+    "lo68": 0.16,
+    "hi68": 0.84,
+    "lo95": 0.025,
+    "hi95": 0.975,
+}  # columns of bands to levels
 
 
 class Distribution(Protocol):
     """Joint distribution of the free parameters, of kappa, of the transition and of free noises.
 
     Implementations: the quadrature posterior, `WeightedDraws` (importance sampling), `Draws` (chains,
-    replicates, a file that was read) and `TruncatedGaussian` (least squares). Quantities go by name: the entries of theta that are free; kappa, or
-    kappa[SERIES] where e_n or mu is separate; noise[SERIES/OBSERVABLE], or noise where one factor is common
-    to all. Besides these, transition_tau[SERIES], the slip ratio |U_t|/U_n at which sticking ends, has
+    replicates, a file that was read) and `TruncatedGaussian` (least squares). Quantities go by name: the
+    entries of theta that are free; kappa, or kappa[SERIES] where e_n or mu is separate;
+    noise[SERIES/OBSERVABLE], or noise where one factor is common to all. Besides these, transition_tau[SERIES], the slip ratio |U_t|/U_n at which sticking ends, has
     quantiles (but no mean, for it may be infinite).
     """
 

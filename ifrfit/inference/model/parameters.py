@@ -220,6 +220,11 @@ class ParameterSet:
         free.flags.writeable = False
         return free
 
+    @property
+    def free_names(self) -> tuple[str, ...]:
+        """Names of the entries of theta that are not fixed."""
+        return tuple(name for name, free in zip(self.names, self.free, strict=True) if free)
+
     @cached_property
     def positions(self) -> Mapping[str, Index]:
         """Places in theta of each parameter by its name, one a series, (n_series,)."""
@@ -230,6 +235,11 @@ class ParameterSet:
             places[p.name] = own
             start += n if p.separate else 1
         return places
+
+    @property
+    def differ_by_series(self) -> bool:
+        """Whether series have constants of their own."""
+        return len(self.series) > 1 and any(p.separate for p in self.parameters)
 
     @cached_property
     def kappas(self) -> tuple[Kappa, ...]:
