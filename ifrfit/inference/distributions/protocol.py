@@ -25,8 +25,9 @@ class Distribution(Protocol):
     Implementations: the quadrature posterior, `WeightedDraws` (importance sampling), `Draws` (chains,
     replicates, a file that was read) and `TruncatedGaussian` (least squares). Quantities go by name: the
     entries of theta that are free; kappa, or kappa[SERIES] where e_n or mu is separate;
-    noise[SERIES/OBSERVABLE], or noise where one factor is common to all. Besides these, transition_tau[SERIES], the slip ratio |U_t|/U_n at which sticking ends, has
-    quantiles (but no mean, for it may be infinite).
+    noise[SERIES/OBSERVABLE], or noise where one factor is common to all. Besides these,
+    transition_tau[SERIES], the slip ratio |U_t|/U_n at which sticking ends, has quantiles (but no mean, for
+    it may be infinite).
     """
 
     @property

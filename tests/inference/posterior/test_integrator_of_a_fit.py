@@ -95,7 +95,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
 
 
 def test_a_grid_of_gigabytes_is_not_begun(tmp_path: Path) -> None:
-    # 16 rows, four series with a friction and a noise of their own: quadrature took 2 GB
+    # 16 rows, four series with a friction and a noise of their own: quadrature took 31 s and 1.3 GB
     angles = (
         (12.0, 30.0, 47.0, 68.0),
         (15.0, 33.0, 52.0, 75.0),
