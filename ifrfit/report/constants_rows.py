@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,10 +89,16 @@ def _noise_rows(result: FitResult) -> Iterator[Row]:
         return
     if FACTOR in result.noise.estimates:
         yield Row("noise", "", result.noise.estimates[FACTOR], "", "times the given sigma")
-    elif result.noise.estimates:
-        yield from _unknown_noises(result.noise.estimates)
     else:
-        yield from _plain_noises(result)
+        found = _unknown_noises(result.noise.estimates) if result.noise.estimates else _plain_noises(result)
+        if result.noise.policy != "mixed":
+            yield from found
+            return
+        for row in found:
+            yield replace(row, remark=f"{row.remark}, from the scatter")
+        given = {key: sigma for key, sigma in result.noise.sigma.items() if key in result.noise.given}
+        for row in _noises_by_value(result, given):
+            yield replace(row, remark=f"{row.remark}, as given")
 
 
 def _unknown_noises(estimates: Mapping[str, Estimate]) -> Iterator[Row]:
@@ -121,9 +127,15 @@ def _places(sigma: float) -> int:
 
 
 def _plain_noises(result: FitResult) -> Iterator[Row]:
+    """Noises without estimates of their own."""
+    own = {key: sigma for key, sigma in result.noise.sigma.items() if key not in result.noise.given}
+    yield from _noises_by_value(result, own)
+
+
+def _noises_by_value(result: FitResult, noises: Mapping[str, float]) -> Iterator[Row]:
     """One row a value: series and observables that share a noise are named together."""
     groups: dict[tuple[str, float, str], list[str]] = {}
-    for key, sigma in result.noise.sigma.items():
+    for key, sigma in noises.items():
         series, _, observable = key.rpartition("/")
         factor = _factor(result, series, observable) if result.noise.policy == "scaled" else None
         if factor is not None:

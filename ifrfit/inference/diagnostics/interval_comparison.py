@@ -12,6 +12,7 @@ from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.effective_dof import dof_of_functional
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import ProfileLikelihood
@@ -61,7 +62,7 @@ def intervals(
             continue
         profile = found[name]
         sd = math.sqrt(fit.gaussian.variance(functional, 1.0))
-        half = half_width(_LEVEL, fit.noise_dof) * sd
+        half = half_width(_LEVEL, dof_of_functional(problem, fit, functional)) * sd
         exact = (math.nan, math.nan)
         if posterior is not None and name in posterior.names:
             tails = (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL)

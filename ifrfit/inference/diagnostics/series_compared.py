@@ -12,8 +12,10 @@ from scipy import special
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.effective_dof import group_dof, satterthwaite
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
+from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text, plus_minus
@@ -128,12 +130,25 @@ def fitted_test(
         fit = refit(wider, found.sigma)
     except DataError:
         return None
-    gained = max(solve(problem, fit.sigma).objective - fit.optimum.objective, 0.0)
-    if problem.noise.is_known:
+    narrow = solve(problem, fit.sigma)
+    gained = max(narrow.objective - fit.optimum.objective, 0.0)
+    dof = fit.noise_dof
+    if problem.noise.is_mixed:
+        dof = _dof_behind(wider, fit, problem.rows.value - problem.predict(narrow.theta))
+    if math.isinf(dof):
         return fit, float(special.chdtrc(k, gained))
-    if fit.noise_dof > 1.0:
-        return fit, float(special.fdtrc(k, fit.noise_dof, gained / k))
+    if dof > 1.0:
+        return fit, float(special.fdtrc(k, dof, gained / k))
     return None
+
+
+def _dof_behind(wider: Problem, fit: LeastSquaresFit, before: Array) -> float:
+    """Degrees of freedom behind what a fit gains over residuals: each noise by its share of the gain."""
+    after = wider.rows.value - wider.predict(fit.optimum.theta)
+    gained = (before**2 - after**2) / fit.sigma**2
+    each = np.abs([float(gained[rows].sum()) for rows in wider.noise_groups().values()])
+    whole = max(float(gained.sum()), float(each.sum()), 1e-300)
+    return satterthwaite(each / whole, group_dof(wider, fit))
 
 
 def unequal_noise(problem: Problem, found: LeastSquaresFit) -> Fact | None:
@@ -148,7 +163,7 @@ def unequal_noise(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     ----------
     Bartlett (1937), Proc. R. Soc. A 160, 268.
     """
-    if not problem.noise.is_unknown or problem.noise.separate or len(problem.series) < 2:
+    if not problem.noise.has_unknown or problem.noise.separate or len(problem.series) < 2:
         return None
     compared: dict[str, Mapping[str, float]] = {}
     smallest = 1.0

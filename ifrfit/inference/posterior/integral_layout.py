@@ -76,7 +76,7 @@ def make_layout(
     """
     settings = GridSettings(problem, start, tolerance)
     has_separate = any(c.separate for c in problem.parameters) and len(problem.series) > 1
-    if has_separate and problem.noise.is_unknown and not problem.noise.separate:
+    if has_separate and problem.noise.has_unknown and not problem.noise.separate:
         raise UsageError(
             "--method exact: with constants of each series, unknown noises are those of each series, too."
         )

@@ -38,10 +38,9 @@ def noise_marginal(joint: JointDensity, number: int, group: int, name: str) -> M
     name : str
     """
     grid = joint.grids[number]
-    scales = grid.series.noise
-    if scales is None:
-        raise ValueError(f"series {number} has no unknown noise")
-    own = scales[group]
+    own = (grid.series.noise or ())[group]
+    if not isinstance(own, NoiseScale):
+        raise TypeError(f"group {group} of series {number} has no unknown noise")
     square, weight = grid.sums_of_squares(group, joint.share)
     square, weight = _compressed(square, weight, own.n, math.exp(-grid.series.tail))
     axis = QuadratureAxis.of(_edges(own, float(square.min()), float(square.max())), _ORDER)

@@ -48,9 +48,10 @@ if TYPE_CHECKING:
 
 DRAWS = 2000  # kept in the result, for predictions
 _ASSUMED_OF_NOISE = {
-    "known": (),
-    "scaled": ("errors as large as the scatter, in the proportions of sigma",),
-    "unknown": ("errors as large as the scatter",),
+    "known": "",
+    "scaled": "errors as large as the scatter, in the proportions of sigma",
+    "unknown": "errors as large as the scatter",
+    "mixed": "errors of {estimated} as large as the scatter, those of {given} as given",
 }
 _CHECKED = 300  # draws behind the posterior predictive checks
 
@@ -177,8 +178,9 @@ def build_result(
         reported_policy(problem),
         optimum.noise,
         error_model=asked.error_model,
-        separate=problem.noise.is_unknown and problem.noise.separate,
+        separate=problem.noise.has_unknown and problem.noise.separate,
         angle_offset=angle_offset_of(optimum.angle_offset, distribution) if optimum.angle_offset else None,
+        given=_given(problem),
     )
     drawn = None
     if own is not None:
@@ -204,7 +206,7 @@ def build_result(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions() | dict(estimation.versions),
         asked=problem.parameters.parameters,
-        assumed=(*(assumed if problem.has_oblique else ()), *_ASSUMED_OF_NOISE[noise.policy]),
+        assumed=(*(assumed if problem.has_oblique else ()), *_assumed_of(noise)),
         effort=estimation.effort,
         scene=None if conditions is None else conditions.scene,
         effects=about.effects,
@@ -282,11 +284,49 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
         )
     if problem.closure.caveat:
         said.append(problem.closure.caveat)
-    given = int(np.isfinite(problem.noise.sigma).sum())
-    if problem.noise.is_unknown and given:
+    return (*said, *_sigma_not_used(problem))
+
+
+def _given(problem: Problem) -> tuple[str, ...]:
+    """Each "series/observable" whose sigma is taken as given while others are not."""
+    if not problem.noise.is_mixed:
+        return ()
+    return tuple(name for name, rows in problem.groups().items() if problem.noise.is_given[rows].all())
+
+
+def _assumed_of(noise: NoiseSummary) -> tuple[str, ...]:
+    """What was taken of the size of the errors, in words; empty where all sigma is given."""
+    words = _ASSUMED_OF_NOISE[noise.policy]
+    if noise.policy == "mixed":
+        words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
+    return (words,) if words else ()
+
+
+def _sigma_not_used(problem: Problem) -> tuple[str, ...]:
+    """Which given sigmas are not used, why, and what would have them used."""
+    if not problem.noise.has_unknown:
+        return ()
+    table = problem.observations.table
+    given = np.isfinite(table["sigma"].to_numpy(dtype=float))
+    groups = problem.groups()
+    if problem.noise.is_unknown and any(given[rows].all() for rows in groups.values()):
+        return (
+            f"sigma is given in {int(given.sum())} of {given.size} rows, and is not used: the noise comes "
+            "from the misfit. Give every row a sigma, or choose --noise.",
+        )
+    said = []
+    for name, rows in groups.items():
+        lacking = rows[~given[rows]]
+        if lacking.size in (0, rows.size):
+            continue
+        series, _, observable = name.rpartition("/")
+        where = f" in {series}" if len(problem.series) > 1 else ""
+        first = table.iloc[int(lacking[0])]
+        count = f"{lacking.size} have none, the first" if lacking.size > 1 else "one has none"
         said.append(
-            f"sigma is given in {given} of {len(problem.rows)} rows, and is not used: the noise comes from "
-            "the misfit. Give every row a sigma, or choose --noise."
+            f"sigma is given for {rows.size - lacking.size} of {rows.size} values of {observable}{where}, "
+            f"and is not used, because {count} in {first['source']}, line {first['row']}: the noise of all comes "
+            "from the misfit. Give each a sigma, or leave those without one out."
         )
     return tuple(said)
 

@@ -200,8 +200,12 @@ def _careful_drop(misfit: Misfit, before: Array, after: Array, dof: int) -> floa
     with np.errstate(invalid="ignore"):
         fall = float(rest.likelihood(before) - rest.likelihood(after))
     if misfit.groups:
-        return fall * dof / size
-    scattered = replace(rest, groups=(np.delete(np.arange(size), row),))
+        fall *= dof / size
+    if not misfit.known.size:
+        return fall
+    base = sigma.copy()
+    base[row] = np.inf
+    scattered = Misfit(base, (np.delete(np.arange(size), row),))
     return min(fall, float(scattered.likelihood(before) - scattered.likelihood(after)) * dof / size)
 
 

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,7 @@ class Misfit:
     base : ndarray, (n,)
         Standard uncertainty of each row up to the noise of its group.
     groups : tuple of ndarray of int
-        Rows that share an unknown noise; empty where sigma is known.
+        Rows that share an unknown noise; of all others sigma is known.
     """
 
     base: Array
@@ -49,10 +50,15 @@ class Misfit:
         z = (residual / self.base) ** 2
         if not self.groups:
             return np.asarray(z.sum(axis=-1))
-        total = np.zeros(z.shape[:-1])
+        total = np.asarray(z[..., self.known].sum(axis=-1))
         for rows in self.groups:
             total = total + rows.size * np.log(np.maximum(z[..., rows].sum(axis=-1), 1e-300))
-        return total
+        return np.asarray(total)
+
+    @cached_property
+    def known(self) -> Index:
+        """Rows of no group."""
+        return np.setdiff1d(np.arange(self.base.size), np.concatenate([np.empty(0, int), *self.groups]))
 
     def without(self, row: int) -> Misfit:
         """The same when one row counts for nothing."""
