@@ -128,6 +128,11 @@ class ConcentratedLikelihood:
         each = np.maximum(each, each.min(axis=1, keepdims=True))
         return np.asarray(np.maximum(each.T, self.least * self.sizes))
 
+    @property
+    def has_known(self) -> bool:
+        """Whether any row counts that has no unknown noise: one of known sigma, or a prior."""
+        return bool((self.group < 0).any() or (self.always_group < 0).any())
+
     @cached_property
     def least_known(self) -> Array:
         """The least P that any constants give in each cell, from below, (cells,)."""
@@ -182,13 +187,13 @@ class ConcentratedLikelihood:
         return new, self.phi(squares[:, :-1], squares[:, -1])
 
     def minima(self) -> list[Minimum]:
-        """Minima below the scatter of the values, and below what each group alone would choose."""
+        """Minima below the scatter of the values, and below what each group, and P, alone would choose."""
         found = self.descend(self.scatter[None], [])
-        if self.sizes.size == 1:
+        if self.sizes.size == 1 and not self.has_known:
             return found
         # the other groups count next to nothing: they only choose among equals
         each = self.least_squares.min(axis=0) / self.sizes
-        alone = np.tile(1e8 * found[0].variance, (self.sizes.size, 1))
+        alone = np.tile(1e8 * found[0].variance, (self.sizes.size + self.has_known, 1))
         np.fill_diagonal(alone, np.maximum(each, 1e-12))
         return self.descend(alone, found)
 

@@ -353,12 +353,21 @@ class _Search:
 
     def descend_from_groups(self) -> None:
         """Look for a mode from where each group alone would begin, the others counting next to nothing."""
-        best = self.variance(self.modes[0].theta)
-        for number in range(len(self.groups)):
-            variance = 1e8 * best
-            variance[number] = best[number]
+        for variance in self._each_alone(self.variance(self.modes[0].theta)):
             near = best_start(self.problem, self.sigma(variance))
             self.descend(self.solve(variance, near))
+
+    def _each_alone(self, own: Array) -> list[Array]:
+        """Variances at which one group counts with its own, and all others next to nothing.
+
+        Where sigma of some rows is known, or constants have priors, these count alone in the last.
+        """
+        has_known = bool(self.known.size) or any(c.prior is not None for c in self.problem.parameters)
+        if len(self.groups) + has_known < 2:
+            return []
+        made = np.tile(1e8 * self.variance(self.modes[0].theta), (len(self.groups) + has_known, 1))
+        np.fill_diagonal(made, own)
+        return list(made)
 
     def _known(self, theta: Array) -> bool:
         def same(mode: Mode) -> bool:
@@ -408,11 +417,8 @@ class _Search:
             alone = solve(plain.with_rows(rows), self.base[rows])
             self.all_proven &= alone.gap is not None
             found[number] = max((alone.objective - (alone.gap or 0.0)) / rows.size, self._least)
-            if len(self.groups) > 1:
-                # the other groups count next to nothing: they only choose among equals
-                variance = 1e8 * self.variance(self.modes[0].theta)
-                variance[number] = max(found[number], 1e-12)
-                self.descend(self.solve(variance))
+        for variance in self._each_alone(np.maximum(found, 1e-12)):
+            self.descend(self.solve(variance))
         return found
 
     def _top(self, low: Array) -> Array:
