@@ -50,6 +50,12 @@ def _apart(result: FitResult) -> None:
     assert "effects" not in result.facts
 
 
+def _given_and_estimated(result: FitResult) -> None:
+    assert result.noise.policy == "mixed"
+    assert result.assumed[-1] == "errors of e_n as large as the scatter, those of beta as given"
+    assert all(fact.ok for fact in result.facts.values())
+
+
 def _silent_prior(result: FitResult) -> None:
     assert statuses(result) == {"e_n": "not_determined", "e_t": "determined", "mu": "not_determined"}
 
@@ -129,6 +135,20 @@ CASES = (
             + rows(FAN, values(FAN, "beta") + noise(len(FAN), 0.06, 6), None, series="rough")
         ),
         _looks("unequal_noise", "--separate noise"),
+    ),
+    _case(
+        "a sigma for beta alone",
+        "Values of beta whose sigma is 0.005 in one half and 0.08 in the other, beside readings of e_n without a "
+        "sigma.",
+        "The given sigmas are used and the noise of e_n is estimated, which the output says; no outlier.",
+        fitted(
+            HEADER
+            + rows(FAN[::2], values(FAN[::2], "beta") + noise(len(FAN[::2]), 0.005, 7), 0.005)
+            + rows(FAN[1::2], values(FAN[1::2], "beta") + noise(len(FAN[1::2]), 0.08, 8), 0.08)
+            + rows(FAN[:5], 0.9 + noise(5, 0.01, 9), None, "e_n"),
+            fix={},
+        ),
+        _given_and_estimated,
     ),
     _case(
         "e_n that falls with the angle",

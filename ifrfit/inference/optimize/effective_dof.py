@@ -58,5 +58,8 @@ def information_shares(problem: Problem, fit: LeastSquaresFit, functional: Array
     if not (total > 0.0 and math.isfinite(local.variance(functional, 1.0))):
         return None
     moved = problem.jacobian(fit.optimum.theta) @ (local.to_theta @ direction) / fit.sigma
+    if fit.angle_offset is not None:  # an error that all rows share is known, by its prior
+        common = fit.angle_offset.common / fit.sigma
+        moved -= common * float(common @ moved) / (1.0 + float(common @ common))
     groups = problem.noise_groups().values()
     return np.array([float(moved[rows] @ moved[rows]) for rows in groups]) / total

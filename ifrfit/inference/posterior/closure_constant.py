@@ -130,7 +130,7 @@ def conditional_coordinate(
         fall = 0.5 * count * math.expm1(min(2.0 * tail / max(count - 1.0, 1.0), 30.0))
     far = size * 2.0 * fall / (slope + np.sqrt(slope * slope + 2.0 * fall))
     if count and squares.is_quadratic:
-        far = np.minimum(far, _reach_of_known(given.squares, noise or (), mode - reference, tail))
+        far = np.minimum(far, _half_width_of_known(given.squares, noise or (), mode - reference, tail))
     if not squares.is_quadratic or row_law is not None:
         far = _CURVED * far  # an angle saturates, so its sum of squares rises more slowly than it begins
     if not squares.is_quadratic:  # where the steps have not come to rest inside, the mode may be anywhere
@@ -186,13 +186,13 @@ def _conditional_mode(
     return at, d, np.asarray(curvature), count
 
 
-def _reach_of_known(squares: list[Quadratic], noise: tuple[Scale, ...], d: Array, tail: float) -> Array:
-    """How far from d rows of known sigma let the density reach, whatever those of unknown noise say.
+def _half_width_of_known(squares: list[Quadratic], noise: tuple[Scale, ...], d: Array, tail: float) -> Array:
+    """How far from d the density is followed, where rows of known sigma end it.
 
-    The latter can gain no more than from d to their own minimum: with A the curvature of the rows of known
+    Those of unknown noise can gain no more than from d to their own minimum: with A the curvature of the rows of known
     sigma and p the distance to their minimum, A ((t - p)^2 - p^2)/2 is at most that gain plus the tail.
     """
-    gain, reach = np.asarray(tail), np.asarray(np.inf)
+    gain, half_width = np.asarray(tail), np.asarray(np.inf)
     for group, q in zip(noise, squares, strict=True):
         if isinstance(group, NoiseScale) and np.ndim(q.slope):
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -204,8 +204,8 @@ def _reach_of_known(squares: list[Quadratic], noise: tuple[Scale, ...], d: Array
             with np.errstate(divide="ignore", invalid="ignore"):
                 away = np.where(q.curvature > 0.0, q.slope / q.curvature - d, 0.0)
                 found = np.abs(away) + np.sqrt(away**2 + 2.0 * gain / q.curvature)
-            reach = np.where(q.curvature > 0.0, found, np.inf)
-    return np.asarray(reach)
+            half_width = np.where(q.curvature > 0.0, found, np.inf)
+    return np.asarray(half_width)
 
 
 def _broadcast(values: Array, shape: tuple[int, ...]) -> Array:

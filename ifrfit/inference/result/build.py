@@ -325,8 +325,8 @@ def _sigma_not_used(problem: Problem) -> tuple[str, ...]:
         count = f"{lacking.size} have none, the first" if lacking.size > 1 else "one has none"
         said.append(
             f"sigma is given for {rows.size - lacking.size} of {rows.size} values of {observable}{where}, "
-            f"and is not used, because {count} in {first['source']}, line {first['row']}: the noise of all comes "
-            "from the misfit. Give each a sigma, or leave those without one out."
+            f"and is not used, because {count} in {first['source']}, line {first['row']}: the noise of all "
+            "comes from the misfit. Give each a sigma, or leave those without one out."
         )
     return tuple(said)
 
