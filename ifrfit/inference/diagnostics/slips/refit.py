@@ -22,6 +22,7 @@ _STEPS = 12
 _HALVINGS = 5
 _AT_REST = 1e-3  # fall of minus twice the log likelihood below which the search ends
 _DIFFERENCE = 1e-7
+_AT_BOUND = 1e-9
 _LOOSE = 1e-6  # relative singular value below which a combination of constants stays where it is
 
 
@@ -140,7 +141,10 @@ def search(
         sigma = misfit.sigma(residual)
         scaled = columns / sigma[:, None]
         gradient = scaled.T @ (residual / sigma)
-        at_end = ((x[free] <= lower[free]) & (gradient < 0.0)) | ((x[free] >= upper[free]) & (gradient > 0.0))
+        # a constant that lies on its bound but for rounding would take the step from those that can move
+        room = _AT_BOUND * np.minimum(upper - lower, 1.0)[free]
+        at_end = (x[free] <= lower[free] + room) & (gradient < 0.0)
+        at_end |= (x[free] >= upper[free] - room) & (gradient > 0.0)
         change = np.zeros(x.size)
         inner = np.zeros(int(free.sum()))
         inner[~at_end] = np.linalg.lstsq(scaled[:, ~at_end], residual / sigma, rcond=_LOOSE)[0]
