@@ -138,8 +138,8 @@ CASES = (
     ),
     _case(
         "a sigma for beta alone",
-        "Values of beta whose sigma is 0.005 in one half and 0.08 in the other, beside readings of e_n without a "
-        "sigma.",
+        "Values of beta with a sigma of 0.005 in one half and of 0.08 in the other, beside readings of e_n "
+        "without one.",
         "The given sigmas are used and the noise of e_n is estimated, which the output says; no outlier.",
         fitted(
             HEADER

@@ -49,8 +49,7 @@ FACTS = {
     "combination's sd below half its prior sd) equals the number of free constants, and each has a value",
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
-    "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test; of "
-    "both, the smaller one twice, where sigma is known for some of the rows",
+    "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
     "beyond_closure": f"stands only where it fails: p < {REFUTED:g}, times the number of rows, that a "
     "reading lies within what the closure gives between the ends of its domain, and a quarter of the rows of "
     "its observable beyond it at 0.025",

@@ -189,8 +189,8 @@ def _conditional_mode(
 def _half_width_of_known(squares: list[Quadratic], noise: tuple[Scale, ...], d: Array, tail: float) -> Array:
     """How far from d the density is followed, where rows of known sigma end it.
 
-    Those of unknown noise can gain no more than from d to their own minimum: with A the curvature of the rows of known
-    sigma and p the distance to their minimum, A ((t - p)^2 - p^2)/2 is at most that gain plus the tail.
+    Those of unknown noise can gain no more than from d to their own minimum: with A the curvature of those of
+    known sigma and p the distance to their minimum, A ((t - p)^2 - p^2)/2 is at most that gain plus the tail.
     """
     gain, half_width = np.asarray(tail), np.asarray(np.inf)
     for group, q in zip(noise, squares, strict=True):
