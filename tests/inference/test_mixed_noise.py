@@ -112,6 +112,14 @@ def test_other_errors_than_gaussian_ones_are_refused_beside_both(impacts):
     assert found.noise.policy == "unknown"
 
 
+def test_a_few_readings_of_a_series_that_another_could_help_are_told_how(impacts):
+    few = E_N_WITHOUT | {"series": "b", "gamma": FEW[:1]}
+    with pytest.raises(DataError, match=r"1 value of e_n cannot .*, or take --noise unknown\."):
+        ifrfit.fit(impacts(BETA, E_N, few))
+    with pytest.raises(DataError, match=r"or more impacts at other angles\."):
+        ifrfit.fit(impacts(BETA, few | {"series": "run"}, name="alone.csv"))
+
+
 # ---- where the parts share no constant, each is as it would be alone
 
 
