@@ -141,6 +141,8 @@ def make_layout(
 def _block_parameter(settings: GridSettings, kind: str, block: int) -> FreeParameter | float:
     """A parameter of a block: its fixed value, or its domain and prior."""
     constant, at = settings.parameter(kind), settings.place(kind, block)
+    if at is not None:
+        constant = settings.problem.parameters.entries[at]  # single entries may be fixed
     if constant.fixed is not None or at is None:
         return constant.fixed or 0.0
     free = FreeParameter.of(settings.problem.parameters.names[at], constant)
@@ -175,9 +177,10 @@ def e_n_is_separable(settings: GridSettings) -> bool:
     """
     problem = settings.problem
     e_n, mu = settings.parameter("e_n"), settings.parameter("mu")
-    if e_n.fixed is not None or mu.fixed is not None or mu.prior is not None or mu.lower > 0.0:
+    places, entries = problem.parameters.positions, problem.parameters.entries
+    if any(entries[place].fixed is not None for name in ("e_n", "mu") for place in places[name]):
         return False
-    if e_n.separate and not mu.separate:
+    if mu.prior is not None or mu.lower > 0.0 or (e_n.separate and not mu.separate):
         return False
     if not problem.has_oblique or problem.rows.has_kind("friction"):
         return False
