@@ -12,7 +12,7 @@ from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.prior_conflict import prior_conflict
-from ifrfit.inference.diagnostics.series_compared import pooling, unequal_noise
+from ifrfit.inference.diagnostics.series_compared import unequal_noise
 from ifrfit.inference.diagnostics.thresholds import FACTS, PULL
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.free_parameter import FreeParameter
@@ -34,10 +34,12 @@ def misfit_facts(
     *,
     brief: bool = False,
 ) -> dict[str, Fact]:
-    """What the residuals of least squares say; `effects` holds what they call for, where it was tested.
+    """What the residuals of least squares say; `effects` holds the causes they call for, where tested.
 
     Brief, it leaves out outliers, and the search for a remedy of a misfit.
     """
+    shared = effects.get("pooling")
+    effects = {name: fact for name, fact in effects.items() if name != "pooling"}
     called = [name for fact in effects.values() for name in fact.figures["called"]]
     momentum = _angular_momentum(problem) if problem.observations.momentum else None
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
@@ -47,13 +49,8 @@ def misfit_facts(
     if laws_fail and called and set(called) <= _OF_RESTITUTION:
         # the readings of e_n say it themselves: a rise with the angle feigns a law of the speed
         effects = {name: fact for name, fact in effects.items() if name == "slips"}
-    shared = None if brief else pooling(problem, found)
     noises = None if brief else unequal_noise(problem, found)
     if shared is not None and not shared.ok:
-        # constants that differ feign effects: they are looked for when the series are apart
-        effects = {
-            name: fact for name, fact in effects.items() if name == "slips" and _precedes(fact, shared)
-        }
         called = ["series"]
     conflict = None if brief or (shared is not None and not shared.ok) else prior_conflict(problem, found)
     if conflict is not None:
@@ -81,13 +78,6 @@ def misfit_facts(
     if momentum is not None:
         facts["angular_momentum"] = momentum
     return facts
-
-
-def _precedes(fact: Fact, shared: Fact) -> bool:
-    """Whether a slip is surer than that the series differ, which it may feign."""
-    tests = fact.figures["tests"]
-    least = min((tests[name]["p"] for name in fact.figures["called"]), default=1.0)
-    return not fact.ok and least < min(shared.figures["p"].values())
 
 
 def noise_converged(found: LeastSquaresFit) -> Fact:

@@ -10,6 +10,7 @@ from ifrfit.inference.diagnostics.omitted_effects.dimensionless_criteria import 
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.selection import effect_scores, effects_fact
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
+from ifrfit.inference.diagnostics.series_compared import pooling
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
@@ -39,7 +40,8 @@ def effects_of(
     lines : tuple of EffectLine
         Empty where nothing is known of the scene.
     facts : dict
-        ``slips``, and ``effects`` where one could show in these rows and no slip explains as much.
+        ``pooling`` of several series, ``slips``, and ``effects`` where one could show in these rows; of these
+        what nothing before them explains.
     """
     chi, speed = None, 0.0
     lines: tuple[EffectLine, ...] = ()
@@ -48,7 +50,8 @@ def effects_of(
         speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
         lines = effect_lines(problem, fit, setting, kappa_known=_has_value("kappa", derived))
     found = effect_scores(problem, fit, chi=chi, speed=speed, e_n_known=_has_value("e_n", constants))
-    return lines, slips_first(problem, fit, found, effects_fact(problem, found))
+    shared = pooling(problem, fit)
+    return lines, slips_first(problem, fit, found, effects_fact(problem, found), shared)
 
 
 def _chi(setting: Setting, j: float) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ _TIED = 0.8  # correlation with angle or speed from which the order of the rows 
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
 
-Sized = Callable[[Array, float], Array]
+Sized = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Nuisance:
     ----------
     name : str
     values : callable
-        From theta and the size to the value of each row, (n,).
+        From theta, (m, p), and sizes, (m,), to the value of each row, (m, n).
     most : float
         Largest size that is searched.
     usual : float
@@ -44,8 +44,8 @@ class Nuisance:
 def nuisances(problem: Problem) -> Iterator[Nuisance]:
     """Every slip of unknown size that these rows could show."""
 
-    def read(name: str, most: float, usual: float, flaw: Callable[[float], Flaw]) -> Nuisance:
-        return Nuisance(name, lambda theta, size: readings(problem, theta, flaw(size)), most, usual)
+    def read(name: str, most: float, usual: float, flaw: Callable[[Array], Flaw]) -> Nuisance:
+        return Nuisance(name, lambda theta, size: readings(problem, theta, flaw(size[:, None])), most, usual)
 
     measured = {each.numerator for each in problem.rows.observables}
     oblique = [each for each in problem.rows.observables if each.kind in OBLIQUE]
@@ -80,12 +80,13 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
         varies = known.any() and float(np.ptp(x[known])) > 0.0
         if varies and abs(np.corrcoef(x[known], impact[known])[0, 1]) > _TIED:
             return
-    place = problem.parameters.positions["e_n"][problem.rows.series]
-    row = np.arange(impact.size)
 
     def drifting(shape: Array) -> Nuisance:
-        def values(theta: Array, size: float) -> Array:
-            return problem.predict(theta) + size * shape * problem.jacobian(theta)[row, place]
+        def values(theta: Array, size: Array) -> Array:
+            e_n, c, mu = problem.per_row(theta)
+            e_n = e_n + size[:, None] * shape
+            k, _ = problem.impulse(e_n, c, mu)
+            return problem.values_with(k, e_n, mu)
 
         return Nuisance("restitution-drift", values, 0.5, 0.1)
 
@@ -93,8 +94,18 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
         yield drifting(np.where(impact < part * n, -0.5, 0.5))
 
 
-def direction_of(problem: Problem, nuisance: Nuisance, theta: Array) -> Direction:
+def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:
+    """The slip in one series alone."""
+    own = problem.rows.series == number
+
+    def values(theta: Array, size: Array) -> Array:
+        return np.where(own, nuisance.values(theta, size), problem.predict(theta))
+
+    return replace(nuisance, values=values)
+
+
+def direction_of(nuisance: Nuisance, theta: Array) -> Direction:
     """Derivative of every row's value by the size."""
-    up, down = (nuisance.values(theta, step) for step in (_STEP, -_STEP))
+    up, down = nuisance.values(np.stack((theta, theta)), np.array([_STEP, -_STEP]))
     change = np.nan_to_num((up - down) / (2.0 * _STEP))
     return Direction(nuisance.name, change, two_sided=True)
