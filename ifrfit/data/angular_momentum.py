@@ -85,9 +85,11 @@ class MomentumCheck:
                 f"{self.inertia_factor:.4g} (--inertia-factor){self._sum_of_spins}."
             )
         factor, body = _body(self.suggested)
+        spins = self.suggested / self.inertia_factor
         return (
             f"{self.source}: the velocities contradict the inertia factor {self.inertia_factor:.4g}; try "
-            f"--inertia-factor {factor:.3g}{body}, or check size and signs{self._sum_of_spins}. With "
+            f"--inertia-factor {factor:.3g}{body}, or check size and signs{self._sum_of_spins}: spins "
+            f"{spins:.3g} times as large close as well. With "
             f"{self.inertia_factor:.4g}, {rest}."
         )
 

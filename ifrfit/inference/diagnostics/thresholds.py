@@ -62,6 +62,12 @@ FACTS = {
     "describes all series as well as one each (F, or chi2 for known sigma)",
     "unequal_noise": f"stands only where it fails: p < {REFUTED:g}, times the number of noises, of "
     "Bartlett's test over the series that share an unknown noise",
+    "mixture": f"stands only where it fails: two kinds of impacts that differ in one constant take {DECISIVE:g} off "
+    f"-2 log likelihood, without the impact that speaks most, and {ALIKE:g} more than a constant that scatters "
+    "normally; looked for where nothing else is found",
+    "independence": f"stands only where p < {REFUTED:g}, times the number of observables and orders, that "
+    "neighbouring residuals of one series are so alike (von Neumann), along the table and along the angle; where "
+    "angles are often repeated, of the scatter about their means, else where nothing else explains it",
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "

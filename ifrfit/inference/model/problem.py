@@ -20,7 +20,6 @@ from ifrfit.inference.model.parameters import Parameter, ParameterSet, make_para
 from ifrfit.inference.model.rows import OBLIQUE, Array, Index, Rows
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.impulse_laws import Coefficients
-from ifrfit.physics.rebound import rebound_with
 
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 OFFSET = "angle_offset"  # among the quantities of a distribution
@@ -120,11 +119,9 @@ class Problem:
         """Value of each row, (..., n), given its impulse factor k, (..., n); e_n and mu broadcast to it."""
         k = np.broadcast_to(k, (*k.shape[:-1], len(self.rows)))
         out = np.empty(k.shape)
-        free = np.zeros(1, dtype=bool)  # whether a row sticks does not matter once k is known
         for observable, at, incidence in self.rows.by_observable:
             own_e_n, own_mu = (x if x.shape[-1] == 1 else x[..., at] for x in (e_n, mu))
-            state = rebound_with(incidence, k[..., at], free, own_e_n, self.inertia_factor)
-            out[..., at] = observable.value(state, own_mu)
+            out[..., at] = observable.by_form(incidence, k[..., at], own_e_n, own_mu, self.inertia_factor)
         return out
 
     def jacobian(self, theta: Array) -> Array:

@@ -206,8 +206,11 @@ def _with_plain_errors(
     change = math.inf
     # a search that found the optimum once follows it while the noise settles
     near = modes.best.theta if start is None and modes is not None else start
-    for _ in range(_ITERATIONS):
-        optimum = solve(problem, base * factor, near, proven=False)
+    for number in range(_ITERATIONS):
+        if number == 0 and modes is not None and not modes.follows_squares:
+            optimum = modes.best.optimum  # of these very weights
+        else:
+            optimum = solve(problem, base * factor, near, proven=False)
         gaussian = expanded(base * factor, optimum.theta)
         new = _factors(problem, optimum.theta, base, groups, gaussian)
         change = float(np.abs(new / factor - 1.0).max())

@@ -6,6 +6,7 @@ import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,9 +14,9 @@ import numpy as np
 from ifrfit._version import __version__
 from ifrfit.inference.diagnostics.collect import angle_offset, at_bound, global_optimum, misfit_facts
 from ifrfit.inference.diagnostics.identifiability import identifiable
-from ifrfit.inference.diagnostics.lack_of_fit import residuals_of
+from ifrfit.inference.diagnostics.lack_of_fit import Residuals, residuals_of
 from ifrfit.inference.diagnostics.modes import several_modes
-from ifrfit.inference.diagnostics.omitted_effects.assess import effects_of
+from ifrfit.inference.diagnostics.omitted_effects.assess import causes_of, criteria_of
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.diagnostics.predictive_checks import predictive
@@ -26,6 +27,8 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
+from ifrfit.inference.result.deferred import Deferred
+from ifrfit.inference.result.assumptions import assumed_of
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.fit_statistics import statistics_of
@@ -47,11 +50,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DRAWS = 2000  # kept in the result, for predictions
-_ASSUMED_OF_NOISE = {
-    "known": (),
-    "scaled": ("errors as large as the scatter, in the proportions of sigma",),
-    "unknown": ("errors as large as the scatter",),
-}
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
@@ -66,9 +64,9 @@ class OptimumSummary:
     constants, kappas : mapping
         Estimates of least squares: constants by name, kappa by series.
     statistics : FitStatistics
-    facts : mapping of str to Fact
-        What the residuals say.
+    residuals : Residuals
     effects : tuple of EffectLine
+        Criteria on the scene of the data.
     points : DataFrame
         Rows used, with fitted values and residuals.
     """
@@ -77,15 +75,15 @@ class OptimumSummary:
     constants: Constants
     kappas: Mapping[str, Estimate]
     statistics: FitStatistics
-    facts: Mapping[str, Fact]
+    residuals: Residuals
     effects: tuple[EffectLine, ...]
     points: pd.DataFrame
 
 
 def summarize_optimum(
-    problem: Problem, optimum: LeastSquaresFit, conditions: Setting | None = None, *, brief: bool = False
+    problem: Problem, optimum: LeastSquaresFit, conditions: Setting | None = None
 ) -> OptimumSummary:
-    """Estimates of least squares, misfit and effects.
+    """Estimates of least squares, residuals and criteria of effects.
 
     Parameters
     ----------
@@ -93,8 +91,6 @@ def summarize_optimum(
     optimum : LeastSquaresFit
     conditions : Setting, optional
         The scene of the data, for the effects' criteria.
-    brief : bool
-        Leave out what takes further fits and serves readers of this one alone: outliers, remedies, effects.
     """
     import pandas as pd
 
@@ -105,7 +101,6 @@ def summarize_optimum(
     gaussian = truncated_gaussian(problem, optimum)
     constants, kappas = estimates_of_optimum(problem, optimum, gaussian)
     derived = derived_of(problem, constants, kappas, transitions_of(problem, gaussian, kappas))
-    effects, fact = ((), {}) if brief else effects_of(problem, optimum, conditions, constants, derived)
     table = problem.observations.table
     columns = {
         "sigma_used": optimum.sigma,
@@ -120,8 +115,8 @@ def summarize_optimum(
         constants,
         kappas,
         statistics_of(problem, optimum, residuals, sticks),
-        misfit_facts(problem, optimum, residuals, fact, brief=brief),
-        effects,
+        residuals,
+        criteria_of(problem, optimum, conditions, derived),
         pd.concat([table, pd.DataFrame(columns, index=table.index)], axis=1),
     )
 
@@ -167,7 +162,7 @@ def build_result(
     """
     asked = problem
     problem = at_fitted_offset(asked, optimum)
-    about = summary or summarize_optimum(problem, optimum, conditions, brief=brief)
+    about = summary or summarize_optimum(problem, optimum, conditions)
     own = estimation.distribution
     constants, kappas, transitions = _estimates(problem, about, estimation)
     free = zip(problem.parameters.names, problem.parameters.free, strict=True)
@@ -195,7 +190,9 @@ def build_result(
         derived=derived_of(problem, constants, kappas, transitions),
         correlation=Correlation(names, correlation_of(distribution, names)),
         fit=replace(about.statistics, log_evidence=estimation.log_evidence),
-        facts=_facts(asked, optimum, about, estimation, constants, drawn),
+        facts=Deferred(
+            partial(_facts, asked, optimum, about, estimation, constants, drawn, conditions, brief=brief)
+        ),
         warnings=(*_warnings(problem), *estimation.warnings),
         state=state_of(problem, about.gaussian, distribution, drawn if estimation.predicts else None),
         points=about.points,
@@ -204,7 +201,10 @@ def build_result(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions() | dict(estimation.versions),
         asked=problem.parameters.parameters,
-        assumed=(*(assumed if problem.has_oblique else ()), *_ASSUMED_OF_NOISE[noise.policy]),
+        assumed=(
+            *(assumed if problem.has_oblique else ()),
+            *assumed_of(problem, optimum, constants, kappas, noise.policy),
+        ),
         effort=estimation.effort,
         scene=None if conditions is None else conditions.scene,
         effects=about.effects,
@@ -237,19 +237,25 @@ def _facts(
     estimation: Estimation,
     constants: Constants,
     drawn: Mapping[str, Any] | None,
+    conditions: Setting | None,
+    *,
+    brief: bool,
 ) -> dict[str, Fact]:
     """Findings on the optimum, on the estimates and on the method, in the order of the report."""
     counts = about.statistics
     asked, problem = problem, at_fitted_offset(problem, optimum)
     offset, domain = optimum.angle_offset, asked.offset
     several = several_modes(problem, optimum)
-    by_hand = ("angular_momentum", "duplicates", "slips")
-    slips = {name: about.facts[name] for name in by_hand if name in about.facts}
+    causes = {} if brief else causes_of(problem, optimum, conditions, about.constants)
+    found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
+    # a slip says more than that velocities and spins do not close
+    by_hand = ("duplicates", "slips", "angular_momentum")
+    slips = {name: found[name] for name in by_hand if name in found}
     first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
     facts = {
         **first,
         # what refutes the closure comes first: no remedy of what follows would help
-        **{name: fact for name, fact in about.facts.items() if name == "beyond_closure"},
+        **{name: fact for name, fact in found.items() if name == "beyond_closure"},
         "converged": estimation.diagnostics["converged"],
         "global_optimum": global_optimum(optimum, bilinear=problem.closure.bilinear),
         **({} if several is None else {"noise_modes": several}),
@@ -258,7 +264,7 @@ def _facts(
             problem, optimum, constants, counts.n_sticking, counts.n_sliding, slip="slips" in first
         ),
         "at_bound": at_bound(constants),
-        **about.facts,
+        **found,
     }
     if estimation.is_posterior and drawn is not None:
         facts["predictive"] = predictive(asked, {name: x[:_CHECKED] for name, x in drawn.items()})

@@ -29,6 +29,7 @@ MIDDLE = [
     pytest.param(name, *cases[1 if cause.startswith(("angle-offset", "sign-")) else 2][:2], id=f"{i}-{cause}")
     for i, (cause, name, cases) in enumerate(slips_study.powers())
     if not (cause == "angle-offset" and cases[0][0].observables == ("beta",))
+    and cause not in ("correlated errors", "two kinds")
 ]
 
 
@@ -195,23 +196,28 @@ def test_the_search_finds_the_certified_optimum(known):
     result = fitted(Scene(known=known, spins=True), Cause(), 5)
     problem, theta = result.problem, result.least_squares.optimum.theta
     misfit, free = Misfit.of(problem), problem.parameters.free
-    start = best_start(problem.predict, misfit, problem.rows.value, starts(problem, theta)[:-1])
+    start = best_start(
+        lambda x, rows: problem.with_rows(rows).predict(x),
+        misfit,
+        problem.rows.value,
+        starts(problem, theta)[:-1],
+    )
     _, residual = search(
-        problem.predict, misfit, problem.rows.value, start, problem.parameters.bounds(), free
+        lambda x, _: problem.predict(x), misfit, problem.rows.value, start, problem.parameters.bounds(), free
     )
     certified = problem.rows.value - problem.predict(theta)
-    assert float(misfit.likelihood(residual)) <= float(misfit.likelihood(certified)) + 0.01
+    assert float(misfit.likelihood(residual[0])) <= float(misfit.likelihood(certified)) + 0.01
 
 
 def test_a_size_on_the_limit_of_the_search_is_a_least_one(tmp_path):
-    """Spins after that are twice as large: no factor is advised, and the unit is asked for."""
+    """Spins after that are three times as large: no factor is advised, and the unit is asked for."""
     rows = impacts_text(
         np.linspace(5.0, 80.0, 24), ("v_x", "v_n", "spin_y_after"), noise=0.004, sigma=None, seed=3
     )
     cells = [row.split(",") for row in rows]
     for each in cells:
         if each[1] == "spin_y_after":
-            each[-2] = str(2.0 * float(each[-2]))
+            each[-2] = str(3.0 * float(each[-2]))
     path = tmp_path / "t.csv"
     path.write_text("\n".join([HEADER, *(",".join(each) for each in cells)]) + "\n", encoding="utf-8")
     fact = fit(path, method="lsq").facts["slips"]

@@ -17,14 +17,10 @@ from ifrfit.inference.result.types import Constants, Fact, by_entry
 from ifrfit.physics.compliance.law import chi_range
 
 
-def effects_of(
-    problem: Problem,
-    fit: LeastSquaresFit,
-    setting: Setting | None,
-    constants: Constants,
-    derived: Mapping[str, Any],
-) -> tuple[tuple[EffectLine, ...], dict[str, Fact]]:
-    """Run the criteria where the scene is known, and the score tests in any case.
+def criteria_of(
+    problem: Problem, fit: LeastSquaresFit, setting: Setting | None, derived: Mapping[str, Any]
+) -> tuple[EffectLine, ...]:
+    """The criterion of each effect on the scene of the data; empty where nothing is known of it.
 
     Parameters
     ----------
@@ -32,26 +28,40 @@ def effects_of(
     fit : LeastSquaresFit
     setting : Setting or None
         The scene of the data.
-    constants, derived : mapping
+    derived : mapping
+        Name to `Estimate`, or to one a series.
+    """
+    if setting is None:
+        return ()
+    return effect_lines(problem, fit, setting, kappa_known=_has_value("kappa", derived))
+
+
+def causes_of(
+    problem: Problem, fit: LeastSquaresFit, setting: Setting | None, constants: Constants
+) -> dict[str, Fact]:
+    """What the residuals call for.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquaresFit
+    setting : Setting or None
+        The scene of the data.
+    constants : mapping
         Name to `Estimate`, or to one a series.
 
     Returns
     -------
-    lines : tuple of EffectLine
-        Empty where nothing is known of the scene.
-    facts : dict
+    dict
         ``pooling`` of several series, ``slips``, and ``effects`` where one could show in these rows; of these
         what nothing before them explains.
     """
     chi, speed = None, 0.0
-    lines: tuple[EffectLine, ...] = ()
     if setting is not None:
         chi = _chi(setting, problem.inertia_factor)
         speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
-        lines = effect_lines(problem, fit, setting, kappa_known=_has_value("kappa", derived))
     found = effect_scores(problem, fit, chi=chi, speed=speed, e_n_known=_has_value("e_n", constants))
-    shared = pooling(problem, fit)
-    return lines, slips_first(problem, fit, found, effects_fact(problem, found), shared)
+    return slips_first(problem, fit, found, effects_fact(problem, found), pooling(problem, fit))
 
 
 def _chi(setting: Setting, j: float) -> float | None:

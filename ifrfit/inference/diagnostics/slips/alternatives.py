@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -81,15 +80,11 @@ class Tables:
     """
 
     def __init__(self, problem: Problem, every: Sequence[Alternative]) -> None:
-        self.problem = problem
         self.every = tuple(every)
-
-    @cached_property
-    def _kinds(self) -> list[Index]:
-        kinds: dict[tuple[tuple[str, ...], bytes], list[int]] = {}
-        for number, each in enumerate(self.every):
-            kinds.setdefault(each.kind, []).append(number)
-        return [np.array(numbers, dtype=np.intp) for numbers in kinds.values()]
+        self._problem = problem
+        kinds = {each.kind: number for number, each in reversed(list(enumerate(self.every)))}
+        self._kind = np.array([kinds[each.kind] for each in self.every], dtype=np.intp)
+        self._built: dict[bytes, _OneKind] = {}
 
     def values(self, theta: Array, tables: Index, rows: Index | None = None) -> Array:
         """Values as they would be given.
@@ -106,39 +101,66 @@ class Tables:
         -------
         ndarray, (k, m, n)
         """
-        size = len(self.problem.rows) if rows is None else rows.size
+        size = len(self._problem.rows) if rows is None else rows.size
         out = np.empty((tables.size, theta.shape[1], size))
-        for kind in self._kinds:
-            at = np.flatnonzero(np.isin(tables, kind))
-            if at.size:
-                own = theta if len(theta) == 1 else theta[at]
-                out[at] = self._of_kind([self.every[i] for i in tables[at]], own, rows)
+        kind = self._kind[tables]
+        for number in np.unique(kind):
+            at = np.flatnonzero(kind == number)
+            own = theta if len(theta) == 1 else theta[at]
+            out[at] = self._of_kind(tables[at], rows).values(own)
         return out
 
-    def _of_kind(self, every: Sequence[Alternative], theta: Array, rows: Index | None) -> Array:
-        first = every[0]
-        parts = [np.stack(part)[:, None] for part in zip(*(vars(x.incidence).values() for x in every), strict=True)]
-        incidence = Incidence(*parts)
+    def _of_kind(self, tables: Index, rows: Index | None) -> _OneKind:
+        key = tables.tobytes() + (b"" if rows is None else b"rows")
+        if key not in self._built:
+            self._built[key] = _OneKind.of(self._problem, [self.every[i] for i in tables], rows)
+        return self._built[key]
+
+
+@dataclass(frozen=True)
+class _OneKind:
+    """Alternatives that differ in numbers alone: a problem with an incidence of each, (k, 1, n)."""
+
+    problem: Problem
+    shift: Array
+    factor: Array
+    folded: Bool
+
+    @classmethod
+    def of(cls, problem: Problem, every: Sequence[Alternative], rows: Index | None) -> _OneKind:
+        """Stack them, for some of the rows or for all."""
+        at = np.arange(len(problem.rows)) if rows is None else rows
+        parts = zip(*(vars(each.incidence).values() for each in every), strict=True)
+        incidence = Incidence(*(np.stack([one[at] for one in part])[:, None] for part in parts))
+        taken = problem.rows.take(at)
         meant = replace(
-            self.problem.rows, names=first.names, which=first.which, incidence=incidence, tau=incidence.tau
+            taken, names=every[0].names, which=every[0].which[at], incidence=incidence, tau=incidence.tau
         )
-        if rows is not None:
-            meant = replace(meant.take(rows), names=first.names)
-        found = replace(self.problem, rows=meant).predict(theta)
-        shift, factor, folded = (
-            np.stack([part if rows is None else part[rows] for part in column])[:, None]
-            for column in zip(*((x.shift, x.factor, x.folded) for x in every), strict=True)
+        numbers = (
+            np.stack([one[at] for one in column])[:, None]
+            for column in zip(*((each.shift, each.factor, each.folded) for each in every), strict=True)
         )
-        found = shift + factor * found
-        return np.where(folded, np.abs(found), found)
+        return cls(replace(problem, rows=meant), *numbers)
+
+    def values(self, theta: Array) -> Array:
+        """As they would be given, (k, m, n)."""
+        found = self.shift + self.factor * self.problem.predict(theta)
+        return np.where(self.folded, np.abs(found), found) if self.folded.any() else found
 
 
-def alternatives(problem: Problem, series: int | None = None) -> Iterator[Alternative]:
-    """Every table that these rows, or those of one series, could have been meant as."""
+def alternatives(
+    problem: Problem, series: int | None = None, *, other_units: bool = True
+) -> Iterator[Alternative]:
+    """Every table that these rows, or those of one series, could have been meant as.
+
+    `other_units` asks for those of spins, too, which the scale of spins shows first.
+    """
     n = len(problem.rows)
     of = np.ones(n, dtype=bool) if series is None else problem.rows.series == series
     table = _Table(problem, of, "" if series is None else problem.series[series])
-    yield from _of_spins(table)
+    yield from _of_signs(table)
+    if other_units:
+        yield from _of_spin_units(table)
     yield from _of_angles(table)
     yield from _of_values(table)
     yield from _of_names(table)
@@ -199,15 +221,12 @@ class _Table:
         return Incidence.of(turned, *spins, degrees=True)
 
 
-def _of_spins(table: _Table) -> Iterator[Alternative]:
+def _of_signs(table: _Table) -> Iterator[Alternative]:
     i = table.problem.rows.incidence
-    any_before, any_after = False, []
     for axis, before in (("y", i.spin_y), ("x", i.spin_x)):
         sign = {"y": (1.0, -1.0), "x": (-1.0, 1.0)}[axis]
         after = f"spin_{axis}_after"
         has_before, has_after = bool(before[table.of].any()), table.rows_of(after).size > 0
-        any_before |= has_before
-        any_after += [after] if has_after else []
         opposite = {after: (0.0, -1.0)}
         if has_before:
             yield table.meant(f"sign-of-spin-{axis}-before", incidence=table.incidence(*sign))
@@ -216,12 +235,18 @@ def _of_spins(table: _Table) -> Iterator[Alternative]:
         if has_before and has_after:
             both = table.incidence(*sign)
             yield table.meant(f"sign-of-spins-{axis}", after, incidence=both, values=opposite)
+
+
+def _of_spin_units(table: _Table) -> Iterator[Alternative]:
+    i = table.problem.rows.incidence
+    before = bool(i.spin_x[table.of].any() or i.spin_y[table.of].any())
+    after = [name for name in ("spin_y_after", "spin_x_after") if table.rows_of(name).size]
     for name, factor in SPIN_UNITS.items():
-        values = {after: (0.0, factor) for after in any_after}
-        of = " and ".join(any_after)
-        if any_before or any_after:
-            yield table.meant(name, of, incidence=table.incidence(1.0 / factor, 1.0 / factor), values=values)
-        if any_before and any_after:
+        values, of = {one: (0.0, factor) for one in after}, " and ".join(after)
+        if before or after:
+            given = table.incidence(1.0 / factor, 1.0 / factor)
+            yield table.meant(name, of, incidence=given, values=values)
+        if before and after:
             yield table.meant(f"{name}-after", of, values=values)
 
 

@@ -13,7 +13,7 @@ from scipy import special
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables, alternatives
-from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, direction_of, nuisances, of_series
+from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, directions_of, nuisances, of_series
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
@@ -27,6 +27,8 @@ _LIMIT = 0.999  # share of the largest size searched from which a size counts as
 _USUAL = 1e-3  # quantile of chi2 that a right table is not below
 _FEWEST_OF_SERIES = 6  # rows of a series in which a slip of its own is looked for
 _MOST_SERIES = 12  # beyond, none is looked for in single series
+_OF_SPINS = ("spin-scale", "inertia-factor")
+_WORTH_A_TRY = 0.05  # p of the scale of spins below which other units of them are tried
 _NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
 _AT_ONCE = 2_000_000  # numbers of values that are held for several tables
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
@@ -182,7 +184,8 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
     sized = _sized(problem, fit)
     found = _of_size(whole, sized, residual)
     if plain and not _usual(problem, fit, residual):
-        found += _unsized(whole, list(alternatives(problem)))
+        of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in _OF_SPINS)
+        found += _unsized(whole, list(alternatives(problem, other_units=of_spins)))
         found += _zeros(problem, fit)
     if plain and 1 < len(problem.series) <= _MOST_SERIES:
         found += _in_series(problem, fit, sized, residual, differ=differ)
@@ -208,7 +211,7 @@ def _sized(problem: Problem, fit: LeastSquaresFit) -> list[tuple[Nuisance, Direc
     """Slips with a size, each with the derivative of the values by it."""
     fitted = {"angle-offset"} if fit.angle_offset is not None else set()
     sized = [each for each in nuisances(problem) if each.name not in fitted]
-    return [(each, direction_of(each, fit.optimum.theta)) for each in sized]
+    return list(zip(sized, directions_of(problem, sized, fit.optimum.theta), strict=True))
 
 
 def _of_size(whole: Fitted, sized: list[tuple[Nuisance, Direction]], residual: Array) -> list[Slip]:

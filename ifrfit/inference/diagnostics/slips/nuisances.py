@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,19 +33,25 @@ class Nuisance:
         Largest size that is searched.
     usual : float
         Prior standard deviation of the size: a slip of several times that is unlikely, however well it fits.
+    flaw : callable, optional
+        From sizes, (m, 1), to the measurement, where the slip is one of those.
     """
 
     name: str
     values: Sized
     most: float
     usual: float
+    flaw: Callable[[Array], Flaw] | None = None
 
 
 def nuisances(problem: Problem) -> Iterator[Nuisance]:
     """Every slip of unknown size that these rows could show."""
 
     def read(name: str, most: float, usual: float, flaw: Callable[[Array], Flaw]) -> Nuisance:
-        return Nuisance(name, lambda theta, size: readings(problem, theta, flaw(size[:, None])), most, usual)
+        def values(theta: Array, size: Array) -> Array:
+            return readings(problem, theta, flaw(size[:, None]))
+
+        return Nuisance(name, values, most, usual, flaw)
 
     measured = {each.numerator for each in problem.rows.observables}
     oblique = [each for each in problem.rows.observables if each.kind in OBLIQUE]
@@ -104,8 +110,21 @@ def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:
     return replace(nuisance, values=values)
 
 
-def direction_of(nuisance: Nuisance, theta: Array) -> Direction:
-    """Derivative of every row's value by the size."""
-    up, down = nuisance.values(np.stack((theta, theta)), np.array([_STEP, -_STEP]))
-    change = np.nan_to_num((up - down) / (2.0 * _STEP))
-    return Direction(nuisance.name, change, two_sided=True)
+def directions_of(problem: Problem, every: Sequence[Nuisance], theta: Array) -> list[Direction]:
+    """Derivative of every row's value by each size."""
+    step = np.array([_STEP, -_STEP])
+    flawed = [each for each in every if each.flaw is not None and each.name != "angle-offset"]
+    moved = {}
+    if flawed:  # in one go
+        flaws = [each.flaw(step[:, None]) for each in flawed if each.flaw is not None]
+        columns = {name: np.zeros((2 * len(flaws), 1)) for name in vars(flaws[0])}
+        for number, flaw in enumerate(flaws):
+            for name, size in vars(flaw).items():
+                columns[name][2 * number : 2 * number + 2] = size
+        values = readings(problem, np.tile(theta, (2 * len(flaws), 1)), Flaw(**columns))
+        moved = {each.name: pair for each, pair in zip(flawed, values.reshape(len(flaws), 2, -1), strict=True)}
+    found = []
+    for each in every:
+        up, down = moved[each.name] if each.name in moved else each.values(np.stack((theta, theta)), step)
+        found.append(Direction(each.name, np.nan_to_num((up - down) / (2.0 * _STEP)), two_sided=True))
+    return found

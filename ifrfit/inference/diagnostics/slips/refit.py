@@ -16,15 +16,17 @@ from ifrfit.inference.model.rows import Array, Index
 # from constants, (tables or 1, m, p), and rows to values, (tables, m, rows)
 Values = Callable[[Array, Index], Array]
 
-_GRID = {"e_n": (0.3, 0.6, 0.9), "mu": (0.03, 0.07, 0.12, 0.2, 0.35, 0.6)}
+# values that are linear in e_n at given kappa need no choice of it
+_GRID = {"e_n": (0.75,), "mu": (0.03, 0.07, 0.12, 0.2, 0.35, 0.6)}
+_CURVED_GRID = (0.3, 0.6, 0.9)
 _PLACES = 4  # of the closure's own constant
 _STEPS = 12
 _HALVINGS = 5
 _AT_REST = 1e-3  # fall of minus twice the log likelihood below which the search ends
 _DIFFERENCE = 1e-7
-_ROWS_OF_STARTS = 60  # by which places are compared
+_ROWS_OF_STARTS = 48  # by which places are compared
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-_PATIENCE = 3  # steps before a table may be given up
+_PATIENCE = 2  # steps before a table may be given up
 _LOOSE = 1e-6  # relative singular value below which a combination of constants stays where it is
 
 
@@ -83,12 +85,13 @@ class Misfit:
 def starts(problem: Problem, theta: Array) -> Array:
     """Places all over the domain, and theta, (m, p)."""
     axes: list[tuple[float, ...]] = []
-    for name, places in problem.parameters.positions.items():
-        one = problem.parameters.entries[int(places[0])]
+    for name, at in problem.parameters.positions.items():
+        one = problem.parameters.entries[int(at[0])]
         if one.fixed is not None:
             axes.append((one.fixed,))
         elif name in _GRID:
-            axes.append(tuple(x for x in _GRID[name] if one.lower <= x <= one.upper) or (one.lower,))
+            places = _CURVED_GRID if name == "e_n" and problem.rows.has_kind("curved") else _GRID[name]
+            axes.append(tuple(x for x in places if one.lower <= x <= one.upper) or (one.lower,))
         else:
             low, high = max(one.lower, -10.0), min(one.upper, 10.0)
             axes.append(tuple(np.linspace(low, high, _PLACES).tolist()))
@@ -161,7 +164,7 @@ def search(
         now[moved] = far[each, best][better]
         # what is too far away to be reached at this pace
         near = now[moved] - left_over * fall[better] < target
-        at = moved[near | (left_over > _STEPS - _PATIENCE)]
+        at = moved[near | (left_over > _STEPS - _PATIENCE + 1)]
         if not at.size:
             break
     return x, residual

@@ -1,0 +1,230 @@
+"""Are errors independent? Residuals of neighbouring rows that are alike say no, and intervals are too short."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize, special
+
+from ifrfit.inference.diagnostics.lack_of_fit import Array, Residuals, orthonormal
+from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.types import Fact
+from ifrfit.text import p_text
+
+_FEWEST = 12  # rows of an observable below which no correlation is looked for
+_REPEATED = 4  # rows an angle from which repeats tell errors from the law
+_FEWEST_REPEATS = 10  # degrees of freedom of those
+_TIED = 0.9  # share of different values of tau from which its order is one
+_SUSPECT = 2.5  # standard deviations from which the exact p value is worked out
+_EXACT = 600  # rows of an observable beyond which the normal approximation is exact enough
+_LARGEST = 0.95  # correlation of neighbours that is taken for the factor
+_FORGOTTEN = 1e-3  # correlation of far rows that counts for nothing
+_MATTERS = 1.1  # factor on the intervals from which the fact fails
+
+
+@dataclass(frozen=True)
+class _Order:
+    """Rows of one observable in an order, and the pairs of neighbours within a series."""
+
+    observable: str
+    along: str
+    rows: Index
+    first: Index
+    second: Index
+
+
+def independence(
+    problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *, explained: bool, also: Array | None = None
+) -> Fact | None:
+    """Test the correlation of neighbouring residuals, in the order of the table and of the angle.
+
+    Tested is the sum of products of neighbours over the sum of squares (as by von Neumann), for each
+    observable, with neighbours of one series; p values hold at any number of constants, and are multiplied by
+    the number of tests. Where angles are repeated often, the scatter about the mean of each angle is tested
+    in the place of residuals: a law that does not hold is then no reason.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquaresFit
+    residuals : Residuals
+    explained : bool
+        Whether something else explains residuals that are alike, so that only repeats tell.
+    also : ndarray, (n,), optional
+        Change of the values along a slip, which is fitted besides.
+
+    Returns
+    -------
+    Fact or None
+        None where no neighbours are alike.
+
+    References
+    ----------
+    von Neumann (1941), Ann. Math. Stat. 12, 367; Durbin & Watson (1950), Biometrika 37, 409;
+    Lugannani & Rice (1980), Adv. Appl. Probab. 12, 475, for the tail.
+    """
+    jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free]
+    if also is not None:
+        jacobian = np.column_stack((jacobian, also))
+    own = orthonormal(jacobian / fit.sigma[:, None])
+    r = residuals.standardised - own @ (own.T @ residuals.standardised)
+    orders = list(_orders(problem))
+    found: list[tuple[float, float, _Order]] = []
+    for order in orders:
+        groups = _repeats(problem, order.rows)
+        if groups is None and explained:
+            continue
+        p, correlation = _correlation(order, own, r, groups)
+        found.append((len(orders) * p, correlation, order))
+    best = min(found, key=lambda one: one[0], default=None)
+    if best is None or best[0] >= REFUTED:
+        return None
+    p, correlation, order = best
+    factor, name = _factor(problem, fit, order, correlation)
+    size = order.rows.size
+    effective = size * (1.0 - correlation) / (1.0 + correlation)
+    figures = {
+        "p": p,
+        "observable": order.observable,
+        "along": order.along,
+        "correlation": correlation,
+        "factor": factor,
+        "effective": effective,
+    }
+    says = (
+        f"errors of {order.observable} are not independent: residuals of neighbours along the {order.along} are "
+        f"alike (correlation {correlation:.2g}, p = {p_text(p)})"
+    )
+    if factor < _MATTERS:
+        return Fact(True, f"{says}; in this order of the angles intervals hold all the same", figures, _rule())
+    says += (
+        f", or the law misses something smooth; intervals are too short by a factor of some {factor:.2g} ({name}), "
+        f"{size} rows count as {max(effective, 1.0):.0f}: measure the angles in random order, or fit the mean of "
+        "each run of the experiment"
+    )
+    return Fact(False, says, figures, _rule())
+
+
+def _rule() -> str:
+    return FACTS["independence"]
+
+
+def _orders(problem: Problem) -> Iterator[_Order]:
+    rows = problem.rows
+    for name in rows.names:
+        own = rows.rows_of(name)
+        if own.size < _FEWEST:
+            continue
+        by_series = own[np.argsort(rows.series[own], kind="stable")]
+        yield _pairs(problem, name, "table", by_series)
+        tau = rows.tau[own]
+        in_order = own[np.lexsort((tau, rows.series[own]))]
+        distinct = np.unique(np.column_stack((rows.series[own], tau)), axis=0)
+        if len(distinct) >= _TIED * own.size and not np.array_equal(in_order, by_series):
+            if not np.array_equal(np.sort(tau)[::-1], tau):
+                yield _pairs(problem, name, "angle", in_order)
+
+
+def _pairs(problem: Problem, name: str, along: str, rows: Index) -> _Order:
+    place = np.flatnonzero(np.diff(problem.rows.series[rows]) == 0)
+    return _Order(name, along, rows, place, place + 1)
+
+
+def _repeats(problem: Problem, rows: Index) -> Index | None:
+    """Which rows repeat one another, where most are repeated often enough to tell errors from the law."""
+    i = problem.rows.incidence
+    inputs = np.column_stack([x[rows] for x in (problem.rows.series, i.sine, i.spin_x, i.spin_y)])
+    _, group = np.unique(inputs, axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    count = int(group.max()) + 1
+    often = rows.size >= _REPEATED * count and rows.size - count >= _FEWEST_REPEATS
+    return group if often else None
+
+
+def _correlation(order: _Order, own: Array, r: Array, groups: Index | None) -> tuple[float, float]:
+    """p value of neighbours that are alike, one-sided, and their correlation."""
+    basis, z = own[order.rows], r[order.rows]
+    if groups is not None:
+        means = np.zeros((z.size, int(groups.max()) + 1))
+        means[np.arange(z.size), groups] = 1.0
+        basis = means / np.sqrt(means.sum(axis=0))
+        z = z - basis @ (basis.T @ z)
+    total = float(z @ z)
+    if order.first.size < _FEWEST // 2 or total <= 0.0:
+        return 1.0, 0.0
+    found = float(z[order.first] @ z[order.second]) / total
+    # of z = M e with M = 1 - Q Q': moments of z'Bz/z'z, B the mean of both shifts
+    shifted = _shifted(order, basis)
+    inner = basis.T @ shifted
+    rest = z.size - float((basis**2).sum())
+    mean = -float(np.trace(inner)) / rest
+    square = 0.5 * order.first.size - 2.0 * float((shifted**2).sum()) + float((inner**2).sum())
+    spread = math.sqrt(max(2.0 * square / rest**2, 1e-300))
+    normal = (found - mean) / spread
+    pairs = order.first.size / z.size
+    correlation = float(np.clip((found - mean) / pairs, 0.0, _LARGEST))
+    if normal < _SUSPECT:
+        return 1.0, correlation
+    p = float(special.ndtr(-normal))
+    return (p if z.size > _EXACT else _exact(order, basis, found)), correlation
+
+
+def _shifted(order: _Order, columns: Array) -> Array:
+    """B times columns."""
+    out = np.zeros_like(columns)
+    out[order.first] += 0.5 * columns[order.second]
+    out[order.second] += 0.5 * columns[order.first]
+    return out
+
+
+def _exact(order: _Order, basis: Array, found: float) -> float:
+    """p value by the saddle point of the quadratic form z'(B - found)z."""
+    n = len(basis)
+    form = _shifted(order, np.eye(n)) - found * np.eye(n)
+    projected = np.eye(n) - basis @ basis.T
+    weights, vectors = np.linalg.eigh(projected)
+    root = vectors * np.sqrt(np.maximum(weights, 0.0))
+    values = np.linalg.eigvalsh(root.T @ form @ root)
+    if values[-1] <= 0.0:
+        return 0.0
+    limit = 0.5 / values[-1]
+
+    def slope(s: float) -> float:
+        return float((values / (1.0 - 2.0 * s * values)).sum())
+
+    if slope(0.0) >= 0.0:
+        return 1.0
+    s = float(optimize.brentq(slope, 0.0, limit * (1.0 - 1e-12)))
+    logs = np.log1p(-2.0 * s * values)
+    w = math.sqrt(max(float(logs.sum()), 1e-300))
+    u = s * math.sqrt(2.0 * float(((values / (1.0 - 2.0 * s * values)) ** 2).sum()))
+    return float(np.clip(special.ndtr(-w) + math.exp(-0.5 * w * w) / math.sqrt(2.0 * math.pi) * (1.0 / u - 1.0 / w), 0, 1))
+
+
+def _factor(problem: Problem, fit: LeastSquaresFit, order: _Order, correlation: float) -> tuple[float, str]:
+    """Largest ratio of a constant's sd with neighbours correlated, lag by lag less so, to its sd without."""
+    free = problem.parameters.free
+    columns = problem.jacobian(fit.optimum.theta)[:, free] / fit.sigma[:, None]
+    information = columns.T @ columns
+    covariance = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
+    inner = information.copy()
+    series = problem.rows.series[order.rows]
+    lag, weight = 1, correlation
+    while weight > _FORGOTTEN and lag < order.rows.size:
+        same = series[lag:] == series[:-lag]
+        here, there = columns[order.rows[:-lag][same]], columns[order.rows[lag:][same]]
+        product = here.T @ there
+        inner += weight * (product + product.T)
+        lag, weight = lag + 1, weight * correlation
+    before, after = np.diag(covariance), np.diag(covariance @ inner @ covariance)
+    seen = before > 0.0
+    ratio = np.sqrt(np.maximum(np.where(seen, after / np.where(seen, before, 1.0), 0.0), 0.0))
+    names = [name for name, is_free in zip(problem.parameters.names, free, strict=True) if is_free]
+    top = int(np.argmax(ratio))
+    return float(ratio[top]), names[top]

@@ -1,0 +1,83 @@
+"""What decides the answer although nobody said so: noise, independent errors, and angles without an offset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.thresholds import RANK
+from ifrfit.inference.model.entry_names import entry_name
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.angle_offset import slope_by_offset
+from ifrfit.inference.optimize.laplace import weighted_jacobian
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.types import Constants, Estimate, by_entry
+
+_OF_NOISE = {
+    "known": (),
+    "scaled": ("errors as large as the scatter, in the proportions of sigma",),
+    "unknown": ("errors as large as the scatter",),
+}
+_INDEPENDENT = "errors independent of one another"
+
+
+def assumed_of(
+    problem: Problem, fit: LeastSquaresFit, constants: Constants, kappas: Mapping[str, Estimate], policy: str
+) -> tuple[str, ...]:
+    """What a fit takes for granted, in words.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquaresFit
+    constants, kappas : mapping
+        Estimates: constants by name, kappa by series.
+    policy : str
+        Of the noise, as reported.
+    """
+    offset = _offset_words(problem, fit, constants, kappas)
+    return (*_OF_NOISE[policy], _INDEPENDENT, *([offset] if offset else []))
+
+
+def _offset_words(
+    problem: Problem, fit: LeastSquaresFit, constants: Constants, kappas: Mapping[str, Estimate]
+) -> str:
+    """How far an offset of the set angles would move the constant that it moves most, in its sd."""
+    model = problem.error_model
+    if not problem.rows.has_angle.any() or fit.angle_offset is not None or model.angles != "none":
+        return ""
+    moves = moved_by_offset(problem, fit)
+    several = {entry_name("kappa", name): each for name, each in kappas.items()} if len(kappas) > 1 else {}
+    found = by_entry(constants) | (several or {"kappa": each for each in kappas.values()})
+    share = {
+        name: abs(moves[name]) / each.stderr
+        for name, each in found.items()
+        if name in moves and each.value is not None and each.stderr
+    }
+    if not share:
+        return ""
+    name = max(share, key=lambda one: share[one])
+    by = f"{abs(moves[name]):.2g}, {share[name]:.2g} sd"
+    return f"angles of incidence without an offset (1 degree would move {name} by {by})"
+
+
+def moved_by_offset(problem: Problem, fit: LeastSquaresFit) -> dict[str, float]:
+    """By how much the optimum moves where all angles are taken a degree larger, to first order.
+
+    Returns
+    -------
+    dict
+        By the names of theta, and kappa by that of its place in the expansion.
+    """
+    theta = fit.optimum.theta
+    names, _, to_theta, by_phi, _ = weighted_jacobian(problem, fit.sigma, theta)
+    free = problem.parameters.free
+    scale = np.array([each.prior_sd for each in problem.parameters.entries])[free]
+    slope = np.zeros(len(by_phi))
+    slope[: fit.sigma.size] = slope_by_offset(problem, theta) / fit.sigma
+    moved = np.zeros(theta.size)
+    moved[free] = -np.linalg.lstsq(by_phi[:, free] * scale, slope, rcond=RANK)[0] * scale
+    in_theta = to_theta @ moved
+    by_name = dict(zip(names, moved.tolist(), strict=True))
+    return by_name | dict(zip(problem.parameters.names, in_theta.tolist(), strict=True))
