@@ -143,6 +143,8 @@ def _experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
         body["restitution"] = e_n + np.where(np.arange(scene.n) < 0.4 * scene.n, 0.0, -cause.size)
     elif cause.name == "two-kinds":
         body["mu"] = constants["mu"] * (1.0 + cause.size * (rng.random(scene.n) < 0.5))
+    elif cause.name == "another-mu":
+        body["mu"] = 1.4 * constants["mu"]
     elif cause.name == "spin-scale":
         true_spin = given_spin / (1.0 + cause.size)
     state = _rebound(scene, cause, true_gamma, true_spin, speed, j, body)

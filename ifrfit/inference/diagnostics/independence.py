@@ -25,7 +25,6 @@ _SUSPECT = 2.5  # standard deviations from which the exact p value is worked out
 _EXACT = 600  # rows of an observable beyond which the normal approximation is exact enough
 _LARGEST = 0.95  # correlation of neighbours that is taken for the factor
 _FORGOTTEN = 1e-3  # correlation of far rows that counts for nothing
-_MATTERS = 1.1  # factor on the intervals from which the fact fails
 
 
 @dataclass(frozen=True)
@@ -101,18 +100,11 @@ def independence(
         f"errors of {order.observable} are not independent: residuals of neighbours along the {order.along} are "
         f"alike (correlation {correlation:.2g}, p = {p_text(p)})"
     )
-    if factor < _MATTERS:
-        return Fact(True, f"{says}; in this order of the angles intervals hold all the same", figures, _rule())
     says += (
         f", or the law misses something smooth; intervals are too short by a factor of some {factor:.2g} ({name}), "
-        f"{size} rows count as {max(effective, 1.0):.0f}: measure the angles in random order, or fit the mean of "
-        "each run of the experiment"
+        f"{size} rows count as {max(effective, 1.0):.0f}: look for what drifts, and give the mean of each run"
     )
-    return Fact(False, says, figures, _rule())
-
-
-def _rule() -> str:
-    return FACTS["independence"]
+    return Fact(False, says, figures, FACTS["independence"])
 
 
 def _orders(problem: Problem) -> Iterator[_Order]:
@@ -150,61 +142,79 @@ def _repeats(problem: Problem, rows: Index) -> Index | None:
 def _correlation(order: _Order, own: Array, r: Array, groups: Index | None) -> tuple[float, float]:
     """p value of neighbours that are alike, one-sided, and their correlation."""
     basis, z = own[order.rows], r[order.rows]
-    if groups is not None:
+    if groups is not None:  # the scatter about the mean of each angle
         means = np.zeros((z.size, int(groups.max()) + 1))
         means[np.arange(z.size), groups] = 1.0
         basis = means / np.sqrt(means.sum(axis=0))
         z = z - basis @ (basis.T @ z)
-    total = float(z @ z)
-    if order.first.size < _FEWEST // 2 or total <= 0.0:
+    if order.first.size < _FEWEST // 2 or not z.any():
         return 1.0, 0.0
-    found = float(z[order.first] @ z[order.second]) / total
-    # of z = M e with M = 1 - Q Q': moments of z'Bz/z'z, B the mean of both shifts
-    shifted = _shifted(order, basis)
+    return neighbours_alike(order.first, order.second, basis, z)
+
+
+def neighbours_alike(first: Index, second: Index, basis: Array, z: Array) -> tuple[float, float]:
+    """Test residuals of neighbours for being alike, whatever constants were fitted.
+
+    Parameters
+    ----------
+    first, second : ndarray of int
+        Places of the neighbours.
+    basis : ndarray, (n, k)
+        Rows of an orthonormal basis of what was fitted.
+    z : ndarray, (n,)
+        Residuals, of independent standard normal errors up to a common factor.
+
+    Returns
+    -------
+    p : float
+        One-sided; 1 where nothing is suspicious.
+    correlation : float
+        Of neighbours, from 0 to 0.95.
+    """
+    found = float(z[first] @ z[second]) / float(z @ z)
+    # of z'Bz/z'z with z = M e, M = 1 - Q Q' and B the mean of both shifts
+    shifted = _shifted(first, second, basis)
     inner = basis.T @ shifted
     rest = z.size - float((basis**2).sum())
     mean = -float(np.trace(inner)) / rest
-    square = 0.5 * order.first.size - 2.0 * float((shifted**2).sum()) + float((inner**2).sum())
-    spread = math.sqrt(max(2.0 * square / rest**2, 1e-300))
-    normal = (found - mean) / spread
-    pairs = order.first.size / z.size
-    correlation = float(np.clip((found - mean) / pairs, 0.0, _LARGEST))
+    square = 0.5 * first.size - 2.0 * float((shifted**2).sum()) + float((inner**2).sum())
+    normal = (found - mean) / math.sqrt(max(2.0 * square / rest**2, 1e-300))
+    correlation = float(np.clip((found - mean) / (first.size / z.size), 0.0, _LARGEST))
     if normal < _SUSPECT:
         return 1.0, correlation
-    p = float(special.ndtr(-normal))
-    return (p if z.size > _EXACT else _exact(order, basis, found)), correlation
+    if z.size > _EXACT:
+        return float(special.ndtr(-normal)), correlation
+    identity = np.eye(z.size)
+    form = _shifted(first, second, identity) - found * identity
+    weights, vectors = np.linalg.eigh(identity - basis @ basis.T)
+    root = vectors * np.sqrt(np.maximum(weights, 0.0))
+    return _positive(np.linalg.eigvalsh(root.T @ form @ root)), correlation
 
 
-def _shifted(order: _Order, columns: Array) -> Array:
+def _shifted(first: Index, second: Index, columns: Array) -> Array:
     """B times columns."""
     out = np.zeros_like(columns)
-    out[order.first] += 0.5 * columns[order.second]
-    out[order.second] += 0.5 * columns[order.first]
+    out[first] += 0.5 * columns[second]
+    out[second] += 0.5 * columns[first]
     return out
 
 
-def _exact(order: _Order, basis: Array, found: float) -> float:
-    """p value by the saddle point of the quadratic form z'(B - found)z."""
-    n = len(basis)
-    form = _shifted(order, np.eye(n)) - found * np.eye(n)
-    projected = np.eye(n) - basis @ basis.T
-    weights, vectors = np.linalg.eigh(projected)
-    root = vectors * np.sqrt(np.maximum(weights, 0.0))
-    values = np.linalg.eigvalsh(root.T @ form @ root)
-    if values[-1] <= 0.0:
-        return 0.0
-    limit = 0.5 / values[-1]
+def _positive(weights: Array) -> float:
+    """Probability that a weighted sum of chi2 of one degree of freedom is positive, by its saddle point."""
 
     def slope(s: float) -> float:
-        return float((values / (1.0 - 2.0 * s * values)).sum())
+        return float((weights / (1.0 - 2.0 * s * weights)).sum())
 
+    if weights.max() <= 0.0:
+        return 0.0
     if slope(0.0) >= 0.0:
         return 1.0
-    s = float(optimize.brentq(slope, 0.0, limit * (1.0 - 1e-12)))
-    logs = np.log1p(-2.0 * s * values)
-    w = math.sqrt(max(float(logs.sum()), 1e-300))
-    u = s * math.sqrt(2.0 * float(((values / (1.0 - 2.0 * s * values)) ** 2).sum()))
-    return float(np.clip(special.ndtr(-w) + math.exp(-0.5 * w * w) / math.sqrt(2.0 * math.pi) * (1.0 / u - 1.0 / w), 0, 1))
+    s = float(optimize.brentq(slope, 0.0, 0.5 / float(weights.max()) * (1.0 - 1e-12)))
+    left = 1.0 - 2.0 * s * weights
+    w = math.sqrt(max(float(np.log(left).sum()), 1e-300))
+    u = s * math.sqrt(2.0 * float(((weights / left) ** 2).sum()))
+    density = math.exp(-0.5 * w * w) / math.sqrt(2.0 * math.pi)
+    return float(np.clip(special.ndtr(-w) + density * (1.0 / u - 1.0 / w), 0.0, 1.0))
 
 
 def _factor(problem: Problem, fit: LeastSquaresFit, order: _Order, correlation: float) -> tuple[float, str]:

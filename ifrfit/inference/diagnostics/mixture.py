@@ -16,9 +16,11 @@ from ifrfit.inference.result.types import Fact
 
 _FEWEST = 12  # impacts below which no two kinds are looked for
 _SUSPECT = 2.0  # standard deviations of overdispersion along a constant from which a mixture is fitted
+_FLAT = 2.2  # fourth moment over the square of the second below which scatter is flatter than normal (3)
+_STRONG = 0.1  # share of the strongest impact's information from which an impact tells of a constant
 _SHARE = 0.1  # of the impacts that are at least of either kind
 _LEAST = 3  # impacts of either kind
-_STARTS = (1.0, 2.0)  # differences of the kinds, in the scatter of the constant from impact to impact
+_STARTS = (0.7, 1.4)  # differences of the kinds, in the scatter of the constant from impact to impact
 _STEPS = 30
 _AT_REST = 1e-3  # fall of -2 log likelihood below which the search ends
 _LOOSE = 1e-6
@@ -93,21 +95,30 @@ def _by_impact(problem: Problem, of_rows: Array) -> Array:
 
 
 def _spread(problem: Problem, along: Array, residual: Array) -> float | None:
-    """Scatter of a constant from impact to impact; None where none is to be seen."""
+    """Scatter of a constant from impact to impact; None where nothing speaks for two kinds.
+
+    Two things do: more scatter where the constant acts more, and scatter that is flatter than normal.
+    """
     strength = _by_impact(problem, along**2)
-    seen = strength > 1e-6 * strength.max(initial=0.0)
-    if seen.sum() < _FEWEST:
+    product = _by_impact(problem, along * residual)
+    strong = strength > _STRONG * strength.max(initial=0.0)
+    if strong.sum() < _FEWEST // 2:
         return None
-    square = _by_impact(problem, along * residual)[seen] ** 2 / strength[seen]  # chi2 of 1 each
-    weight = strength[seen]
-    # more scatter where the constant acts more: at unknown noise only the differences count
+    weight = strength / strength.max()
+    # chi2 of one degree of freedom each, where the constant acts; the others are the yardstick
+    count = _by_impact(problem, np.ones(residual.size))
+    rest = _by_impact(problem, residual**2) - np.where(strong, product**2 / np.where(strong, strength, 1.0), 0.0)
+    square = np.where(strong, product**2 / np.where(strong, strength, 1.0), rest / count)
     lean = weight - (0.0 if problem.noise.is_known else weight.mean())
     excess = float(lean @ (square - 1.0))
-    if excess < _SUSPECT * math.sqrt(2.0 * float(lean @ lean)):
+    size = math.sqrt(2.0 * float(lean @ lean))
+    shift = product[strong] / strength[strong]
+    shift = shift - np.average(shift, weights=strength[strong])
+    variance = float((shift**2).mean())
+    flat = float((shift**4).mean()) / variance**2 < _FLAT if variance > 0.0 else False
+    if not flat and not excess > _SUSPECT * max(size, _LOOSE):
         return None
-    total = float(weight @ (square - 1.0)) if problem.noise.is_known else excess
-    norm = float(weight @ weight) if problem.noise.is_known else float(lean @ weight)
-    return math.sqrt(max(total / norm, 1e-12))
+    return math.sqrt(max(variance, 1e-12))
 
 
 def _drop_of_normal(problem: Problem, along: Array, residual: Array, spread: float) -> float:

@@ -7,10 +7,12 @@ import shlex
 import numpy as np
 import pytest
 import slips_study
-from factories import HEADER, at_most, impacts_file, impacts_text
+from factories import at_most, impacts_file
 from slips_scenes import Cause, Scene, experiment
 
+from ifrfit.inference.diagnostics.slips.evidence import Slip
 from ifrfit.inference.diagnostics.slips.flawed_readings import Flaw, readings
+from ifrfit.inference.diagnostics.slips.messages import slip_words
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
 from ifrfit.inference.fit import fit
 from ifrfit.physics import rebound
@@ -209,18 +211,24 @@ def test_the_search_finds_the_certified_optimum(known):
     assert float(misfit.likelihood(residual[0])) <= float(misfit.likelihood(certified)) + 0.01
 
 
-def test_a_size_on_the_limit_of_the_search_is_a_least_one(tmp_path):
-    """Spins after that are three times as large: no factor is advised, and the unit is asked for."""
-    rows = impacts_text(
-        np.linspace(5.0, 80.0, 24), ("v_x", "v_n", "spin_y_after"), noise=0.004, sigma=None, seed=3
-    )
-    cells = [row.split(",") for row in rows]
-    for each in cells:
-        if each[1] == "spin_y_after":
-            each[-2] = str(3.0 * float(each[-2]))
-    path = tmp_path / "t.csv"
-    path.write_text("\n".join([HEADER, *(",".join(each) for each in cells)]) + "\n", encoding="utf-8")
-    fact = fit(path, method="lsq").facts["slips"]
-    assert not fact.ok
-    assert "spins at least 50 % off beside the speeds" in fact.says
-    assert "divide" not in fact.says
+def test_a_size_on_the_limit_of_the_search_is_a_least_one():
+    """No factor is advised."""
+    problem = fitted(RAW, Cause(), 1).problem
+    for name, words in (("spin-scale", "spins at least 50 % off"), ("speed-scale", "at least 50 % off")):
+        slip = Slip(name, 40.0, 1e-6, size=0.5, sd=0.01, usual=0.2, is_least=True)
+        says = slip_words(problem, [slip], [])
+        assert words in says
+        assert "divide" not in says
+
+
+@pytest.mark.parametrize("name", slips_study.UNITS)
+def test_spins_in_another_unit_are_named_before_their_scale(name):
+    """The inertia factor that closes as well is no first choice."""
+    slips = fitted(RAW, Cause(f"{name} spin_y_after"), 3).facts["slips"]
+    assert slips.figures["called"][0] == f"{name} spin_y_after"
+    assert "% off beside the speeds" not in slips.says
+
+
+def test_a_size_that_is_no_unit_stays_a_scale():
+    slips = fitted(RAW, Cause("spin-scale", 0.3), 3).facts["slips"]
+    assert slips.figures["called"][0] == "spin-scale"

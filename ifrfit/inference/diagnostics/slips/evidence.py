@@ -17,7 +17,7 @@ from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, direct
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.model.rows import OBLIQUE, Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 _FEWEST = 3  # degrees of freedom below which no slip is looked for
@@ -30,6 +30,7 @@ _MOST_SERIES = 12  # beyond, none is looked for in single series
 _OF_SPINS = ("spin-scale", "inertia-factor")
 _WORTH_A_TRY = 0.05  # p of the scale of spins below which other units of them are tried
 _NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
+_LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
 _AT_ONCE = 2_000_000  # numbers of values that are held for several tables
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 
@@ -275,8 +276,8 @@ def _in_series(
 ) -> list[Slip]:
     """Slips in one of several series: those with a size by score tests, at the noise of each series.
 
-    Those without are tried where the series do not share constants, or one of them scatters more than the others:
-    in no other could a slip hide. p values are multiplied by the number of series.
+    Those without are tried where the series do not share constants, one of them scatters more than the others,
+    or the law explains little: in no other could a slip hide. p values are multiplied by the number of series.
     """
     n = len(problem.rows)
     count = np.bincount(problem.rows.series, minlength=len(problem.series))
@@ -306,6 +307,7 @@ def _in_series(
                 series=problem.series[number],
             )  # fmt: skip
             found.append(_fitted(whole, of_series(problem, nuisance, number), slip))
+    differ = differ or _explains_little(problem, residual)
     for number in series:
         if differ or _scatters_more(problem, fit, residual, number):
             share = max(count[number] - problem.parameters.free.sum(), 0) / count[number]
@@ -327,6 +329,17 @@ def _sigma_by_series(problem: Problem, fit: LeastSquaresFit, residual: Array) ->
         square = float(((residual[rows] / fit.sigma[rows]) ** 2).sum()) / dof
         sigma[rows] *= math.sqrt(max(square, 1e-12))
     return sigma
+
+
+def _explains_little(problem: Problem, residual: Array) -> bool:
+    """Whether residuals of an observable that knows the closure scatter nearly as its values do."""
+    for observable in problem.rows.observables:
+        own = problem.rows.rows_of(observable.name)
+        if observable.kind in OBLIQUE and own.size:
+            about_mean = problem.rows.value[own] - problem.rows.value[own].mean()
+            if float(residual[own] @ residual[own]) > _LITTLE * float(about_mean @ about_mean):
+                return True
+    return False
 
 
 def _scatters_more(problem: Problem, fit: LeastSquaresFit, residual: Array, number: int) -> bool:
