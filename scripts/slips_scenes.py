@@ -16,7 +16,12 @@ from ifrfit.physics.observables import OBSERVABLES
 Array = NDArray[np.float64]
 VELOCITIES = ("v_x", "v_n", "spin_y_after")
 _GLASS = {"density": 2563.0, "modulus": 38.3e9, "stiffness_ratio": 0.875}
-_UNITS = {"spins-doubled": 2.0, "spins-halved": 0.5, "spins-in-hertz": 0.5 / np.pi, "spins-in-rpm": 30.0 / np.pi}
+_UNITS = {
+    "spins-doubled": 2.0,
+    "spins-halved": 0.5,
+    "spins-in-hertz": 0.5 / np.pi,
+    "spins-in-rpm": 30.0 / np.pi,
+}
 _EFFECTS = {
     "compliance": {},
     "viscoelastic": {"dissipation_time": 8e-7},

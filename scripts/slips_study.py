@@ -111,15 +111,18 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
         unsized("from-wall delta_deg", angle),
         unsized("exchanged v_x and v_n", raw),
     ]
-    found += [in_b(*one) for one in (
-        sized("angle-offset", raw, (1.0, 2.0, 4.0), " deg"),
-        sized("camera-turn", raw, (0.5, 1.0, 2.0), " deg"),
-        sized("inertia-factor", raw, (0.1, 0.25, 2.0 / 3.0)),
-        unsized("sign-of-spins-y", spun, "sign-of-spins-y spin_y_after"),
-        unsized("angle-from-wall", raw),
-        unsized("sign beta", beta),
-        unsized("spins-doubled spin_y_after", raw),
-    )]
+    found += [
+        in_b(*one)
+        for one in (
+            sized("angle-offset", raw, (1.0, 2.0, 4.0), " deg"),
+            sized("camera-turn", raw, (0.5, 1.0, 2.0), " deg"),
+            sized("inertia-factor", raw, (0.1, 0.25, 2.0 / 3.0)),
+            unsized("sign-of-spins-y", spun, "sign-of-spins-y spin_y_after"),
+            unsized("angle-from-wall", raw),
+            unsized("sign beta", beta),
+            unsized("spins-doubled spin_y_after", raw),
+        )
+    ]
     found += [sized(name, spun, (0.5, 1.0, 2.0)) for name in EFFECTS]
     found += [unsized("compliance", spun), unsized("compliance", beta)]
     copies = [(raw, Cause("duplicates", n), f"{n} of 60") for n in (1, 3, 10)]

@@ -14,7 +14,7 @@ from ifrfit.inference.diagnostics.slips.evidence import (
     too_few,
     tried,
 )
-from ifrfit.inference.diagnostics.slips.messages import none_words, slip_words, short_slip_words
+from ifrfit.inference.diagnostics.slips.messages import none_words, short_slip_words, slip_words
 from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
@@ -32,8 +32,8 @@ def slips_first(
     """Try every slip, and compare with it what the effects explain, and what constants of each series do.
 
     Where a slip explains the data as well as an effect, the slip is named first with the effect beside it,
-    and the effect is no finding of its own. Series that differ are the ordinary case: a slip takes their place
-    where it explains more, and stands alone where it explains decisively more.
+    and the effect is no finding of its own. Series that differ are the ordinary case: a slip takes their
+    place where it explains more, and stands alone where it explains decisively more.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def _drop_of_series(problem: Problem, fit: LeastSquaresFit, shared: Pooling, sli
 def named_slips(slips: Sequence[Slip], of_effects: float) -> list[Slip]:
     """Decisive slips that explain as much as anything else does, the most telling first.
 
-    A slip in one series is judged at the noise of each series: it counts where no slip of the whole table does.
+    One in a single series is judged at the noise of each series, one of the whole table at that asked for.
     """
     every = [slip for slip in slips if is_decisive(slip)]
     decisive = sorted(every, key=lambda slip: -slip.rank)

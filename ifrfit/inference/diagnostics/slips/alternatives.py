@@ -242,7 +242,7 @@ def _of_spin_units(table: _Table) -> Iterator[Alternative]:
     before = bool(i.spin_x[table.of].any() or i.spin_y[table.of].any())
     after = [name for name in ("spin_y_after", "spin_x_after") if table.rows_of(name).size]
     for name, factor in SPIN_UNITS.items():
-        values, of = {one: (0.0, factor) for one in after}, " and ".join(after)
+        values, of = dict.fromkeys(after, (0.0, factor)), " and ".join(after)
         if before or after:
             given = table.incidence(1.0 / factor, 1.0 / factor)
             yield table.meant(name, of, incidence=given, values=values)

@@ -21,6 +21,7 @@ from ifrfit.inference.model.rows import OBLIQUE, Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 _FEWEST = 3  # degrees of freedom below which no slip is looked for
+_REPEATED = 3  # rows of one number from which it may stand for "not measured"
 _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not measured"
 _LARGEST = 4.5  # prior standard deviations of a size
 _LIMIT = 0.999  # share of the largest size searched from which a size counts as lying on it
@@ -176,7 +177,7 @@ def too_few(problem: Problem, fit: LeastSquaresFit) -> bool:
 
 
 def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> list[Slip]:
-    """Every slip that these rows could show, with its evidence; `differ`: the series do not share constants."""
+    """Every slip that these rows could show, `differ` where series do not share constants."""
     residual = problem.rows.value - problem.predict(fit.optimum.theta)
     plain = problem.error_model.is_plain
     # under other errors their weights at the fit stand for a known sigma
@@ -276,8 +277,9 @@ def _in_series(
 ) -> list[Slip]:
     """Slips in one of several series: those with a size by score tests, at the noise of each series.
 
-    Those without are tried where the series do not share constants, one of them scatters more than the others,
-    or the law explains little: in no other could a slip hide. p values are multiplied by the number of series.
+    Those without are tried where the series do not share constants, one of them scatters more than the
+    others, or the law explains little: in no other could a slip hide. p values are multiplied by the number
+    of series.
     """
     n = len(problem.rows)
     count = np.bincount(problem.rows.series, minlength=len(problem.series))
@@ -314,9 +316,7 @@ def _in_series(
             share *= n / max(degrees_of_freedom(problem, fit), 1)
             every = list(alternatives(problem, number))
             found += [
-                slip
-                for slip in _unsized(whole, every, len(series), min(share, 1.0))
-                if is_decisive(slip)
+                slip for slip in _unsized(whole, every, len(series), min(share, 1.0)) if is_decisive(slip)
             ]
     return found
 
@@ -383,45 +383,51 @@ def _careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> fl
 
 
 def _zeros(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
-    """Values of exactly 0 that lie far from what all other rows say."""
-    rows = problem.rows
-    zero = rows.value == 0.0
+    """Values of exactly 0, or of one number beyond all others, that lie far from what all other rows say."""
     found = []
-    for name in rows.names:
-        own = rows.rows_of(name)
-        at = own[zero[own]]
-        if not 0 < at.size <= _ROWS_OF_ZEROS * own.size or own.size - at.size < 2 * _FEWEST:
-            continue
-        kept = np.setdiff1d(np.arange(len(rows)), at)
-        part = problem.with_rows(kept)
-        theta = fit.optimum.theta
-        misfit, free = Misfit.of(part), np.ones(theta.size, dtype=bool)
-        start = best_start(
-            lambda tried, rows, part=part: part.with_rows(rows).predict(tried),
-            misfit,
-            part.rows.value,
-            starts(problem, theta),
-        )
-        places, left = search(
-            lambda x, _, part=part: part.predict(x),
-            misfit,
-            part.rows.value,
-            start,
-            problem.parameters.bounds(),
-            free,
-        )
-        x, after = places[0], left[0]
-        sigma = misfit.sigma(after)[rows.which[kept] == rows.names.index(name)]
-        z = problem.predict(x)[at] / float(np.sqrt((sigma**2).mean()))
-        dof = max(sigma.size - theta.size, 1)
-        far = at[np.abs(z) > -float(special.stdtrit(dof, 0.5 * REFUTED / own.size))]
-        if far.size:
-            p = (
-                own.size
-                * 2.0
-                * float(special.stdtr(dof, -np.abs(z).min(initial=np.inf, where=np.isin(at, far))))
-            )
-            found.append(
-                Slip("zero-for-missing", float((z**2).sum()), p, observable=name, rows=tuple(far.tolist()))
-            )
+    for name in problem.rows.names:
+        own = problem.rows.rows_of(name)
+        given, count = np.unique(problem.rows.value[own], return_counts=True)
+        repeated = count >= _REPEATED
+        repeated[1:-1] = False
+        for code in given[(given == 0.0) | repeated].tolist():
+            at = own[problem.rows.value[own] == code]
+            if at.size > _ROWS_OF_ZEROS * own.size or own.size - at.size < 2 * _FEWEST:
+                continue
+            far, p, drop = _far_from_rest(problem, fit, name, at)
+            if far.size and (code == 0.0 or far.size >= _REPEATED):
+                kind = "zero-for-missing" if code == 0.0 else "code-for-missing"
+                found.append(Slip(kind, drop, p, observable=name, rows=tuple(far.tolist())))
     return found
+
+
+def _far_from_rest(
+    problem: Problem, fit: LeastSquaresFit, name: str, at: Index
+) -> tuple[Index, float, float]:
+    """Rows of one number that lie far from a fit without them, the largest p value of these, and chi2."""
+    rows = problem.rows
+    own = rows.rows_of(name)
+    kept = np.setdiff1d(np.arange(len(rows)), at)
+    part = problem.with_rows(kept)
+    theta = fit.optimum.theta
+    misfit = Misfit.of(part)
+    start = best_start(
+        lambda tried, some: part.with_rows(some).predict(tried),
+        misfit,
+        part.rows.value,
+        starts(problem, theta),
+    )
+    places, left = search(
+        lambda x, _: part.predict(x),
+        misfit,
+        part.rows.value,
+        start,
+        problem.parameters.bounds(),
+        np.ones(theta.size, dtype=bool),
+    )
+    sigma = misfit.sigma(left[0])[rows.which[kept] == rows.names.index(name)]
+    z = (rows.value - problem.predict(places[0]))[at] / float(np.sqrt((sigma**2).mean()))
+    dof = max(sigma.size - theta.size, 1)
+    far = np.abs(z) > -float(special.stdtrit(dof, 0.5 * REFUTED / own.size))
+    least = float(np.abs(z[far]).min(initial=np.inf))
+    return at[far], own.size * 2.0 * float(special.stdtr(dof, -least)), float((z**2).sum())

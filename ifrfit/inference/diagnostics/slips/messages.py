@@ -196,11 +196,12 @@ def _percent(slip: Slip) -> str:
 
 def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
     name, observable = slip.name, slip.observable
-    if name == "zero-for-missing":
+    if name in ("zero-for-missing", "code-for-missing"):
         some = [exclude_name(problem, i) for i in slip.rows[:_LONGEST]]
         more = " and so on" if len(slip.rows) > _LONGEST else ""
         return (
-            f"0 for 'not measured' in {observable} ({len(slip.rows)} of its cells)",
+            f"{problem.rows.value[slip.rows[0]]:g} for 'not measured' in {observable} "
+            f"({len(slip.rows)} of its cells)",
             f"empty these cells, or {' '.join(f'--exclude {one}' for one in some)}{more}",
         )
     if name.startswith("sign-of-spin"):
@@ -225,9 +226,15 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
             f"--convention angle=from-wall, and 90 degrees less {observable} in its column",
         )
     if name == "from-wall":
-        return f"{observable} from the wall, which was read as that from the normal", f"take 90 degrees less {observable}"
+        return (
+            f"{observable} from the wall, which was read as that from the normal",
+            f"take 90 degrees less {observable}",
+        )
     if name == "size":
-        return f"{observable} without its sign", "give the readings their signs: one that is turned back has another"
+        return (
+            f"{observable} without its sign",
+            "give the readings their signs: one that is turned back has another",
+        )
     if name == "exchanged":
         return f"{observable} in each other's columns", "exchange the headers"
     if name == "angle-in-radians":

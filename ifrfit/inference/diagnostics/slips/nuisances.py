@@ -122,7 +122,9 @@ def directions_of(problem: Problem, every: Sequence[Nuisance], theta: Array) -> 
             for name, size in vars(flaw).items():
                 columns[name][2 * number : 2 * number + 2] = size
         values = readings(problem, np.tile(theta, (2 * len(flaws), 1)), Flaw(**columns))
-        moved = {each.name: pair for each, pair in zip(flawed, values.reshape(len(flaws), 2, -1), strict=True)}
+        moved = {
+            each.name: pair for each, pair in zip(flawed, values.reshape(len(flaws), 2, -1), strict=True)
+        }
     found = []
     for each in every:
         up, down = moved[each.name] if each.name in moved else each.values(np.stack((theta, theta)), step)

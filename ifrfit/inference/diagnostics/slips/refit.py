@@ -90,18 +90,18 @@ def starts(problem: Problem, theta: Array) -> Array:
         if one.fixed is not None:
             axes.append((one.fixed,))
         elif name in _GRID:
-            places = _CURVED_GRID if name == "e_n" and problem.rows.has_kind("curved") else _GRID[name]
-            axes.append(tuple(x for x in places if one.lower <= x <= one.upper) or (one.lower,))
+            given = _CURVED_GRID if name == "e_n" and problem.rows.has_kind("curved") else _GRID[name]
+            axes.append(tuple(x for x in given if one.lower <= x <= one.upper) or (one.lower,))
         else:
             low, high = max(one.lower, -10.0), min(one.upper, 10.0)
             axes.append(tuple(np.linspace(low, high, _PLACES).tolist()))
     grid = list(itertools.product(*axes))
     found = np.empty((len(grid) + 1, theta.size))
-    for column, places in enumerate(problem.parameters.positions.values()):
-        found[:-1, places] = np.array([point[column] for point in grid])[:, None]
-    for at, entry in enumerate(problem.parameters.entries):
+    for column, entries in enumerate(problem.parameters.positions.values()):
+        found[:-1, entries] = np.array([point[column] for point in grid])[:, None]
+    for number, entry in enumerate(problem.parameters.entries):
         if entry.fixed is not None:
-            found[:, at] = entry.fixed
+            found[:, number] = entry.fixed
     found[-1] = theta
     return found
 
