@@ -51,7 +51,7 @@ def file(tmp_path):
 def test_a_table_that_is_silent(file, text, choices, assumed):
     fit = ifrfit.fit(file(text), method="lsq", fix=FIX, **choices)
     assert fit.assumed[:-1] == (*assumed, INDEPENDENT)
-    assert fit.assumed[-1].startswith("angles of incidence without an offset (1 degree would move e_t by ")
+    assert fit.assumed[-1].startswith("angles of incidence without an offset (1 degree would move mu by ")
     assert f"assumed: {', '.join(fit.assumed)}" in " ".join(fit.summary().split())
     assert "assumed:" in fit.summary("markdown")
 
