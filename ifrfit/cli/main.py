@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import gc
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_command
 
 from ifrfit._version import __version__
 from ifrfit.cli.compare import compare
@@ -17,7 +19,7 @@ from ifrfit.cli.cost import cost
 from ifrfit.cli.datasets import datasets
 from ifrfit.cli.errors import command
 from ifrfit.cli.fit import fit
-from ifrfit.cli.options import Repeated, numbers
+from ifrfit.cli.options import Repeated, SharedCommand, numbers
 from ifrfit.cli.progress import status
 from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
@@ -25,8 +27,39 @@ from ifrfit.errors import UsageError
 
 _YOUNG = 200_000  # objects made before garbage is looked for
 
+_SHARED: dict[str, SharedCommand] = {"fit": fit, "compare": compare, "cost": cost}
+
+
+class _Commands(TyperGroup):
+    """Commands, of which those that put a question to data look their options up when they are asked for.
+
+    The options come from the registries, which import a good part of the library and the packages that plug
+    in: `ifrfit --help` lists the commands without them.
+    """
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that is asked for, with its options."""
+        name, found, rest = super().resolve_command(ctx, args)
+        if name in _SHARED:
+            found = get_command(_alone(_SHARED[name]))
+            found.name = name
+        return name, found, rest
+
+
+def _alone(shared: SharedCommand) -> typer.Typer:
+    """One command as an application of its own."""
+    made = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
+    made.command()(command(shared))
+    return made
+
+
+def _listed() -> None:
+    """A command that is only listed; `_Commands` puts the real one in its place."""
+
+
 app = typer.Typer(
     name="ifrfit",
+    cls=_Commands,
     help="Fit restitution and friction constants to measured impacts of spheres on walls.",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -35,8 +68,8 @@ app = typer.Typer(
 )
 app.add_typer(datasets, name="datasets")
 
-app.command()(command(fit))
-app.command()(command(compare))
+app.command("fit", help=fit.__doc__)(_listed)
+app.command("compare", help=compare.__doc__)(_listed)
 
 
 @app.command()
@@ -104,7 +137,7 @@ def reproduce(
 
 
 app.command()(simulate)
-app.command()(command(cost))
+app.command("cost", help=cost.__doc__)(_listed)
 
 
 def _version(requested: bool) -> None:

@@ -13,9 +13,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from ifrfit.errors import UsageError
-from ifrfit.inference.estimators import ESTIMATORS, make_estimator, method_options
 from ifrfit.inference.option_fields import Form, Option, build, options_of
-from ifrfit.inference.options import Model, Noise
 
 Repeated = list[str]
 Data = Annotated[Repeated, typer.Argument(metavar="DATA...", help="Files, or names of bundled datasets.")]
@@ -109,6 +107,8 @@ class SharedCommand:
         self._methods = methods
 
     def _model(self) -> dict[str, Option]:
+        from ifrfit.inference.options import Model
+
         found = options_of(Model)
         if not self._closure:
             del found["closure"]
@@ -117,6 +117,9 @@ class SharedCommand:
     @property
     def __signature__(self) -> inspect.Signature:
         """Data, model, method, noise, rows, the method's options, the run, and the command's own options."""
+        from ifrfit.inference.estimators import method_options
+        from ifrfit.inference.options import Noise
+
         parts = [_keyword("data", Data, inspect.Parameter.empty), *map(_parameter, self._model().values())]
         if self._methods:
             parts.append(_method())
@@ -132,6 +135,9 @@ class SharedCommand:
 
     def __call__(self, **given: Any) -> None:
         """Run the command with what the command line gave."""
+        from ifrfit.inference.estimators import make_estimator, method_options
+        from ifrfit.inference.options import Model, Noise
+
         options = self._model() | options_of(Noise) | (method_options() if self._methods else {})
         values = {key: _read(option, given.pop(key)) for key, option in options.items()}
         question = {
@@ -170,6 +176,8 @@ def _parameter(option: Option) -> inspect.Parameter:
 
 
 def _method() -> inspect.Parameter:
+    from ifrfit.inference.estimators import ESTIMATORS
+
     said = [f"{name}: {each.summary}" for name, each in ESTIMATORS.items()]
     said[0] = said[0].replace(":", " (the default):", 1)
     info = typer.Option(help=f"{'; '.join(said)}.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -16,17 +16,14 @@ from ifrfit.cost.compared_estimates import (
     of_profiles,
 )
 from ifrfit.cost.timing import Cost, Timing, in_turns, timed_result
-from ifrfit.errors import DataError, UsageError
+from ifrfit.errors import UsageError
 from ifrfit.inference.accuracy.tolerance_ladder import foreseen
-from ifrfit.inference.bootstrap import bootstrap
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
-from ifrfit.inference.distributions.draws import Draws
-from ifrfit.inference.estimators import ESTIMATORS, Estimator
+from ifrfit.inference.estimators import ESTIMATORS, Bootstrap, Estimator
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
-from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.text import power_of_ten
 
 UNIT = "posterior sd"
@@ -37,7 +34,6 @@ OTHER_QUESTION = (LSQ, PROFILE, BOOTSTRAP)
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 REFERENCE = 1e-9  # a step beyond the finest that is measured
 WORST = 0.1  # error of a reference, in sd, beyond which it is none
-_FEWEST = 20  # replicates with an answer below which they are no law of anything
 
 Progress = Callable[[int, int], None]
 
@@ -136,7 +132,8 @@ def inference_costs(
     """Measure every method on a problem, now and on this machine.
 
     The clock runs from data in memory to the mean, the standard deviation and the 95 % interval of every free
-    constant, the certified least squares that each method starts from included.
+    constant, the certified least squares that each method starts from included, and whatever else `--method`
+    does on the way (facts, curves of profiles, looks at chains); of the exact posterior the quadrature alone.
 
     Parameters
     ----------
@@ -162,15 +159,16 @@ def inference_costs(
     """
     if not problem.parameters.free.any():
         raise UsageError("Every constant is fixed: no method has anything to find. Leave out a --fix.")
-    most = 3 + len(extent.tolerances) + len(extent.replicates) + len(extent.steps) + len(_further())
     answers: list[_Answer] = []
     notes: list[str] = []
+    methods = _methods(problem, notes)
+    most = len(methods) + len(extent.tolerances) + len(extent.replicates) + len(extent.steps)
     ladder, finest = _ladder(problem, extent, notes)
     for answer in chain(
-        _deterministic(problem, extent, ladder, notes),
-        _bootstraps(problem, extent, seed, notes),
+        _deterministic(problem, extent, methods, ladder),
+        _bootstraps(problem, extent, methods, seed, notes),
         _chains(problem, extent, seed, notes),
-        _registered(problem, extent, seed, notes),
+        _registered(problem, extent, methods, seed),
     ):
         answers.append(answer)
         if progress is not None:
@@ -196,23 +194,36 @@ def _costs(answer: _Answer, right: Numbers, reference: Reference) -> Iterator[Co
         yield Cost("inference", answer.method, answer.setting, quantity, answer.time, error, UNIT)
 
 
+def _methods(problem: Problem, notes: list[str]) -> dict[str, Estimator]:
+    """The methods that can do a problem, with default options."""
+    found = {}
+    for name, estimator in ESTIMATORS.items():
+        refusal = estimator.refuses(problem)
+        if refusal:
+            notes.append(f"{estimator.title} is left out: {refusal}")
+        else:
+            found[name] = estimator
+    return found
+
+
+def _numbers(problem: Problem, estimator: Estimator, seed: int = 0) -> Numbers:
+    """What a method says of every free constant, from data in memory on."""
+    optimum = least_squares(problem)
+    found = estimator.run(problem, optimum, seed=seed)
+    if found.profiles:
+        return of_profiles(problem, found.profiles)
+    if found.distribution is None:  # the Gaussian approximation stands in its place
+        return of_least_squares(problem, optimum)
+    return of_distribution(problem, found.distribution)
+
+
 def _deterministic(
-    problem: Problem, extent: Extent, ladder: Sequence[float], notes: list[str]
+    problem: Problem, extent: Extent, methods: Mapping[str, Estimator], ladder: Sequence[float]
 ) -> Iterator[_Answer]:
-    """Least squares, profiles and the exact posterior, which take turns."""
-    calls: dict[tuple[str, str], Callable[[], Numbers]] = {}
-    if problem.error_model.integrates:
-        notes.append("Least squares are left out: they cannot integrate true angles out.")
-    else:
-        calls[LSQ, ""] = lambda: of_least_squares(problem, least_squares(problem))
-    if problem.error_model.is_plain:
-        calls[PROFILE, ""] = lambda: of_profiles(
-            problem, profile_all(problem, least_squares(problem), curves=False)
-        )
-    else:
-        notes.append(
-            "Profiles and replicates are left out: they know independent Gaussian errors of the values only."
-        )
+    """Least squares, profiles and the exact posterior at each tolerance, which take turns."""
+    calls: dict[tuple[str, str], Callable[[], Numbers]] = {
+        (name, ""): partial(_numbers, problem, methods[name]) for name in (LSQ, PROFILE) if name in methods
+    }
     for tolerance in ladder:
         calls[EXACT, f"tolerance {power_of_ten(tolerance)}"] = partial(_exact, problem, tolerance)
     found = in_turns(calls, repeats=extent.repeats, enough=0.01, most=0.5 * extent.longest)
@@ -252,16 +263,15 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
     return [tolerance for tolerance, _ in tried[:-1]], reference
 
 
-def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
+def _bootstraps(
+    problem: Problem, extent: Extent, methods: Mapping[str, Estimator], seed: int, notes: list[str]
+) -> Iterator[_Answer]:
     """Cases drawn anew, with several seeds."""
-    if not problem.error_model.is_plain:
+    if BOOTSTRAP not in methods:
         return
 
     def run(replicates: int, own: int) -> Numbers:
-        drawn = bootstrap(problem, least_squares(problem), replicates=replicates, seed=own)
-        if drawn.answered < _FEWEST:
-            raise DataError("The bootstrap is left out: hardly a replicate has an answer.")
-        return of_distribution(problem, Draws.of(problem, drawn.draws))
+        return _numbers(problem, Bootstrap(replicates=replicates), own)
 
     start, taken = timed_result(lambda: least_squares(problem))
     # a replicate that is fitted on its own takes about as long as the data; all at once are fast
@@ -270,16 +280,12 @@ def _bootstraps(problem: Problem, extent: Extent, seed: int, notes: list[str]) -
 
 
 def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
-    """Chains of given lengths that walk as those of `--method mcmc` do, with several seeds."""
+    """Chains of `--method mcmc` that stop at given lengths, with several seeds."""
     from ifrfit.inference import mcmc
-    from ifrfit.inference.mcmc.run import walk
 
     def run(steps: int, own: int) -> Numbers:
-        coordinates = mcmc.Coordinates(Density(problem))
-        chains = mcmc.fresh(coordinates, least_squares(problem), own)
-        chains = chains.longer([walk(coordinates, rest, steps) for rest in chains.ends])
-        kept = mcmc.Evidence(coordinates.quantities(chains.at)).kept
-        return of_distribution(problem, Draws.of(problem, {name: x.reshape(-1) for name, x in kept.items()}))
+        found = mcmc.sample(problem, least_squares(problem), own, max_steps=steps, halt=lambda _: False)
+        return of_distribution(problem, found.distribution)
 
     coordinates = mcmc.Coordinates(Density(problem))
     chains, taken = timed_result(lambda: mcmc.fresh(coordinates, least_squares(problem), 0))
@@ -287,28 +293,14 @@ def _chains(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> It
     yield from _sizes(MCMC, "steps", extent.steps, run, (taken, each), extent, seed, notes)
 
 
-def _further() -> list[Estimator]:
-    """Methods that were registered: they are measured as they are, with their default options."""
-    own = (LSQ, PROFILE, BOOTSTRAP, EXACT, MCMC)
-    return [estimator for name, estimator in ESTIMATORS.items() if name not in own]
-
-
-def _registered(problem: Problem, extent: Extent, seed: int, notes: list[str]) -> Iterator[_Answer]:
-    for estimator in _further():
-        refusal = estimator.refuses(problem)
-        if refusal:
-            notes.append(f"{estimator.title} is left out: {refusal}")
-            continue
-
-        def run(own: int, estimator: Estimator = estimator) -> Numbers:
-            optimum = least_squares(problem)
-            distribution = estimator.run(problem, optimum, seed=own).distribution
-            if distribution is None:  # the Gaussian approximation stands in its place
-                return of_least_squares(problem, optimum)
-            return of_distribution(problem, distribution)
-
-        numbers, seconds = _over_seeds(run, extent, seed)
-        yield _Answer(estimator.name, "default options", numbers, Timing.of(seconds))
+def _registered(
+    problem: Problem, extent: Extent, methods: Mapping[str, Estimator], seed: int
+) -> Iterator[_Answer]:
+    """Methods that were registered, as they are."""
+    for name, estimator in methods.items():
+        if name not in (*OTHER_QUESTION, EXACT, MCMC):
+            numbers, seconds = _over_seeds(partial(_numbers, problem, estimator), extent, seed)
+            yield _Answer(name, "default options", numbers, Timing.of(seconds))
 
 
 def _sizes(
@@ -329,7 +321,7 @@ def _sizes(
         What is drawn, as replicates.
     sizes : sequence of int
     run : callable
-        Size and seed to what the method gives; a DataError says why there is nothing.
+        Size and seed to what the method gives.
     expected : (float, float)
         Seconds of the beginning, and of one unit.
     extent, seed, notes
@@ -341,11 +333,7 @@ def _sizes(
             of = f" of {method}" if method == MCMC else ""
             notes.append(f"{size:,} {unit}{of} would take longer than {extent.longest:g} s.")
             return
-        try:
-            numbers, seconds = _over_seeds(partial(run, size), extent, seed)
-        except DataError as error:
-            notes.append(str(error))
-            return
+        numbers, seconds = _over_seeds(partial(run, size), extent, seed)
         each = max(max(seconds) - beginning, 0.0) / size
         yield _Answer(method, f"{size:,} {unit}", numbers, Timing.of(seconds))
 

@@ -11,10 +11,10 @@ import numpy as np
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.paper.axes import INCIDENCE, Abscissa, Ordinate
 from ifrfit.paper.figures import PaperFigure
-from ifrfit.paper.scene import Band, Curve, Pen, Points, Scene
+from ifrfit.paper.scene import Scene
 from ifrfit.physics.angles import Array
 from ifrfit.report.figures import NON_BREAKING, contradiction
-from ifrfit.report.markers import is_outlier, numbers, sticks
+from ifrfit.report.plot_elements import Band, Curve, Pen, Points, is_outlier, numbers, sticks
 from ifrfit.report.provenance import STAND_IN, is_stand_in, provenance_words
 from ifrfit.report.regimes import transition_is_open, transitions
 from ifrfit.report.rounding import span_text, value_text
@@ -135,7 +135,7 @@ def recovered_curve(
     gamma = x.gamma(at)
     table = result.predict(gamma, *spin, observable=observable, series=series, sigma=noise_at(gamma, rows))
     label = f"recovered: {estimates_words(result)}"
-    credible, predictive = (_band(table, prefix, y.sign) for prefix in ("", "new_"))
+    credible, predictive = (Band.of(table, prefix, y.sign) for prefix in ("", "new_"))
     values = y.sign * table["value"].to_numpy(dtype=float)
     return Curve("recovered", label, at, values, Pen(series_style.colour, "-", 1.3), credible, predictive)
 
@@ -224,13 +224,6 @@ def _observable(figure: PaperFigure, result: FitResult) -> str:
     assert figure.y is not None
     there = [str(name) for name in result.points["observable"].unique()]
     return figure.y.observable if figure.y.observable in there else there[0]
-
-
-def _band(table: pd.DataFrame, prefix: str, sign: float) -> Band:
-    low68, high68, low95, high95 = (
-        sign * table[f"{prefix}{end}"].to_numpy(dtype=float) for end in ("lo68", "hi68", "lo95", "hi95")
-    )
-    return Band(low68, high68, low95, high95) if sign > 0 else Band(high68, low68, high95, low95)
 
 
 def _title(figure: PaperFigure) -> str:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ifrfit.paper.scene import Curve, Points, Scene
+from ifrfit.paper.scene import Scene
 from ifrfit.report import style
 from ifrfit.report.figures import NON_BREAKING
 from ifrfit.report.legend import LINE, Legend
-from ifrfit.report.markers import draw_markers, draw_residual_axis, handle, ring_outliers
+from ifrfit.report.plot_elements import Look, draw_curve, draw_points, draw_residuals, handle
 from ifrfit.report.shading import draw_strip, shade
 from ifrfit.report.style import GREY
 
@@ -44,7 +44,10 @@ def draw(scene: Scene) -> Figure:
         _draw_data(data, scene)
         if residuals:
             below = figure.add_subplot(grid[used.index(2)], sharex=data)
-            _draw_residuals(below, scene)
+            draw_residuals(below, scene.points, Look())
+            below.set_xlabel(scene.x.label)
+            if len(scene.regimes) == 1:
+                shade(below, scene.regimes[0], words=False)
             data.tick_params(labelbottom=False)
             figure.align_ylabels([data, below])
         else:
@@ -64,9 +67,9 @@ def _title(scene: Scene) -> str:
 
 def _draw_data(axes: Axes, scene: Scene) -> None:
     for curve in scene.curves:
-        _draw_curve(axes, curve)
+        draw_curve(axes, curve, front=3.0 if curve.kind == "recovered" else 3.5)
     for points in scene.points:
-        _draw_points(axes, points)
+        draw_points(axes, points, Look())
     _set_x(axes, scene)
     axes.set_ylim(*limits(scene))
     if scene.y.in_degrees:
@@ -92,50 +95,6 @@ def limits(scene: Scene) -> tuple[float, float]:
         high = max(high, float(np.max(points.y + np.minimum(points.sigma, longest))))
     room = high - low
     return low - 0.03 * room, high + 0.12 * room
-
-
-def _draw_curve(axes: Axes, curve: Curve) -> None:
-    pen = curve.pen
-    if curve.predictive is not None:
-        for end in (curve.predictive.lo95, curve.predictive.hi95):
-            axes.plot(curve.x, end, color=pen.colour, lw=0.6, ls=(0, (1, 1.5)), alpha=0.8, zorder=2.5)
-    if curve.credible is not None:
-        band = curve.credible
-        for low, high, alpha in ((band.lo95, band.hi95, 0.18), (band.lo68, band.hi68, 0.26)):
-            axes.fill_between(curve.x, low, high, color=pen.colour, alpha=alpha, lw=0.0, zorder=2)
-    front = 3.0 if curve.kind == "recovered" else 3.5
-    axes.plot(curve.x, curve.y, color=pen.colour, ls=pen.dashes, lw=pen.width, zorder=front)
-
-
-def _draw_points(axes: Axes, points: Points) -> None:
-    axes.errorbar(
-        points.x,
-        points.y,
-        yerr=points.sigma,
-        fmt="none",
-        ecolor=points.series_style.colour,
-        elinewidth=0.7,
-        alpha=0.8,
-        zorder=4,
-    )
-    _markers(axes, points, points.y, 3.8)
-
-
-def _markers(axes: Axes, points: Points, y: np.ndarray, size: float) -> None:
-    sticking = np.zeros(points.x.size, dtype=bool) if points.sticking is None else points.sticking
-    draw_markers(axes, points.x, y, sticking, points.series_style, size)
-    if points.is_outlier is not None:
-        ring_outliers(axes, points.x, y, points.is_outlier, size=8.5, edge=0.9)
-
-
-def _draw_residuals(axes: Axes, scene: Scene) -> None:
-    fitted = [(points, points.residual) for points in scene.points if points.residual is not None]
-    for points, residual in fitted:
-        _markers(axes, points, residual, 3.2)
-    draw_residual_axis(axes, np.concatenate([residual for _, residual in fitted]))
-    axes.set_xlabel(scene.x.label)
-    if len(scene.regimes) == 1:
-        shade(axes, scene.regimes[0], words=False)
 
 
 def _set_x(axes: Axes, scene: Scene) -> None:

@@ -8,12 +8,12 @@ import numpy as np
 
 from ifrfit.paper.axes import Abscissa, Ordinate
 from ifrfit.paper.given_curves import Model, Setting
-from ifrfit.paper.scene import Curve
 from ifrfit.physics import CLOSURES, OBSERVABLES
 from ifrfit.physics.angles import Array, Incidence
 from ifrfit.physics.effects import Contact, Impacts, Outcome, compose
 from ifrfit.physics.scenes.bodies import read_bodies
 from ifrfit.physics.scenes.toml_table import Table
+from ifrfit.report.plot_elements import Curve
 
 SPEED = 27.0  # m/s, of Reagle et al. (2013)
 # quartz stands for Arizona road dust, whose main mineral it is: a choice; 30 um is the middle of the sizes

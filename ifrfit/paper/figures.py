@@ -12,7 +12,7 @@ from ifrfit.paper import axes
 from ifrfit.paper.axes import INCIDENCE, Abscissa, Ordinate
 from ifrfit.paper.elastic_plastic import ElasticPlastic
 from ifrfit.paper.given_curves import MISPRINTS, Model, Setting
-from ifrfit.paper.scene import Pen
+from ifrfit.report.plot_elements import Pen
 from ifrfit.report.style import COLOURS
 
 PRINTED_PEN = Pen("black", (0, (5, 1.6)), 1.1)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ifrfit.paper.axes import Abscissa, Ordinate
-from ifrfit.paper.scene import Curve, Kind, Pen
+from ifrfit.paper.scene import Kind
 from ifrfit.physics import CLOSURES, OBSERVABLES, Rebound, rebound, transition_angles, transition_tau
 from ifrfit.physics.angles import Array
+from ifrfit.report.plot_elements import Curve, Pen
 from ifrfit.report.shading import Mark
 
 _STEP = 1e-9  # degrees on either side of a transition: a jump is drawn as one

@@ -24,10 +24,11 @@ from ifrfit.paper.build_scene import (
 from ifrfit.paper.cases import case_named
 from ifrfit.paper.figures import PaperFigure
 from ifrfit.paper.observable_conversion import convert_observable
-from ifrfit.paper.scene import Curve, Pen, Points, Scene
+from ifrfit.paper.scene import Scene
 from ifrfit.physics import OBSERVABLES
 from ifrfit.physics.angles import Incidence
 from ifrfit.report.figures import contradiction
+from ifrfit.report.plot_elements import Curve, Pen, Points
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import transitions
 from ifrfit.report.rounding import value_text

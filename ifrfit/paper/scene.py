@@ -9,16 +9,13 @@ from pathlib import Path
 from typing import Literal, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ifrfit.paper.axes import Abscissa, Ordinate
+from ifrfit.report.plot_elements import Band, Curve, Points
 from ifrfit.report.shading import Mark, Regimes
-from ifrfit.report.style import SeriesStyle
 
-Array = NDArray[np.float64]
 Kind = Literal["data", "printed_constants", "recovered", "as_printed", "other"]
 T = TypeVar("T")
-Dashes = str | tuple[int, tuple[float, ...]]
 
 HEADER = (
     "panel",
@@ -36,59 +33,6 @@ HEADER = (
 DATA, RESIDUALS = "data", "residuals"
 DIGITS = 6  # a posterior is known to 1e-4 of its standard deviation; the last bits are the processor's own
 RESIDUAL_PLACES = 3
-
-
-@dataclass(frozen=True)
-class Pen:
-    """How a line is drawn."""
-
-    colour: str
-    dashes: Dashes = "-"
-    width: float = 1.1
-
-
-@dataclass(frozen=True)
-class Band:
-    """Limits about a curve, each of the shape of its x."""
-
-    lo68: Array
-    hi68: Array
-    lo95: Array
-    hi95: Array
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A line. `credible` holds bands of the curve, `predictive` those of one more measurement.
-
-    Curves with the same label have one entry in the legend.
-    """
-
-    kind: Kind
-    label: str
-    x: Array
-    y: Array
-    pen: Pen
-    credible: Band | None = None
-    predictive: Band | None = None
-
-
-@dataclass(frozen=True)
-class Points:
-    """Observations of one series. Residuals are standardised; None where the points are not fitted.
-
-    `is_outlier` tells the outliers.
-    """
-
-    label: str
-    x: Array
-    y: Array
-    sigma: Array
-    series_style: SeriesStyle
-    provenance: str
-    sticking: NDArray[np.bool_] | None = None
-    residual: Array | None = None
-    is_outlier: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)

@@ -82,9 +82,7 @@ def _draw_panel(
     inner = cell.subgridspec(3, 1, height_ratios=[max(0.16 * strip, 1e-3), 2.0, 0.75], hspace=0.03)
     data = figure.add_subplot(inner[1])
     residuals = figure.add_subplot(inner[2], sharex=data)
-    names = _series_of(result, observable)
-    panels.draw_data(data, result, observable, names, styles)
-    panels.draw_residuals(residuals, result, observable, names, styles)
+    panels.draw_panel(data, residuals, result, observable, styles)
     data.tick_params(labelbottom=False)
     figure.align_ylabels([data, residuals])
     regimes, name = _regimes(result, observable, styles), partial(regime_name, result)
@@ -94,7 +92,7 @@ def _draw_panel(
         shading.shade(data, regimes[0], words=True, name=name)
         shading.shade(residuals, regimes[0], words=False)
     elif regimes:
-        shading.note_open_transition(data, result, names[0])
+        shading.note_open_transition(data, result, _series_of(result, observable)[0])
 
 
 def _series_of(result: FitResult, observable: str) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ifrfit.inference.estimators import LeastSquares, title_of
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.markers import handle, is_outlier
+from ifrfit.report.plot_elements import handle, is_outlier
 from ifrfit.report.provenance import provenance_words
 from ifrfit.report.regimes import does, regime_name
 from ifrfit.report.shading import regime_key
@@ -122,7 +122,7 @@ def _marks(result: FitResult) -> list[tuple[Any, str]]:
         # of one kind, and no word in the panel names it
         chosen, regime = (stick, "sticking") if sticking.all() else (slide, "sliding")
         entries.append((chosen, f"all impacts {does(result, regime)}"))
-    light, dark = (Patch(fc=GREY, alpha=alpha, lw=0) for alpha in (0.16, 0.35))
+    light, dark = (Patch(fc=GREY, alpha=alpha, lw=0) for alpha in (0.18, 0.4))
     entries.append(((light, dark, light), f"68, 95 % {_bands(result)}"))
     if any(isinstance(key, tuple) for key in keys):
         shade = Patch(fc="0.5", alpha=0.3, lw=0)

@@ -30,13 +30,16 @@ RESIDUAL_DASHES = (0, (4, 3))
 _CLIPPED = re.compile(r'(clip-path="url\(#|<clipPath id=")(p[0-9a-f]{10})')
 
 
+Dashes = str | tuple[int, tuple[float, ...]]
+
+
 @dataclass(frozen=True)
 class SeriesStyle:
     """Colour, marker and line of one series; each of the three tells it from the next ones."""
 
     colour: str
     marker: str
-    line: str | tuple[int, tuple[int, ...]]
+    line: Dashes
 
 
 def series_styles(series: list[str]) -> dict[str, SeriesStyle]:

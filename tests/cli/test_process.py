@@ -41,9 +41,14 @@ def test_help_costs_no_heavy_import(python, arguments):
     assert [m for m in imported(python, heavy, *arguments) if m not in allowed] == []
 
 
+def test_listing_the_commands_looks_no_option_up(python):
+    assert imported(python, ["ifrfit.inference.estimators", "ifrfit.inference.options"], "--help") == []
+
+
 def test_json_costs_no_import_that_it_does_not_need(python):
     # pandas itself imports pyarrow where it is installed, but not its reader of Parquet
-    spared = ["matplotlib", "lmfit", "scipy.stats", "pyarrow.parquet", "rich.console"]
+    spared = ["matplotlib", "lmfit", "scipy.stats", "scipy.optimize", "scipy.interpolate", "pyarrow.parquet"]
+    spared += ["rich.console"]
     arguments = ("fit", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--json")
     assert imported(python, [*spared, "numpy"], *arguments) == ["numpy"]
 

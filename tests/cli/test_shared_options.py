@@ -12,7 +12,7 @@ from ifrfit.inference.estimators import ESTIMATORS, method_options
 from ifrfit.inference.model.error_law import ERROR_LAWS
 from ifrfit.physics import CLOSURES
 
-COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+GROUP = typer.main.get_command(app)
 ONE_METHOD = "a comparison is by exact posterior, and costs are of every method: neither takes one"
 EXCEPTIONS = {
     **dict.fromkeys(("method", *method_options()), ONE_METHOD),
@@ -26,7 +26,9 @@ OWN = {"compare": {"loo"}, "cost": {"kind", "quick"}}
 
 
 def options(command: str) -> dict[str, typer.core.TyperOption]:
-    return {each.name: each for each in COMMANDS[command].params}
+    """As they are looked up where the command is asked for."""
+    _, found, _ = GROUP.resolve_command(typer.Context(GROUP), [command])  # type: ignore[attr-defined]
+    return {each.name: each for each in found.params if each.name != "help"}
 
 
 @pytest.mark.parametrize("command", ["compare", "cost"])

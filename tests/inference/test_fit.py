@@ -155,7 +155,11 @@ def test_a_noise_policy_that_lacks_sigmas_names_the_row(impacts):
 
 USAGE = [
     ({"fix": {"e_t": -2.0}}, r"--fix e_t=-2: outside the domain \[-1, -0\.4\]"),
+    ({"fix": {"e_n": np.nan}}, r"--fix e_n=nan: outside the domain"),
+    ({"fix": {"beta": 0.4}}, r"--fix beta: closure IFR has no such constant\. It has e_n, e_t, mu\."),
     ({"bounds": {"mu": (-0.3, 0.1)}}, r"mu cannot be negative"),
+    ({"bounds": {"mu": (1.0, 0.0)}}, r"--bounds mu: the lower end 1 must lie below the upper end 0\."),
+    ({"separate": "e_n", "fix": {"e_n": 0.9}}, r"--fix e_n contradicts --separate e_n: keep one\."),
     ({"prior": {"mu": (0.3, 0.0)}}, r"--prior mu: the standard deviation must be positive and sensible"),
     ({"fix": {"e_n": 0.9}, "prior": {"e_n": (0.9, 0.1)}}, r"--fix e_n contradicts --prior e_n: keep one"),
     ({"inertia_factor": 2.0}, r"the passive domain \[-1, -2\] of e_t is empty"),

@@ -249,7 +249,7 @@ def test_an_option_of_a_class_is_in_fit_compare_and_cost_by_itself(monkeypatch):
     class Louder(Noise):
         volume: float | None = option(None, "How loud it is.", form="number", metavar="DB")
 
-    monkeypatch.setattr("ifrfit.cli.options.Noise", Louder)
+    monkeypatch.setattr("ifrfit.inference.options.Noise", Louder)
     for command in ("fit", "compare", "cost"):
         text = run(command, "--help").stdout
         assert "--volume DB" in text

@@ -15,8 +15,8 @@ import ifrfit
 from ifrfit.errors import UsageError
 from ifrfit.inference.result.types import Fact
 from ifrfit.report import legend, plot
-from ifrfit.report.markers import is_outlier, outlier_limit
 from ifrfit.report.panels import axis_label
+from ifrfit.report.plot_elements import is_outlier, outlier_limit
 from ifrfit.report.shading import regime_key, spans
 from ifrfit.report.style import save_figure, series_styles
 

@@ -37,7 +37,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.noise_identifiability import inputs_of_rows, n_parameters_seen
-from ifrfit.inference.optimize.solve import series_groups, whole_group
+from ifrfit.inference.optimize.solve import independent_groups
 
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -71,18 +71,11 @@ class BatchedSolver:
         """Restate a problem; None if its replicates have to be fitted one by one."""
         if not problem.closure.bilinear:
             return None
-        whole = len(problem.series) == 1 or not any(c.separate for c in problem.parameters)
-        if not whole and not all(c.separate or c.fixed is not None for c in problem.parameters):
+        groups = independent_groups(problem, found.sigma)
+        if groups is None:
             return None
-        every = np.arange(problem.rows.value.size)
-        series = (
-            [every]
-            if whole
-            else [np.flatnonzero(problem.rows.series == i) for i in range(len(problem.series))]
-        )
-        groups = [whole_group(problem, found.sigma)] if whole else series_groups(problem, found.sigma)
         parameter_groups = []
-        for group, rows in zip(groups, series, strict=True):
+        for group, rows in groups:
             batched = make_batched_group(group, rows, found.sigma)
             if batched is None:
                 return None

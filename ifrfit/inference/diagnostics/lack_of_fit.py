@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, special
+from scipy import special
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
@@ -185,21 +185,28 @@ def _smooth(problem: Problem, fit: LeastSquaresFit, r: Array) -> float | None:
 
 
 def _natural_spline(tau: Array) -> Array | None:
-    """Basis of natural cubic splines in tau with knots at quantiles, less the constant, (n, 3)."""
-    from scipy.interpolate import CubicSpline
+    """Basis of the natural cubic splines in tau, knots at quantiles, that vanish at the first knot, (n, 3).
 
+    By truncated powers (Hastie, Tibshirani & Friedman 2009, eqs 5.4 and 5.5): scipy.interpolate would take
+    longer to import than the whole fit.
+    """
     knots = np.unique(np.quantile(tau, np.linspace(0.0, 1.0, _SPLINE_KNOTS)))
     if knots.size < _SPLINE_KNOTS:
         return None
-    full = CubicSpline(knots, np.eye(knots.size), bc_type="natural")(tau)
-    return np.asarray(full[:, 1:])
+    x, t = (tau - knots[0]) / np.ptp(knots), (knots - knots[0]) / np.ptp(knots)
+    cubes = np.maximum(x[:, None] - t, 0.0) ** 3
+    d = (cubes[:, :-1] - cubes[:, -1:]) / (t[-1] - t[:-1])
+    return np.column_stack((x, d[:, :-1] - d[:, -1:]))
 
 
 def orthonormal(a: Array) -> Array:
     """Orthonormal basis of the columns' span."""
     size = np.sqrt((a * a).sum(axis=0))
     seen = size > 1e-12 * size.max(initial=0.0)
-    return np.asarray(linalg.orth(a[:, seen] / size[seen], 1e-9)) if seen.any() else a[:, seen]
+    if not seen.any():
+        return a[:, seen]
+    basis, weight, _ = np.linalg.svd(a[:, seen] / size[seen], full_matrices=False)
+    return np.asarray(basis[:, weight > 1e-9 * weight[0]])
 
 
 def _runs(problem: Problem, r: Array) -> float | None:

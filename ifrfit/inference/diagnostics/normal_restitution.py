@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, special
+from scipy import special
 
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS, LawOfSpeed
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
@@ -218,7 +218,9 @@ def _misfit_of_law(law: Callable[[float], LawOfSpeed], speed: Array, value: Arra
     def misfit(e_n: float) -> float:
         return float(np.sum(((value - law(e_n)(ratio)) * root) ** 2))
 
-    return float(optimize.minimize_scalar(misfit, bounds=(0.01, 0.999), method="bounded").fun)
+    from scipy.optimize import minimize_scalar  # a quarter of a second, and rarely asked
+
+    return float(minimize_scalar(misfit, bounds=(0.01, 0.999), method="bounded").fun)
 
 
 def _against_known(problem: Problem, readings: _Readings) -> Iterator[_Finding]:

@@ -86,7 +86,8 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
                     tested.append(_Parted(name, wider, fitted[0], p))
             if p is not None:
                 smallest.setdefault(name, min(1.0, count * p))
-        best = min(tested, key=lambda one: one.p, default=None)
+        # rows that know kappa alone cannot tell e_n from mu: friction, the last, differs more often
+        best = min(reversed(tested), key=lambda one: round(math.log(max(one.p, 1e-300)), 3), default=None)
         if best is None or count * best.p >= REFUTED:
             break
         parted.append(best)
@@ -121,8 +122,10 @@ def _words(problem: Problem, one: _Parted, fit: LeastSquaresFit, count: int) -> 
     p = f"p = {p_text(count * one.p)}"
     if len(problem.series) > _MOST_NAMED:
         return f"{one.name} ({p})"
-    sd = fit.gaussian.theta_sd
     places = problem.parameters.positions[one.name]
+    sd = fit.gaussian.theta_sd
+    if not fit.gaussian.tells(places):  # of products and ratios alone a value is arbitrary
+        return f"{one.name} (values not determined one by one; {p})"
     each = [
         f"{plus_minus(float(fit.optimum.theta[i]), float(sd[i]))} in {series}"
         for series, i in zip(problem.series, places.tolist(), strict=True)

@@ -112,6 +112,10 @@ def to_plain(value: Any, nulls: Nulls | None = None, path: str = "", *, bound: b
     str, int, float, bool, None, list or dict
     """
     nulls = Nulls() if nulls is None else nulls
+    if isinstance(value, float) or (bound and type(value) is int):  # nearly all there is: asked first
+        return nulls.number(float(value), path, bound)
+    if value is None or isinstance(value, (str, int)):
+        return value
     if is_dataclass(value) and not isinstance(value, type):
         content = {}
         for each, key, hint in layout(type(value)):
@@ -130,10 +134,8 @@ def to_plain(value: Any, nulls: Nulls | None = None, path: str = "", *, bound: b
         items = sorted(value, key=str) if isinstance(value, (set, frozenset)) else value
         return [to_plain(item, nulls, f"{path}[{i}]", bound=bound) for i, item in enumerate(items)]
     if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) or (bound and isinstance(value, int)):
-        return nulls.number(float(value), path, bound)
-    return value if value is None or isinstance(value, (bool, int, str)) else str(value)
+        return to_plain(value.item(), nulls, path, bound=bound)
+    return str(value)
 
 
 def _joined(path: str, key: object) -> str:

@@ -231,6 +231,11 @@ class ParameterSet:
             start += n if p.separate else 1
         return places
 
+    @property
+    def differ_by_series(self) -> bool:
+        """Whether series have constants of their own."""
+        return len(self.series) > 1 and any(p.separate for p in self.parameters)
+
     @cached_property
     def kappas(self) -> tuple[Kappa, ...]:
         """kappa of each series."""

@@ -79,6 +79,12 @@ class GaussianApproximation:
         slope = self.gradient @ self.vectors[:, self.seen]
         return float(0.25 * ((slope / self.singular[self.seen]) ** 2).sum())
 
+    def tells(self, places: NDArray[np.intp]) -> bool:
+        """Whether the data determine each of some entries of theta, not only combinations of them."""
+        loose = np.abs((self.to_theta @ self.vectors)[places][:, ~self.tight])
+        size = np.linalg.norm((self.to_theta @ self.vectors)[places], axis=1)
+        return bool((loose <= _LOADED * size[:, None]).all())
+
     @property
     def theta_sd(self) -> Array:
         """Standard deviation of each entry of theta, loose directions capped by the default prior, (p,)."""

@@ -13,6 +13,8 @@ from ifrfit.inference.optimize.piecewise import NEAR
 
 _TRANSITIONS = 9
 _REFINED = 8  # starts that are followed down to their minimum
+_ROUGH, _FINE = 1e-8, 1e-14  # relative change of the sum, and of the constants, at which a search ends
+_ROUGH_STEPS = 40
 
 
 def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:
@@ -45,14 +47,27 @@ def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Opt
         return Optimum(held, value, 0.0, ((value, held),), "all constants fixed")
     chosen = [near] if near is not None else starts(problem)
     chosen.sort(key=lambda theta: float((residuals(theta[free]) ** 2).sum()))
-    found: list[tuple[float, Array]] = []
-    for start in chosen[:_REFINED]:
+
+    def followed(start: Array, tolerance: float, steps: int | None = None) -> tuple[float, Array]:
         x0 = np.clip(start[free], lower[free] + 1e-9, np.minimum(upper[free], 1e9) - 1e-9)
         result = least_squares(
-            residuals, x0, jacobian, bounds=(lower[free], upper[free]), xtol=1e-14, ftol=1e-14, gtol=1e-14
+            residuals,
+            x0,
+            jacobian,
+            bounds=(lower[free], upper[free]),
+            xtol=tolerance,
+            ftol=tolerance,
+            gtol=tolerance,
+            max_nfev=steps,
         )
-        found.append((float(2.0 * result.cost), full(result.x)))
-    found.sort(key=lambda pair: pair[0])
+        return float(2.0 * result.cost), full(result.x)
+
+    if near is None:  # along a flat valley the last digits take hundreds of steps: the best place needs them
+        found = [followed(start, _ROUGH, _ROUGH_STEPS) for start in chosen[:_REFINED]]
+        found.sort(key=lambda pair: pair[0])
+        found[0] = min(found[0], followed(found[0][1], _FINE), key=lambda pair: pair[0])
+    else:
+        found = [followed(near, _FINE)]
     best, theta = found[0]
     method = f"best of {len(chosen)} starts"
     minima = _distinct(problem, sigma, found)

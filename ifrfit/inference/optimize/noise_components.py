@@ -24,7 +24,7 @@ from ifrfit.inference.optimize.parameter_group import (
     is_separable,
     without_normal_rows,
 )
-from ifrfit.inference.optimize.solve import series_groups, whole_group
+from ifrfit.inference.optimize.solve import independent_groups, whole_group
 
 Index = NDArray[np.intp]
 
@@ -193,13 +193,8 @@ def _parts(problem: Problem) -> list[tuple[ParameterGroup, Index]] | None:
     """Rows that share constants, each with their places; None where series share only some of them."""
     if not problem.closure.bilinear and problem.has_oblique:
         return None
-    base = problem.noise.base
-    if len(problem.series) == 1 or not any(c.separate for c in problem.parameters):
-        groups = [(whole_group(problem, base), np.arange(len(problem.rows)))]
-    elif all(c.separate or c.fixed is not None for c in problem.parameters):
-        places = [np.flatnonzero(problem.rows.series == i) for i in range(len(problem.series))]
-        groups = list(zip(series_groups(problem, base), places, strict=True))
-    else:
+    groups = independent_groups(problem, problem.noise.base)
+    if groups is None:
         return None
     by_scale = not problem.noise.is_unknown  # one factor for all rows: nothing can be split
     return groups if by_scale else [part for group, at in groups for part in _split(group, at)]

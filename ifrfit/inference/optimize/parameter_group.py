@@ -75,13 +75,15 @@ def restitution_sums(group: ParameterGroup) -> tuple[float, float, float]:
 def restitution_optimum(group: ParameterGroup) -> tuple[float, float]:
     """Best e_n from the rows and the prior that measure it, and its share of the objective.
 
-    The middle of the domain where nothing measures it.
+    The value at which it is fixed; the middle of the domain where nothing measures it.
     """
     at = group.rows.of_kind("normal")
     weight, product, _ = restitution_sums(group)
-    if weight == 0.0:
+    e_n = group.e_n.fixed
+    if e_n is None and weight == 0.0:
         return 0.5 * (group.e_n.lower + group.e_n.upper), 0.0
-    e_n = min(max(product / weight, group.e_n.lower), group.e_n.upper)
+    if e_n is None:
+        e_n = min(max(product / weight, group.e_n.lower), group.e_n.upper)
     residual = (group.rows.value[at] - group.rows.normal_factor(at) * e_n) * group.weight[at]
     objective = float(residual @ residual)
     if group.e_n.prior is not None:

@@ -7,7 +7,7 @@ its own, see `ifrfit.inference.optimize.decomposition`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ifrfit.inference.model.problem import Problem
@@ -77,18 +77,16 @@ def solve_shared(
 
 
 def fix_restitution(
-    groups: Sequence[ParameterGroup], whole: ParameterGroup, given: Mapping[int, float] | None = None
+    groups: Sequence[ParameterGroup], whole: ParameterGroup
 ) -> tuple[list[ParameterGroup], float] | None:
     """Fix e_n where the user or the normal rows alone decide it; None where other rows have a say in it.
 
     Parameters
     ----------
     groups : sequence of ParameterGroup
-        One a series.
+        One a series; an e_n that is fixed there stays.
     whole : ParameterGroup
-        All rows.
-    given : mapping of int to float, optional
-        e_n of some series, in the place of its best value.
+        All rows, with no constant fixed in some series alone.
 
     Returns
     -------
@@ -107,8 +105,8 @@ def fix_restitution(
         best = [restitution_optimum(whole)] * len(groups)
         objective = best[0][1]
     fixed = [
-        without_normal_rows(group, (given or {}).get(number, e_n))
-        for number, (group, (e_n, _)) in enumerate(zip(groups, best, strict=True))
+        without_normal_rows(group, e_n if group.e_n.fixed is None else group.e_n.fixed)
+        for group, (e_n, _) in zip(groups, best, strict=True)
     ]
     return fixed, objective
 

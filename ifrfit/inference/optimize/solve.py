@@ -9,6 +9,7 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.group_optimum import raised, solve_group
 from ifrfit.inference.optimize.multistart import multistart
 from ifrfit.inference.optimize.optimum import Array, Optimum, theta_of
@@ -40,18 +41,19 @@ def solve(
     """
     if not problem.closure.bilinear and problem.has_oblique:
         return multistart(problem, sigma, near)
-    if len(problem.series) == 1 or not any(c.separate for c in problem.parameters):
-        group = whole_group(problem, sigma)
+    independent = independent_groups(problem, sigma)
+    if independent is not None and not problem.parameters.differ_by_series:
+        ((group, _),) = independent
         found = solve_group(
             group, None if near is None or proven else float(near[problem.parameters.positions["e_n"][0]])
         )
         if found is None:
             return multistart(problem, sigma, near)
         return _optimum(problem, found)
-    if all(c.separate or c.fixed is not None for c in problem.parameters):
+    if independent is not None:
         places = problem.parameters.positions["e_n"]
         parts = []
-        for i, group in enumerate(series_groups(problem, sigma)):
+        for i, (group, _) in enumerate(independent):
             alone = solve_group(group, None if near is None or proven else float(near[places[i]]))
             parts.append(_searched(problem, i, sigma, near) if alone is None else alone)
         return _join(problem, parts)
@@ -71,16 +73,31 @@ def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
 
 
 def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
-    """One group a series. A prior on a shared constant is not in any of them."""
-    e_n, c, mu = (x if x.separate else replace(x, prior=None) for x in _specs(problem))
+    """One group a series, its fixed entries included. A prior on a shared constant is not in any of them."""
+    places, entries = problem.parameters.positions, problem.parameters.entries
+
+    def own(c: Parameter, number: int) -> Parameter:
+        return entries[places[c.name][number]] if c.separate else replace(c, prior=None)
+
     groups = []
     for number in range(len(problem.series)):
         at = np.flatnonzero(problem.rows.series == number)
         rows = problem.rows.take(at)
+        e_n, c, mu = (own(x, number) for x in _specs(problem))
         groups.append(
             ParameterGroup(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu)
         )
     return groups
+
+
+def independent_groups(problem: Problem, sigma: Array) -> list[tuple[ParameterGroup, Index]] | None:
+    """Groups that share no free constant, each with its rows; None where series share some of them only."""
+    if not problem.parameters.differ_by_series:
+        return [(whole_group(problem, sigma), np.arange(len(problem.rows)))]
+    if not all(c.separate or c.fixed is not None for c in problem.parameters):
+        return None
+    groups = enumerate(series_groups(problem, sigma))
+    return [(group, np.flatnonzero(problem.rows.series == number)) for number, group in groups]
 
 
 def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:

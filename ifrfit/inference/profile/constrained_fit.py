@@ -49,8 +49,7 @@ def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Arr
     start = near.copy()
     for place, x in at.items():
         start[place] = x
-    tied = len(problem.series) > 1 and any(c.separate for c in problem.parameters)
-    if not tied:
+    if not problem.parameters.differ_by_series:
         return _solved(problem, sigma, at, start)
     if all(c.separate or c.fixed is not None for c in problem.parameters):
         return _alone(problem, sigma, at, start)

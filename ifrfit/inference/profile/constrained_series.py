@@ -36,13 +36,11 @@ def best_of_series(problem: Problem, sigma: Array, at: Mapping[int, float], near
     whole = whole_group(problem, sigma)
     if not problem.closure.bilinear or whole.rows.of_kind("curved").any():
         return None
-    own = series_groups(problem, sigma)
-    places = problem.parameters.positions
-    e_n = {number: at[place] for number, place in enumerate(places["e_n"].tolist()) if place in at}
-    fixed = fix_restitution(own, whole, e_n)
+    own = series_groups(problem.with_fixed({problem.parameters.names[i]: x for i, x in at.items()}), sigma)
+    fixed = fix_restitution(own, whole)
     if fixed is None:
         return None
-    groups = [_with_entries_fixed(problem, group, number, at) for number, group in enumerate(fixed[0])]
+    groups = list(fixed[0])
     mu_fixed = _mu_fixed_under_free_e_n(problem, whole, at)
     for number, mu in mu_fixed.items():
         measured = own[number] if whole.e_n.separate else whole
@@ -54,19 +52,6 @@ def best_of_series(problem: Problem, sigma: Array, at: Mapping[int, float], near
     for place, value in at.items():
         theta[place] = value
     return theta
-
-
-def _with_entries_fixed(
-    problem: Problem, group: ParameterGroup, number: int, at: Mapping[int, float]
-) -> ParameterGroup:
-    """The group of a series with its mu and c fixed where theta has them fixed."""
-    places = problem.parameters.positions
-    if (mu := at.get(int(places["mu"][number]))) is not None:
-        group = replace(group, mu=replace(group.mu, fixed=mu, prior=None))
-    own = problem.closure.constant
-    if own and (c := at.get(int(places[own][number]))) is not None:
-        group = replace(group, c=replace(group.c, fixed=c, prior=None))
-    return group
 
 
 def _best(

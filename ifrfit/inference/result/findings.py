@@ -54,6 +54,7 @@ class Findings:
         Names of the free constants and their correlation matrix.
     fit : FitStatistics
     facts : mapping of str to Fact
+        Worked out when they are first read.
     warnings : tuple of str
     state : State
     points : DataFrame

@@ -5,7 +5,7 @@ from ifrfit.physics.effects.contact import Contact, Fluid, Impacts
 from ifrfit.physics.effects.impact_state import Outcome
 from ifrfit.physics.effects.plan import Plan, PlanLine, make_plan
 from ifrfit.physics.effects.protocol import ORDER, Criterion, Effect, Validity
-from ifrfit.physics.effects.registry import EFFECTS
+from ifrfit.physics.effects.registry import EFFECTS, plane_effects
 
 __all__ = [
     "EFFECTS",
@@ -21,4 +21,5 @@ __all__ = [
     "Validity",
     "compose",
     "make_plan",
+    "plane_effects",
 ]

@@ -51,3 +51,8 @@ EFFECTS: Registry[Effect] = Registry(
     check=check_effect,
     order=lambda effect: ORDER.index(effect.stage),
 )
+
+
+def plane_effects() -> tuple[str, ...]:
+    """Names of the effects that take impacts out of the plane of incidence: no choice of accuracy."""
+    return tuple(name for name, effect in EFFECTS.items() if effect.stage == "plane")

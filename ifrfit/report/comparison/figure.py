@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from ifrfit.inference.comparison.verdict import INDIFFERENT, title
 from ifrfit.report import panels, style
 from ifrfit.report.figures import MOST_COLUMNS
 from ifrfit.report.legend import series_label
-from ifrfit.report.markers import handle
+from ifrfit.report.plot_elements import Pen, draw_curve, handle
 from ifrfit.report.provenance import is_stand_in
 from ifrfit.report.regimes import has_angle
 from ifrfit.report.style import GREY
@@ -98,16 +99,12 @@ def _draw_observable(
     for name, entry in comparison.entries.items():
         for curve in panels.curves(entry.fit, observable, names, bands=False):
             own, offset = styles[name], entry.fit.noise.angle_offset
-            axes[0].plot(  # over the set angle, whatever offset the closure has found
-                curve.x - (0.0 if offset is None else offset.value or 0.0),
-                curve.table["value"].to_numpy(),
-                color=own.colour,
-                ls=own.line,
-                zorder=front,
-            )
+            # over the set angle, whatever offset the closure has found
+            x_set = curve.x - (0.0 if offset is None else offset.value or 0.0)
+            draw_curve(axes[0], replace(curve, x=x_set, pen=Pen(own.colour, own.line)), front=front)
             drawn.append(curve)
     markers = style.series_styles([str(name) for name in comparison.best.points["series"].unique()])
-    size = panels.marker_size(len(rows))
+    size = panels.look_of(len(rows)).size
     error = rows["sigma_used"].to_numpy(dtype=float)
     for series in names:
         at = (rows["series"] == series).to_numpy()

@@ -50,6 +50,16 @@ def test_two_constants_that_differ_are_both_named_with_their_values(tmp_path):
     assert after.constants["mu"]["B"].value == pytest.approx(0.25, abs=0.01)
 
 
+def test_constants_known_by_their_product_alone_get_no_values(tmp_path):
+    """beta knows mu (1 + e_n): which of them differs is not to be told, and no value of either is."""
+    path = pair(tmp_path, {"mu": 0.14, "c": -0.85}, {"mu": 0.25, "c": -0.85})
+    says = fit(path, method="lsq").facts["pooling"].says
+    assert "--separate mu" in says
+    assert "values not determined one by one" in says
+    assert "+-" not in says
+    assert "+-" in asked(path).facts["pooling"].says
+
+
 def test_series_that_are_alike_are_rarely_parted(tmp_path):
     """The smallest p of 60 clean pairs: below 0.001 at most once (probability of more below 0.0018)."""
     same = {"mu": 0.14, "c": -0.85}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -137,6 +138,14 @@ def test_a_profile_is_drawn_as_computed(appraisals):
     assert (profile.value, 0.0) in marks(axes)
     cuts = sorted({round(float(line.get_ydata()[0]), 5) for line in axes.lines if len(line.get_xdata()) == 2})
     assert cuts == [0.98895, 3.84146] or cuts == [0.98894, 3.84146]
+
+
+def test_an_interval_without_end_is_shaded_as_far_as_its_profile_is_known(appraisals):
+    profile = appraisals("fixed").profiles["e_t"]
+    (low, _), *_ = profile.pieces
+    (axes,) = draw_profile(replace(profile, pieces=((low, math.inf),))).axes
+    shade = axes.patches[0].get_path().get_extents(axes.patches[0].get_patch_transform())
+    assert (shade.x0, shade.x1) == pytest.approx((low, profile.x[np.isfinite(profile.x)].max()))
 
 
 def test_failing_checks_look_different():

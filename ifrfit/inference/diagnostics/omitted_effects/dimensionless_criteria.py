@@ -20,7 +20,7 @@ from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.physics.effects import EFFECTS, Effect, Impacts, compose
+from ifrfit.physics.effects import EFFECTS, Effect, Impacts, compose, plane_effects
 from ifrfit.physics.observables import OBSERVABLES
 
 # effects that depend on speed and size, not on the tangential law
@@ -30,7 +30,7 @@ _BY_SPEED = ("normal", "adhesion", "fluid")
 def effect_lines(
     problem: Problem, fit: LeastSquaresFit, setting: Setting, *, kappa_known: bool
 ) -> tuple[EffectLine, ...]:
-    """Every effect but lateral spin, which each fit computes.
+    """Every effect but motion across the plane of incidence, which each fit computes.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def effect_lines(
     scene = _Scene(problem, fit, setting)
     lines = []
     for name, effect in EFFECTS.items():
-        if name == "lateral-spin":
+        if name in plane_effects():
             continue
         if name == problem.closure.effect:
             lines.append(EffectLine(name, says="in the closure"))
@@ -94,9 +94,7 @@ class _Scene:
         if lacking:
             # chi is no constant of measured impacts
             return EffectLine(name, says=lacking.replace(", or constants.chi", ""))
-        number = effect.criterion(
-            contact, few, compose(contact, few, ("lateral-spin",)), self._accuracy(rows)
-        )
+        number = effect.criterion(contact, few, compose(contact, few, plane_effects()), self._accuracy(rows))
         line = EffectLine(name, number.symbol, number.value, number.threshold, number.met)
         change = self._change(name, effect, every)
         inside = np.zeros(change.size)
@@ -124,7 +122,7 @@ class _Scene:
         """What the effect does to each row's value; of a law of e_n, beyond its own mean e_n."""
         contact = self.setting.contact
         if effect.replaces == "e_n":
-            law = compose(contact, impacts, (name, "lateral-spin")).e_n
+            law = compose(contact, impacts, (name, *plane_effects())).e_n
             mean = np.full(law.size, np.nanmean(law))
             # kappa stays, which the data determine even where they leave e_n open
             mu = impacts.mu * (1.0 + impacts.e_n) / (1.0 + mean)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.problem import Problem
-from ifrfit.physics.effects import Contact, Impacts, compose
+from ifrfit.physics.effects import Contact, Impacts, compose, plane_effects
 
 Array = NDArray[np.float64]
 
@@ -28,9 +28,9 @@ def impacts_of(problem: Problem, theta: Array, speed: Array, radius: Array) -> I
 def computed(problem: Problem, contact: Contact, impacts: Impacts, on: tuple[str, ...]) -> Array:
     """Value of each row with these effects, (n,); nan where an effect leaves none.
 
-    Lateral spin is no choice: every fit is in three dimensions.
+    Every fit is in three dimensions.
     """
-    outcome, mu = compose(contact, impacts, (*on, "lateral-spin")), impacts.mu
+    outcome, mu = compose(contact, impacts, (*on, *plane_effects())), impacts.mu
     out = np.empty(mu.size)
     for observable, at, _ in problem.rows.by_observable:
         out[at] = np.broadcast_to(observable.value(outcome, mu), mu.shape)[at]

@@ -27,6 +27,7 @@ _DIFFERENCE = 1e-7
 _ROWS_OF_STARTS = 48  # by which places are compared
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _PATIENCE = 2  # steps before a table may be given up
+_AT_BOUND = 1e-9
 _LOOSE = 1e-6  # relative singular value below which a combination of constants stays where it is
 
 
@@ -190,7 +191,10 @@ def _step(
     scaled = (moved - (value - residual)[:, None]) / (step[..., None] * sigma[:, None])
     z = residual / sigma
     gradient = np.einsum("kin,kn->ki", scaled, z)
-    held = ((x[:, free] <= lower) & (gradient < 0.0)) | ((x[:, free] >= upper) & (gradient > 0.0))
+    # a constant that lies on its bound but for rounding would take the step from those that can move
+    room = _AT_BOUND * np.minimum(upper - lower, 1.0)
+    held = (x[:, free] <= lower + room) & (gradient < 0.0)
+    held |= (x[:, free] >= upper - room) & (gradient > 0.0)
     scaled[held] = 0.0
     change = np.zeros(x.shape)
     change[:, free] = (np.linalg.pinv(scaled.transpose(0, 2, 1), rcond=_LOOSE) @ z[..., None])[..., 0]

@@ -8,20 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.markers import (
-    draw_markers,
-    draw_residual_axis,
+from ifrfit.report.page.drawings.canvas import panel
+from ifrfit.report.panels import look_of
+from ifrfit.report.plot_elements import (
+    Points,
+    draw_marked,
+    draw_residuals,
     is_outlier,
     residual_limits,
-    ring_outliers,
     sticks,
 )
-from ifrfit.report.page.drawings.canvas import panel
-from ifrfit.report.panels import PIXELS, marker_size
 from ifrfit.report.style import GREY, SeriesStyle, drawing
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
@@ -42,11 +41,9 @@ def draw_against(result: FitResult, styles: dict[str, SeriesStyle], x: Array, la
     label : str
         Of the axis.
     """
-    z = result.points["standardised"].to_numpy(dtype=float)
     with drawing():
         figure, axes = panel()
-        _points(axes, result, styles, x, z)
-        draw_residual_axis(axes, z)
+        draw_residuals(axes, _series(result, styles, x), look_of(len(x)))
         axes.locator_params(axis="x", integer=True)
         axes.set_xlabel(label)
     return figure
@@ -67,7 +64,8 @@ def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Figure:
         axes.fill_between(order, low, high, color="0.5", alpha=0.2, lw=0.0)
         end = max(3.0, 1.1 * float(np.abs(order).max(initial=0.0)))
         axes.plot([-end, end], [-end, end], color=GREY, lw=0.8)
-        _points(axes, result, styles, expected, z)
+        for points in _series(result, styles, expected):
+            draw_marked(axes, points, points.y, look_of(n))
         axes.set_xlim(-end, end)
         axes.set_ylim(*residual_limits(z))
         axes.set_xlabel("normal quantile (σ)")
@@ -88,11 +86,13 @@ def quantile_band(n: int) -> tuple[Array, Array]:
     return np.asarray(low), np.asarray(high)
 
 
-def _points(axes: Axes, result: FitResult, styles: dict[str, SeriesStyle], x: Array, z: Array) -> None:
-    points = result.points
-    sticking = sticks(points) & points["gamma_deg"].notna().to_numpy()
-    size, pixels = marker_size(len(points)), len(points) > PIXELS
+def _series(result: FitResult, styles: dict[str, SeriesStyle], x: Array) -> list[Points]:
+    """Residuals of each series over x, where that is finite."""
+    rows = result.points
+    z, out = rows["standardised"].to_numpy(dtype=float), is_outlier(result, rows)
+    sticking = sticks(rows) & rows["gamma_deg"].notna().to_numpy()
+    found = []
     for name, own in styles.items():
-        rows = (points["series"] == name).to_numpy() & np.isfinite(x)
-        draw_markers(axes, x[rows], z[rows], sticking[rows], own, size, rasterized=pixels)
-    ring_outliers(axes, x, z, is_outlier(result, points) & np.isfinite(x))
+        at = (rows["series"] == name).to_numpy() & np.isfinite(x)
+        found.append(Points(name, x[at], z[at], np.zeros(at.sum()), own, "", sticking[at], z[at], out[at]))
+    return found
