@@ -145,9 +145,8 @@ def called(scene: object, cause: object, seed: int) -> tuple[list[str], list[str
     found = fit(data, method="lsq", independent=True, fix=scene.fixed, closure=scene.closure)
     facts = found.facts
     failing = [name for name, fact in facts.items() if not fact.ok and not is_quiet(name, fact)]
-    slips = (
-        facts["slips"].figures if "slips" in facts else {"called": ()}
-    )  # series that differ take their place
+    # series that differ take the place of slips
+    slips = facts["slips"].figures if "slips" in facts else {"called": ()}
     named = [*slips["called"], *slips.get("effects", ())]
     if "effects" in failing:
         named += facts["effects"].figures["called"]

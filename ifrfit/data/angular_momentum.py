@@ -101,8 +101,8 @@ class MomentumCheck:
         if not any(abs(factor / unit - 1.0) <= _SAME_BODY for unit in _SPIN_UNITS):
             return ""
         return (
-            f": spins {factor:.3g} times as large close as well (radius for diameter, revolutions for radians, "
-            "minutes for seconds?)"
+            f": spins {factor:.3g} times as large close as well (radius for diameter, revolutions for "
+            "radians, minutes for seconds?)"
         )
 
     @property
