@@ -18,6 +18,7 @@ from ifrfit.inference.result.types import Fact
 from ifrfit.text import p_text
 
 _FEWEST = 12  # rows of an observable below which no correlation is looked for
+_MOST = 100_000  # beyond, sorting would take more than seconds
 _REPEATED = 4  # rows an angle from which repeats tell errors from the law
 _FEWEST_REPEATS = 10  # degrees of freedom of those
 _TIED = 0.9  # share of different values of tau from which its order is one
@@ -117,7 +118,7 @@ def _orders(problem: Problem) -> Iterator[_Order]:
     rows = problem.rows
     for name in rows.names:
         own = rows.rows_of(name)
-        if own.size < _FEWEST:
+        if not _FEWEST <= own.size <= _MOST:
             continue
         by_series = own[np.argsort(rows.series[own], kind="stable")]
         yield _pairs(problem, name, "table", by_series)

@@ -16,6 +16,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 
 _FEWEST = 12  # impacts below which no two kinds are looked for
+_MOST = 20_000  # beyond, it would take more than seconds
 _SUSPECT = 2.0  # standard deviations of overdispersion along a constant from which a mixture is fitted
 _FLAT = 2.2  # fourth moment over the square of the second below which scatter is flatter than normal (3)
 _STRONG = 0.1  # share of the strongest impact's information from which an impact tells of a constant
@@ -52,7 +53,7 @@ def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
         None where one kind suffices.
     """
     count = int(problem.rows.impacts.max(initial=-1)) + 1
-    if count < _FEWEST or not problem.error_model.is_plain:
+    if not _FEWEST <= count <= _MOST or not problem.error_model.is_plain:
         return None
     sigma = _likely_sigma(problem, fit)
     jacobian = problem.jacobian(fit.optimum.theta) / sigma[:, None]

@@ -87,12 +87,13 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
         if varies and abs(np.corrcoef(x[known], impact[known])[0, 1]) > _TIED:
             return
 
+    place = problem.parameters.positions["e_n"][problem.rows.series]
+    row = np.arange(impact.size)
+
     def drifting(shape: Array) -> Nuisance:
         def values(theta: Array, size: Array) -> Array:
-            e_n, c, mu = problem.per_row(theta)
-            e_n = e_n + size[:, None] * shape
-            k, _ = problem.impulse(e_n, c, mu)
-            return problem.values_with(k, e_n, mu)
+            by_e_n = np.stack([problem.jacobian(each)[row, place] for each in theta])
+            return problem.predict(theta) + size[:, None] * shape * by_e_n
 
         return Nuisance("restitution-drift", values, 0.5, 0.1)
 
