@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from factories import BILINEAR
 
 from ifrfit.data.observations import Observations, Source, make_table
+from ifrfit.inference.comparison import Comparison
+from ifrfit.inference.result.types import Fact
 from ifrfit.physics import OBSERVABLES, rebound
 
 ANGLES = np.linspace(4.0, 84.0, 25)
 FOUR = BILINEAR
+
+
+def not_converged(found: Comparison, name: str) -> Comparison:
+    """A comparison in which the posterior of one closure did not converge."""
+    entry = found.entries[name]
+    loose = Fact(False, "the quadrature reached 1e-2 only", {}, "rule")
+    fit = replace(entry.fit, facts={**entry.fit.facts, "converged": loose})
+    return replace(found, entries={**found.entries, name: replace(entry, fit=fit)})
 
 
 def observations(

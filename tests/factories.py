@@ -124,6 +124,13 @@ def assert_golden(text: str, path: Path) -> None:
     assert text == path.read_text(encoding="utf-8")
 
 
+def texts_of(figure: Any) -> list[str]:
+    """What is written in a figure's axes, legends and title."""
+    found = [text.get_text() for axes in figure.axes for text in axes.texts]
+    found += [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    return found + ([figure._suptitle.get_text()] if figure._suptitle else [])
+
+
 def cut_off(figure: Any, room: float = 1.0) -> list[Any]:
     """What of a figure's axes, titles and legends reaches beyond its frame, by more than `room` pixels."""
     figure.draw_without_rendering()

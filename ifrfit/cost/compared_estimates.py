@@ -60,16 +60,9 @@ def largest_errors(given: Sequence[Numbers], reference: Numbers) -> dict[str, fl
     }
 
 
-def free_names(problem: Problem) -> tuple[str, ...]:
-    """Names of the free constants, with the series in brackets where separate."""
-    return tuple(
-        name for name, free in zip(problem.parameters.names, problem.parameters.free, strict=True) if free
-    )
-
-
 def of_distribution(problem: Problem, distribution: Distribution) -> Numbers:
     """From marginals: of the exact posterior, of chains, of replicates."""
-    names = free_names(problem)
+    names = problem.parameters.free_names
     return Numbers(
         np.array([distribution.mean(name) for name in names]),
         np.array([distribution.sd(name) for name in names]),
@@ -82,9 +75,7 @@ def of_least_squares(problem: Problem, found: LeastSquaresFit) -> Numbers:
 
     Directions that the data leave loose have the standard deviation of the default prior.
     """
-    to_theta = found.gaussian.to_theta
-    covariance = to_theta @ found.gaussian.covariance(capped=True) @ to_theta.T
-    sd = np.sqrt(np.diag(covariance))[problem.parameters.free]
+    sd = found.gaussian.theta_sd[problem.parameters.free]
     low, high = _domain(problem)
     value = np.clip(found.optimum.theta[problem.parameters.free], low, high)
     half = half_width(_LEVEL, found.noise_dof) * sd
@@ -95,7 +86,7 @@ def of_least_squares(problem: Problem, found: LeastSquaresFit) -> Numbers:
 
 def of_profiles(problem: Problem, profiles: Mapping[str, ProfileLikelihood]) -> Numbers:
     """Optimum, and the interval whose half width gives the standard deviation, cut at the domain's ends."""
-    own = [profiles[name] for name in free_names(problem)]
+    own = [profiles[name] for name in problem.parameters.free_names]
     low, high = _domain(problem)
     ends = np.clip(np.array([profile.central95 for profile in own]), low[:, None], high[:, None])
     half = [half_width(_LEVEL, profile.dof) for profile in own]

@@ -17,7 +17,7 @@ from ifrfit.cost.compared_estimates import (
 )
 from ifrfit.cost.timing import Cost, Timing, in_turns, timed_result
 from ifrfit.errors import UsageError
-from ifrfit.inference.accuracy.tolerance_ladder import foreseen
+from ifrfit.inference.accuracy.tolerance_ladder import LADDER, foreseen
 from ifrfit.inference.bootstrap.batched_solver import BatchedSolver
 from ifrfit.inference.estimators import ESTIMATORS, Bootstrap, Estimator
 from ifrfit.inference.model.log_posterior import Density
@@ -31,7 +31,6 @@ LSQ, PROFILE, BOOTSTRAP, EXACT, MCMC = "lsq", "profile", "bootstrap", "exact", "
 # they answer another question: how far they are from the posterior is no error of arithmetic
 OTHER_QUESTION = (LSQ, PROFILE, BOOTSTRAP)
 
-TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 REFERENCE = 1e-9  # a step beyond the finest that is measured
 WORST = 0.1  # error of a reference, in sd, beyond which it is none
 
@@ -60,7 +59,7 @@ class Extent:
         Seconds that the reference may take, as far as that can be foreseen.
     """
 
-    tolerances: tuple[float, ...] = TOLERANCES
+    tolerances: tuple[float, ...] = LADDER
     replicates: tuple[int, ...] = (100, 1_000, 10_000)
     steps: tuple[int, ...] = (100, 300, 1_000)
     seeds: int = 4

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ifrfit.inference.distributions.protocol import BANDS
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.style import GREY, RESIDUAL_DASHES, Dashes, SeriesStyle
 
@@ -48,10 +49,10 @@ class Band:
     @classmethod
     def of(cls, table: pd.DataFrame, prefix: str = "", sign: float = 1.0) -> Band:
         """From predictions, see `FitResult.predict`; "new_" for one more measurement, -1 for minus them."""
-        ends = [
-            sign * x for x in numbers(table, *(f"{prefix}{end}" for end in ("lo68", "hi68", "lo95", "hi95")))
-        ]
-        return cls(*ends) if sign > 0 else cls(ends[1], ends[0], ends[3], ends[2])
+        low68, high68, low95, high95 = (
+            sign * x for x in numbers(table, *(f"{prefix}{end}" for end in BANDS))
+        )
+        return cls(low68, high68, low95, high95) if sign > 0 else cls(high68, low68, high95, low95)
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,8 @@ def draw_curve(
         band = curve.credible
         for (low, high), alpha in zip(((band.lo95, band.hi95), (band.lo68, band.hi68)), shades, strict=True):
             axes.fill_between(curve.x, low, high, color=pen.colour, alpha=alpha, lw=0.0, zorder=behind)
-    (line,) = axes.plot(curve.x, curve.y, color=pen.colour, ls=pen.dashes, lw=pen.width, zorder=front)
+    look: dict[str, Any] = {"color": pen.colour, "ls": pen.dashes, "lw": pen.width, "zorder": front}
+    (line,) = axes.plot(curve.x, curve.y, label=curve.label, **look)
     if has_edge:
         from matplotlib.patheffects import Normal, Stroke
 

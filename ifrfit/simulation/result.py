@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ifrfit._version import __version__
 from ifrfit.data.schema import SCHEMA, TINY
 from ifrfit.data.validate import without_value
+from ifrfit.inference.distributions.protocol import BANDS
 from ifrfit.inference.io.plain import to_plain
 from ifrfit.inference.result.display import Display
 from ifrfit.physics.effects import EFFECTS, Contact, Impacts, Outcome, Plan, PlanLine
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 VERSION = "ifrfit/simulation/1"
-QUANTILES = (0.16, 0.84, 0.025, 0.975)
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class Simulation(Display):
             frame: dict[str, Any] = {"observable": name}
             frame |= {axis: axis_values[axis] if scene.spin_unit else given[axis] for axis in scene.axes}
             frame |= {"value": middle}
-            frame |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
+            frame |= dict(zip(BANDS, band, strict=True))
             parts.append(pd.DataFrame(frame | {"captured": captured}))
         return pd.concat(parts, ignore_index=True)
 
@@ -227,7 +227,7 @@ def _bands(values: Array) -> tuple[Array, Array]:
         return values[:, 0], np.full((4, values.shape[0]), math.nan)
     with warnings.catch_warnings():  # nan where no impact has a value
         warnings.simplefilter("ignore", RuntimeWarning)
-        return np.nanmedian(values, axis=1), np.nanquantile(values, QUANTILES, axis=1)
+        return np.nanmedian(values, axis=1), np.nanquantile(values, tuple(BANDS.values()), axis=1)
 
 
 def _line(line: PlanLine) -> dict[str, Any]:

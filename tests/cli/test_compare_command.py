@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import importlib
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
-
-from ifrfit.inference.result.types import Fact
+from comparison_data import not_converged
 
 QUICK = ("--no-loo", "--fix", "e_n=0.94", "--closure", "fr", "--closure", "ifr")
 
@@ -85,18 +83,12 @@ def test_strict_is_4_where_an_evidence_did_not_converge(cli, path, monkeypatch):
     right = module.compare
 
     def loose(*arguments, **options):
-        found = right(*arguments, **options)
-        fit = found.entries["fr"].fit
-        bad = Fact(False, "the quadrature reached 1e-02 of a standard deviation only", {}, "rule")
-        entry = replace(found.entries["fr"], fit=replace(fit, facts={**fit.facts, "converged": bad}))
-        return replace(found, entries={**found.entries, "fr": entry})
+        return not_converged(right(*arguments, **options), "fr")
 
     assert cli("compare", path, *QUICK, "--strict").returncode == 0
     monkeypatch.setattr(module, "compare", loose)
     found = cli("compare", path, *QUICK, "--strict")
     assert found.returncode == 4
-    assert found.stderr == (
-        "ifrfit: --strict: fr: the quadrature reached 1e-02 of a standard deviation only.\n"
-    )
+    assert found.stderr == "ifrfit: --strict: fr: the quadrature reached 1e-2 only.\n"
     assert "VERDICT" in found.stdout
     assert cli("compare", path, *QUICK).returncode == 0

@@ -11,7 +11,6 @@ import pytest
 import ifrfit
 from ifrfit.cost.compared_estimates import (
     Numbers,
-    free_names,
     largest_errors,
     of_distribution,
     of_least_squares,
@@ -159,5 +158,5 @@ def test_constants_of_each_series_count(far_from_bounds):
     problem = ifrfit.fit(
         "cross-2019", method="lsq", fix={"e_n": 0.94}, series=["no spin", "spin 0.225"], separate="mu"
     ).problem
-    assert free_names(problem) == ("e_t", "mu[no spin]", "mu[spin 0.225]")
+    assert problem.parameters.free_names == ("e_t", "mu[no spin]", "mu[spin 0.225]")
     assert of_distribution(problem, integrate(problem, 1e-2)).ends.shape == (3, 2)

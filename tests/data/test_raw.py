@@ -13,10 +13,10 @@ from ifrfit.errors import DataError
 RADIUS = 0.005
 
 
-def impact(u, omega, k, e_n, inertia):
-    """Velocity and right-handed spin after: impulse -k U_t along the wall (z into it)."""
+def impact(u, omega, k, e_n, inertia, into=1):
+    """Velocity and right-handed spin after: impulse -k U_t along the wall; z into it, or out of it (-1)."""
     u, omega = np.asarray(u, dtype=float), np.asarray(omega, dtype=float)
-    arm = np.array([0, 0, RADIUS])
+    arm = np.array([0, 0, into * RADIUS])
     contact = u + np.cross(omega, arm)
     p = np.array([-k * contact[0], -k * contact[1], -(1 + e_n) * u[2]])
     return u + p, omega + np.cross(arm, p) / (inertia * RADIUS**2)
@@ -309,15 +309,6 @@ def test_uncertainties_go_by_the_names_of_the_file(read):
     assert kept.called("sigma_gamma_deg") == obs.called("sigma_gamma_deg")
 
 
-def outward(u, omega, k, e_n, inertia):
-    """The same impulse where z points out of the wall: contact at -R z, the sphere comes with u_z < 0."""
-    u, omega = np.asarray(u, dtype=float), np.asarray(omega, dtype=float)
-    arm = np.array([0, 0, -RADIUS])
-    contact = u + np.cross(omega, arm)
-    p = np.array([-k * contact[0], -k * contact[1], -(1 + e_n) * u[2]])
-    return u + p, omega + np.cross(arm, p) / (inertia * RADIUS**2)
-
-
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40)
 @given(
     u=st.tuples(st.floats(0.1, 5), ordinary(-5, 5), st.floats(-5, -0.1)),
@@ -326,7 +317,7 @@ def outward(u, omega, k, e_n, inertia):
 )
 def test_z_out_of_the_wall(tmp_path, u, spins, k):
     u, omega = np.array(u), np.array(spins)
-    v, after = outward(u, omega, k, 0.8, 0.4)
+    v, after = impact(u, omega, k, 0.8, 0.4, into=-1)
     along = np.array([u[0], u[1], 0]) / np.hypot(u[0], u[1])
     # the spin that moves the contact along the way it comes, by the definition U = u + omega x (-R z)
     speed, back = np.linalg.norm(u), np.cross([0, 0, -1.0], along)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import pytest
@@ -30,24 +31,10 @@ def fits() -> dict:
 @pytest.fixture(scope="session")
 def scene(nothing_installed, fits) -> Callable:
     """Scene of a figure by its name."""
-    made: dict = {}
-
-    def of(name: str):
-        if name not in made:
-            made[name] = scene_of(named(name), fits)
-        return made[name]
-
-    return of
+    return functools.cache(lambda name: scene_of(named(name), fits))
 
 
 @pytest.fixture(scope="session")
 def picture(nothing_installed, fits) -> Callable:
     """Figure and rows by the figure's name, for the whole run of `reproduce` as well."""
-    made: dict = {}
-
-    def of(name: str):
-        if name not in made:
-            made[name] = make_figure(named(name), fits)
-        return made[name]
-
-    return of
+    return functools.cache(lambda name: make_figure(named(name), fits))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from factories import cut_off
+from factories import cut_off, texts_of
 
 from ifrfit.paper.figures import FIGURES
 from ifrfit.paper.scheme_springs import draw as draw_springs
@@ -12,12 +12,6 @@ from ifrfit.report.style import save_figure
 DRAWN = [f.name for f in FIGURES]
 WITH_AXES = [f.name for f in FIGURES if f.kind != "scheme"]
 OF = {figure.name: figure for figure in FIGURES}
-
-
-def texts(figure) -> str:
-    found = [t.get_text() for axes in figure.axes for t in axes.texts]
-    found += [t.get_text() for legend in figure.legends for t in legend.get_texts()]
-    return "\n".join([figure._suptitle.get_text(), *found])
 
 
 @pytest.mark.parametrize("name", DRAWN)
@@ -41,7 +35,7 @@ def test_every_axis_says_its_unit(picture, name):
 
 @pytest.mark.parametrize("name", WITH_AXES)
 def test_a_stand_in_says_so_in_the_picture_and_nothing_else_does(picture, name):
-    said = texts(picture(name).figure)
+    said = "\n".join(texts_of(picture(name).figure))
     if OF[name].kind == "points":
         assert "STAND-IN DATA, not an experiment" in picture(name).figure._suptitle.get_text()
         assert "(STAND-IN, not measured)" in said
@@ -62,7 +56,7 @@ def test_a_stand_in_says_so_in_the_picture_and_nothing_else_does(picture, name):
 
 
 def test_fig_9_names_its_values_of_e_t_as_a_choice(picture):
-    said = texts(picture("9").figure)
+    said = "\n".join(texts_of(picture("9").figure))
     assert said.count("our choice of value") == 3
     assert "FR: $e_t$ −1" in said
 

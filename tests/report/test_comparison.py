@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from comparison_data import FOUR, observations
+from comparison_data import FOUR, not_converged, observations
 from factories import cut_off
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.comparison import compare
-from ifrfit.inference.result.types import Fact
 from ifrfit.report import write_folder
 from ifrfit.report.comparison.findings import findings, prior_line
 from ifrfit.report.comparison.folder import write_comparison
@@ -80,11 +79,7 @@ def test_priors_are_told_once_where_all_share_them(found):
 
 
 def test_what_did_not_converge_comes_first(found):
-    entries = dict(found.entries)
-    fit = entries["f"].fit
-    loose = Fact(False, "the quadrature reached 1e-2 only", {}, "rule")
-    entries["f"] = replace(entries["f"], fit=replace(fit, facts={**fit.facts, "converged": loose}))
-    broken = replace(found, entries=entries)
+    broken = not_converged(found, "f")
     assert not broken.converged
     assert findings(broken)[0] == ("LOOK", "F: the quadrature reached 1e-2 only")
     assert ("ok", "the evidence of every closure converged") in findings(found)

@@ -9,7 +9,7 @@ import built_results
 import matplotlib as mpl
 import numpy as np
 import pytest
-from factories import cut_off
+from factories import cut_off, texts_of
 
 import ifrfit
 from ifrfit.errors import UsageError
@@ -19,12 +19,6 @@ from ifrfit.report.panels import axis_label
 from ifrfit.report.plot_elements import is_outlier, outlier_limit
 from ifrfit.report.shading import regime_key, spans
 from ifrfit.report.style import save_figure, series_styles
-
-
-def texts(figure) -> list[str]:
-    found = [t.get_text() for axes in figure.axes for t in axes.texts]
-    found += [t.get_text() for legend in figure.legends for t in legend.get_texts()]
-    return found + ([figure._suptitle.get_text()] if figure._suptitle else [])
 
 
 def panels_of(figure):
@@ -118,8 +112,8 @@ def test_an_outlier_is_ringed_and_nothing_else():
     for axes in (data, residuals):
         rings = [line for line in axes.lines if line.get_markerfacecolor() == "none"]
         assert [len(ring.get_xdata()) for ring in rings] == [1]
-    assert "ringed: outlier" in texts(figure)
-    assert "ringed: outlier" not in texts(drawn("fine")[1])
+    assert "ringed: outlier" in texts_of(figure)
+    assert "ringed: outlier" not in texts_of(drawn("fine")[1])
 
 
 def test_the_rows_that_the_fit_names_are_ringed_whatever_their_residuals(made):
@@ -143,9 +137,9 @@ def test_rows_are_ringed_by_bonferroni_at_one_percent_where_the_fit_does_not_jud
 
 
 def test_provenance_is_in_the_legend(made):
-    assert "run 1 (measured)" in texts(drawn("fine")[1])
+    assert "run 1 (measured)" in texts_of(drawn("fine")[1])
     unsaid = made.build((made.Run("run 1", provenance=""),))
-    assert "run 1 (provenance not stated)" in texts(plot(unsaid))
+    assert "run 1 (provenance not stated)" in texts_of(plot(unsaid))
 
 
 def test_a_stand_in_is_written_across_the_picture():
@@ -154,7 +148,7 @@ def test_a_stand_in_is_written_across_the_picture():
     mark = next(text for text in data.texts if text.get_text() == "STAND-IN")
     assert mark.get_fontsize() >= 24
     assert figure._suptitle.get_text().startswith("STAND-IN DATA")
-    assert not any("STAND-IN" in text for text in texts(drawn("fine")[1]))
+    assert not any("STAND-IN" in text for text in texts_of(drawn("fine")[1]))
 
 
 def test_series_differ_by_marker_and_line_not_only_by_colour():
@@ -180,7 +174,7 @@ def test_transitions_that_differ_are_shown_series_by_series():
 
 
 def test_an_open_transition_is_said_in_words():
-    assert "transition not determined: > 30 degrees (95 %)" in texts(drawn("all_sticking")[1])
+    assert "transition not determined: > 30 degrees (95 %)" in texts_of(drawn("all_sticking")[1])
 
 
 def test_regimes_take_turns_below_the_last_transition():
@@ -211,7 +205,7 @@ def test_five_observables_wrap_and_a_label_with_signs_stays_a_label(made):
     runs = (made.Run("_$run"), made.Run("b", 20, 0.3, 0.2))
     figure = plot(made.build(runs, ("beta", "beta_cm", "mu_app", "delta_deg", "tan_psi_out")))
     assert len(panels_of(figure)) == 5
-    assert r" _\$run (measured)" in texts(figure)
+    assert r" _\$run (measured)" in texts_of(figure)
     figure.draw_without_rendering()
 
 
@@ -274,14 +268,14 @@ def test_the_legend_names_bands_by_what_they_are(made):
         (sampled, "exact", "68, 95 % credible bands"),
         (sampled, "mcmc", "68, 95 % credible bands"),
     ):
-        found = texts(plot(replace(result, method=method)))
+        found = texts_of(plot(replace(result, method=method)))
         assert [text for text in found if "68, 95 %" in text] == [words]
     assert "residuals of ±2 σ" in found
 
 
 def test_open_and_filled_are_explained_only_where_both_occur(made):
     def explained(result):
-        return [t for t in texts(plot(result)) if t.startswith(("open", "filled", "all"))]
+        return [t for t in texts_of(plot(result)) if t.startswith(("open", "filled", "all"))]
 
     assert explained(made.fine()) == ["open: sticking", "filled: sliding"]
     # the panel itself says "sliding"

@@ -9,7 +9,6 @@ from html import escape
 
 import numpy as np
 
-from ifrfit.cost.compared_estimates import free_names
 from ifrfit.cost.inference_costs import Reference
 from ifrfit.cost.pareto_front import Choice
 from ifrfit.cost.report.sentences import choice_name, error_text, sentences
@@ -68,7 +67,7 @@ def heading(costs: Costs, kind: Kind) -> str:
     if kind == "inference":
         reference = costs.reference
         assert reference is not None
-        names = joined(free_names(costs.fit.problem_and_optimum()[0]))
+        names = joined(costs.fit.problem_and_optimum()[0].parameters.free_names)
         return (
             f"inference: from data in memory to mean, sd and 95 % interval of {names}; errors in posterior "
             f"sd, against {reference_words(reference)}; of draws the root mean square over seeds"

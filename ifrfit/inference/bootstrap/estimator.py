@@ -173,8 +173,7 @@ def _collect(problem: Problem, chosen: Scheme, solved: ReplicateFits, seed: int)
     theta = solved.theta[answered]
     if only_kappa_is_seen(problem):
         theta = _spread_e_n(problem, theta, seed)
-    free = zip(problem.parameters.names, theta.T, problem.parameters.free, strict=True)
-    draws = {name: column for name, column, is_free in free if is_free}
+    draws = dict(zip(problem.parameters.free_names, theta.T[problem.parameters.free], strict=True))
     if chosen.informs_noise:
         noises = zip(problem.noise_groups(), solved.noise[answered].T, strict=True)
         draws |= {noise_name(group): column for group, column in noises}

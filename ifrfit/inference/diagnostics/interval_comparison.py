@@ -10,12 +10,11 @@ import numpy as np
 
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
-from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import ProfileLikelihood
-from ifrfit.inference.summary.gaussian import kappa_at
+from ifrfit.inference.summary.gaussian import local_quantities
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,11 +55,9 @@ def intervals(
 
     found = profile_all(problem, fit, curves=False) if profiles is None else profiles
     rows: dict[str, dict[str, Any]] = {}
-    for name, value, functional in _quantities(problem, fit):
-        if name not in found:
-            continue
+    for name, (value, functional, domain) in local_quantities(problem, fit).items():
         profile = found[name]
-        sd = math.sqrt(fit.gaussian.variance(functional, 1.0))
+        sd = math.sqrt(fit.gaussian.variance(functional, domain.prior_sd))
         half = half_width(_LEVEL, fit.noise_dof) * sd
         exact = (math.nan, math.nan)
         if posterior is not None and name in posterior.names:
@@ -80,16 +77,3 @@ def intervals(
             "noise_dof": profile.dof,
         }
     return pd.DataFrame.from_dict(rows, orient="index")
-
-
-def _quantities(problem: Problem, fit: LeastSquaresFit) -> list[tuple[str, float, Any]]:
-    """Name, value and derivative by the local coordinates of each free constant and of kappa."""
-    theta, to_theta = fit.optimum.theta, fit.gaussian.to_theta
-    found = [
-        (problem.parameters.names[i], float(theta[i]), to_theta[i])
-        for i in np.flatnonzero(problem.parameters.free).tolist()
-    ]
-    separate = any(c.separate for c in problem.parameters if c.name in ("e_n", "mu"))
-    for number, series in enumerate(problem.series if separate else problem.series[:1]):
-        found.append((entry_name("kappa", series if separate else ""), *kappa_at(problem, fit, number)))
-    return found

@@ -50,13 +50,8 @@ class Draws:
         KeyError
             If a free parameter has no draws.
         """
-        free = [
-            name
-            for name, is_free in zip(problem.parameters.names, problem.parameters.free, strict=True)
-            if is_free
-        ]
         others = [name for name in draws if name.startswith("noise") or name == OFFSET]
-        found = {name: draws[name] for name in free} | kappa_draws(problem, draws)
+        found = {name: draws[name] for name in problem.parameters.free_names} | kappa_draws(problem, draws)
         found |= {name: draws[name] for name in others}
         transitions = {
             transition_name(series): np.broadcast_to(_transition(problem, draws, number), _shape(found))

@@ -11,6 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)  # of the quantiles that a result keeps
+BANDS = {
+    "lo68": 0.16,
+    "hi68": 0.84,
+    "lo95": 0.025,
+    "hi95": 0.975,
+}  # columns of bands to levels
 
 
 class Distribution(Protocol):

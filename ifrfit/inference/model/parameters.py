@@ -220,6 +220,11 @@ class ParameterSet:
         free.flags.writeable = False
         return free
 
+    @property
+    def free_names(self) -> tuple[str, ...]:
+        """Names of the entries of theta that are not fixed."""
+        return tuple(name for name, free in zip(self.names, self.free, strict=True) if free)
+
     @cached_property
     def positions(self) -> Mapping[str, Index]:
         """Places in theta of each parameter by its name, one a series, (n_series,)."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -42,19 +41,13 @@ def solve(
     if not problem.closure.bilinear and problem.has_oblique:
         return multistart(problem, sigma, near)
     independent = independent_groups(problem, sigma)
-    if independent is not None and not problem.parameters.differ_by_series:
-        ((group, _),) = independent
-        found = solve_group(
-            group, None if near is None or proven else float(near[problem.parameters.positions["e_n"][0]])
-        )
-        if found is None:
-            return multistart(problem, sigma, near)
-        return _optimum(problem, found)
     if independent is not None:
         places = problem.parameters.positions["e_n"]
         parts = []
         for i, (group, _) in enumerate(independent):
             alone = solve_group(group, None if near is None or proven else float(near[places[i]]))
+            if alone is None and len(independent) == 1:
+                return multistart(problem, sigma, near)
             parts.append(_searched(problem, i, sigma, near) if alone is None else alone)
         return _join(problem, parts)
     groups = series_groups(problem, sigma)
@@ -67,27 +60,31 @@ def solve(
 
 
 def whole_group(problem: Problem, sigma: Array) -> ParameterGroup:
-    """All rows as one group."""
-    e_n, c, mu = _specs(problem)
+    """All rows as one group; entries fixed in one of several series alone are not fixed in it."""
+    one = len(problem.series) == 1
+    e_n, c, mu = (_entry(problem, x, 0) if one else x for x in _specs(problem))
     return ParameterGroup(problem.rows, 1.0 / sigma, problem.closure, problem.inertia_factor, e_n, c, mu)
 
 
 def series_groups(problem: Problem, sigma: Array) -> list[ParameterGroup]:
     """One group a series, its fixed entries included. A prior on a shared constant is not in any of them."""
-    places, entries = problem.parameters.positions, problem.parameters.entries
-
-    def own(c: Parameter, number: int) -> Parameter:
-        return entries[places[c.name][number]] if c.separate else replace(c, prior=None)
-
     groups = []
     for number in range(len(problem.series)):
         at = np.flatnonzero(problem.rows.series == number)
         rows = problem.rows.take(at)
-        e_n, c, mu = (own(x, number) for x in _specs(problem))
+        e_n, c, mu = (
+            _entry(problem, x, number) if x.separate else replace(x, prior=None) for x in _specs(problem)
+        )
         groups.append(
             ParameterGroup(rows, 1.0 / sigma[at], problem.closure, problem.inertia_factor, e_n, c, mu)
         )
     return groups
+
+
+def _entry(problem: Problem, constant: Parameter, number: int) -> Parameter:
+    """A constant as it is in one series: fixed where its entry of theta is."""
+    places = problem.parameters.positions.get(constant.name)
+    return constant if places is None else problem.parameters.entries[places[number]]
 
 
 def independent_groups(problem: Problem, sigma: Array) -> list[tuple[ParameterGroup, Index]] | None:
@@ -106,42 +103,17 @@ def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:
     return parameters["e_n"], parameters[own] if own else none, parameters["mu"]
 
 
-def _optimum(problem: Problem, found: GroupOptimum) -> Optimum:
-    """A single group: theta is (e_n, c, mu), less c where the closure has none."""
-    places = (0, 1, 2) if problem.closure.constant else (0, 2)
-    kept = list(zip(places, problem.parameters, strict=True))
-
-    def theta(constants: Constants) -> Array:
-        return np.array(
-            [x if math.isinf(x := constants[i]) else min(max(x, c.lower), c.upper) for i, c in kept]
-        )
-
-    minima = tuple((value, theta(constants)) for value, constants in found.minima)
-    extremes = tuple(theta(constants) for constants in found.extremes)
-    return Optimum(
-        minima[0][1], found.objective, found.gap, minima, found.method, extremes, is_local=found.is_local
-    )
-
-
 def _searched(problem: Problem, number: int, sigma: Array, near: Array | None) -> GroupOptimum:
     """A series alone, by a search."""
-    part = problem.by_series[number]
-    own = np.flatnonzero(problem.rows.series == number)
-    names = ("e_n", problem.closure.constant, "mu")
+    mine = [int(places[number]) for places in problem.parameters.positions.values()]
+    own_sigma = sigma[problem.rows.series == number]
+    found = multistart(problem.by_series[number], own_sigma, None if near is None else near[mine])
 
-    def constants(theta: Array, which: Problem, series: int) -> Constants:
-        places = which.parameters.positions
-        e_n, c, mu = (0.0 if name is None else float(theta[places[name][series]]) for name in names)
-        return e_n, c, mu
+    def constants(theta: Array) -> Constants:
+        e_n, *c, mu = theta.tolist()
+        return e_n, c[0] if c else 0.0, mu
 
-    start = None
-    if near is not None:
-        start = np.zeros(len(part.parameters.names))
-        for name, value in zip(names, constants(near, problem, number), strict=True):
-            if name is not None:
-                start[part.parameters.positions[name]] = value
-    found = multistart(part, sigma[own], start)
-    minima = tuple((value, constants(theta, part, 0)) for value, theta in found.minima)
+    minima = tuple((value, constants(theta)) for value, theta in found.minima)
     method = f"{found.method} of each series"
     return GroupOptimum(minima[0][1], found.objective, None, minima, (), method, is_local=found.is_local)
 
@@ -161,20 +133,25 @@ def _solve_separate(problem: Problem, groups: list[ParameterGroup], whole: Param
 
 
 def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
-    """Series that share nothing: objectives and gaps add; a rival of one series is a rival of the whole."""
+    """Groups that share nothing: objectives and gaps add; a rival of one of them is a rival of the whole."""
+    spread = len(problem.series) // len(parts)  # one group has the constants of all series
+
+    def theta(constants: list[Constants]) -> Array:
+        return theta_of(problem, constants * spread)
+
     best = [part.constants for part in parts]
     objective = sum(part.objective for part in parts)
-    minima = [(objective, theta_of(problem, best))]
+    minima = [(objective, theta(best))]
     extremes: list[Array] = []
     for i, part in enumerate(parts):
         for value, constants in part.minima[1:]:
-            swapped = [*best[:i], constants, *best[i + 1 :]]
-            minima.append((objective + value - part.objective, theta_of(problem, swapped)))
-        extremes += [theta_of(problem, [*best[:i], constants, *best[i + 1 :]]) for constants in part.extremes]
+            rival = theta([*best[:i], constants, *best[i + 1 :]])
+            minima.append((objective + (value - part.objective), rival))
+        extremes += [theta([*best[:i], constants, *best[i + 1 :]]) for constants in part.extremes]
     minima.sort(key=lambda pair: pair[0])
     gaps = [part.gap for part in parts]
     gap = None if any(g is None for g in gaps) else sum(g for g in gaps if g is not None)
     searched = [part.method for part in parts if part.method.endswith("series")]
-    method = searched[0] if searched else "all partitions of each series"
+    method = (searched or ["all partitions of each series"])[0] if parts[1:] else parts[0].method
     is_local = any(part.is_local for part in parts)
     return Optimum(minima[0][1], objective, gap, tuple(minima), method, tuple(extremes), is_local=is_local)

@@ -63,14 +63,15 @@ def profile_all(
     for name, quantity in quantities_of(problem, fit).items():
         sd = math.sqrt(fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd))
         found[name] = _profile(misfit, quantity, known_of(problem, fit, name, sd, reasons), curves)
-    e_n, domain = problem.parameters["e_n"], problem.parameters.kappas[0].domain
+    e_n = problem.parameters["e_n"]
     if e_n.fixed is not None:
         factor = 1.0 + e_n.fixed
-        for name in [name for name in found if quantity_of(name) == "mu"]:
-            label = "kappa" + name.removeprefix("mu")
-            scaled = found[name].mapped(label, lambda x: x * factor)
-            same = linear(found[name].estimate(), 0.0, factor, domain, KAPPA)
-            found[label] = replace(scaled, reason=same.reason)
+        for kappa in problem.parameters.kappas:
+            if kappa.name and kappa.name not in found:
+                mu = found[problem.parameters.names[kappa.i_mu]]
+                scaled = mu.mapped(kappa.name, lambda x: x * factor)
+                same = linear(mu.estimate(), 0.0, factor, kappa.domain, KAPPA)
+                found[kappa.name] = replace(scaled, reason=same.reason)
     own, meaning = problem.closure.constant, problem.closure.meaning
     if own is not None and meaning is not None:
         for name in [name for name in found if quantity_of(name) == own]:
@@ -98,7 +99,7 @@ def _transitions(
     """Transition angle(s) of a series: what its slip ratio at the transition becomes at its median spin."""
     problem, fit = misfit.problem, misfit.fit
     b = constant_bound(problem)
-    kappa = found.get("kappa") or found.get(f"kappa[{series}]")
+    kappa = found.get(problem.parameters.kappas[number].name)
     if kappa is None:
         return {}
     if b is not None:
@@ -145,9 +146,8 @@ def estimates_of_profiles(
     """
 
     def of_kappa(number: int) -> Estimate:
-        series = problem.series[number]
-        profile = profiles.get(f"kappa[{series}]") or profiles.get("kappa")
-        return local_kappas[series] if profile is None else profile.estimate()
+        profile = profiles.get(problem.parameters.kappas[number].name)
+        return local_kappas[problem.series[number]] if profile is None else profile.estimate()
 
     names = problem.parameters.names
     pair = [problem.parameters[name] for name in ("e_n", "mu")]

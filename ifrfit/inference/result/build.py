@@ -165,8 +165,7 @@ def build_result(
     about = summary or summarize_optimum(problem, optimum, conditions)
     own = estimation.distribution
     constants, kappas, transitions = _estimates(problem, about, estimation)
-    free = zip(problem.parameters.names, problem.parameters.free, strict=True)
-    names = tuple(name for name, is_free in free if is_free)
+    names = problem.parameters.free_names
     distribution: Distribution = about.gaussian if own is None else own
     noise = NoiseSummary(
         reported_policy(problem),

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.distributions.coordinates import to_parameters
+from ifrfit.inference.distributions.protocol import BANDS
 from ifrfit.inference.distributions.truncated_gaussian import truncated_draws
 from ifrfit.inference.model.entry_names import name_in, split_name
 from ifrfit.inference.result.state import to_coordinates
@@ -29,7 +30,7 @@ Array = NDArray[np.float64]
 
 _DRAWS = 2000
 _AT_ONCE = 500  # incidences
-_QUANTILES = (0.16, 0.84, 0.025, 0.975)
+_QUANTILES = tuple(BANDS.values())
 
 
 def draw(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:
@@ -93,11 +94,11 @@ def predict(
     band[[0, 2]] = np.minimum(band[[0, 2]], table["value"])
     band[[1, 3]] = np.maximum(band[[1, 3]], table["value"])
     own = np.asarray(_sigma(result, observable, series) if sigma is None else sigma, dtype=float)
-    table |= dict(zip(("lo68", "hi68", "lo95", "hi95"), band, strict=True))
+    table |= dict(zip(BANDS, band, strict=True))
     error_model = result.noise.error_model
     noise = own * error_model.law.draw(rng, (sample.shape[0], 1), error_model.dof)
     new = np.quantile(curves + noise, _QUANTILES, axis=0)
-    table |= dict(zip(("new_lo68", "new_hi68", "new_lo95", "new_hi95"), new, strict=True))
+    table |= {f"new_{end}": curve for end, curve in zip(BANDS, new, strict=True)}
     return pd.DataFrame(table)
 
 

@@ -29,7 +29,7 @@ def truncated_gaussian(problem: Problem, fit: LeastSquaresFit) -> TruncatedGauss
     reasons = prior_reasons(problem, fit)
     priors = dict(zip(problem.parameters.names, (c.prior for c in problem.parameters.entries), strict=True))
     loadings, marginals = {}, {}
-    for name, (value, functional, domain) in _quantities(problem, fit).items():
+    for name, (value, functional, domain) in local_quantities(problem, fit).items():
         # the width of a prior is known, whatever the noise of the rows
         dof = math.inf if priors.get(name) is not None and name in reasons else fit.noise_dof
         loadings[name] = functional
@@ -44,7 +44,7 @@ def truncated_gaussian(problem: Problem, fit: LeastSquaresFit) -> TruncatedGauss
     return TruncatedGaussian(marginals, loadings, state)
 
 
-def _quantities(problem: Problem, fit: LeastSquaresFit) -> dict[str, tuple[float, Array, Domain]]:
+def local_quantities(problem: Problem, fit: LeastSquaresFit) -> dict[str, tuple[float, Array, Domain]]:
     """Optimum of each free entry of theta and kappa, derivative by the local coordinates, and domain."""
     theta, names, entries = fit.optimum.theta, problem.parameters.names, problem.parameters.entries
     found = {
@@ -132,7 +132,7 @@ def prior_reasons(problem: Problem, fit: LeastSquaresFit) -> dict[str, str]:
     reason = f"rests on your prior of {' and '.join(named)}"
     informed = any(c.is_informed for c in problem.parameters if c.prior is not None)
     found = {}
-    for name, (_, functional, domain) in _quantities(problem, fit).items():
+    for name, (_, functional, domain) in local_quantities(problem, fit).items():
         without = bare.variance(functional, domain.prior_sd)
         if math.isinf(without):
             found[name] = reason if informed else ""

@@ -44,4 +44,8 @@ class ReportInput:
     def kappas(self) -> dict[str, Estimate]:
         """kappa by label, where it is not fixed."""
         kappa = by_series(self.result.derived.get("kappa"))
-        return {entry_name("kappa", series): each for series, each in kappa.items() if each.status != "fixed"}
+        return {
+            entry_name("kappa", series if len(kappa) > 1 else ""): each
+            for series, each in kappa.items()
+            if each.status != "fixed"
+        }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ifrfit.errors import UsageError
 from ifrfit.report import style
 from ifrfit.report.figures import MOST_COLUMNS
 from ifrfit.report.panels import axis_label
+from ifrfit.report.plot_elements import Band, Curve, Pen, draw_curve, numbers
 from ifrfit.simulation.result import conditions, observed
 
 if TYPE_CHECKING:
@@ -125,18 +126,12 @@ def _x_axis(axes: Axes, simulation: Simulation, axis: str, x: np.ndarray) -> Non
 
 
 def _curve(axes: Axes, table: pd.DataFrame, x: str, series_style: style.SeriesStyle, label: str) -> None:
-    at = table[x].to_numpy()
-    line: dict[str, Any] = {
-        "color": series_style.colour,
-        "linestyle": series_style.line,
-        "label": label,
-    }
-    if table["lo95"].notna().any():
-        for level, alpha in (("95", 0.15), ("68", 0.25)):
-            low, high = table[f"lo{level}"], table[f"hi{level}"]
-            axes.fill_between(at, low, high, color=series_style.colour, alpha=alpha, linewidth=0.0)
-    few: dict[str, Any] = {"marker": series_style.marker, "markersize": 2.5} if at.size <= 40 else {}
-    axes.plot(at, table["value"], **line, **few)
+    at, value = numbers(table, x, "value")
+    pen = Pen(series_style.colour, series_style.line)
+    bands = Band.of(table) if table["lo95"].notna().any() else None
+    draw_curve(axes, Curve("simulated", label, at, value, pen, bands))
+    if at.size <= 40:
+        axes.plot(at, value, series_style.marker, color=series_style.colour, markersize=2.5)
     mostly = table["captured"].to_numpy() > 0.5
     if mostly.any() and not label:
         low, high = at[mostly].min(), at[mostly].max()

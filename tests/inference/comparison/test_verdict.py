@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from comparison_data import FOUR, observations
+from comparison_data import FOUR, not_converged, observations
 
 from ifrfit.data.schema import STAND_IN
 from ifrfit.inference.comparison import compare
@@ -123,11 +123,7 @@ def test_simulations_say_that_they_are():
 
 def test_what_did_not_converge_is_provisional():
     found = compared("ifr", sigma=0.02, e_t=-0.7)
-    entries = dict(found.entries)
-    fit = entries["fr"].fit
-    loose = Fact(False, "the quadrature reached 1e-2 only", {}, "rule")
-    entries["fr"] = replace(entries["fr"], fit=replace(fit, facts={**fit.facts, "converged": loose}))
-    assert verdict_of(entries, found.priors).says.endswith(
+    assert verdict_of(not_converged(found, "fr").entries, found.priors).says.endswith(
         " Provisional: the posterior of FR did not converge."
     )
 

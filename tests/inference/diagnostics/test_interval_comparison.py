@@ -11,6 +11,7 @@ import pytest
 from hard_cases.synthetic import GRAZING, STEEP, question, table
 from scipy import special
 
+import ifrfit
 from ifrfit.inference.diagnostics.interval_comparison import intervals
 from ifrfit.inference.diagnostics.interval_disagreements import disagreements
 from ifrfit.inference.posterior import integrate
@@ -131,3 +132,19 @@ def test_the_exact_posterior_itself(tmp_path: Path) -> None:
     problem, fit = question(tmp_path, table(sigma=0.1, seed=1))
     said = disagreements(intervals(problem, fit, integrate(problem, start=fit)))
     assert any(one.startswith("e_t: ") and "beyond the bound -1" in one for one in said)
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [{"separate": "mu", "fix": {"e_n": 0.94}}, {"separate": "e_n", "prior": {"e_n": (0.94, 0.01)}}],
+)
+def test_one_series_with_a_constant_of_its_own_has_its_kappa_beside_it(choices):
+    found = ifrfit.fit("cross-2019", series="no spin", method="profile", **choices)
+    table = found.intervals()
+    assert "kappa" in found.distribution.names
+    assert "kappa" in table.index
+    assert set(found.distribution.names) <= set(found.profiles)
+    shared = ifrfit.fit(
+        "cross-2019", series="no spin", method="lsq", **choices | {"separate": ()}
+    ).intervals()
+    assert table.loc["kappa", "profile_low"] == pytest.approx(shared.loc["kappa", "profile_low"], rel=1e-6)
