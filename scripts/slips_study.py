@@ -20,7 +20,6 @@ CLOSURES = ("ifr", "fr", "f", "ifr-contact")
 E_N = {"e_n": 0.8}
 EFFECTS = ("viscoelastic", "plasticity", "rolling")
 UNITS = ("spins-doubled", "spins-halved", "spins-in-hertz", "spins-in-rpm")
-OTHERS = ("duplicates", "independence", "mixture")  # facts that are slips of the experiment
 
 
 @dataclass(frozen=True)
@@ -150,7 +149,9 @@ def called(scene: object, cause: object, seed: int) -> tuple[list[str], list[str
     named = [*slips["called"], *slips.get("effects", ())]
     if "effects" in failing:
         named += facts["effects"].figures["called"]
-    named[:0] = [name for name in OTHERS if name in failing]
+    if "duplicates" in failing:
+        named.insert(0, "duplicates")
+    named += [name for name in ("independence", "mixture") if name in failing]
     return named, failing
 
 

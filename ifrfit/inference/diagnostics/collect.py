@@ -69,7 +69,9 @@ def misfit_facts(
     alike = None
     if not brief:
         slip = _sized_slip(problem, found, effects.get("slips"))
-        explained = not fitting.ok or beyond is not None or bool(called and slip is None)
+        # whatever fails before may make residuals alike
+        before = (fitting, beyond, restitution, noises)
+        explained = any(fact is not None and not fact.ok for fact in before) or bool(called and slip is None)
         alike = independence(problem, found, residuals, explained=explained, also=slip)
     # rows that the closure cannot give are no outliers: left out one by one, none would be left
     rows = None if brief or beyond is not None else outliers(problem, found, residuals)

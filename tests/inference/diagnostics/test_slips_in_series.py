@@ -8,7 +8,9 @@ import pytest
 from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.data.observations import Observations
+from ifrfit.inference.diagnostics.series_compared import Pooling
 from ifrfit.inference.fit import fit
+from ifrfit.inference.result.types import Fact
 
 E_N = {"e_n": 0.8}
 RAW = Scene(spins=True, known=False, series=2)
@@ -84,3 +86,28 @@ def test_a_noisy_series_has_no_slip():
     facts = fit(Observations(table), method="lsq", independent=True).facts
     assert not facts["unequal_noise"].ok
     assert facts["slips"].ok
+
+
+def scaled(seed=3):
+    """v_n of series B is 7 % too small, beside spins: the scale of its speeds, or an e_n of its own."""
+    scene = Scene(("v_n", "spin_y_after"), 40, known=False, series=2, ordered=False)
+    table = experiment(scene, Cause(), seed).table.copy()
+    table.loc[(table["series"] == "B") & (table["observable"] == "v_n"), "value"] *= 0.93
+    return fit(Observations(table), method="lsq", independent=True).facts
+
+
+def test_a_slip_that_explains_more_is_named_beside_series_that_differ():
+    facts = scaled()
+    says = facts["slips"].says
+    assert says.startswith("series B looks as if it had speeds after impact -7")
+    assert "or series that do not share e_n (" in says
+    assert facts["pooling"].says.endswith("--separate e_n")
+
+
+def test_a_slip_that_explains_as_much_stands_behind_series_that_differ():
+    rule = Fact(False, "the series do not share e_n: --separate e_n", {}, "")
+    problem = experiment(RAW, Cause(), 1)
+    result = fit(problem, method="lsq", independent=True)
+    shared = Pooling(rule, "e_n", result.problem, result.least_squares)
+    assert shared.beside("speeds off in series B").says == f"{rule.says}; or speeds off in series B"
+    assert shared.beside("") is rule
