@@ -232,3 +232,37 @@ def test_spins_in_another_unit_are_named_before_their_scale(name):
 def test_a_size_that_is_no_unit_stays_a_scale():
     slips = fitted(RAW, Cause("spin-scale", 0.3), 3).facts["slips"]
     assert slips.figures["called"][0] == "spin-scale"
+
+
+def test_a_number_that_is_repeated_stands_for_nothing():
+    data = experiment(BETA, Cause(), 4)
+    table = data.table
+    table.loc[[10, 20, 30, 40], "value"] = -1.0
+    slips = fit(type(data)(table), method="lsq", fix=BETA.fixed).facts["slips"]
+    assert slips.figures["called"] == ["code-for-missing beta"]
+    lines = " ".join(f"--exclude {table['row'].iloc[i]}" for i in (10, 20, 30, 40))
+    assert slips.says.endswith(f"empty these cells, or {lines}")
+    assert "-1 for 'not measured' in beta (4 of its cells)" in slips.says
+
+
+def test_the_unit_of_spins_stands_before_the_inertia_factor(tmp_path):
+    """Raw velocities with half the radius: angular momentum asks for another body, the slip for the radius."""
+    rng = np.random.default_rng(3)
+    state = rebound(ANGLES, e_n=0.9, e_t=-0.9, mu=0.15, degrees=True)
+    sine, cosine = np.sin(np.radians(ANGLES)), np.cos(np.radians(ANGLES))
+    columns = {
+        "u_x_m_s": 2.0 * sine,
+        "u_z_m_s": 2.0 * cosine,
+        "v_x_m_s": 2.0 * state.v_x + 0.01 * rng.standard_normal(ANGLES.size),
+        "v_z_m_s": -2.0 * state.v_n + 0.01 * rng.standard_normal(ANGLES.size),
+        "omega_y_after_rad_s": 200.0 * state.spin_y + rng.standard_normal(ANGLES.size),
+        "radius_mm": np.full(ANGLES.size, 5.0),
+    }
+    rows = "".join(",".join(f"{x:.6g}" for x in row) + "\n" for row in zip(*columns.values(), strict=True))
+    path = tmp_path / "t.csv"
+    path.write_text(",".join(columns) + "\n" + rows, encoding="utf-8")
+    facts = fit(path, method="lsq").facts
+    failing = [name for name, fact in facts.items() if not fact.ok]
+    assert failing[:2] == ["slips", "angular_momentum"]
+    assert facts["slips"].figures["called"][0] == "spins-halved spin_y_after"
+    assert "spins 2 times as large close as well" in facts["angular_momentum"].says
