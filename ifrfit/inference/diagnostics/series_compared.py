@@ -26,7 +26,37 @@ WORTH_A_FIT = 0.1  # p of the score test below which a constant of each series i
 _FEWEST = 2.0  # degrees of freedom of a series whose noise is compared
 
 
-def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+@dataclass(frozen=True)
+class Pooling:
+    """Whether the series share their constants.
+
+    Attributes
+    ----------
+    fact : Fact
+    constants : str
+        Those that they do not share, in words.
+    problem : Problem
+        With one of each series of these.
+    fit : LeastSquaresFit
+        Of that.
+    """
+
+    fact: Fact
+    constants: str
+    problem: Problem
+    fit: LeastSquaresFit
+
+    def after_slip(self) -> Fact:
+        """The fact where a slip explains decisively more."""
+        says = f"as the table stands, the series do not share {self.constants}: mend the slip in it first"
+        return replace(self.fact, says=says)
+
+    def beside(self, slip: str) -> Fact:
+        """The fact with a slip that explains as much."""
+        return replace(self.fact, says=f"{self.fact.says}; or {slip}") if slip else self.fact
+
+
+def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
     """Test one constant for all series against one each, of every free constant that they share.
 
     The constant whose separation gains most is parted first, and the others are tested beside it. Tested is
@@ -36,7 +66,7 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
 
     Returns
     -------
-    Fact or None
+    Pooling or None
         None where there is nothing to ask: one series, or very many, or no shared constant.
     """
     names = [c.name for c in problem.parameters if c.fixed is None and not c.separate]
@@ -71,10 +101,12 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     rule = FACTS["pooling"]
     if not parted:
         p = min(smallest.values())
-        return Fact(True, f"one {joined(list(smallest))} for all series (p = {p_text(p)})", figures, rule)
-    words = [_words(now, one, parted[-1].fit, count) for one in parted]
+        says = f"one {joined(list(smallest))} for all series (p = {p_text(p)})"
+        return Pooling(Fact(True, says, figures, rule), "", now, found)
+    constants = joined([_words(now, one, parted[-1].fit, count) for one in parted])
     remedy = " ".join(f"--separate {one.name}" for one in parted)
-    return Fact(False, f"the series do not share {joined(words)}: {remedy}", figures, rule)
+    fact = Fact(False, f"the series do not share {constants}: {remedy}", figures, rule)
+    return Pooling(fact, constants, now, found)
 
 
 @dataclass(frozen=True)

@@ -76,11 +76,12 @@ class Problem:
         return self.rows.has_kind(*OBLIQUE)
 
     def per_row(self, theta: Array) -> tuple[Array, Array, Array]:
-        """(e_n, closure constant, mu) of each row at theta, (p,); (n,) each."""
-        places = self.parameters.positions
-        series = self.rows.series
-        c = theta[places[self.closure.constant]][series] if self.closure.constant else np.zeros(series.size)
-        return theta[places["e_n"]][series], c, theta[places["mu"]][series]
+        """(e_n, closure constant, mu) of each row at theta, (..., p); (..., n) each."""
+        places, series = self.parameters.positions, self.rows.series
+        c = np.zeros((*theta.shape[:-1], series.size))
+        if self.closure.constant:
+            c = theta[..., places[self.closure.constant][series]]
+        return theta[..., places["e_n"][series]], c, theta[..., places["mu"][series]]
 
     def predict(self, theta: Array) -> Array:
         """Value of each row without noise.

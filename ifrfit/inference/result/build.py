@@ -27,6 +27,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
+from ifrfit.inference.result.assumptions import assumed_of
 from ifrfit.inference.result.deferred import Deferred
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
@@ -49,12 +50,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DRAWS = 2000  # kept in the result, for predictions
-_ASSUMED_OF_NOISE = {
-    "known": "",
-    "scaled": "errors as large as the scatter, in the proportions of sigma",
-    "unknown": "errors as large as the scatter",
-    "mixed": "errors of {estimated} as large as the scatter, those of {given} as given",
-}
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
@@ -206,7 +201,10 @@ def build_result(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions() | dict(estimation.versions),
         asked=problem.parameters.parameters,
-        assumed=(*(assumed if problem.has_oblique else ()), *_assumed_of(noise)),
+        assumed=(
+            *(assumed if problem.has_oblique else ()),
+            *assumed_of(problem, optimum, constants, kappas, noise),
+        ),
         effort=estimation.effort,
         scene=None if conditions is None else conditions.scene,
         effects=about.effects,
@@ -250,7 +248,8 @@ def _facts(
     several = several_modes(problem, optimum)
     causes = {} if brief else causes_of(problem, optimum, conditions, about.constants)
     found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
-    by_hand = ("angular_momentum", "duplicates", "slips")
+    # a slip says more than that velocities and spins do not close
+    by_hand = ("duplicates", "slips", "angular_momentum")
     slips = {name: found[name] for name in by_hand if name in found}
     first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
     facts = {
@@ -297,14 +296,6 @@ def _given(problem: Problem) -> tuple[str, ...]:
     if not problem.noise.is_mixed:
         return ()
     return tuple(name for name, rows in problem.groups().items() if problem.noise.is_given[rows].all())
-
-
-def _assumed_of(noise: NoiseSummary) -> tuple[str, ...]:
-    """What was taken of the size of the errors, in words; empty where all sigma is given."""
-    words = _ASSUMED_OF_NOISE[noise.policy]
-    if noise.policy == "mixed":
-        words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
-    return (words,) if words else ()
 
 
 def _sigma_not_used(problem: Problem) -> tuple[str, ...]:
