@@ -250,13 +250,13 @@ class Errors:
 def _minus_twice_log_likelihood(problem: Problem) -> Callable[[Array], float]:
     """With every unknown noise at its best, and the priors; the constant parts left out."""
     groups = list(problem.noise_groups().values())
-    base = problem.noise.base
+    base, known = problem.noise.base, problem.noise.is_given
 
     def of(theta: Array) -> float:
         z = (problem.rows.value - problem.predict(theta)) / base
         prior = problem.parameters.prior_residuals(theta)
-        squares = [r.size * np.log(max(float(np.mean(z[r] ** 2)), 1e-300)) for r in groups] or [float(z @ z)]
-        return float(sum(squares) + prior @ prior)
+        squares = [r.size * np.log(max(float(np.mean(z[r] ** 2)), 1e-300)) for r in groups]
+        return float(sum(squares) + z[known] @ z[known] + prior @ prior)
 
     return of
 

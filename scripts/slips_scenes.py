@@ -16,6 +16,12 @@ from ifrfit.physics.observables import OBSERVABLES
 Array = NDArray[np.float64]
 VELOCITIES = ("v_x", "v_n", "spin_y_after")
 _GLASS = {"density": 2563.0, "modulus": 38.3e9, "stiffness_ratio": 0.875}
+_UNITS = {
+    "spins-doubled": 2.0,
+    "spins-halved": 0.5,
+    "spins-in-hertz": 0.5 / np.pi,
+    "spins-in-rpm": 30.0 / np.pi,
+}
 _EFFECTS = {
     "compliance": {},
     "viscoelastic": {"dissipation_time": 8e-7},
@@ -44,6 +50,10 @@ class Scene:
         What the fit fixes.
     ordered : bool
         Whether the angles rise through the table.
+    series : int
+        1 or 2: every other impact is of series B.
+    repeats : int
+        Impacts at each angle.
     """
 
     observables: tuple[str, ...] = VELOCITIES
@@ -54,6 +64,8 @@ class Scene:
     closure: str = "ifr"
     fixed: dict[str, float] = field(default_factory=dict)
     ordered: bool = True
+    series: int = 1
+    repeats: int = 1
 
 
 @dataclass(frozen=True)
@@ -75,10 +87,13 @@ class Cause:
     name : str
         As the facts call it; empty for none.
     size : float
+    in_b : bool
+        Whether it is in series B alone.
     """
 
     name: str = ""
     size: float = 0.0
+    in_b: bool = False
 
 
 def experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
@@ -90,8 +105,22 @@ def experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
     cause : Cause
     seed : int
     """
+    found = _experiment(scene, cause, seed)
+    if scene.series == 1:
+        return found
+    table = (_experiment(scene, Cause(), seed) if cause.in_b else found).table.copy()
+    of_b = table["impact_id"].astype(int) % 2 == 1
+    table[of_b] = found.table[of_b]
+    table.loc[of_b, "series"] = "B"
+    return Observations(table)
+
+
+def _experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
+    """The table with the cause in every row."""
     rng = np.random.default_rng([seed, 13])
     gamma = rng.uniform(3.0, 80.0, scene.n)
+    if scene.repeats > 1:
+        gamma = np.repeat(gamma[:: scene.repeats], scene.repeats)
     if scene.ordered:
         gamma.sort()
     given_spin = np.resize([0.0, 0.3, -0.15], scene.n) if scene.spins else np.zeros(scene.n)
@@ -117,6 +146,10 @@ def experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
         j = 0.4 * (1.0 + cause.size)
     elif cause.name == "restitution-drift":
         body["restitution"] = e_n + np.where(np.arange(scene.n) < 0.4 * scene.n, 0.0, -cause.size)
+    elif cause.name == "two-kinds":
+        body["mu"] = constants["mu"] * (1.0 + cause.size * (rng.random(scene.n) < 0.5))
+    elif cause.name == "another-mu":
+        body["mu"] = 1.4 * constants["mu"]
     elif cause.name == "spin-scale":
         true_spin = given_spin / (1.0 + cause.size)
     state = _rebound(scene, cause, true_gamma, true_spin, speed, j, body)
@@ -164,13 +197,24 @@ def _read(scene, cause, state, true_gamma, gamma, spin, mu):
         }
 
 
+def _correlated(errors, correlation):
+    """Errors of variance 1, each like the one before."""
+    found = errors.copy()
+    for i in range(1, errors.size):
+        found[i] = correlation * found[i - 1] + np.sqrt(1.0 - correlation**2) * errors[i]
+    return found
+
+
 def _written(scene, cause, gamma, spin, speed, values, rng):
     """The table, with noise, and with what is wrong in the writing of it."""
     n, names = scene.n, scene.observables
     rows, sigmas = [], []
     for name in names:
         sigma = scene.noise * (57.3 if OBSERVABLES[name].unit == "deg" else 1.0)
-        rows.append(values[name] + sigma * rng.standard_normal(n))
+        errors = rng.standard_normal(n)
+        if cause.name == "correlated":
+            errors = _correlated(errors, cause.size)
+        rows.append(values[name] + sigma * errors)
         sigmas.append(np.full(n, sigma if scene.known else np.nan))
     written = dict(zip(names, rows, strict=True))
     kind, _, of = cause.name.partition(" ")
@@ -188,6 +232,16 @@ def _written(scene, cause, gamma, spin, speed, values, rng):
     elif kind == "percent":
         written[of] = 100.0 * written[of]
         sigmas[names.index(of)] = 100.0 * sigmas[names.index(of)]
+    elif kind in _UNITS:
+        spin = _UNITS[kind] * spin
+        written[of] = _UNITS[kind] * written[of]
+        sigmas[names.index(of)] = _UNITS[kind] * sigmas[names.index(of)]
+    elif kind == "size":
+        written[of] = np.abs(written[of])
+    elif kind == "from-wall":
+        written[of] = 90.0 - written[of]
+    elif kind == "exchanged":
+        written["v_x"], written["v_n"] = written["v_n"], written["v_x"]
     elif kind == "radians":
         written[of] = np.radians(written[of])
         sigmas[names.index(of)] = np.radians(sigmas[names.index(of)])

@@ -19,6 +19,7 @@ BEGIN, END = "<!-- tables of scripts/slips_study.py -->", "<!-- end of the table
 CLOSURES = ("ifr", "fr", "f", "ifr-contact")
 E_N = {"e_n": 0.8}
 EFFECTS = ("viscoelastic", "plasticity", "rolling")
+UNITS = ("spins-doubled", "spins-halved", "spins-in-hertz", "spins-in-rpm")
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,11 @@ def clean_scenes() -> list[object]:
             Scene(("tan_psi_after", "e_n"), 30, known=known, ordered=False),
             Scene(("v_x", "v_n"), 30, 0.003, known=known, ordered=False),
             Scene(("delta_deg",), 25, known=known, fixed=E_N),
+            Scene(n=40, known=known, spins=True, series=2),
+            Scene(("beta",), 30, 0.03, known=known, fixed=E_N, series=2),
+            Scene(n=40, known=known, ordered=False, repeats=2),
+            Scene(("beta",), 40, 0.03, known=known, fixed=E_N, repeats=2),
+            Scene(("beta",), 60, 0.03, known=known, fixed=E_N, repeats=6),
         ]
     return scenes
 
@@ -68,6 +74,11 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
     def unsized(cause: str, scene: Scene, named: str = "") -> tuple:
         cases = [(replace(scene, noise=s), Cause(cause), f"noise {s:g}") for s in (0.1, 0.03, 0.01)]
         return cause, named or cause, cases
+
+    def in_b(title: str, name: str, cases: list) -> tuple:
+        """The same in one of two series."""
+        of_two = [(replace(s, series=2), replace(cause, in_b=True), size) for s, cause, size in cases]
+        return f"{title}, in B", f"{name} in B", of_two
 
     found = [
         sized("angle-offset", raw, (0.5, 1.0, 2.0), " deg"),
@@ -93,10 +104,33 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
         unsized("meant-beta beta_cm", beta),
         unsized("zero-for-missing beta", beta),
     ]
+    found += [unsized(f"{unit} spin_y_after", raw) for unit in UNITS]
+    found += [
+        unsized("size beta", beta),
+        unsized("from-wall delta_deg", angle),
+        unsized("exchanged v_x and v_n", raw),
+    ]
+    found += [
+        in_b(*one)
+        for one in (
+            sized("angle-offset", raw, (1.0, 2.0, 4.0), " deg"),
+            sized("camera-turn", raw, (0.5, 1.0, 2.0), " deg"),
+            sized("inertia-factor", raw, (0.1, 0.25, 2.0 / 3.0)),
+            unsized("sign-of-spins-y", spun, "sign-of-spins-y spin_y_after"),
+            unsized("angle-from-wall", raw),
+            unsized("sign beta", beta),
+            unsized("spins-doubled spin_y_after", raw),
+        )
+    ]
     found += [sized(name, spun, (0.5, 1.0, 2.0)) for name in EFFECTS]
     found += [unsized("compliance", spun), unsized("compliance", beta)]
     copies = [(raw, Cause("duplicates", n), f"{n} of 60") for n in (1, 3, 10)]
-    return [*found, ("duplicates", "duplicates", copies)]
+    found += [("duplicates", "duplicates", copies)]
+    for scene in (raw, beta):
+        like = [(scene, Cause("correlated", r), f"{r:g}") for r in (0.5, 0.7, 0.9)]
+        kinds = [(scene, Cause("two-kinds", x), f"mu {100 * x:.0f} %") for x in (0.2, 0.4, 0.8)]
+        found += [("correlated errors", "independence", like), ("two kinds", "mixture", kinds)]
+    return found
 
 
 def called(scene: object, cause: object, seed: int) -> tuple[list[str], list[str]]:
@@ -110,11 +144,14 @@ def called(scene: object, cause: object, seed: int) -> tuple[list[str], list[str
     found = fit(data, method="lsq", independent=True, fix=scene.fixed, closure=scene.closure)
     facts = found.facts
     failing = [name for name, fact in facts.items() if not fact.ok and not is_quiet(name, fact)]
-    named = list(facts["slips"].figures["called"]) + list(facts["slips"].figures.get("effects", ()))
+    # series that differ take the place of slips
+    slips = facts["slips"].figures if "slips" in facts else {"called": ()}
+    named = [*slips["called"], *slips.get("effects", ())]
     if "effects" in failing:
         named += facts["effects"].figures["called"]
     if "duplicates" in failing:
         named.insert(0, "duplicates")
+    named += [name for name in ("independence", "mixture") if name in failing]
     return named, failing
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.distributions.protocol import LEVELS, Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.effective_dof import dof_of_functional
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.types import ProfileLikelihood
 
@@ -78,7 +79,8 @@ def of_least_squares(problem: Problem, found: LeastSquaresFit) -> Numbers:
     sd = found.gaussian.theta_sd[problem.parameters.free]
     low, high = _domain(problem)
     value = np.clip(found.optimum.theta[problem.parameters.free], low, high)
-    half = half_width(_LEVEL, found.noise_dof) * sd
+    free = found.gaussian.to_theta[problem.parameters.free]
+    half = np.array([half_width(_LEVEL, dof_of_functional(problem, found, each)) for each in free]) * sd
     return Numbers(
         value, sd, np.clip(np.stack((value - half, value + half), axis=1), low[:, None], high[:, None])
     )

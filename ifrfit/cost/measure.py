@@ -40,7 +40,7 @@ def measure_costs(
         As in `ifrfit.fit`.
     model : Model, optional
         As in `ifrfit.fit`.
-    noise : {"known", "scaled", "unknown"} or Noise, optional
+    noise : {"known", "scaled", "unknown", "mixed"} or Noise, optional
         As in `ifrfit.fit`. Methods that do not know the errors are left out, which the notes say.
     kinds : str or sequence of str
         inference: every method of `fit` on these data; physics: contact laws at the angles of the data;

@@ -16,6 +16,8 @@ LIMIT = 0.05
 _EXPLAINS = 0.5
 # What is measured is rarely sharper: within this share of a known body, that body is meant.
 _SAME_BODY = 0.025
+# factors between a radius and a diameter, radians, revolutions per second and per minute
+_SPIN_UNITS = (2.0, 0.5, 2.0 * np.pi, 0.5 / np.pi, 30.0 / np.pi, np.pi / 30.0)
 _BODIES = {2 / 5: "homogeneous ball", 2 / 3: "thin hollow ball", 1 / 2: "disc on its edge"}
 
 
@@ -87,8 +89,20 @@ class MomentumCheck:
         factor, body = _body(self.suggested)
         return (
             f"{self.source}: the velocities contradict the inertia factor {self.inertia_factor:.4g}; try "
-            f"--inertia-factor {factor:.3g}{body}, or check size and signs{self._sum_of_spins}. With "
+            f"--inertia-factor {factor:.3g}{body}, or check size and signs{self._sum_of_spins}"
+            f"{self._unit_of_spins}. With "
             f"{self.inertia_factor:.4g}, {rest}."
+        )
+
+    @property
+    def _unit_of_spins(self) -> str:
+        """Spins in another unit ask for an inertia factor that is as many times as large."""
+        factor = (self.suggested or 0.0) / self.inertia_factor
+        if not any(abs(factor / unit - 1.0) <= _SAME_BODY for unit in _SPIN_UNITS):
+            return ""
+        return (
+            f": spins {factor:.3g} times as large close as well (radius for diameter, revolutions for "
+            "radians, minutes for seconds?)"
         )
 
     @property

@@ -57,7 +57,7 @@ def fit(
         Files, names of bundled datasets, or what `read` and `load_dataset` return.
     model : Model, optional
         Closure and constants. Its fields may be given as keywords instead.
-    noise : {"known", "scaled", "unknown"} or Noise, optional
+    noise : {"known", "scaled", "unknown", "mixed"} or Noise, optional
         What sigma means; by default the dataset's own policy, else known where every row has a sigma, else
         unknown. A `Noise` also says of heavy tails, errors of angles, and errors that are propagated.
     method : str or Estimator, optional

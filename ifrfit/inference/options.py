@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ifrfit.inference.model.parameters import Parameter
     from ifrfit.physics.closure import Closure
 
-POLICIES = ("known", "scaled", "unknown")
+POLICIES = ("known", "scaled", "unknown", "mixed")
 
 NOISE = "noise"  # among the names that may be separate
 
@@ -182,9 +182,9 @@ class Noise(Options):
 
     Attributes
     ----------
-    policy : {"known", "scaled", "unknown"} or None
-        What sigma means; by default the dataset's own policy, else known where every row has a sigma, else
-        unknown.
+    policy : {"known", "scaled", "unknown", "mixed"} or None
+        What sigma means. mixed: known for each observable of a series whose rows all have a sigma, unknown
+        for the others. By default the dataset's own policy, else mixed.
     tails : {"gaussian", "student-t"} or a registered one
         Law of the errors of the values.
     dof : float or None
@@ -201,7 +201,9 @@ class Noise(Options):
         For a choice that does not exist, or choices that contradict.
     """
 
-    policy: str | None = option(None, "What sigma means: known, scaled or unknown.", keyword="noise")
+    policy: str | None = option(
+        None, "What sigma means: known, scaled, unknown, or mixed: known where given.", keyword="noise"
+    )
     _: KW_ONLY
     tails: str = option(
         "gaussian",
@@ -221,7 +223,7 @@ class Noise(Options):
 
     def __post_init__(self) -> None:
         if self.policy is not None and self.policy not in POLICIES:
-            raise UsageError(f"--noise {self.policy}: choose known, scaled or unknown.")
+            raise UsageError(f"--noise {self.policy}: choose known, scaled, unknown or mixed.")
         _ = self.error_model  # which checks
 
     @property

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,16 +89,20 @@ def _noise_rows(result: FitResult) -> Iterator[Row]:
         return
     if FACTOR in result.noise.estimates:
         yield Row("noise", "", result.noise.estimates[FACTOR], "", "times the given sigma")
-    elif result.noise.estimates:
-        yield from _unknown_noises(result.noise.estimates)
     else:
-        yield from _plain_noises(result)
+        found = _unknown_noises(result) if result.noise.estimates else _plain_noises(result)
+        if result.noise.policy != "mixed":
+            yield from found
+            return
+        for row in found:
+            yield replace(row, remark=f"{row.remark}, from the scatter")
+        yield from _given_noises(result)
 
 
-def _unknown_noises(estimates: Mapping[str, Estimate]) -> Iterator[Row]:
+def _unknown_noises(result: FitResult) -> Iterator[Row]:
     """One row a noise; one row an observable where there are many series."""
     observables: dict[str, dict[str, Estimate]] = {}
-    for key, estimate in estimates.items():
+    for key, estimate in result.noise.estimates.items():
         series, _, observable = key.rpartition("/")
         observables.setdefault(observable, {})[series] = estimate
     for observable, own in observables.items():
@@ -106,8 +110,18 @@ def _unknown_noises(estimates: Mapping[str, Estimate]) -> Iterator[Row]:
             yield _many(observable, [e.value for e in own.values() if e.value is not None])
             continue
         for series, estimate in own.items():
-            whose = f" in {series}" if len(own) > 1 else ""
+            whose = f" in {series}" if len(own) > 1 else _beside_given(result, observable)
             yield Row("noise", "", estimate, "", f"of {observable}{whose}")
+
+
+def _beside_given(result: FitResult, observable: str) -> str:
+    """Series whose noise of an observable was estimated, where sigma was given in others."""
+    cells = [key.rpartition("/") for key in result.noise.sigma]
+    own = [
+        (series, f"{series}/{name}" in result.noise.given) for series, _, name in cells if name == observable
+    ]
+    estimated = [series for series, given in own if not given]
+    return f" in {joined(estimated)}" if len(estimated) < len(own) else ""
 
 
 def _many(observable: str, sigmas: list[float]) -> Row:
@@ -120,10 +134,30 @@ def _places(sigma: float) -> int:
     return decimals(sigma) if sigma > 0.0 and np.isfinite(sigma) else 0
 
 
+def _given_noises(result: FitResult) -> Iterator[Row]:
+    """One row an observable whose sigma was given, beside others whose noise was estimated."""
+    estimated = {key.rpartition("/")[2] for key in result.noise.sigma if key not in result.noise.given}
+    given: dict[str, list[str]] = {}
+    for key in result.noise.given:
+        name, _, observable = key.rpartition("/")
+        given.setdefault(observable, []).append(name)
+    for observable, series in given.items():
+        whose = f" in {joined(series)}" if observable in estimated else ""
+        sigmas = [result.noise.sigma[f"{name}/{observable}"] for name in series]
+        if len(result.points):
+            own = (result.points["observable"] == observable) & result.points["series"].isin(series)
+            sigmas = result.points["sigma"][own].to_list()
+        low, high = (fixed(x, _places(x)) for x in (min(sigmas), max(sigmas)))
+        plain = low if low == high else f"{low}..{high}"
+        yield Row("noise", "", None, plain, f"of {observable}{whose}, as given")
+
+
 def _plain_noises(result: FitResult) -> Iterator[Row]:
     """One row a value: series and observables that share a noise are named together."""
     groups: dict[tuple[str, float, str], list[str]] = {}
     for key, sigma in result.noise.sigma.items():
+        if key in result.noise.given:
+            continue
         series, _, observable = key.rpartition("/")
         factor = _factor(result, series, observable) if result.noise.policy == "scaled" else None
         if factor is not None:
@@ -138,7 +172,8 @@ def _plain_noises(result: FitResult) -> Iterator[Row]:
     for (meaning, value, kind), names in groups.items():
         # names are worth the space only where the same words stand for several values
         whose = f" {'in' if kind else 'of'} {joined(list(dict.fromkeys(names)))}"
-        remark = meaning + (whose if meanings.count(meaning) > 1 else "")
+        beside = _beside_given(result, meaning.removeprefix("of ")) if kind else ""
+        remark = meaning + (whose if meanings.count(meaning) > 1 else beside)
         yield Row("noise", "", None, fixed(value, _places(value)), remark)
 
 

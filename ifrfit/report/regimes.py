@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ifrfit.inference.model.rows import OBLIQUE
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.physics import CLOSURES, OBSERVABLES
@@ -44,6 +45,11 @@ def has_angle(observable: str) -> bool:
     return observable not in OBSERVABLES or OBSERVABLES[observable].has_angle
 
 
+def _is_oblique(observable: str) -> bool:
+    """Whether an observable knows whether an impact sticks; one that is not known here counts as such."""
+    return observable not in OBSERVABLES or OBSERVABLES[observable].kind in OBLIQUE
+
+
 def at_true_angles(result: FitResult) -> FitResult:
     """The result with its points at the angles of incidence that it found; the set ones without an offset."""
     offset = result.noise.angle_offset
@@ -80,9 +86,10 @@ def angled_series(result: FitResult) -> list[str]:
 
 
 def regime_counts(result: FitResult, series: str) -> tuple[int, int]:
-    """Impacts of a series that stick and that slide."""
+    """Impacts of a series that stick and that slide, as far as a row measured which they do."""
     rows = result.points
-    rows = rows[(rows["series"] == series) & rows["gamma_deg"].notna()]
+    oblique = rows["observable"].map(lambda name: _is_oblique(str(name))).astype(bool)
+    rows = rows[(rows["series"] == series) & rows["gamma_deg"].notna() & oblique]
     sticking = rows["sticking"].map(bool).astype(bool)
     return count_impacts(rows[sticking]), count_impacts(rows[~sticking])
 

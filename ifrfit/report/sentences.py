@@ -23,6 +23,8 @@ HEADLINES = {
     "pooling": "the series do not share their constants",
     "unequal_noise": "the series do not share their noise",
     "scatter_too_small": "the data scatter less than their sigma",
+    "mixture": "the table looks as if it held impacts of two kinds",
+    "independence": "errors are not independent",
     "normal_restitution": "the readings of e_n contradict what is taken of them",
     "prior_conflict": "the data contradict a value that was taken for known",
     "slips": "the table looks as if it had a slip in it",
@@ -60,6 +62,8 @@ def sigma_words(result: FitResult) -> str:
         return "sigma given"
     if policy == "scaled":
         return "given sigma scaled to the scatter"
+    if policy == "mixed":
+        return f"sigma of {result.noise.whose(given=True)} given"
     given = len(result.points) > 0 and bool(result.points["sigma"].notna().any())
     return "given sigma not used" if given else "no sigma given"
 
@@ -90,11 +94,12 @@ def _method_words(result: FitResult) -> str:
 
 def noise_words(result: FitResult) -> str:
     """What was taken for noise."""
-    count = len(result.noise.estimates or set(result.noise.sigma.values()))
+    noise = result.noise
+    count = len(noise.estimates or {sigma for key, sigma in noise.sigma.items() if key not in noise.given})
     number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
-    return {"known": "known noise", "scaled": "noise scaled"}.get(
-        result.noise.policy, f"{number} unknown noise{'s' if count != 1 else ''}"
-    )
+    unknown = f"{number} unknown noise{'s' if count != 1 else ''}"
+    named = {"known": "known noise", "scaled": "noise scaled", "mixed": f"{unknown} beside given sigma"}
+    return named.get(noise.policy, unknown)
 
 
 def misfit_line(result: FitResult) -> str:

@@ -355,3 +355,9 @@ def test_z_out_of_the_wall_is_said_and_checked(read):
         DataError, match=r"u_z_m_s: -4, but z points into .* or say --convention z=out-of-wall if z"
     ):
         read(text.format("3"))
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_spins_of_another_radius_are_named_beside_the_inertia_factor(tmp_path, factor):
+    (check,) = table_of(tmp_path / "x.csv", impacts(0.4 * factor)).momentum
+    assert f"spins {factor:g} times as large close as well (radius for diameter" in check.says

@@ -142,6 +142,25 @@ def test_a_code_for_a_missing_value_is_refused_with_its_place(read, column, code
     assert "Leave such cells empty" in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    ("code", "times", "refused"), [("9.99", 3, True), ("9.99", 2, False), ("-9.9", 4, True)]
+)
+def test_a_short_code_is_one_where_it_is_repeated(read, code, times, refused):
+    lines = [f"{10 + i},{code if i < times else 0.1 * i}" for i in range(10)]
+    text = "gamma_deg,beta\n" + "\n".join(lines) + "\n"
+    if not refused:
+        assert len(read(text).table) == 10
+        return
+    with pytest.raises(DataError) as raised:
+        read(text)
+    assert f"line 2, column beta: {code} looks like a code for 'not measured'" in str(raised.value)
+
+
+def test_nines_among_their_like_are_values(read):
+    lines = [f"{10 + i},{9.99 if i < 4 else 4.0 + 0.1 * i}" for i in range(10)]
+    assert len(read("gamma_deg,tan_psi_after\n" + "\n".join(lines) + "\n").table) == 10
+
+
 def test_a_number_like_a_code_among_its_like_is_none(read):
     text = "u_x_m_s,u_z_m_s,v_x_m_s,radius_m,omega_y_after_rad_s\n1,2,0.5,0.001,{}\n1,2,0.5,0.001,-150\n"
     assert read(text.format("-99")).table.value.size == 4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,12 @@ def _looks(name: str, *words: str) -> Callable[[FitResult], None]:
 def _apart(result: FitResult) -> None:
     _looks("pooling", "the series do not share mu", "--separate mu")(result)
     assert "effects" not in result.facts
+
+
+def _given_and_estimated(result: FitResult) -> None:
+    assert result.noise.policy == "mixed"
+    assert result.assumed[-1] == "errors of e_n as large as the scatter, those of beta as given"
+    assert all(fact.ok for fact in result.facts.values())
 
 
 def _silent_prior(result: FitResult) -> None:
@@ -98,6 +105,33 @@ def _never_offered(told: Told) -> None:
     assert "beta_cm" not in told.err
 
 
+def _in_one_series(value: np.ndarray, gamma: np.ndarray | None = None) -> str:
+    """A table of two series, the second of which is read as given."""
+    angles = np.array(FAN, dtype=float) if gamma is None else gamma
+    first = values(FAN, "beta") + noise(len(FAN), 0.02, 21)
+    return HEADER + rows(FAN, first, None, series="A") + rows(angles, value, None, series="B")
+
+
+def _drifting() -> np.ndarray:
+    """Errors of 0.03, each like the one before by 0.9."""
+    found = noise(len(FAN) * 2, 0.03, 2)
+    for i in range(1, found.size):
+        found[i] = 0.9 * found[i - 1] + math.sqrt(0.19) * found[i]
+    return found
+
+
+def _two_balls() -> str:
+    """Impacts of mu 0.09 and 0.16 in turn, in one series."""
+    angles = np.repeat(FAN, 2)
+    mu = np.resize([0.09, 0.16, 0.16, 0.09, 0.09], angles.size)
+    value = np.array([values((g,), "beta", mu=float(m))[0] for g, m in zip(angles, mu, strict=True)])
+    return HEADER + rows(angles, value + noise(angles.size, 0.02, 6), None)
+
+
+SECOND = values(FAN, "beta") + noise(len(FAN), 0.02, 22)
+DOUBLED = np.repeat(FAN, 2)
+
+
 def _case(
     name: str,
     what: str,
@@ -129,6 +163,64 @@ CASES = (
             + rows(FAN, values(FAN, "beta") + noise(len(FAN), 0.06, 6), None, series="rough")
         ),
         _looks("unequal_noise", "--separate noise"),
+    ),
+    _case(
+        "a sigma for beta alone",
+        "Values of beta with a sigma of 0.005 in one half and of 0.08 in the other, beside readings of e_n "
+        "without one.",
+        "The given sigmas are used and the noise of e_n is estimated, which the output says; no outlier.",
+        fitted(
+            HEADER
+            + rows(FAN[::2], values(FAN[::2], "beta") + noise(len(FAN[::2]), 0.005, 7), 0.005)
+            + rows(FAN[1::2], values(FAN[1::2], "beta") + noise(len(FAN[1::2]), 0.08, 8), 0.08)
+            + rows(FAN[:5], 0.9 + noise(5, 0.01, 9), None, "e_n"),
+            fix={},
+        ),
+        _given_and_estimated,
+    ),
+    _case(
+        "the opposite sign in one series",
+        "Two series of beta, the second with the other sign, without a sigma.",
+        "The first line says that the table has a slip, with the series; constants of each are not advised.",
+        fitted(_in_one_series(-SECOND)),
+        _looks("slips", "series B looks as if it had the opposite sign in beta", "beta=opposite-sign"),
+    ),
+    _case(
+        "angles from the wall in one series",
+        "Two series of beta, the second over the angle from the wall.",
+        "The first line says that the table has a slip, with the series and the option.",
+        fitted(_in_one_series(SECOND, 90.0 - np.array(FAN, dtype=float))),
+        _looks("slips", "series B looks as if it had angles of incidence from the wall", "angle=from-wall"),
+    ),
+    _case(
+        "beta without its sign",
+        "Readings of |beta|.",
+        "The first line says that the table has a slip: beta without its sign.",
+        fitted(HEADER + rows(FAN, np.abs(SECOND), None)),
+        _looks("slips", "beta without its sign"),
+    ),
+    _case(
+        "errors that drift",
+        "beta twice at each angle, in the order of the angle, errors alike from row to row by 0.9.",
+        "The first line says that errors are not independent, with the factor by which intervals are too "
+        "short.",
+        fitted(HEADER + rows(DOUBLED, values(DOUBLED, "beta") + _drifting(), None)),
+        _looks("independence", "intervals are too short by a factor of some"),
+    ),
+    _case(
+        "two balls in one series",
+        "Impacts of mu 0.09 and 0.16 in one series, in no order.",
+        "The first line says that the table looks as if it held impacts of two kinds, with both values.",
+        fitted(_two_balls()),
+        _looks("mixture", "impacts of two kinds: mu 0.1", "--separate mu"),
+    ),
+    _case(
+        "9.99 for not measured",
+        "A column of beta with 9.99 in three cells, every other value below 1.",
+        "Refused with exit status 3, nothing written: a code for 'not measured'.",
+        _command("gamma_deg,beta\n" + "".join(f"{g},{9.99 if g < 20 else 0.1}\n" for g in FAN)),
+        refused("9.99 looks like a code for 'not measured'"),
+        fits=False,
     ),
     _case(
         "e_n that falls with the angle",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from ifrfit import AngleErrors, Bootstrap, Exact, Model, Noise, Profile
 from ifrfit.errors import DataError, IfrfitError, UsageError
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.diagnostics.collect import angle_offset
+from ifrfit.inference.fit import make_question
 from ifrfit.inference.mcmc.coordinates import Coordinates
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.free_parameter import FreeParameter
@@ -26,7 +28,9 @@ from ifrfit.inference.optimize.laplace import gaussian_approximation, weighted_j
 from ifrfit.inference.optimize.least_squares import at_fitted_offset, least_squares
 from ifrfit.inference.posterior import integrate, integrate_over_offset, log_evidence
 from ifrfit.inference.result.restore import question
-from ifrfit.physics import rebound
+from ifrfit.inference.summary.estimates import angle_offset_of
+from ifrfit.inference.summary.gaussian import truncated_gaussian
+from ifrfit.physics import get_closure, rebound
 
 
 def with_offset(sd, policy=None):
@@ -327,3 +331,33 @@ def test_an_offset_at_the_end_of_its_domain_is_not_credible():
     assert not angle_offset(found, domain).ok
     assert "no offset is the reason" in angle_offset(found, domain).says
     assert angle_offset(replace(found, value=4.5), domain).ok
+
+
+@pytest.mark.long
+def test_intervals_beside_an_offset_hold_the_truth_as_often_as_they_say(tmp_path):
+    """1,200 tables of 25 impacts, offsets of 1 degree (as the prior says), by least squares."""
+    rng, n = np.random.default_rng(21), 1200
+    model, noise = Model("ifr"), with_offset(1.0)
+    inside: Counter[tuple[str, float]] = Counter()
+    for _ in range(n):
+        truth = {"e_n": rng.uniform(0.7, 0.95), "e_t": rng.uniform(-0.9, -0.5), "mu": rng.uniform(0.08, 0.25)}
+        offset = rng.standard_normal()
+        gamma = np.sort(rng.uniform(8.0, 78.0, 25))
+        r = rebound(gamma + offset, **truth, degrees=True)
+        columns = {"gamma_deg": gamma}
+        for name in ("beta", "v_n"):
+            columns[name] = getattr(r, name) + SIGMA * rng.standard_normal(25)
+            columns[f"sigma_{name}"] = np.full(25, SIGMA)
+        pd.DataFrame(columns).to_csv(tmp_path / "a.csv", index=False)
+        asked = make_question(tmp_path / "a.csv", model, noise, 0, None, {})
+        problem = asked.problem(get_closure("ifr"), model.parameters(asked.inertia_factor))
+        found = least_squares(problem)
+        about = truncated_gaussian(at_fitted_offset(problem, found), found)
+        for level in (0.68, 0.95):
+            tails = np.array([0.5 - 0.5 * level, 0.5 + 0.5 * level])
+            ends = {name: about.quantile(name, tails) for name in truth}
+            ends["offset"] = angle_offset_of(found.angle_offset, about).interval(level)
+            for name, value in (truth | {"offset": offset}).items():
+                inside[name, level] += ends[name][0] <= value <= ends[name][1]
+    for (_, level), count in inside.items():
+        assert n - at_most(n, 1.0 - level) <= count <= at_most(n, level)

@@ -204,7 +204,10 @@ def test_a_sigma_that_is_not_used_is_told(impacts):
     none = {"gamma": GAMMA[1::2], "noise": 0.05, "sigma": None, "c": -0.7, "seed": 1}
     found = ifrfit.fit(impacts(some, none), fix={"e_n": 0.94})
     assert found.noise.policy == "unknown"
-    assert any("sigma is given in 17 of 34 rows, and is not used" in said for said in found.warnings)
+    assert any(
+        "sigma is given for 17 of 34 values of beta, and is not used, because 17 have none" in said
+        for said in found.warnings
+    )
 
 
 @pytest.mark.parametrize("wrong", [0.05, 0.20])

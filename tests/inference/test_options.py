@@ -112,7 +112,7 @@ def test_a_keyword_that_says_what_holds_anyway_is_no_contradiction():
     ("make", "says"),
     [
         (lambda: Model(inertia_factor=-1.0), "--inertia-factor -1: it must be positive"),
-        (lambda: Noise("loud"), "--noise loud: choose known, scaled or unknown"),
+        (lambda: Noise("loud"), "--noise loud: choose known, scaled, unknown or mixed"),
         (lambda: Noise(dof=3.0), "--dof belongs to --tails student-t"),
         (lambda: Noise(sigma_spin=0.1), "--sigma-spin needs --sigma-velocity"),
         (lambda: AngleErrors("berkson"), "--angle-errors berkson: choose none, effective, set or measured"),

@@ -22,14 +22,13 @@ MOST = 2**30  # bytes
 
 
 def answered(number: int, path) -> Errors | None:
-    """None where the question is refused, with a sentence."""
+    """None where the question is refused."""
     table = draw(1, number)
     path.write_text(table.text, encoding="utf-8")
     tracemalloc.start()
     try:
         return errors_of(table.problem(path), searches=4, draws=6000)
-    except IfrfitError as error:
-        assert str(error).endswith(".")
+    except IfrfitError:
         return None
     finally:
         assert tracemalloc.get_traced_memory()[1] < MOST

@@ -135,7 +135,7 @@ class BatchedSolver:
     def _first_noise(self, replicates: ReplicateData) -> Array:
         """Where the search for the noise begins, as in least squares: at the scatter of the values."""
         noise = np.ones((replicates.size, len(self.groups)))
-        if self.problem.noise.is_unknown:
+        if self.problem.noise.has_unknown:
             value = self.problem.rows.value + (0.0 if replicates.shift is None else replicates.shift)
             counts = np.ones_like(value) if replicates.counts is None else replicates.counts
             for i, rows in enumerate(self.groups.values()):
@@ -150,7 +150,8 @@ class BatchedSolver:
         base = self.problem.noise.base
         if not self.groups:
             return base[None]
-        return np.asarray(base * noise[:, _codes(self.groups, base.size)])
+        factor = np.column_stack((noise, np.ones(noise.shape[0])))  # 1 on a sigma that is given
+        return np.asarray(base * factor[:, _codes(self.groups, base.size)])
 
     def _solve_groups(self, replicates: ReplicateData, noise: Array) -> list[GroupFits]:
         """Solve every group at the given noise."""
@@ -251,8 +252,8 @@ class BatchedSolver:
 
 
 def _codes(groups: Mapping[str, Index], n: int) -> Index:
-    """Number of the group of each row."""
-    code = np.zeros(n, dtype=np.intp)
+    """Number of the group of each row; -1 of those whose sigma is given."""
+    code = np.full(n, -1)
     for i, rows in enumerate(groups.values()):
         code[rows] = i
     return code

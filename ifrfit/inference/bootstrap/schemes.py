@@ -182,7 +182,7 @@ def _few(kinds: Sequence[Kind]) -> str:
 class Residuals(Scheme):
     """Fitted values plus residuals drawn with replacement, row by row, within rows of one noise.
 
-    Residuals are taken over sigma and over sqrt(1 - leverage), then centred. One noise have all rows where
+    Residuals are taken over sigma and over sqrt(1 - leverage), then centred. One noise have all rows whose
     sigma is given (known or scaled), else those of one unknown noise. Rows of one impact are drawn
     apart, so errors that they share are lost.
 
@@ -199,7 +199,10 @@ class Residuals(Scheme):
     def of(cls, problem: Problem, found: LeastSquaresFit) -> Residuals:
         """Residuals of a fit."""
         residual = corrected(problem, found) / found.sigma
-        groups = problem.noise_groups() if problem.noise.is_unknown else {"all": np.arange(residual.size)}
+        given = np.flatnonzero(problem.noise.is_given)
+        groups: dict[str, Index] = {"all": np.arange(residual.size)}
+        if problem.noise.has_unknown:
+            groups = {**problem.noise_groups(), **({"rows with a given sigma": given} if given.size else {})}
         pools, few = [], []
         for name, rows in groups.items():
             own = residual[rows][1.0 - found.gaussian.leverage[rows] > _OWN]

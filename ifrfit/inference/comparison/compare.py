@@ -61,7 +61,7 @@ def compare(
     model : Model, optional
         As `fit`; its closure does not matter. A choice for a constant that only some closures have applies to
         these, which is noted.
-    noise : {"known", "scaled", "unknown"} or Noise, optional
+    noise : {"known", "scaled", "unknown", "mixed"} or Noise, optional
         As `fit`.
     loo : bool
         Whether to cross-validate by leaving impacts out (needs ArviZ's statistics; takes longer).

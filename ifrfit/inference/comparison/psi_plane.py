@@ -92,7 +92,7 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     n = rows.tau.size
     if n < _FEWEST:
         return PsiPlane(f"{n} row{'s' if n > 1 else ''} cannot tell two slopes", n=n, left_out=left_out)
-    fitted = _fit(rows, known=problem.noise.is_known)
+    fitted = _fit(rows)
     if fitted is None:
         return PsiPlane("the rows leave no misfit to tell their noise from", n=n, left_out=left_out)
     t = fitted.optimum.t
@@ -106,10 +106,10 @@ def psi_plane(problems: Sequence[Problem]) -> PsiPlane:
     return PsiPlane("", n, n_sticking, n - n_sticking, slopes[0], slopes[1], left_out)
 
 
-def _fit(rows: PsiRows, *, known: bool) -> _Fitted | None:
+def _fit(rows: PsiRows) -> _Fitted | None:
     """Global optimum; unknown noises settle by iteration. None where a group has no misfit."""
     factor = np.ones(rows.tau.size)
-    if known:
+    if (rows.group < 0).all():
         problem = rows.weighted(rows.base)
         return _Fitted(problem, minimise(problem), math.inf)
     share = 1.0 - _UNKNOWNS / rows.tau.size  # of the degrees of freedom that the rows keep
@@ -117,8 +117,8 @@ def _fit(rows: PsiRows, *, known: bool) -> _Fitted | None:
         problem = rows.weighted(rows.base * factor)
         optimum = minimise(problem)
         square = (_residuals(rows, optimum.t) / rows.base) ** 2
-        new = np.empty_like(factor)
-        for group in np.unique(rows.group):
+        new = np.ones_like(factor)
+        for group in np.unique(rows.group[rows.group >= 0]):
             own = rows.group == group
             new[own] = math.sqrt(float(square[own].mean()) / share)
         if not (new > 1e-12 * (1.0 + np.abs(rows.value / rows.base))).all():

@@ -39,7 +39,7 @@ class PsiRows:
     base : ndarray, (n,)
         Its uncertainty, up to the unknown noise: sigma as given, or 1.
     group : ndarray of int, (n,)
-        Unknown noise of each row.
+        Unknown noise of each row; -1 where sigma is given.
     """
 
     tau: Array
@@ -113,10 +113,9 @@ def psi_rows(problem: Problem) -> tuple[PsiRows | None, dict[str, str]]:
         return None, left_out
     rows, value, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
     base = problem.noise.base[rows]
-    group = np.zeros(rows.size, dtype=np.intp)
-    if problem.noise.is_unknown:
-        for number, own in enumerate(problem.noise_groups().values()):
-            group[np.isin(rows, own)] = number
+    group = np.full(rows.size, -1)
+    for number, own in enumerate(problem.noise_groups().values()):
+        group[np.isin(rows, own)] = number
     return PsiRows(problem.rows.tau[rows], value, weight, base, group), left_out
 
 

@@ -66,7 +66,9 @@ def _fact(
     above, below = way * (value - at[:, 1]) / sigma, way * (at[:, 0] - value) / sigma
     z = np.maximum(above, below)
     dof = found.noise_dof
-    tail = special.ndtr(-z) if math.isinf(dof) else special.stdtr(max(dof, 1.0), -z)
+    tail = special.ndtr(-z)
+    if not math.isinf(dof):
+        tail = np.where(problem.noise.is_given[rows], tail, special.stdtr(max(dof, 1.0), -z))
     p = min(1.0, float(z.size * tail.min()))
     beyond = tail < 0.025
     if p >= REFUTED or beyond.mean() < _SHARE:

@@ -1,25 +1,39 @@
-"""What the residuals call for: a slip of the hand in the table before any physical effect."""
+"""What the residuals call for: a slip of the hand in the table before series that differ and any effect."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
-from ifrfit.inference.diagnostics.slips.evidence import Slip, drop_of_effect, is_decisive, too_few, tried
-from ifrfit.inference.diagnostics.slips.messages import none_words, slip_words
-from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
+from ifrfit.inference.diagnostics.series_compared import Pooling
+from ifrfit.inference.diagnostics.slips.evidence import (
+    Fitted,
+    Slip,
+    drop_of_effect,
+    is_decisive,
+    too_few,
+    tried,
+)
+from ifrfit.inference.diagnostics.slips.messages import none_words, short_slip_words, slip_words
+from ifrfit.inference.diagnostics.slips.refit import Misfit
+from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
 
 
 def slips_first(
-    problem: Problem, fit: LeastSquaresFit, scores: Mapping[str, Score], effects: Fact | None
+    problem: Problem,
+    fit: LeastSquaresFit,
+    scores: Mapping[str, Score],
+    effects: Fact | None,
+    shared: Pooling | None = None,
 ) -> dict[str, Fact]:
-    """Try every slip, and compare with it what the effects explain.
+    """Try every slip, and compare with it what the effects explain, and what constants of each series do.
 
     Where a slip explains the data as well as an effect, the slip is named first with the effect beside it,
-    and the effect is no finding of its own.
+    and the effect is no finding of its own. Series that differ are the ordinary case: a slip takes their
+    place where it explains more, and stands alone where it explains decisively more.
 
     Parameters
     ----------
@@ -29,19 +43,25 @@ def slips_first(
         Tests of the effects.
     effects : Fact or None
         What the residuals call for among them.
+    shared : Pooling, optional
+        Whether the series share their constants.
 
     Returns
     -------
     dict
-        ``slips``, and ``effects`` unless a slip takes its place.
+        ``pooling`` where it was asked; ``slips``, unless series that differ feign them; ``effects`` unless a
+        slip or series that differ take their place.
     """
-    rest = {} if effects is None else {"effects": effects}
+    differ = shared is not None and not shared.fact.ok
+    pooling = {} if shared is None else {"pooling": shared.fact}
+    # constants that differ feign effects: they are looked for when the series are apart
+    rest = {} if effects is None or differ else {"effects": effects}
     rule = FACTS["slips"]
     if too_few(problem, fit):
-        return {
-            "slips": Fact(True, "too few rows to tell a slip in the table", {"called": [], "tests": {}}, rule)
-        } | rest
-    slips = tried(problem, fit)
+        says = "too few rows to tell a slip in the table"
+        none = Fact(True, says, {"called": [], "tests": {}}, rule)
+        return pooling | ({} if differ else {"slips": none}) | rest
+    slips = tried(problem, fit, differ=differ)
     found: dict[str, float] = {}
     if any(is_decisive(slip) for slip in slips):
         found = {name: drop_of_effect(problem, fit, one) for name, one in scores.items() if one.p < REFUTED}
@@ -51,23 +71,44 @@ def slips_first(
         "tests": {_key(slip): _figures(slip) for slip in slips},
     }
     if not named:
-        return {"slips": Fact(True, none_words(slips), figures, rule)} | rest
+        return pooling | ({} if differ else {"slips": Fact(True, none_words(slips), figures, rule)}) | rest
     top = max(slip.rank for slip in named)
     others = found.keys() - {slip.name for slip in named}
     alike = [name for name in found if name in others and found[name] >= top - ALIKE]
-    says = slip_words(problem, named, alike)
-    return {"slips": Fact(False, says, figures | {"effects": alike}, rule)}
+    apart = ""
+    if shared is not None and differ:
+        more = top - _drop_of_series(problem, fit, shared, named[0])
+        if more < ALIKE:
+            words = short_slip_words(problem, named[0]) if more > -ALIKE else ""
+            return {"pooling": shared.beside(words)}
+        apart = shared.constants if more < DECISIVE else ""
+        pooling = {"pooling": shared.after_slip()} if more >= DECISIVE else pooling
+    says = slip_words(problem, named, alike, apart)
+    return pooling | {"slips": Fact(False, says, figures | {"effects": alike}, rule)}
+
+
+def _drop_of_series(problem: Problem, fit: LeastSquaresFit, shared: Pooling, slip: Slip) -> float:
+    """Fall of -2 log likelihood with constants of each series, at the noises that a slip was judged by."""
+    of_all = Fitted(problem, fit, Misfit.of(problem))
+    judged = Fitted.by_series(problem, fit) if slip.series else of_all
+    wider = Fitted(shared.problem, shared.fit, judged.misfit)
+    return judged.likelihood - wider.likelihood
 
 
 def named_slips(slips: Sequence[Slip], of_effects: float) -> list[Slip]:
-    """Decisive slips that explain as much as anything else does, the most telling first."""
-    decisive = sorted((slip for slip in slips if is_decisive(slip)), key=lambda slip: -slip.rank)
+    """Decisive slips that explain as much as anything else does, the most telling first.
+
+    One in a single series is judged at the noise of each series, one of the whole table at that asked for.
+    """
+    every = [slip for slip in slips if is_decisive(slip)]
+    decisive = sorted(every, key=lambda slip: -slip.rank)
     top = max([of_effects, *(slip.rank for slip in decisive)])
     return [slip for slip in decisive if slip.rank >= top - ALIKE]
 
 
 def _key(slip: Slip) -> str:
-    return f"{slip.name} {slip.observable}".strip()
+    of = f"{slip.name} {slip.observable}".strip()
+    return f"{of} in {slip.series}" if slip.series else of
 
 
 def _figures(slip: Slip) -> dict[str, float]:

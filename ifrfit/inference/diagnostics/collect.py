@@ -7,12 +7,15 @@ from collections.abc import Mapping
 
 from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
 from ifrfit.inference.diagnostics.duplicates import duplicates
-from ifrfit.inference.diagnostics.lack_of_fit import Residuals, lack_of_fit, scatter_too_small
+from ifrfit.inference.diagnostics.independence import independence
+from ifrfit.inference.diagnostics.lack_of_fit import Array, Residuals, lack_of_fit, scatter_too_small
+from ifrfit.inference.diagnostics.mixture import mixture
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.prior_conflict import prior_conflict
-from ifrfit.inference.diagnostics.series_compared import pooling, unequal_noise
+from ifrfit.inference.diagnostics.series_compared import unequal_noise
+from ifrfit.inference.diagnostics.slips.nuisances import directions_of, nuisances
 from ifrfit.inference.diagnostics.thresholds import FACTS, PULL
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.free_parameter import FreeParameter
@@ -34,10 +37,12 @@ def misfit_facts(
     *,
     brief: bool = False,
 ) -> dict[str, Fact]:
-    """What the residuals of least squares say; `effects` holds what they call for, where it was tested.
+    """What the residuals of least squares say; `effects` holds the causes they call for, where tested.
 
     Brief, it leaves out outliers, and the search for a remedy of a misfit.
     """
+    shared = effects.get("pooling")
+    effects = {name: fact for name, fact in effects.items() if name != "pooling"}
     called = [name for fact in effects.values() for name in fact.figures["called"]]
     momentum = _angular_momentum(problem) if problem.observations.momentum else None
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
@@ -47,13 +52,8 @@ def misfit_facts(
     if laws_fail and called and set(called) <= _OF_RESTITUTION:
         # the readings of e_n say it themselves: a rise with the angle feigns a law of the speed
         effects = {name: fact for name, fact in effects.items() if name == "slips"}
-    shared = None if brief else pooling(problem, found)
     noises = None if brief else unequal_noise(problem, found)
     if shared is not None and not shared.ok:
-        # constants that differ feign effects: they are looked for when the series are apart
-        effects = {
-            name: fact for name, fact in effects.items() if name == "slips" and _precedes(fact, shared)
-        }
         called = ["series"]
     conflict = None if brief or (shared is not None and not shared.ok) else prior_conflict(problem, found)
     if conflict is not None:
@@ -65,17 +65,31 @@ def misfit_facts(
     small = scatter_too_small(problem, found, residuals)
     # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called)
+    fitting = lack_of_fit(problem, found, residuals, remedy=remedy)
+    alike = None
+    if not brief:
+        slip = _sized_slip(problem, found, effects.get("slips"))
+        # whatever fails before may make residuals alike
+        before = (fitting, beyond, restitution, noises)
+        explained = any(fact is not None and not fact.ok for fact in before) or bool(called and slip is None)
+        alike = independence(problem, found, residuals, explained=explained, also=slip)
+    # rows that the closure cannot give are no outliers: left out one by one, none would be left
+    rows = None if brief or beyond is not None else outliers(problem, found, residuals)
+    others = (beyond, rows, fitting, restitution, noises, alike, momentum)
+    fine = not called and all(fact is None or fact.ok for fact in others)
+    kinds = mixture(problem, found) if fine and not brief else None
     facts = {
         **({} if beyond is None else {"beyond_closure": beyond}),
         **({} if shared is None else {"pooling": shared}),
         **({} if conflict is None else {"prior_conflict": conflict}),
         **({} if double is None else {"duplicates": double}),
         **({} if noises is None else {"unequal_noise": noises}),
-        "lack_of_fit": lack_of_fit(problem, found, residuals, remedy=remedy),
+        "lack_of_fit": fitting,
+        **({} if alike is None else {"independence": alike}),
+        **({} if kinds is None else {"mixture": kinds}),
         **({} if small is None else {"scatter_too_small": small}),
         **({} if restitution is None else {"normal_restitution": restitution}),
-        # rows that the closure cannot give are no outliers: left out one by one, none would be left
-        **({} if brief or beyond is not None else {"outliers": outliers(problem, found, residuals)}),
+        **({} if rows is None else {"outliers": rows}),
         **effects,
     }
     if momentum is not None:
@@ -83,11 +97,11 @@ def misfit_facts(
     return facts
 
 
-def _precedes(fact: Fact, shared: Fact) -> bool:
-    """Whether a slip is surer than that the series differ, which it may feign."""
-    tests = fact.figures["tests"]
-    least = min((tests[name]["p"] for name in fact.figures["called"]), default=1.0)
-    return not fact.ok and least < min(shared.figures["p"].values())
+def _sized_slip(problem: Problem, found: LeastSquaresFit, slips: Fact | None) -> Array | None:
+    """Change of the values along the slip that is named first, where it has a size and is in all series."""
+    called = [] if slips is None else slips.figures["called"]
+    named = [each for each in nuisances(problem) if called[:1] == [each.name]]
+    return directions_of(problem, named, found.optimum.theta)[0].change if named else None
 
 
 def noise_converged(found: LeastSquaresFit) -> Fact:

@@ -11,6 +11,7 @@ import numpy as np
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.effective_dof import dof_of_functional
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import ProfileLikelihood
@@ -58,7 +59,7 @@ def intervals(
     for name, (value, functional, domain) in local_quantities(problem, fit).items():
         profile = found[name]
         sd = math.sqrt(fit.gaussian.variance(functional, domain.prior_sd))
-        half = half_width(_LEVEL, fit.noise_dof) * sd
+        half = half_width(_LEVEL, dof_of_functional(problem, fit, functional)) * sd
         exact = (math.nan, math.nan)
         if posterior is not None and name in posterior.names:
             tails = (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL)

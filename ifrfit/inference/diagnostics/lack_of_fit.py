@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,11 +31,15 @@ _SMALLEST = 8  # rows of an observable below which no smooth departure is looked
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of a fit: standardised ones are over sigma, studentised ones also over their own leverage."""
+    """Residuals of a fit: standardised ones are over sigma, studentised ones also over their own leverage.
+
+    `is_given` says of which rows sigma is known, (n,): their studentised residuals are normal.
+    """
 
     raw: Array
     standardised: Array
     studentised: Array
+    is_given: NDArray[np.bool_]
 
 
 def residuals_of(problem: Problem, fit: LeastSquaresFit) -> Residuals:
@@ -48,36 +53,40 @@ def residuals_of(problem: Problem, fit: LeastSquaresFit) -> Residuals:
     own = 1.0 - fit.gaussian.leverage
     # a row that the constants run through has no residual, whatever rounding leaves of it
     internal = np.where(own > _FITTED, standardised / np.sqrt(np.maximum(own, _FITTED)), 0.0)
+    given = problem.noise.is_given
     if math.isinf(fit.noise_dof) or fit.noise_dof <= 1.0:
-        return Residuals(raw, standardised, internal)
+        return Residuals(raw, standardised, internal, given)
     rest = np.maximum(fit.noise_dof - internal**2, _REST * fit.noise_dof)
-    return Residuals(raw, standardised, internal * np.sqrt((fit.noise_dof - 1.0) / rest))
+    external = internal * np.sqrt((fit.noise_dof - 1.0) / rest)
+    return Residuals(raw, standardised, np.where(given, internal, external), given)
 
 
 def lack_of_fit(problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *, remedy: bool = True) -> Fact:
     """Test whether constants can describe the data.
 
     With known sigma by chi2; without by pure error where inputs repeat; else by a smooth departure in tau,
-    with the runs test beside it.
+    with the runs test beside it. Where some sigma is known, by chi2 of these rows and by the other test of
+    all rows: the smaller p counts twice.
     """
     r = residuals.standardised
     dof = r.size - round(float(fit.gaussian.leverage.sum()))
     runs = _runs(problem, r)
     rule = FACTS["lack_of_fit"]
     figures: dict[str, object] = {"dof": dof, "p_runs": runs}
-    if problem.noise.is_known:
-        test = "chi2"
-        p = float(special.chdtrc(dof, float(r @ r))) if dof > 0 else math.nan
-    else:
+    tests: dict[str, float] = {}
+    chi2, dof_known = chi2_of_given(problem, fit, residuals)
+    if dof_known > 0:
+        tests["chi2"] = float(special.chdtrc(dof_known, chi2))
+    if not problem.noise.is_known:
         pure = _pure_error(problem, r, dof)
         if pure is not None:
-            test, p = "pure error", pure
+            tests["pure error"] = pure
         else:
-            test = "smooth departure"
             smooth = _smooth(problem, fit, r)
-            known = [x for x in (smooth, runs) if x is not None]
-            p = min(known) if known else math.nan
+            found = [x for x in (smooth, runs) if x is not None]
+            tests["smooth departure"] = min(found) if found else math.nan
             figures["p_smooth"] = smooth
+    test, p = _smallest(tests)
     figures |= {"test": test, "p": None if math.isnan(p) else p}
     if math.isnan(p):
         oblique = any(rows.size for rows in oblique_groups(problem))
@@ -95,20 +104,44 @@ def lack_of_fit(problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *,
     return Fact(False, says, figures, rule)
 
 
+def chi2_of_given(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> tuple[float, float]:
+    """Sum of squares of rows with known sigma, and its degrees of freedom: their number less leverage.
+
+    Where other rows share in the constants that is not quite a law of chi2, but one of smaller variance.
+    """
+    given = residuals.is_given
+    square = float(residuals.standardised[given] @ residuals.standardised[given])
+    leverage = float(fit.gaussian.leverage[given].sum())
+    if problem.noise.is_known:
+        return square, given.size - round(leverage)
+    return square, max(int(given.sum()) - leverage, 0.0)
+
+
+def _smallest(tests: Mapping[str, float]) -> tuple[str, float]:
+    """Name and p value of the test that speaks most against the fit, corrected for their number."""
+    made = {name: p for name, p in tests.items() if not math.isnan(p)}
+    if not made:
+        return next(reversed(list(tests)), "chi2"), math.nan
+    name = min(made, key=lambda each: made[each])
+    return name, min(1.0, len(made) * made[name])
+
+
 def scatter_too_small(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fact | None:
     """Whether the rows scatter less than their sigma says: chi2 from below; None where they do not."""
-    dof = residuals.raw.size - round(float(fit.gaussian.leverage.sum()))
-    if not problem.noise.is_known or dof < 1:
+    chi2, dof = chi2_of_given(problem, fit, residuals)
+    if dof < 1:
         return None
-    chi2 = float(residuals.standardised @ residuals.standardised)
     p = float(special.chdtr(dof, chi2))
     figures = {"p": p, "chi2": chi2, "dof": dof}
     if p >= REFUTED:
         return None
+    which, remedy = "the values", "--noise scaled"
+    if problem.noise.is_mixed:
+        which, remedy = "values whose sigma is given", "--noise unknown"
     says = (
-        f"the values scatter {math.sqrt(dof / max(chi2, 1e-300)):.2g} times less than their sigma "
-        f"(chi2 = {chi2:.3g} for {dof} degrees of freedom, p = {p_text(p)}): sigma is too large, or is no "
-        "standard uncertainty of one reading; --noise scaled takes its size from the scatter"
+        f"{which} scatter {math.sqrt(dof / max(chi2, 1e-300)):.2g} times less than their sigma "
+        f"(chi2 = {chi2:.3g} for {dof:.0f} degrees of freedom, p = {p_text(p)}): sigma is too large, or is "
+        f"no standard uncertainty of one reading; {remedy} takes its size from the scatter"
     )
     return Fact(False, says, figures, FACTS["scatter_too_small"])
 

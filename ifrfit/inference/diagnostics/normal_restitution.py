@@ -123,8 +123,9 @@ def _by_series(problem: Problem, found: LeastSquaresFit) -> Iterator[_Readings]:
         rows = np.flatnonzero(normal & (problem.rows.series == number))
         if rows.size == 0:
             continue
-        known = problem.noise.is_known
-        base = (found.sigma[rows] if known else problem.noise.base[rows]) / slope[rows]
+        given = problem.noise.is_given[rows]
+        known = bool(given.all())
+        base = (found.sigma[rows] if given.any() else problem.noise.base[rows]) / slope[rows]
         yield _Readings(
             series if len(problem.series) > 1 else "",
             problem.rows.value[rows] / slope[rows],

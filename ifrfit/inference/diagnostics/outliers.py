@@ -22,19 +22,24 @@ def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fa
     """Rows beyond the Bonferroni limit at 1 %, found one by one.
 
     The worst row is left out and the rest fitted again before the next one is judged: an outlier drags good
-    rows along. Where only a search finds an optimum, it goes on from the last one.
+    rows along. A row whose sigma is known has the limit of the normal law, any other that of Student's
+    t. Where only a search finds an optimum, it goes on from the last one.
     """
     found: list[tuple[int, float]] = []  # place in the problem, distance in sigma
     places = np.arange(problem.rows.value.size)
     limit: float | None = None
     kept_problem = problem
     while len(found) < _MOST and places.size > 2:
-        limit = _limit(fit, places.size)
-        if limit is None:
+        limits = np.array([_limit(fit, places.size, known=known) for known in (False, True)])
+        of_row = np.where(residuals.is_given, limits[1], limits[0])
+        if np.isinf(of_row).all():
+            limit = None
             break
-        worst = int(np.argmax(np.abs(residuals.studentised)))
-        if abs(residuals.studentised[worst]) <= limit:
+        limit = float(of_row.min())
+        worst = int(np.argmax(np.abs(residuals.studentised) / of_row))
+        if abs(residuals.studentised[worst]) <= of_row[worst]:
             break
+        limit = float(of_row[worst])
         found.append((int(places[worst]), float(residuals.studentised[worst])))
         kept = np.delete(np.arange(places.size), worst)
         places, kept_problem = places[kept], kept_problem.with_rows(kept)
@@ -46,12 +51,12 @@ def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fa
     return _fact(problem, found, limit)
 
 
-def _limit(fit: LeastSquaresFit, n: int) -> float | None:
-    """The Bonferroni limit; None where the noise rests on too few rows."""
+def _limit(fit: LeastSquaresFit, n: int, *, known: bool) -> float:
+    """The Bonferroni limit; infinite where the noise rests on too few rows."""
     p = 1.0 - 0.5 * OUTLIER / n
-    if math.isinf(fit.noise_dof):
+    if known or math.isinf(fit.noise_dof):
         return float(special.ndtri(p))
-    return float(special.stdtrit(fit.noise_dof - 1.0, p)) if fit.noise_dof > 2.0 else None
+    return float(special.stdtrit(fit.noise_dof - 1.0, p)) if fit.noise_dof > 2.0 else math.inf
 
 
 def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None) -> Fact:

@@ -12,8 +12,10 @@ from scipy import special
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.effective_dof import group_dof, satterthwaite
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
+from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text, plus_minus
@@ -24,7 +26,37 @@ WORTH_A_FIT = 0.1  # p of the score test below which a constant of each series i
 _FEWEST = 2.0  # degrees of freedom of a series whose noise is compared
 
 
-def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+@dataclass(frozen=True)
+class Pooling:
+    """Whether the series share their constants.
+
+    Attributes
+    ----------
+    fact : Fact
+    constants : str
+        Those that they do not share, in words.
+    problem : Problem
+        With one of each series of these.
+    fit : LeastSquaresFit
+        Of that.
+    """
+
+    fact: Fact
+    constants: str
+    problem: Problem
+    fit: LeastSquaresFit
+
+    def after_slip(self) -> Fact:
+        """The fact where a slip explains decisively more."""
+        says = f"as the table stands, the series do not share {self.constants}: mend the slip in it first"
+        return replace(self.fact, says=says)
+
+    def beside(self, slip: str) -> Fact:
+        """The fact with a slip that explains as much."""
+        return replace(self.fact, says=f"{self.fact.says}; or {slip}") if slip else self.fact
+
+
+def pooling(problem: Problem, found: LeastSquaresFit) -> Pooling | None:
     """Test one constant for all series against one each, of every free constant that they share.
 
     The constant whose separation gains most is parted first, and the others are tested beside it. Tested is
@@ -34,7 +66,7 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
 
     Returns
     -------
-    Fact or None
+    Pooling or None
         None where there is nothing to ask: one series, or very many, or no shared constant.
     """
     names = [c.name for c in problem.parameters if c.fixed is None and not c.separate]
@@ -69,10 +101,12 @@ def pooling(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     rule = FACTS["pooling"]
     if not parted:
         p = min(smallest.values())
-        return Fact(True, f"one {joined(list(smallest))} for all series (p = {p_text(p)})", figures, rule)
-    words = [_words(now, one, parted[-1].fit, count) for one in parted]
+        says = f"one {joined(list(smallest))} for all series (p = {p_text(p)})"
+        return Pooling(Fact(True, says, figures, rule), "", now, found)
+    constants = joined([_words(now, one, parted[-1].fit, count) for one in parted])
     remedy = " ".join(f"--separate {one.name}" for one in parted)
-    return Fact(False, f"the series do not share {joined(words)}: {remedy}", figures, rule)
+    fact = Fact(False, f"the series do not share {constants}: {remedy}", figures, rule)
+    return Pooling(fact, constants, now, found)
 
 
 @dataclass(frozen=True)
@@ -131,12 +165,25 @@ def fitted_test(
         fit = refit(wider, found.sigma)
     except DataError:
         return None
-    gained = max(solve(problem, fit.sigma).objective - fit.optimum.objective, 0.0)
-    if problem.noise.is_known:
+    narrow = solve(problem, fit.sigma)
+    gained = max(narrow.objective - fit.optimum.objective, 0.0)
+    dof = fit.noise_dof
+    if problem.noise.is_mixed:
+        dof = _dof_behind(wider, fit, problem.rows.value - problem.predict(narrow.theta))
+    if math.isinf(dof):
         return fit, float(special.chdtrc(k, gained))
-    if fit.noise_dof > 1.0:
-        return fit, float(special.fdtrc(k, fit.noise_dof, gained / k))
+    if dof > 1.0:
+        return fit, float(special.fdtrc(k, dof, gained / k))
     return None
+
+
+def _dof_behind(wider: Problem, fit: LeastSquaresFit, before: Array) -> float:
+    """Degrees of freedom behind what a fit gains over residuals: each noise by its share of the gain."""
+    after = wider.rows.value - wider.predict(fit.optimum.theta)
+    gained = (before**2 - after**2) / fit.sigma**2
+    each = np.abs([float(gained[rows].sum()) for rows in wider.noise_groups().values()])
+    whole = max(float(gained.sum()), float(each.sum()), 1e-300)
+    return satterthwaite(each / whole, group_dof(wider, fit))
 
 
 def unequal_noise(problem: Problem, found: LeastSquaresFit) -> Fact | None:
@@ -151,7 +198,7 @@ def unequal_noise(problem: Problem, found: LeastSquaresFit) -> Fact | None:
     ----------
     Bartlett (1937), Proc. R. Soc. A 160, 268.
     """
-    if not problem.noise.is_unknown or problem.noise.separate or len(problem.series) < 2:
+    if not problem.noise.has_unknown or problem.noise.separate or len(problem.series) < 2:
         return None
     compared: dict[str, Mapping[str, float]] = {}
     smallest = 1.0

@@ -65,6 +65,13 @@ FACTS = {
     "describes all series as well as one each (F, or chi2 for known sigma)",
     "unequal_noise": f"stands only where it fails: p < {REFUTED:g}, times the number of noises, of "
     "Bartlett's test over the series that share an unknown noise",
+    "mixture": "stands only where it fails: two kinds of impacts that differ in one constant take "
+    f"{DECISIVE:g} off -2 log likelihood, without the impact that speaks most, and {ALIKE:g} more than a "
+    "constant that scatters normally; looked for where nothing else is found",
+    "independence": f"stands only where it fails: p < {REFUTED:g}, times the number of observables and "
+    "orders, that neighbouring residuals of a series are so alike (von Neumann's ratio, at any number of "
+    "constants), along the table and along the angle; where angles are repeated often, of the scatter about "
+    "their means; else only where nothing before it explains the residuals",
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
@@ -75,8 +82,10 @@ FACTS = {
     "speaks most: of an offset of the angles, a turned camera, the scale of speeds and of spins, spin before "
     "that is not in the table, another inertia factor, an e_n that changes in the course of the table; and a "
     f"fall of -2 log likelihood below {DECISIVE:g} for the table with another sign, with angles from the "
-    "wall or in radians, percent, centre for contact point, 0 for 'not measured'. It fails only where no "
-    f"effect explains more by {ALIKE:g}; what explains as much is named beside it",
+    "wall or in radians, percent, sizes without sign, exchanged columns, spins in other units, centre for "
+    "contact point, 0 or one repeated number for 'not measured'; in the table and in each of its series, p "
+    f"times their number. It fails only where no effect explains more by {ALIKE:g}, and constants of each "
+    f"series explain {ALIKE:g} less; what explains as much is named beside it",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
     "every decimal, by noise and rounding (Poisson)",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",

@@ -62,6 +62,14 @@ def with_error_model(problem: Problem, error_model: ErrorModel) -> Problem:
         _check_errors_of_angles(problem, error_model)
     if error_model.is_plain:
         return replace(problem, error_model=error_model)
+    if problem.noise.is_mixed:
+        without = problem.with_noise(replace(problem.noise, policy="unknown"))
+        alone = "" if len(without.noise_groups()) > 1 else ", or take --noise unknown"
+        raise DataError(
+            f"{', '.join(problem.noise_groups())}: no sigma, beside others that have one, and "
+            f"{error_model.option} does not know both. Give a sigma in every row{alone}, or fit one "
+            "observable at a time."
+        )
     if problem.noise.is_unknown:
         groups = problem.noise_groups()
         if len(groups) > 1:

@@ -1,4 +1,4 @@
-"""The noise of the rows: given, given up to a common factor, or unknown."""
+"""The noise of the rows: given, given up to a common factor, unknown, or given for some rows alone."""
 
 from __future__ import annotations
 
@@ -16,9 +16,11 @@ from ifrfit.inference.model.rows import Rows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Bool = NDArray[np.bool_]
 
-Policy = Literal["known", "scaled", "unknown"]
+Policy = Literal["known", "scaled", "unknown", "mixed"]
 POLICIES: tuple[Policy, ...] = get_args(Policy)
+CHOICES = f"{', '.join(POLICIES[:-1])} or {POLICIES[-1]}"
 
 _DECIMALS = 6  # finest resolution taken for a value that is written with more
 
@@ -30,13 +32,14 @@ class NoiseModel:
     Rows whose errors share an unknown size form a group, and the group's noise is a parameter: under "scaled"
     one factor on the given sigma of all rows, its group named ""; under "unknown" one sigma for each
     observable, its group named "observable" ("series/observable" where there is one series), or one for each
-    series and observable, its group named "series/observable".
+    series and observable, its group named "series/observable". Under "mixed" rows that have a sigma are
+    known, and are in no group; the others are grouped as under "unknown".
 
     Attributes
     ----------
-    policy : {"known", "scaled", "unknown"}
+    policy : {"known", "scaled", "unknown", "mixed"}
     sigma : ndarray, (n,)
-        Standard uncertainty of each row as given; nan where none is.
+        Standard uncertainty of each row as given; nan where none is. Under "mixed" nan where it is unknown.
     prior_bounds : mapping of str to (float, float)
         Ends of the log-uniform prior of a group's noise, where they are chosen; see `bounds` for the others.
     separate : bool
@@ -63,9 +66,26 @@ class NoiseModel:
         """Whether each observable has an unknown sigma, and given ones are not used."""
         return self.policy == "unknown"
 
+    @property
+    def is_mixed(self) -> bool:
+        """Whether some rows have a known sigma, and others an unknown one."""
+        return self.policy == "mixed"
+
+    @property
+    def has_unknown(self) -> bool:
+        """Whether any row has an unknown sigma, not up to a factor."""
+        return self.is_unknown or self.is_mixed
+
+    @cached_property
+    def is_given(self) -> Bool:
+        """Rows whose sigma is taken as given, (n,)."""
+        return np.isfinite(self.sigma) if self.is_mixed else np.full(self.sigma.size, self.is_known)
+
     @cached_property
     def base(self) -> Array:
         """Standard uncertainty of each row up to the noise of its group, (n,): 1 where that is unknown."""
+        if self.is_mixed:
+            return np.where(self.is_given, self.sigma, 1.0)
         return np.ones(self.sigma.size) if self.is_unknown else self.sigma
 
     def groups(self, measured: Mapping[str, Index], n_series: int) -> Mapping[str, Index]:
@@ -82,6 +102,9 @@ class NoiseModel:
             return {}
         if self.is_scaled:
             return {"": np.arange(self.sigma.size)}
+        if self.is_mixed:
+            unknown = {name: rows[~self.is_given[rows]] for name, rows in measured.items()}
+            measured = {name: rows for name, rows in unknown.items() if rows.size}
         return measured if self.separate or n_series == 1 else _by_observable(measured)
 
     def sigma_at(self, noise: Array, groups: Iterable[Index]) -> Array:
@@ -92,11 +115,11 @@ class NoiseModel:
         noise : ndarray, (m, n_groups)
             Noise of each group.
         groups : iterable of ndarray of int
-            Rows of each group, in the same order; together all rows.
+            Rows of each group, in the same order.
         """
         if self.is_known:
             return self.sigma[None, :]
-        sigma = np.empty((noise.shape[0], self.sigma.size))
+        sigma = np.tile(self.base, (noise.shape[0], 1))
         for rows, own in zip(groups, noise.T, strict=True):
             sigma[:, rows] = own[:, None] * self.base[rows]
         return sigma
@@ -113,13 +136,13 @@ class NoiseModel:
         if self.is_known:
             return {}
         found = {}
-        groups = self.groups(measured, n_series) if self.is_unknown else measured
+        groups = self.groups(measured, n_series) if self.has_unknown else measured
         for name, own in groups.items():
             value = rows.value[own]
             unit = rows.observables[rows.which[own[0]]].unit
             natural = max(90.0 if unit == "deg" else 1.0, float(np.abs(value).max()))
             found[name] = (resolution(value) / math.sqrt(12.0), natural)
-        if self.is_unknown:
+        if self.has_unknown:
             return found | dict(self.prior_bounds)
         low = min(found[name][0] / float(self.sigma[own].max()) for name, own in measured.items())
         high = max(found[name][1] / float(self.sigma[own].min()) for name, own in measured.items())
@@ -131,7 +154,41 @@ class NoiseModel:
 
     def take(self, rows: Index) -> NoiseModel:
         """The same for some rows."""
-        return replace(self, sigma=self.sigma[rows])
+        taken = replace(self, sigma=self.sigma[rows])
+        return taken if not self.is_mixed else replace(taken, policy=_policy_of(taken.sigma))
+
+
+def mixed_noise(sigma: Array, measured: Mapping[str, Index], *, separate: bool = False) -> NoiseModel:
+    """The noise where sigma is used as far as it is given.
+
+    The rows of a series and observable are known where each of them has a sigma. Where one lacks it those of
+    all of them are left: what sets the row apart may be its noise.
+
+    Parameters
+    ----------
+    sigma : ndarray, (n,)
+        nan where none is given.
+    measured : mapping of str to ndarray of int
+        Rows of each "series/observable".
+    separate : bool
+        Whether an unknown noise is one of each series.
+
+    Returns
+    -------
+    NoiseModel
+        "known" or "unknown" where nothing is left to mix.
+    """
+    used = sigma.copy()
+    for rows in measured.values():
+        if not np.isfinite(sigma[rows]).all():
+            used[rows] = np.nan
+    policy = _policy_of(used)
+    return NoiseModel(policy, used if policy == "mixed" else sigma, separate=separate)
+
+
+def _policy_of(sigma: Array) -> Policy:
+    given = np.isfinite(sigma)
+    return "known" if given.all() else "mixed" if given.any() else "unknown"
 
 
 def noise_name(group: str) -> str:

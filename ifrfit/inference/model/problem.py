@@ -15,12 +15,14 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.model.digest import EXCLUDED, digest
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
 from ifrfit.inference.model.free_parameter import FreeParameter
-from ifrfit.inference.model.noise import POLICIES, NoiseModel, Policy
+from ifrfit.inference.model.noise import CHOICES, POLICIES, NoiseModel, Policy, mixed_noise
 from ifrfit.inference.model.parameters import Parameter, ParameterSet, make_parameters
 from ifrfit.inference.model.rows import OBLIQUE, Array, Index, Rows
 from ifrfit.physics.closure import Closure
 from ifrfit.physics.impulse_laws import Coefficients
 
+# policies that a dataset may ask for where sigma is given, the most careful first
+_CAREFUL: tuple[Policy, ...] = ("unknown", "scaled")
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 OFFSET = "angle_offset"  # among the quantities of a distribution
 _OBLIQUE_BY = 1e-6  # degrees from 0 and from 90 where ratios of velocities have no value
@@ -74,11 +76,12 @@ class Problem:
         return self.rows.has_kind(*OBLIQUE)
 
     def per_row(self, theta: Array) -> tuple[Array, Array, Array]:
-        """(e_n, closure constant, mu) of each row at theta, (p,); (n,) each."""
-        places = self.parameters.positions
-        series = self.rows.series
-        c = theta[places[self.closure.constant]][series] if self.closure.constant else np.zeros(series.size)
-        return theta[places["e_n"]][series], c, theta[places["mu"]][series]
+        """(e_n, closure constant, mu) of each row at theta, (..., p); (..., n) each."""
+        places, series = self.parameters.positions, self.rows.series
+        c = np.zeros((*theta.shape[:-1], series.size))
+        if self.closure.constant:
+            c = theta[..., places[self.closure.constant][series]]
+        return theta[..., places["e_n"][series]], c, theta[..., places["mu"][series]]
 
     def predict(self, theta: Array) -> Array:
         """Value of each row without noise.
@@ -338,9 +341,9 @@ def make_problem(
     closure : Closure
     inertia_factor : float
     parameters : iterable of Parameter
-    noise : {"known", "scaled", "unknown"} or None
-        None: unknown where a row has no sigma; else the most careful policy that a dataset states, and known
-        where none states one.
+    noise : {"known", "scaled", "unknown", "mixed"} or None
+        mixed: known for each observable of a series where all rows have a sigma, else unknown. None: the most
+        careful policy that a dataset states, as far as sigma is given for it; mixed where none states one.
     separate_noise : bool
         Whether each series has unknown noises of its own.
 
@@ -356,10 +359,14 @@ def make_problem(
         raise DataError("No rows are left to fit.")
     rows, series = Rows.of(table)
     sigma = table["sigma"].to_numpy(dtype=float)
-    model = NoiseModel(_noise_policy(observations, sigma, noise), sigma, separate=separate_noise)
-    return Problem(
+    policy = _noise_policy(observations, sigma, noise)
+    model = NoiseModel(policy, sigma, separate=separate_noise)
+    problem = Problem(
         rows, closure, inertia_factor, ParameterSet(tuple(parameters), series), model, observations
     )
+    if policy == "mixed":
+        problem = problem.with_noise(mixed_noise(sigma, problem.groups(), separate=separate_noise))
+    return problem
 
 
 def _noise_policy(observations: Observations, sigma: Array, noise: str | None) -> Policy:
@@ -367,15 +374,15 @@ def _noise_policy(observations: Observations, sigma: Array, noise: str | None) -
     if noise is None:
         stated = {s.descriptor.noise for s in observations.sources if s.descriptor and s.descriptor.noise}
         # where sources differ the most careful policy holds: a sigma that is not the whole noise never is
-        careful = next(policy for policy in reversed(POLICIES) if policy in {"known", *stated})
-        return careful if has_all else "unknown"
+        careful: Policy = next((policy for policy in _CAREFUL if policy in stated), "mixed")
+        return careful if careful != "scaled" or has_all else "unknown"
     policy = next((policy for policy in POLICIES if policy == noise), None)
     if policy is None:
-        raise UsageError(f"--noise {noise}: choose known, scaled or unknown.")
-    if policy != "unknown" and not has_all:
+        raise UsageError(f"--noise {noise}: choose {CHOICES}.")
+    if policy in ("known", "scaled") and not has_all:
         row = observations.table[~np.isfinite(sigma)].iloc[0]
         raise DataError(
             f"{row['source']}, line {row['row']}: no sigma, but --noise {noise} needs one in every row. "
-            "Add it, or use --noise unknown."
+            "Add it, or use --noise mixed, which takes sigma as far as it is given, or --noise unknown."
         )
     return policy

@@ -1,9 +1,10 @@
 """The likelihood with every noise at its best, over the cells of a piecewise problem: minima and a bound.
 
-Phi(t) = sum_g n_g log(S_g(t)/n_g) + P(t), eq. (12) of docs/theory/certificate.md. In a cell every S_g is a
-quadratic. Over a region of it the chords of the logarithms make one convex quadratic that lies below Phi
-(14); what that leaves of the region is an ellipsoid, over which the chords are drawn anew. Regions of all
-cells are worked at together, and cut where this does not shrink them.
+Phi(t) = sum_g n_g log(S_g(t)/n_g) + P(t), eq. (12) of docs/theory/certificate.md; P is chi2 of the priors and
+of rows with a known sigma. In a cell every S_g, and P, is a quadratic. Over a region of it the chords of the
+logarithms make one convex quadratic that lies below Phi (14); what that leaves of the region is an ellipsoid,
+over which the chords are drawn anew. Regions of all cells are worked at together, and cut where this does not
+shrink them.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class ConcentratedLikelihood:
     problem : PiecewiseProblem
         The rows in units of their base, sorted by tau, about a point near the best fit.
     group, always_group : ndarray of int
-        Group of each row with two regimes, and of each without; -1 for those of priors, which have no noise.
+        Group of each row with two regimes, and of each without; -1 for those of priors and of known sigma.
     sizes : ndarray, (groups,)
         Rows of each group.
     least : float
@@ -90,7 +91,7 @@ class ConcentratedLikelihood:
 
     @cached_property
     def _quadratic(self) -> PiecewiseQuadratic:
-        """The quadratics of each group, and of the priors as the last one: a batch of 0/1 weights."""
+        """The quadratics of each group, and of what is known as the last one: a batch of 0/1 weights."""
         labels = [*range(self.sizes.size), -1]
         return quadratic_of(
             PiecewiseBatch(
@@ -100,9 +101,9 @@ class ConcentratedLikelihood:
             )
         )
 
-    def _weighted(self, weight: Array, priors: float = 1.0) -> PiecewiseQuadratic:
-        """The quadratics of weighted fits, by the weight of each group's S_g, (b, groups), and of priors."""
-        weight = np.column_stack((weight, np.full(weight.shape[0], priors)))
+    def _weighted(self, weight: Array, known: float = 1.0) -> PiecewiseQuadratic:
+        """The quadratics of weighted fits, by the weight of each group's S_g, (b, groups), and of P."""
+        weight = np.column_stack((weight, np.full(weight.shape[0], known)))
         each = self._quadratic
         return replace(
             each,
@@ -117,7 +118,7 @@ class ConcentratedLikelihood:
 
         Infinite for all groups of a cell where no constants lie in it.
         """
-        each = branch(self.problem, self._weighted(np.eye(self.sizes.size), priors=0.0), _FIRST).bounds
+        each = branch(self.problem, self._weighted(np.eye(self.sizes.size), known=0.0), _FIRST).bounds
         # a group that sees few unknowns may find no corner of a thin cell in which another group does
         thin = np.isinf(each) & np.isfinite(each).any(axis=0)
         each = np.where(thin, each.min(axis=1, keepdims=True), each)
@@ -126,6 +127,17 @@ class ConcentratedLikelihood:
             each[g] = np.maximum(each[g], found.chi2 - found.gap)
         each = np.maximum(each, each.min(axis=1, keepdims=True))
         return np.asarray(np.maximum(each.T, self.least * self.sizes))
+
+    @property
+    def has_known(self) -> bool:
+        """Whether any row counts that has no unknown noise: one of known sigma, or a prior."""
+        return bool((self.group < 0).any() or (self.always_group < 0).any())
+
+    @cached_property
+    def least_known(self) -> Array:
+        """The least P that any constants give in each cell, from below, (cells,)."""
+        none = self._weighted(np.zeros((1, self.sizes.size)))
+        return np.asarray(np.maximum(branch(self.problem, none, _FIRST).bounds[0], 0.0))
 
     def _rows_of(self, g: int) -> PiecewiseProblem:
         """The rows of one group alone."""
@@ -150,11 +162,20 @@ class ConcentratedLikelihood:
             new, value = self._step(variance)
             rest = np.abs(new / variance - 1.0).max(axis=1) <= _AT_REST
             for one, own in zip(value[rest].tolist(), new[rest], strict=True):
-                if not _is_among(own, minima):
+                if not self._is_among(one, own, minima):
                     minima.append(Minimum(one, own))
-            variance = np.array([own for own in new[~rest] if not _is_among(own, minima)])
+            moving = zip(value[~rest].tolist(), new[~rest], strict=True)
+            variance = np.array([own for one, own in moving if not self._is_among(one, own, minima)])
         minima += [Minimum(float(self._step(own[None])[1][0]), own) for own in variance]
         return sorted(minima, key=lambda minimum: minimum.value)
+
+    def _is_among(self, value: float, variance: Array, minima: list[Minimum]) -> bool:
+        """Whether a place is one of the minima; those that differ in known rows alone differ in Phi."""
+        near = _SAME * float(self.sizes.sum())
+        return any(
+            np.abs(variance / each.variance - 1.0).max() <= _SAME and abs(value - each.value) <= near
+            for each in minima
+        )
 
     def _step(self, variance: Array) -> tuple[Array, Array]:
         """S_g/n_g and Phi at the weighted fits with these variances for noises, (b, groups) and (b,)."""
@@ -166,13 +187,13 @@ class ConcentratedLikelihood:
         return new, self.phi(squares[:, :-1], squares[:, -1])
 
     def minima(self) -> list[Minimum]:
-        """Minima below the scatter of the values, and below what each group alone would choose."""
+        """Minima below the scatter of the values, and below what each group, and P, alone would choose."""
         found = self.descend(self.scatter[None], [])
-        if self.sizes.size == 1:
+        if self.sizes.size == 1 and not self.has_known:
             return found
         # the other groups count next to nothing: they only choose among equals
         each = self.least_squares.min(axis=0) / self.sizes
-        alone = np.tile(1e8 * found[0].variance, (self.sizes.size, 1))
+        alone = np.tile(1e8 * found[0].variance, (self.sizes.size + self.has_known, 1))
         np.fill_diagonal(alone, np.maximum(each, 1e-12))
         return self.descend(alone, found)
 
@@ -186,10 +207,6 @@ class ConcentratedLikelihood:
             Regions that come within this of the best minimum are left.
         """
         return _Proof(self, minima, gap).run()
-
-
-def _is_among(variance: Array, minima: list[Minimum]) -> bool:
-    return any(np.abs(variance / each.variance - 1.0).max() <= _SAME for each in minima)
 
 
 def _of_cells(quadratic: PiecewiseQuadratic, cell: Index) -> tuple[Array, Array, Array]:
@@ -284,7 +301,7 @@ class _Proof:
         """All cells that may hold a Phi as low as a mode worth knowing; None where one has no end."""
         made = self.likelihood
         least = made.least_squares
-        floor = made.phi(least, np.zeros(least.shape[0]))
+        floor = made.phi(least, made.least_known)
         high = self.minima[0].value + 2.0 * NEAR
         near = np.flatnonzero(floor < high)
         most = least * np.exp(np.maximum(high - floor, 0.0)[:, None] / made.sizes)

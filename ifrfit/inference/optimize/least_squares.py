@@ -54,7 +54,7 @@ class LeastSquaresFit:
     noise : mapping
         "series/observable" to its sigma (the root mean square where rows differ).
     noise_dof : float
-        Degrees of freedom behind the noise; infinite where sigma is known.
+        Degrees of freedom behind the noise where it is estimated; infinite where all sigma is known.
     change : float
         Last relative change of the noise; 0 where it is known.
     gaussian : GaussianApproximation
@@ -85,10 +85,10 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresF
     """Fit by least squares under the problem's noise policy.
 
     known: sigma is taken at its word. scaled: sigma times one common factor, from the misfit.
-    unknown: the noise of each group from the misfit. The modes of the likelihood are those of
-    `noise_modes`; about the best of them constants and noises are iterated, with the degrees of freedom that
-    each noise keeps. With heavy tails or errors of angles the weights are iterated as well, see
-    `_iteratively_reweighted`.
+    unknown: the noise of each group from the misfit. mixed: so where no sigma is given. The modes of the
+    likelihood are those of `noise_modes`; about the best of them constants and noises are iterated, with the
+    degrees of freedom that each noise keeps. With heavy tails or errors of angles the weights are iterated as
+    well, see `_iteratively_reweighted`.
 
     Parameters
     ----------
@@ -312,7 +312,7 @@ def _factors(
 ) -> Array:
     """Noise factor of each row: misfit of its group over the degrees of freedom that the group keeps."""
     residual = (problem.rows.value - problem.predict(theta)) / base
-    factor = np.empty(base.size)
+    factor = np.ones(base.size)
     for name, rows in groups.items():
         square = float(residual[rows] @ residual[rows])
         dof = rows.size - float(gaussian.leverage[rows].sum())

@@ -42,7 +42,7 @@ class NoiseComponent:
     groups : ndarray of int
         The problem's groups of noise.
     of_row : ndarray of int
-        Place in `groups` of each of its rows.
+        Place in `groups` of each of its rows; -1 where sigma is known.
     sizes, scatter : ndarray
         Rows of each group, and the variance of their values.
     least : float
@@ -58,8 +58,9 @@ class NoiseComponent:
 
     @property
     def is_monotone(self) -> bool:
-        """Whether its likelihood falls with its sum of squares: no more than one noise, and no priors."""
-        return self.groups.size == 0 or (self.groups.size == 1 and bool((self.form.always >= 0).all()))
+        """Whether its likelihood falls with its sum of squares: no noise, or one for all and no priors."""
+        of_all = bool((self.form.always >= 0).all() and (self.of_row >= 0).all())
+        return self.groups.size == 0 or (self.groups.size == 1 and of_all)
 
     def solve(self, gap: float) -> tuple[list[Minimum], float]:
         """Its minima of Phi, best first, and a lower bound, within `gap` of the best if that can be."""
@@ -136,7 +137,7 @@ def without_restitution(problem: Problem) -> SplitProblem | None:
     normal = problem.rows.of_kind("normal")
     rest = np.flatnonzero(~normal)
     if (
-        not (problem.noise.is_unknown and problem.closure.bilinear and normal.any() and rest.size)
+        not (problem.noise.has_unknown and problem.closure.bilinear and normal.any() and rest.size)
         or whole.e_n.fixed is not None
         or problem.rows.has_kind("curved")
         or not is_separable(whole)
@@ -171,20 +172,22 @@ def _components(
 ) -> list[NoiseComponent] | None:
     """The parts in linear form; None where one has none, or two share a noise."""
     names = list(problem.noise_groups().values())
-    label = np.empty(len(problem.rows), dtype=np.intp)
+    label = np.full(len(problem.rows), -1)
     for number, rows in enumerate(names):
         label[rows] = number
     scaled = problem.rows.value / problem.noise.base
-    least = _SMALLEST * max(1.0, float(np.square(scaled).max()))
+    least = _SMALLEST * max(1.0, float(np.square(scaled[label >= 0]).max()))
     made = []
     for part, at in parts:
         form = linear_form(part)
         if form is None:
             return None
-        groups, of_row = np.unique(label[at], return_inverse=True)
+        groups = np.unique(label[at])
+        groups = groups[groups >= 0]
+        of_row = np.where(label[at] >= 0, np.searchsorted(groups, label[at]), -1)
         sizes = np.array([float(names[g].size) for g in groups])
         scatter = np.array([max(float(np.var(scaled[names[g]])), 1e-12) for g in groups])
-        made.append(NoiseComponent(form, groups, of_row.reshape(-1), sizes, scatter, least))
+        made.append(NoiseComponent(form, groups, of_row, sizes, scatter, least))
     every = np.concatenate([each.groups for each in made])
     return made if np.unique(every).size == every.size else None
 
@@ -196,7 +199,7 @@ def _parts(problem: Problem) -> list[tuple[ParameterGroup, Index]] | None:
     groups = independent_groups(problem, problem.noise.base)
     if groups is None:
         return None
-    by_scale = not problem.noise.is_unknown  # one factor for all rows: nothing can be split
+    by_scale = problem.noise.is_scaled  # one factor for all rows: nothing can be split
     return groups if by_scale else [part for group, at in groups for part in _split(group, at)]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ifrfit.errors import DataError
@@ -19,12 +21,17 @@ def refuse_exact_group(problem: Problem, name: str, rows: Index) -> None:
     DataError
         If there are no more different points than parameters, and no point is repeated with another value.
     """
+    if _fits_exactly(problem, rows):
+        raise DataError(needs_sigma(problem, name, rows))
+
+
+def _fits_exactly(problem: Problem, rows: Index) -> bool:
+    """Whether the free constants could run through all points of some rows."""
     inputs = inputs_of_rows(problem, rows)
     values = np.column_stack((inputs, problem.rows.value[rows]))
     points = np.unique(inputs, axis=0).shape[0]
     scatter = np.unique(values, axis=0).shape[0] > points
-    if points <= n_parameters_seen(problem, rows) and not scatter:
-        raise DataError(needs_sigma(problem, name, rows))
+    return points <= n_parameters_seen(problem, rows) and not scatter
 
 
 def n_parameters_seen(problem: Problem, rows: Index) -> int:
@@ -65,8 +72,13 @@ def needs_sigma(problem: Problem, name: str, rows: Index) -> str:
     what = ", ".join(dict.fromkeys(table["observable"]))
     where = table["source"].iloc[0] + (f", series {table['series'].iloc[0]}" if name else "")
     own, needs = ("its own", "it needs") if rows.size == 1 else ("their own", "they need")
+    together = ""
+    if problem.noise.is_mixed:  # rows whose sigma is given may share their noise
+        groups = problem.with_noise(replace(problem.noise, policy="unknown")).noise_groups().values()
+        whole = next(group for group in groups if rows[0] in group)
+        together = "" if _fits_exactly(problem, whole) else ", or take --noise unknown"
     return (
         f"{where}: {rows.size} value{'' if rows.size == 1 else 's'} of {what} cannot tell {own} noise "
         f"from the constants, so {needs} a sigma. "
-        "Add a column sigma (and --noise known), or more impacts at other angles."
+        f"Add a column sigma (and --noise known), or more impacts at other angles{together}."
     )

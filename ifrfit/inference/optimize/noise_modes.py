@@ -1,9 +1,9 @@
 """Least squares where noises are unknown: the modes of the likelihood, and a proof that no better one exists.
 
 With each group's noise at its best for the constants, minus twice the log likelihood is, up to a constant,
-Phi(theta) = sum_g n_g log(S_g(theta)/n_g) + the priors' chi2: eq. (12) of docs/theory/certificate.md. The
-posterior with the noises integrated out has the same Phi. It may have several modes, one for each group that
-is taken at its word while others are called noisy.
+Phi(theta) = sum_g n_g log(S_g(theta)/n_g) + the chi2 of the priors and of rows with a known sigma: eq. (12)
+of docs/theory/certificate.md. The posterior with the noises integrated out has the same Phi. It may have
+several modes, one for each group that is taken at its word while others are called noisy.
 
 The logarithm is concave. Its tangent majorises it, so weights n_g/S_g lead downhill from any theta (13); its
 chord over an interval of S_g minorises it, so one certified weighted fit bounds Phi over a box of (S_g) from
@@ -44,6 +44,7 @@ _CUTS = 60  # boxes that are cut, at the most
 _CUTS_OF_GROUPS = 200  # the same, times the number of groups: of many the bound does not close
 _SAME = 1e-4  # modes nearer than this, in units of each constant's prior sd, are one
 _SAME_NOISE = 1e-6  # relative; modes whose noises are nearer than this are one
+_SAME_PHI = 1e-3  # and whose Phi are nearer than this
 _SLACK = 0.1  # share of `NOISE_GAP` that the fit of a box may be off
 _EDGE = 0.1  # a cut keeps this share of the box on either side
 _SMALLEST = 1e-26  # of S_g over the squares of the values: below it is rounding
@@ -119,7 +120,7 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
     Parameters
     ----------
     problem : Problem
-        With an unknown noise.
+        Where no noise is unknown, Phi is chi2.
     start : ndarray, optional
         theta of a neighbouring problem: where only a search can find an optimum, it begins there alone.
     """
@@ -150,7 +151,7 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
 def _share_nothing(problem: Problem) -> bool:
     """Whether the series share no constant and no noise."""
     separate = all(each.separate or each.fixed is not None for each in problem.parameters)
-    return len(problem.series) > 1 and separate and problem.noise.is_unknown and problem.noise.separate
+    return len(problem.series) > 1 and separate and problem.noise.has_unknown and problem.noise.separate
 
 
 def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
@@ -251,6 +252,7 @@ class _Search:
         self.groups: Sequence[Index] = list(problem.noise_groups().values())
         self.sizes = np.array([float(rows.size) for rows in self.groups])
         self.base = problem.noise.base
+        self.known = np.flatnonzero(problem.noise.is_given)
         self.modes: list[Mode] = []
         self.all_proven = True  # every weighted fit so far; one that was only searched bounds nothing
         scale = np.array([each.prior_sd for each in problem.parameters.entries])
@@ -258,8 +260,11 @@ class _Search:
 
     @property
     def is_monotone(self) -> bool:
-        """Whether Phi rises with the sum of squares: one noise for all rows, and no priors."""
-        return len(self.groups) == 1 and all(each.prior is None for each in self.problem.parameters)
+        """Whether Phi rises with the sum of squares: one noise for all rows and no priors, or none at all."""
+        if not self.groups:
+            return True
+        no_prior = all(each.prior is None for each in self.problem.parameters)
+        return len(self.groups) == 1 and not self.known.size and no_prior
 
     def solve(self, variance: Array, near: Array | None = None) -> Optimum:
         """The weighted fit where each group's factor has this variance."""
@@ -290,8 +295,19 @@ class _Search:
             if not self._known(optimum.theta):
                 self.modes.append(Mode(self.value(optimum.theta), optimum))
         self.modes.sort(key=lambda mode: mode.value)
+        self._add_minima_of_known_rows()
         gap = max(0.0, self.modes[0].value - bound)
         return NoiseModes(tuple(self.modes), gap if np.isfinite(gap) else None)
+
+    def _add_minima_of_known_rows(self) -> None:
+        """Add minima of the best weighted fit that change no unknown noise: Phi is higher by their chi2."""
+        best = self.modes[0].optimum
+        here = self.variance(best.theta)
+        for _, theta in best.minima[1:] if self.known.size else ():
+            same_noise = bool((np.abs(self.variance(theta) / here - 1.0) <= _SAME_NOISE).all())
+            if same_noise and not self._known(theta):
+                self.modes.append(Mode(self.value(theta), replace(best, theta=theta)))
+        self.modes.sort(key=lambda mode: mode.value)
 
     def spread(self) -> Array:
         """Variance of the values of each group, in units of base: weights to begin with."""
@@ -300,9 +316,9 @@ class _Search:
 
     def sigma(self, variance: Array) -> Array:
         """Standard uncertainty of each row where each group's factor has this variance."""
-        sigma = np.empty(self.base.size)
+        sigma = self.base.copy()
         for rows, own in zip(self.groups, variance, strict=True):
-            sigma[rows] = self.base[rows] * np.sqrt(own)
+            sigma[rows] *= np.sqrt(own)
         return sigma
 
     def variance(self, theta: Array) -> Array:
@@ -314,12 +330,14 @@ class _Search:
 
     @cached_property
     def _least(self) -> float:
-        return _SMALLEST * max(1.0, float(np.square(self.problem.rows.value / self.base).max()))
+        own = np.concatenate(self.groups)
+        return _SMALLEST * max(1.0, float(np.square(self.problem.rows.value[own] / self.base[own]).max()))
 
     def value(self, theta: Array) -> float:
         """Phi at theta."""
         prior = self.problem.parameters.prior_residuals(theta)
-        return float(self.sizes @ np.log(self.variance(theta)) + prior @ prior)
+        known = (self.problem.rows.value - self.problem.predict(theta))[self.known] / self.base[self.known]
+        return float(self.sizes @ np.log(self.variance(theta)) + known @ known + prior @ prior)
 
     def descend(self, optimum: Optimum) -> None:
         """Follow the tangents down from an optimum to a mode, and keep it if it is a new one."""
@@ -335,23 +353,35 @@ class _Search:
 
     def descend_from_groups(self) -> None:
         """Look for a mode from where each group alone would begin, the others counting next to nothing."""
-        best = self.variance(self.modes[0].theta)
-        for number in range(len(self.groups)):
-            variance = 1e8 * best
-            variance[number] = best[number]
+        for variance in self._each_alone(self.variance(self.modes[0].theta)):
             near = best_start(self.problem, self.sigma(variance))
             self.descend(self.solve(variance, near))
+
+    def _each_alone(self, own: Array) -> list[Array]:
+        """Variances at which one group counts with its own, and all others next to nothing.
+
+        Where sigma of some rows is known, or constants have priors, these count alone in the last.
+        """
+        has_known = bool(self.known.size) or any(c.prior is not None for c in self.problem.parameters)
+        if len(self.groups) + has_known < 2:
+            return []
+        made = np.tile(1e8 * self.variance(self.modes[0].theta), (len(self.groups) + has_known, 1))
+        np.fill_diagonal(made, own)
+        return list(made)
 
     def _known(self, theta: Array) -> bool:
         def same(mode: Mode) -> bool:
             both = np.isfinite(theta) & np.isfinite(mode.theta)
             return bool((np.abs(theta - mode.theta)[both] <= _SAME * self.scale[both]).all())
 
-        variance = self.variance(theta)
-        return any(
-            same(mode) or bool((np.abs(variance / self.variance(mode.theta) - 1.0) <= _SAME_NOISE).all())
-            for mode in self.modes
-        )
+        variance, value = self.variance(theta), self.value(theta)
+
+        def equals(mode: Mode) -> bool:
+            noises = np.abs(variance / self.variance(mode.theta) - 1.0)
+            # where sigma of some rows is known, modes may differ by these alone
+            return bool((noises <= _SAME_NOISE).all()) and abs(value - mode.value) <= _SAME_PHI
+
+        return any(same(mode) or equals(mode) for mode in self.modes)
 
     def prove(self) -> float:
         """Cut boxes until their bounds meet the best mode; gives what is left between them."""
@@ -387,11 +417,8 @@ class _Search:
             alone = solve(plain.with_rows(rows), self.base[rows])
             self.all_proven &= alone.gap is not None
             found[number] = max((alone.objective - (alone.gap or 0.0)) / rows.size, self._least)
-            if len(self.groups) > 1:
-                # the other groups count next to nothing: they only choose among equals
-                variance = 1e8 * self.variance(self.modes[0].theta)
-                variance[number] = max(found[number], 1e-12)
-                self.descend(self.solve(variance))
+        for variance in self._each_alone(np.maximum(found, 1e-12)):
+            self.descend(self.solve(variance))
         return found
 
     def _top(self, low: Array) -> Array:

@@ -16,7 +16,7 @@ from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.row_likelihood import RowLaw
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.posterior.clenshaw_curtis import rule
-from ifrfit.inference.posterior.noise_scale import NoiseScale
+from ifrfit.inference.posterior.noise_scale import KnownScale, NoiseScale, Scale
 from ifrfit.inference.posterior.quadratic_sums import Quadratic
 from ifrfit.inference.posterior.sum_of_squares import AT_ONCE, SumOfSquares
 from ifrfit.physics.impulse_laws import Coefficients
@@ -90,7 +90,7 @@ def c_domain(
 
 def conditional_coordinate(
     squares: SumOfSquares,
-    noise: tuple[NoiseScale, ...] | None,
+    noise: tuple[Scale, ...] | None,
     sigma: Array,
     c: FreeParameter,
     given: ConditioningValues,
@@ -103,8 +103,8 @@ def conditional_coordinate(
     Parameters
     ----------
     squares : SumOfSquares
-    noise : tuple of NoiseScale or None
-        Integrated inside, one a noise group.
+    noise : tuple of NoiseScale or KnownScale, or None
+        Integrated inside, or known, one a noise group.
     sigma : ndarray
         Likely noise of each group, relative to the weights.
     c : FreeParameter
@@ -129,6 +129,8 @@ def conditional_coordinate(
     if count:  # Student's tails: so far out that their mass does not count either
         fall = 0.5 * count * math.expm1(min(2.0 * tail / max(count - 1.0, 1.0), 30.0))
     far = size * 2.0 * fall / (slope + np.sqrt(slope * slope + 2.0 * fall))
+    if count and squares.is_quadratic:
+        far = np.minimum(far, _half_width_of_known(given.squares, noise or (), mode - reference, tail))
     if not squares.is_quadratic or row_law is not None:
         far = _CURVED * far  # an angle saturates, so its sum of squares rises more slowly than it begins
     if not squares.is_quadratic:  # where the steps have not come to rest inside, the mode may be anywhere
@@ -143,7 +145,7 @@ def conditional_coordinate(
 
 def _conditional_mode(
     squares: SumOfSquares,
-    noise: tuple[NoiseScale, ...] | None,
+    noise: tuple[Scale, ...] | None,
     weight: list[Array | float],
     c: FreeParameter,
     given: ConditioningValues,
@@ -159,7 +161,7 @@ def _conditional_mode(
     count = 0  # rows behind the noises that widen the tails
     for number, group in enumerate(noise or ()):
         takes_part = np.ndim(given.squares[number].slope) > 0 or squares.curved_rows[number].size > 0
-        count += group.n if takes_part else 0
+        count += group.n if takes_part and isinstance(group, NoiseScale) else 0
     for _ in range(_STEPS if not squares.is_quadratic else 1 + (noise is not None)):
         slope: Array = np.asarray(added * mean)
         curvature: Array = np.asarray(added)
@@ -177,11 +179,33 @@ def _conditional_mode(
             inside = np.clip(d, lower - reference, upper - reference)
             weight = [
                 group.n / np.maximum(q.at(inside), group.n * group.lower**2)
-                if squares.is_quadratic and np.ndim(q.slope)
+                if squares.is_quadratic and np.ndim(q.slope) and isinstance(group, NoiseScale)
                 else w
                 for group, q, w in zip(noise, given.squares, weight, strict=True)
             ]
     return at, d, np.asarray(curvature), count
+
+
+def _half_width_of_known(squares: list[Quadratic], noise: tuple[Scale, ...], d: Array, tail: float) -> Array:
+    """How far from d the density is followed, where rows of known sigma end it.
+
+    Those of unknown noise can gain no more than from d to their own minimum: with A the curvature of those of
+    known sigma and p the distance to their minimum, A ((t - p)^2 - p^2)/2 is at most that gain plus the tail.
+    """
+    gain, half_width = np.asarray(tail), np.asarray(np.inf)
+    for group, q in zip(noise, squares, strict=True):
+        if isinstance(group, NoiseScale) and np.ndim(q.slope):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                least = q.square - np.where(q.curvature > 0.0, q.slope**2 / q.curvature, 0.0)
+            least = np.maximum(least, group.n * group.lower**2)
+            gain = gain + 0.5 * group.n * np.log(np.maximum(q.at(d), least) / least)
+    for group, q in zip(noise, squares, strict=True):
+        if isinstance(group, KnownScale) and np.ndim(q.slope):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                away = np.where(q.curvature > 0.0, q.slope / q.curvature - d, 0.0)
+                found = np.abs(away) + np.sqrt(away**2 + 2.0 * gain / q.curvature)
+            half_width = np.where(q.curvature > 0.0, found, np.inf)
+    return np.asarray(half_width)
 
 
 def _broadcast(values: Array, shape: tuple[int, ...]) -> Array:

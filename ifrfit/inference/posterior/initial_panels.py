@@ -13,7 +13,7 @@ from ifrfit.inference.model.row_likelihood import RowLaw
 from ifrfit.inference.model.rows import Index, Rows
 from ifrfit.inference.posterior.grid_settings import LADDER, GridSettings, ladder
 from ifrfit.inference.posterior.kink_minima import local_minima
-from ifrfit.inference.posterior.noise_scale import NoiseScale
+from ifrfit.inference.posterior.noise_scale import KnownScale, NoiseScale, Scale
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 from ifrfit.inference.posterior.series_integral import SeriesIntegral
 from ifrfit.inference.posterior.sum_of_squares import Reference, SumOfSquares
@@ -88,18 +88,27 @@ def make_series(
 
 def _noise(
     settings: GridSettings, at: Index, holds_all_rows: bool
-) -> tuple[tuple[str, ...], list[Index], tuple[NoiseScale, ...] | None, Array, Array]:
-    """Names, rows and laws of the noises integrated inside, weights of the rows, and likely sigmas."""
+) -> tuple[tuple[str, ...], list[Index], tuple[Scale, ...] | None, Array, Array]:
+    """Names, rows and laws of the noises integrated inside, weights of the rows, and likely sigmas.
+
+    Rows of known sigma beside them are a group without a name, behind the others.
+    """
     problem, start = settings.problem, settings.start
-    if problem.noise.is_unknown:
+    if problem.noise.has_unknown:
         place = np.full(problem.rows.value.size, -1)
         place[at] = np.arange(at.size)
         of_rows = [(name, place[group]) for name, group in settings.groups.items()]
         of_rows = [(name, group[group >= 0]) for name, group in of_rows if (group >= 0).any()]
         names = tuple(name for name, _ in of_rows)
-        noise = tuple(NoiseScale(group.size, *settings.bounds[name]) for name, group in of_rows)
-        sigma = np.array([math.sqrt(float((start.sigma[settings.groups[n]] ** 2).mean())) for n in names])
-        return names, [group for _, group in of_rows], noise, np.ones(at.size), sigma
+        noise: list[Scale] = [NoiseScale(group.size, *settings.bounds[name]) for name, group in of_rows]
+        groups = [group for _, group in of_rows]
+        likely = [math.sqrt(float((start.sigma[settings.groups[n]] ** 2).mean())) for n in names]
+        known = np.flatnonzero(problem.noise.is_given[at])
+        if known.size and not names:
+            return (), [known], None, 1.0 / problem.noise.base[at], np.ones(1)
+        if known.size:
+            noise, groups, likely = [*noise, KnownScale(known.size)], [*groups, known], [*likely, 1.0]
+        return names, groups, tuple(noise), 1.0 / problem.noise.base[at], np.array(likely)
     everything = [np.arange(at.size)]
     factor = np.array(
         [float(np.median(start.sigma / problem.noise.sigma)) if problem.noise.is_scaled else 1.0]

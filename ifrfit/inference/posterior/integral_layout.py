@@ -76,7 +76,7 @@ def make_layout(
     """
     settings = GridSettings(problem, start, tolerance)
     has_separate = any(c.separate for c in problem.parameters) and len(problem.series) > 1
-    if has_separate and problem.noise.is_unknown and not problem.noise.separate:
+    if has_separate and problem.noise.has_unknown and not problem.noise.separate:
         raise UsageError(
             "--method exact: with constants of each series, unknown noises are those of each series, too."
         )
@@ -141,6 +141,8 @@ def make_layout(
 def _block_parameter(settings: GridSettings, kind: str, block: int) -> FreeParameter | float:
     """A parameter of a block: its fixed value, or its domain and prior."""
     constant, at = settings.parameter(kind), settings.place(kind, block)
+    if at is not None:
+        constant = settings.problem.parameters.entries[at]  # single entries may be fixed
     if constant.fixed is not None or at is None:
         return constant.fixed or 0.0
     free = FreeParameter.of(settings.problem.parameters.names[at], constant)
@@ -175,9 +177,10 @@ def e_n_is_separable(settings: GridSettings) -> bool:
     """
     problem = settings.problem
     e_n, mu = settings.parameter("e_n"), settings.parameter("mu")
-    if e_n.fixed is not None or mu.fixed is not None or mu.prior is not None or mu.lower > 0.0:
+    places, entries = problem.parameters.positions, problem.parameters.entries
+    if any(entries[place].fixed is not None for name in ("e_n", "mu") for place in places[name]):
         return False
-    if e_n.separate and not mu.separate:
+    if mu.prior is not None or mu.lower > 0.0 or (e_n.separate and not mu.separate):
         return False
     if not problem.has_oblique or problem.rows.has_kind("friction"):
         return False

@@ -1,4 +1,4 @@
-"""The likelihood of rows that share one unknown sigma, with that sigma integrated out.
+"""The likelihood of rows that share one unknown sigma, with that sigma integrated out; and of known sigma.
 
 Eq. (5) of ``docs/theory/posterior.md``.
 """
@@ -70,6 +70,20 @@ class NoiseScale:
         if out.any():
             w[out] = _gamma_between(half, bottom[out], top[out], rng.random(int(out.sum())))
         return np.asarray(np.sqrt(q / np.clip(w, bottom, top)))
+
+
+@dataclass(frozen=True)
+class KnownScale:
+    """Rows of known sigma beside others of unknown one: n of them, their squares over sigma."""
+
+    n: int
+
+    def log_likelihood(self, square: Array) -> Array:
+        """Log of the likelihood of a weighted sum of squared residuals, but for the log of the weights."""
+        return np.asarray(-0.5 * square - 0.5 * self.n * _LOG_2PI)
+
+
+Scale = NoiseScale | KnownScale
 
 
 def _gamma_between(a: float, low: Array, high: Array, p: Array) -> Array:

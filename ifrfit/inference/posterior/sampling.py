@@ -18,6 +18,7 @@ from ifrfit.inference.posterior.density_grid import DensityGrid
 from ifrfit.inference.posterior.integral_layout import IntegralLayout
 from ifrfit.inference.posterior.inverse_cdf import InverseCdfTable, table_points
 from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.panel_cdf import PanelCdf
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 
@@ -190,10 +191,15 @@ def _closure_constant(
 
 def _noise(grid: DensityGrid, group: int, own: dict[str, Array], rng: np.random.Generator) -> Array:
     """One sigma of a noise group for each draw of the other parameters."""
-    squares, noise = grid.series.squares, grid.series.noise
-    if noise is None:
-        raise ValueError("this series has no unknown noise")
+    squares, scale = grid.series.squares, (grid.series.noise or ())[group]
+    if not isinstance(scale, NoiseScale):
+        raise TypeError("this group has no unknown noise")
     q = squares.quadratics(own["e_n"], own["x"])[group]
     square = q.at(own["c"] - squares.reference.c)
+<<<<<<< HEAD
     square = square + squares.curved_of(group, own["e_n"], own["x"], own["c"], own["mu"])
     return noise[group].draw(np.broadcast_to(square, own["e_n"].shape), rng)
+=======
+    square = square + squares.curved(own["e_n"], own["x"], own["c"], own["mu"])[group]
+    return scale.draw(np.broadcast_to(square, own["e_n"].shape), rng)
+>>>>>>> main

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.row_likelihood import RowLaw
-from ifrfit.inference.posterior.noise_scale import NoiseScale
+from ifrfit.inference.posterior.noise_scale import Scale
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
 from ifrfit.inference.posterior.sum_of_squares import SumOfSquares
 from ifrfit.inference.posterior.transition_roles import (
@@ -36,8 +36,8 @@ class SeriesIntegral:
     ----------
     squares : SumOfSquares
         Of the rows; where `row_law` is given, no more than what says where to look.
-    noise : tuple of NoiseScale or None
-        One a noise group, integrated out; None where the weights hold sigma.
+    noise : tuple of NoiseScale or KnownScale, or None
+        One a noise group: integrated out, or known beside such; None where the weights hold all sigma.
     e_n, c, mu : FreeParameter, float or None
         A free parameter of this series, a fixed value, or None for one that series share.
     sigma : ndarray, (groups,)
@@ -63,7 +63,7 @@ class SeriesIntegral:
     """
 
     squares: SumOfSquares
-    noise: tuple[NoiseScale, ...] | None
+    noise: tuple[Scale, ...] | None
     e_n: FreeParameter | float | None
     c: FreeParameter | float | None
     mu: FreeParameter | float | None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.effective_dof import information_shares, satterthwaite
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.noise_modes import NoiseAtMode, noise_at_mode
 from ifrfit.inference.optimize.optimum import Array
@@ -36,8 +38,9 @@ class Misfit:
     """How much worse other constants describe the rows than the fit does.
 
     Known noise: the rise of chi2 plus prior_chi2. Noise from the misfit: with d_g = n_g - leverage_g degrees
-    of freedom in group g and S_g its sum of squares, the rise of ``sum_g d_g log S_g + prior_chi2``. Its
-    minimum is where least squares comes to rest (S_g/d_g is the variance it uses), and with one group and
+    of freedom in group g and S_g its sum of squares, the rise of ``sum_g d_g log S_g + prior_chi2``, and of
+    chi2 of the rows whose sigma is known. Its minimum is where least squares comes to rest (S_g/d_g is the
+    variance it uses), and with one group and
     constants that act linearly the cut `limit` reproduces Student's t exactly:
     d log(1 + t^2/d) at the quantile t is what t^2 is to chi2. Where the likelihood has several modes each has
     degrees of freedom of its own: the rise is how far the mode whose noises are nearest lies above the best,
@@ -80,7 +83,7 @@ class Misfit:
             return self._chi2(theta) - self._chi2(self.fit.optimum.theta) + change
         squares = self._squares(theta)
         mode = self._nearest(squares)
-        change = self._prior(theta) - self._prior(mode.theta)
+        change = self._prior(theta) - self._prior(mode.theta) + self._chi2(theta) - self._chi2(mode.theta)
         return mode.rise + float(mode.dof @ np.log(squares / mode.squares)) + change
 
     def minimum(self, constrained: ConstrainedOptimum, near: Array) -> Minimum:
@@ -102,7 +105,7 @@ class Misfit:
         """
         theta = constrained(sigma, near)
         rise = self.rise(theta)
-        if len(self.groups) == 1 and not self._has_prior:
+        if len(self.groups) == 1 and not self._has_prior and not self._known.size:
             return Minimum(rise, theta, 0.0)
         fall = math.inf
         for _ in range(_ROUNDS):
@@ -127,16 +130,8 @@ class Misfit:
         """
         if not self.groups:
             return math.inf
-        local = self.fit.gaussian
-        inverse = np.where(local.seen, 1.0 / np.where(local.seen, local.singular, 1.0) ** 2, 0.0)
-        direction = local.vectors @ (inverse * (functional @ local.vectors))
-        total = float(functional @ direction)
-        if not (total > 0.0 and math.isfinite(local.variance(functional, 1.0))):
-            return self.fit.noise_dof
-        moved = self.problem.jacobian(self.fit.optimum.theta) @ (local.to_theta @ direction) / self.fit.sigma
-        shares = np.array([float(moved[rows] @ moved[rows]) for rows in self.groups]) / total
-        spread = float((shares**2 / self.modes[0].dof).sum())
-        return 1.0 / spread if spread > 1e-9 else math.inf
+        shares = information_shares(self.problem, self.fit, functional)
+        return self.fit.noise_dof if shares is None else satterthwaite(shares, self.modes[0].dof)
 
     @property
     def _has_prior(self) -> bool:
@@ -146,8 +141,16 @@ class Misfit:
         residual = self.problem.parameters.prior_residuals(theta)
         return float(residual @ residual)
 
+    @cached_property
+    def _known(self) -> Index:
+        """Rows whose sigma is given."""
+        return np.flatnonzero(self.problem.noise.is_given)
+
     def _chi2(self, theta: Array) -> float:
-        residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
+        """Of the rows whose sigma is given."""
+        if not self._known.size:
+            return 0.0
+        residual = ((self.problem.rows.value - self.problem.predict(theta)) / self.base)[self._known]
         return float(residual @ residual)
 
     def _squares(self, theta: Array) -> Array:

@@ -27,6 +27,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import estimates_of_profiles
+from ifrfit.inference.result.assumptions import assumed_of
 from ifrfit.inference.result.deferred import Deferred
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.fit_result import FitResult
@@ -49,11 +50,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DRAWS = 2000  # kept in the result, for predictions
-_ASSUMED_OF_NOISE = {
-    "known": (),
-    "scaled": ("errors as large as the scatter, in the proportions of sigma",),
-    "unknown": ("errors as large as the scatter",),
-}
 _CHECKED = 300  # draws behind the posterior predictive checks
 
 
@@ -175,8 +171,9 @@ def build_result(
         reported_policy(problem),
         optimum.noise,
         error_model=asked.error_model,
-        separate=problem.noise.is_unknown and problem.noise.separate,
+        separate=problem.noise.has_unknown and problem.noise.separate,
         angle_offset=angle_offset_of(optimum.angle_offset, distribution) if optimum.angle_offset else None,
+        given=_given(problem),
     )
     drawn = None
     if own is not None:
@@ -204,7 +201,10 @@ def build_result(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions() | dict(estimation.versions),
         asked=problem.parameters.parameters,
-        assumed=(*(assumed if problem.has_oblique else ()), *_ASSUMED_OF_NOISE[noise.policy]),
+        assumed=(
+            *(assumed if problem.has_oblique else ()),
+            *assumed_of(problem, optimum, constants, kappas, noise),
+        ),
         effort=estimation.effort,
         scene=None if conditions is None else conditions.scene,
         effects=about.effects,
@@ -248,7 +248,8 @@ def _facts(
     several = several_modes(problem, optimum)
     causes = {} if brief else causes_of(problem, optimum, conditions, about.constants)
     found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
-    by_hand = ("angular_momentum", "duplicates", "slips")
+    # a slip says more than that velocities and spins do not close
+    by_hand = ("duplicates", "slips", "angular_momentum")
     slips = {name: found[name] for name in by_hand if name in found}
     first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
     facts = {
@@ -287,11 +288,41 @@ def _warnings(problem: Problem) -> tuple[str, ...]:
         )
     if problem.closure.caveat:
         said.append(problem.closure.caveat)
-    given = int(np.isfinite(problem.noise.sigma).sum())
-    if problem.noise.is_unknown and given:
+    return (*said, *_sigma_not_used(problem))
+
+
+def _given(problem: Problem) -> tuple[str, ...]:
+    """Each "series/observable" whose sigma is taken as given while others are not."""
+    if not problem.noise.is_mixed:
+        return ()
+    return tuple(name for name, rows in problem.groups().items() if problem.noise.is_given[rows].all())
+
+
+def _sigma_not_used(problem: Problem) -> tuple[str, ...]:
+    """Which given sigmas are not used, why, and what would have them used."""
+    if not problem.noise.has_unknown:
+        return ()
+    table = problem.observations.table
+    given = np.isfinite(table["sigma"].to_numpy(dtype=float))
+    groups = problem.groups()
+    if problem.noise.is_unknown and any(given[rows].all() for rows in groups.values()):
+        return (
+            f"sigma is given in {int(given.sum())} of {given.size} rows, and is not used: the noise comes "
+            "from the misfit. Give every row a sigma, or choose --noise.",
+        )
+    said = []
+    for name, rows in groups.items():
+        lacking = rows[~given[rows]]
+        if lacking.size in (0, rows.size):
+            continue
+        series, _, observable = name.rpartition("/")
+        where = f" in {series}" if len(problem.series) > 1 else ""
+        first = table.iloc[int(lacking[0])]
+        count = f"{lacking.size} have none, the first" if lacking.size > 1 else "one has none"
         said.append(
-            f"sigma is given in {given} of {len(problem.rows)} rows, and is not used: the noise comes from "
-            "the misfit. Give every row a sigma, or choose --noise."
+            f"sigma is given for {rows.size - lacking.size} of {rows.size} values of {observable}{where}, "
+            f"and is not used, because {count} in {first['source']}, line {first['row']}: the noise of all "
+            "comes from the misfit. Give each a sigma, or leave those without one out."
         )
     return tuple(said)
 

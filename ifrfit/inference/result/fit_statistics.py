@@ -43,7 +43,7 @@ def statistics_of(
         prior_chi2=float(prior @ prior) + (0.0 if offset is None else offset.pull**2),
         chi2=chi2,
         dof=dof,
-        reduced_chi2=chi2 / dof if dof > 0 and not problem.noise.is_unknown else None,
+        reduced_chi2=chi2 / dof if dof > 0 and not problem.noise.has_unknown else None,
         p_value=float(chdtrc(dof, chi2)) if dof > 0 and is_chi2 else None,
         rmse=float(np.sqrt((r * r).mean())),
         log_likelihood=log_l,

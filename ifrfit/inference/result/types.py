@@ -14,6 +14,7 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.io.plain import INTERNAL, OPTIONAL, Null, Shape
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.error_model import PLAIN, ErrorModel
+from ifrfit.text import joined
 
 Status = Literal["determined", "one_sided", "prior", "not_determined", "fixed"]
 Interval = Annotated[tuple[float, float], Null((-math.inf, math.inf))]
@@ -96,7 +97,7 @@ class NoiseSummary:
     Attributes
     ----------
     policy : str
-        known, scaled or unknown.
+        known, scaled, unknown or mixed.
     sigma : mapping
         Sigma of each "series/observable".
     estimates : mapping
@@ -109,6 +110,8 @@ class NoiseSummary:
         Whether unknown noises are those of each series.
     angle_offset : Estimate or None
         Offset of the set angles, degrees, where it was fitted; its prior is in `error_model`.
+    given : tuple of str
+        Under policy mixed each "series/observable" whose sigma was taken as given; else empty.
     """
 
     policy: str
@@ -118,6 +121,20 @@ class NoiseSummary:
     error_model: ErrorModel = field(default=PLAIN, metadata={**OPTIONAL, "key": "scatter"})
     separate: bool = field(default=False, metadata=OPTIONAL)
     angle_offset: Estimate | None = field(default=None, metadata=OPTIONAL)
+    given: tuple[str, ...] = field(default=(), metadata=OPTIONAL)
+
+    def whose(self, *, given: bool) -> str:
+        """Observables whose sigma was taken as given, or those whose noise was estimated, in words.
+
+        With the series where an observable is both.
+        """
+        others = {key.rpartition("/")[2] for key in self.sigma if (key in self.given) is not given}
+        words = []
+        for key in self.sigma:
+            if (key in self.given) is given:
+                series, _, observable = key.rpartition("/")
+                words.append(f"{observable} in {series}" if observable in others else observable)
+        return joined(list(dict.fromkeys(words)))
 
 
 @dataclass(frozen=True)

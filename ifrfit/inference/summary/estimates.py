@@ -236,8 +236,10 @@ def noise_of(
             mean=distribution.mean(name),
         )
     sigma = dict(local.sigma)
-    if problem.noise.is_unknown:
+    if problem.noise.has_unknown:
         for name in sigma:
+            if name in local.given:
+                continue
             own = estimates.get(name, estimates.get(name.rpartition("/")[2]))
             if own is not None and own.value is not None:
                 sigma[name] = own.value

@@ -13,6 +13,7 @@ from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.distributions.truncated_normal import TruncatedNormal
 from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.effective_dof import dof_of_functional
 from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import State
@@ -31,7 +32,8 @@ def truncated_gaussian(problem: Problem, fit: LeastSquaresFit) -> TruncatedGauss
     loadings, marginals = {}, {}
     for name, (value, functional, domain) in local_quantities(problem, fit).items():
         # the width of a prior is known, whatever the noise of the rows
-        dof = math.inf if priors.get(name) is not None and name in reasons else fit.noise_dof
+        on_prior = priors.get(name) is not None and name in reasons
+        dof = math.inf if on_prior else dof_of_functional(problem, fit, functional)
         loadings[name] = functional
         marginals[name] = _marginal(fit, value, functional, domain, dof, gradient)
     for number, series in enumerate(problem.series):
@@ -98,7 +100,7 @@ def _transition(
     if isinstance(law, Coefficients) and law.b1 == 0.0:
         domain = problem.parameters.kappas[series].domain
         bounds = Domain(domain.lower / b, domain.upper / b, domain.prior_upper / b)
-    return _marginal(fit, tau, functional, bounds, fit.noise_dof, gradient)
+    return _marginal(fit, tau, functional, bounds, dof_of_functional(problem, fit, functional), gradient)
 
 
 def _bounds(problem: Problem, fit: LeastSquaresFit) -> tuple[Array, Array, Array]:

@@ -20,7 +20,7 @@ def cross_validated(comparison: Comparison) -> bool:
 def criteria(comparison: Comparison) -> list[Column]:
     """Columns that say something of these data: chi2 does not where sigma follows from the scatter."""
     columns: list[Column] = [("constants", lambda e: f"{e.fit.fit.rank} of {e.free}")]
-    if comparison.best.noise.policy != "unknown":
+    if comparison.best.noise.policy not in ("unknown", "mixed"):
         columns.append(("chi2", lambda e: _short(e.fit.fit.chi2)))
     columns += [("p of fit", _p_of_fit), ("AIC", lambda e: fixed(e.fit.fit.aic, 1))]
     if any(entry.aicc is not None for entry in comparison.entries.values()):

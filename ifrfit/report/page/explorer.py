@@ -116,6 +116,8 @@ def _yardstick(result: FitResult) -> str:
     """Which sigma chi2 rests on: as in the result, that of the data where they have one."""
     if result.noise.policy == "unknown":
         return "the noise of the fit"
+    if result.noise.policy == "mixed":
+        return f"the sigma that the data state of {result.noise.whose(given=True)}, else the noise of the fit"
     words = "the sigma that the data state"
     if result.noise.policy == "known":
         return words

@@ -10,6 +10,9 @@ from factories import impacts_file
 
 import ifrfit
 from ifrfit.inference.appraise import appraise
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.inference.options import AngleErrors, Noise
+from ifrfit.inference.result.assumptions import moved_by_offset
 from ifrfit.report.page import page
 
 SILENT = "gamma_deg,beta\n" + "\n".join(f"{g},{b}" for g, b in zip(range(10, 90, 8), [
@@ -18,6 +21,7 @@ STATED = SILENT.replace("gamma_deg,beta", "gamma_deg,beta,spin_y,sigma_beta").re
 STATED = STATED.replace("sigma_beta,0,0.02", "sigma_beta")
 FIX = {"e_n": 0.9}
 SCATTER = "errors as large as the scatter"
+INDEPENDENT = "errors independent of one another"
 
 
 @pytest.fixture
@@ -46,18 +50,40 @@ def file(tmp_path):
 )
 def test_a_table_that_is_silent(file, text, choices, assumed):
     fit = ifrfit.fit(file(text), method="lsq", fix=FIX, **choices)
-    assert fit.assumed == assumed
-    line = f"assumed: {', '.join(assumed)}"
-    assert (line in " ".join(fit.summary().split())) == bool(assumed)
-    assert ("assumed:" in fit.summary("markdown")) == bool(assumed)
+    assert fit.assumed[:-1] == (*assumed, INDEPENDENT)
+    assert fit.assumed[-1].startswith("angles of incidence without an offset (1 degree would move mu by ")
+    assert f"assumed: {', '.join(fit.assumed)}" in " ".join(fit.summary().split())
+    assert "assumed:" in fit.summary("markdown")
 
 
 def test_a_dataset_says_what_hit_what():
-    assert ifrfit.fit("kharaz-2001", method="lsq").assumed == (f"{SCATTER}, in the proportions of sigma",)
+    said = ifrfit.fit("kharaz-2001", method="lsq").assumed
+    assert said[:2] == (f"{SCATTER}, in the proportions of sigma", INDEPENDENT)
 
 
 def test_readings_of_e_n_alone_assume_nothing_of_the_ball(file):
-    assert ifrfit.fit(file("e_n\n0.91\n0.9\n0.92\n0.89\n"), method="lsq").assumed == (SCATTER,)
+    assert ifrfit.fit(file("e_n\n0.91\n0.9\n0.92\n0.89\n"), method="lsq").assumed == (SCATTER, INDEPENDENT)
+
+
+@pytest.mark.parametrize("degrees", [0.02, -0.02])
+def test_what_an_offset_would_move_is_what_it_moves(tmp_path, degrees):
+    """The optimum of the same rows at other angles."""
+    path = impacts_file(
+        tmp_path / "t.csv", {"gamma": np.linspace(8.0, 75.0, 60), "noise": 0.005, "sigma": 0.005}
+    )
+    fit = ifrfit.fit(path, method="lsq", fix=FIX)
+    moved = moved_by_offset(fit.problem, fit.least_squares)
+    turned = least_squares(fit.problem.at_offset(degrees)).optimum.theta - fit.least_squares.optimum.theta
+    for name, found in zip(fit.problem.parameters.names, turned, strict=True):
+        assert found == pytest.approx(degrees * moved[name], rel=0.05, abs=1e-9)
+    largest = max(("e_t", "mu"), key=lambda name: abs(moved[name]) / fit.constants[name].stderr)
+    share = abs(moved[largest]) / fit.constants[largest].stderr
+    assert f"move {largest} by {abs(moved[largest]):.2g}, {share:.2g} sd" in fit.assumed[-1]
+
+
+def test_an_offset_that_is_fitted_is_not_assumed_away(file):
+    fit = ifrfit.fit(file(SILENT), method="lsq", fix=FIX, noise=Noise(angles=AngleErrors(offset_sd=1.0)))
+    assert not any("without an offset" in one for one in fit.assumed)
 
 
 def test_it_is_kept_in_the_file_and_stands_on_the_page(file, tmp_path):

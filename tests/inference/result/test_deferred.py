@@ -32,14 +32,14 @@ def test_a_copy_for_another_process_carries_the_entries():
 
 
 def test_a_fit_whose_facts_nobody_reads_tries_no_slip(monkeypatch):
-    class Asked(Exception):
+    class AskedError(Exception):
         pass
 
     def refuse(*_):
-        raise Asked
+        raise AskedError
 
     monkeypatch.setattr("ifrfit.inference.result.build.causes_of", refuse)
     found = ifrfit.fit("kharaz-2001", method="lsq")
     assert found.derived["kappa"].value == pytest.approx(0.18, abs=0.02)
-    with pytest.raises(Asked):
+    with pytest.raises(AskedError):
         found.summary()

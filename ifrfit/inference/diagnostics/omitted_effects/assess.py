@@ -10,6 +10,7 @@ from ifrfit.inference.diagnostics.omitted_effects.dimensionless_criteria import 
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.selection import effect_scores, effects_fact
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
+from ifrfit.inference.diagnostics.series_compared import pooling
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Fact, by_entry
@@ -52,14 +53,15 @@ def causes_of(
     Returns
     -------
     dict
-        ``slips``, and ``effects`` where one could show in these rows and no slip explains as much.
+        ``pooling`` of several series, ``slips``, and ``effects`` where one could show in these rows; of these
+        what nothing before them explains.
     """
     chi, speed = None, 0.0
     if setting is not None:
         chi = _chi(setting, problem.inertia_factor)
         speed = setting.speed[0] if len(setting.speed) == 1 else 0.0
     found = effect_scores(problem, fit, chi=chi, speed=speed, e_n_known=_has_value("e_n", constants))
-    return slips_first(problem, fit, found, effects_fact(problem, found))
+    return slips_first(problem, fit, found, effects_fact(problem, found), pooling(problem, fit))
 
 
 def _chi(setting: Setting, j: float) -> float | None:

@@ -3,118 +3,297 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array, Rows
+from ifrfit.inference.model.rows import Array, Bool, Index
 from ifrfit.physics.angles import Incidence
+from ifrfit.physics.observables import OBSERVABLES
 
 _TALL = 1.5  # median size of a fraction from which it may be in percent
+_NEAREST = 1e-3  # share of the angles' range by which a number may lie beyond its end
 _EXCHANGED = (
     ("beta", "beta_cm"),
     ("tan_psi_after", "tan_psi_out"),
     ("psi_after_deg", "psi_out_deg"),
 )
 _FRACTIONS = ("v_x", "v_y", "v_n", "beta_cm", "e_n", "beta", "mu_app", "beta_tot", "mu")
+# what given spins are, over the true ones
+SPIN_UNITS = {
+    "spins-doubled": 2.0,
+    "spins-halved": 0.5,
+    "spins-in-hertz": 0.5 / math.pi,
+    "spins-in-rpm": 30.0 / math.pi,
+    "spins-read-as-hertz": 2.0 * math.pi,
+    "spins-read-as-rpm": math.pi / 30.0,
+}
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """A table without the slip.
+    """What the closure would give for the table as it stands, if it were meant in another way.
 
     Attributes
     ----------
     name : str
     observable : str
-        Whose values are corrected; empty where angles or spins are.
-    problem : Problem
-        The question of the corrected table.
-    unit : ndarray, (n,)
-        Of the given values, in that of the corrected ones: errors are compared as they were given.
+        Whose values are meant in another way; empty where angles or spins before impact are.
+    series : str
+        The one series it is in; empty where it is in all.
+    names : tuple of str
+    which : ndarray of int, (n,)
+        Observable that is meant, as in `Rows`.
+    incidence : Incidence
+        That is meant.
+    shift, factor : ndarray, (n,)
+        A given value is shift + factor times the one that is meant.
+    folded : ndarray of bool, (n,)
+        Whether it is the size of that.
     """
 
     name: str
     observable: str
+    series: str
+    names: tuple[str, ...]
+    which: Index
+    incidence: Incidence
+    shift: Array
+    factor: Array
+    folded: Bool
+
+    @property
+    def kind(self) -> tuple[tuple[str, ...], bytes]:
+        """Alternatives of one kind differ in numbers alone."""
+        return self.names, self.which.tobytes()
+
+
+class Tables:
+    """The values of several alternatives at once.
+
+    Parameters
+    ----------
+    problem : Problem
+    every : sequence of Alternative
+    """
+
+    def __init__(self, problem: Problem, every: Sequence[Alternative]) -> None:
+        self.every = tuple(every)
+        self._problem = problem
+        kinds = {each.kind: number for number, each in reversed(list(enumerate(self.every)))}
+        self._kind = np.array([kinds[each.kind] for each in self.every], dtype=np.intp)
+        self._built: dict[bytes, _OneKind] = {}
+
+    def values(self, theta: Array, tables: Index, rows: Index | None = None) -> Array:
+        """Values as they would be given.
+
+        Parameters
+        ----------
+        theta : ndarray, (k or 1, m, p)
+            One stack for each of the tables, or one for all.
+        tables : ndarray of int, (k,)
+        rows : ndarray of int, optional
+            These alone.
+
+        Returns
+        -------
+        ndarray, (k, m, n)
+        """
+        size = len(self._problem.rows) if rows is None else rows.size
+        out = np.empty((tables.size, theta.shape[1], size))
+        kind = self._kind[tables]
+        for number in np.unique(kind):
+            at = np.flatnonzero(kind == number)
+            own = theta if len(theta) == 1 else theta[at]
+            out[at] = self._of_kind(tables[at], rows).values(own)
+        return out
+
+    def _of_kind(self, tables: Index, rows: Index | None) -> _OneKind:
+        key = tables.tobytes() + (b"" if rows is None else b"rows")
+        if key not in self._built:
+            self._built[key] = _OneKind.of(self._problem, [self.every[i] for i in tables], rows)
+        return self._built[key]
+
+
+@dataclass(frozen=True)
+class _OneKind:
+    """Alternatives that differ in numbers alone: a problem with an incidence of each, (k, 1, n)."""
+
     problem: Problem
-    unit: Array
+    shift: Array
+    factor: Array
+    folded: Bool
+
+    @classmethod
+    def of(cls, problem: Problem, every: Sequence[Alternative], rows: Index | None) -> _OneKind:
+        """Stack them, for some of the rows or for all."""
+        at = np.arange(len(problem.rows)) if rows is None else rows
+        parts = zip(*(vars(each.incidence).values() for each in every), strict=True)
+        incidence = Incidence(*(np.stack([one[at] for one in part])[:, None] for part in parts))
+        taken = problem.rows.take(at)
+        meant = replace(
+            taken, names=every[0].names, which=every[0].which[at], incidence=incidence, tau=incidence.tau
+        )
+        numbers = (
+            np.stack([one[at] for one in column])[:, None]
+            for column in zip(*((each.shift, each.factor, each.folded) for each in every), strict=True)
+        )
+        return cls(replace(problem, rows=meant), *numbers)
+
+    def values(self, theta: Array) -> Array:
+        """As they would be given, (k, m, n)."""
+        found = self.shift + self.factor * self.problem.predict(theta)
+        return np.where(self.folded, np.abs(found), found) if self.folded.any() else found
 
 
-def alternatives(problem: Problem) -> Iterator[Alternative]:
-    """Every table that these rows could have been meant as."""
-    yield from _of_spins(problem)
-    yield from _of_angles(problem)
-    yield from _of_values(problem)
-    yield from _of_names(problem)
+def alternatives(
+    problem: Problem, series: int | None = None, *, other_units: bool = True
+) -> Iterator[Alternative]:
+    """Every table that these rows, or those of one series, could have been meant as.
+
+    `other_units` asks for those of spins, too, which the scale of spins shows first.
+    """
+    n = len(problem.rows)
+    of = np.ones(n, dtype=bool) if series is None else problem.rows.series == series
+    table = _Table(problem, of, "" if series is None else problem.series[series])
+    yield from _of_signs(table)
+    if other_units:
+        yield from _of_spin_units(table)
+    yield from _of_angles(table)
+    yield from _of_values(table)
+    yield from _of_names(table)
 
 
-def _changed(problem: Problem, name: str, observable: str = "", **changes: object) -> Alternative:
-    """The rows with other numbers; tau follows from the incidence."""
-    rows = replace(problem.rows, **changes)  # type: ignore[arg-type]
-    rows = replace(rows, tau=rows.incidence.tau)
-    return Alternative(name, observable, replace(problem, rows=rows), np.ones(len(rows)))
+@dataclass(frozen=True)
+class _Table:
+    """A table, some rows of which may be meant in another way."""
+
+    problem: Problem
+    of: Bool
+    series: str
+
+    def rows_of(self, observable: str) -> Index:
+        """Those of an observable that may be."""
+        if observable not in self.problem.rows.names:
+            return np.array([], dtype=np.intp)
+        at = self.problem.rows.rows_of(observable)
+        return at[self.of[at]]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Observables of these rows."""
+        return tuple(name for name in self.problem.rows.names if self.rows_of(name).size)
+
+    def meant(
+        self,
+        name: str,
+        observable: str = "",
+        *,
+        incidence: Incidence | None = None,
+        values: dict[str, tuple[float, float]] | None = None,
+        exchanged: dict[str, str] | None = None,
+        folded: str = "",
+    ) -> Alternative:
+        """The table with other numbers, or with other names, in these rows."""
+        rows = self.problem.rows
+        shift, factor, size = np.zeros(len(rows)), np.ones(len(rows)), np.zeros(len(rows), dtype=bool)
+        for one, (offset, slope) in (values or {}).items():
+            at = self.rows_of(one)
+            shift[at], factor[at] = offset, slope
+        if folded:
+            size[self.rows_of(folded)] = True
+        names, which = rows.names, rows.which
+        for here, there in (exchanged or {}).items():
+            names = names if there in names else (*names, there)
+            which = which if which is not rows.which else which.copy()
+            which[self.rows_of(here)] = names.index(there)
+        own = rows.incidence if incidence is None else incidence
+        return Alternative(name, observable, self.series, names, which, own, shift, factor, size)
+
+    def incidence(self, spin_x: float = 1.0, spin_y: float = 1.0, gamma: Array | None = None) -> Incidence:
+        """With spins of these rows times a factor, or other angles."""
+        rows = self.problem.rows
+        i = rows.incidence
+        turned = rows.gamma_deg if gamma is None else np.where(self.of, gamma, rows.gamma_deg)
+        spins = (np.where(self.of, by * spin, spin) for by, spin in ((spin_x, i.spin_x), (spin_y, i.spin_y)))
+        return Incidence.of(turned, *spins, degrees=True)
 
 
-def _of_spins(problem: Problem) -> Iterator[Alternative]:
-    i, value = problem.rows.incidence, problem.rows.value
+def _of_signs(table: _Table) -> Iterator[Alternative]:
+    i = table.problem.rows.incidence
     for axis, before in (("y", i.spin_y), ("x", i.spin_x)):
         sign = {"y": (1.0, -1.0), "x": (-1.0, 1.0)}[axis]
-        turned = _incidence(problem.rows, sign[0] * i.spin_x, sign[1] * i.spin_y)
         after = f"spin_{axis}_after"
-        at = problem.rows.rows_of(after) if after in problem.rows.names else np.array([], dtype=np.intp)
-        opposite = value.copy()
-        opposite[at] = -opposite[at]
-        if before.any():
-            yield _changed(problem, f"sign-of-spin-{axis}-before", incidence=turned)
-        if at.size:
-            yield _changed(problem, f"sign-of-spin-{axis}-after", after, value=opposite)
-        if before.any() and at.size:
-            yield _changed(problem, f"sign-of-spins-{axis}", after, incidence=turned, value=opposite)
+        has_before, has_after = bool(before[table.of].any()), table.rows_of(after).size > 0
+        opposite = {after: (0.0, -1.0)}
+        if has_before:
+            yield table.meant(f"sign-of-spin-{axis}-before", incidence=table.incidence(*sign))
+        if has_after:
+            yield table.meant(f"sign-of-spin-{axis}-after", after, values=opposite)
+        if has_before and has_after:
+            both = table.incidence(*sign)
+            yield table.meant(f"sign-of-spins-{axis}", after, incidence=both, values=opposite)
 
 
-def _of_angles(problem: Problem) -> Iterator[Alternative]:
-    rows = problem.rows
-    gamma = rows.gamma_deg
-    if not rows.has_angle.any() or not np.ptp(gamma[rows.has_angle]) > 0.0:
+def _of_spin_units(table: _Table) -> Iterator[Alternative]:
+    i = table.problem.rows.incidence
+    before = bool(i.spin_x[table.of].any() or i.spin_y[table.of].any())
+    after = [name for name in ("spin_y_after", "spin_x_after") if table.rows_of(name).size]
+    for name, factor in SPIN_UNITS.items():
+        values, of = dict.fromkeys(after, (0.0, factor)), " and ".join(after)
+        if before or after:
+            given = table.incidence(1.0 / factor, 1.0 / factor)
+            yield table.meant(name, of, incidence=given, values=values)
+        if before and after:
+            yield table.meant(f"{name}-after", of, values=values)
+
+
+def _of_angles(table: _Table) -> Iterator[Alternative]:
+    rows = table.problem.rows
+    gamma, angled = rows.gamma_deg, rows.has_angle & table.of
+    if not angled.any() or not np.ptp(gamma[angled]) > 0.0:
         return
-    i = rows.incidence
+    after = {name: (90.0, -1.0) for name in table.names if _from_wall(table, name)}
     for name, other in (("angle-from-wall", 90.0 - gamma), ("angle-in-radians", np.degrees(gamma))):
-        if float(other.max()) <= 90.0 * (1.0 + 1e-3):
-            incidence = _incidence(rows, i.spin_x, i.spin_y, np.minimum(other, 90.0))
-            yield _changed(problem, name, gamma_deg=other, incidence=incidence)
+        if float(other[table.of].max()) <= 90.0 * (1.0 + _NEAREST):
+            incidence = table.incidence(gamma=np.minimum(other, 90.0))
+            yield table.meant(name, incidence=incidence)
+            if after and name == "angle-from-wall":
+                yield table.meant("angles-from-wall", " and ".join(after), incidence=incidence, values=after)
 
 
-def _of_values(problem: Problem) -> Iterator[Alternative]:
-    """Signs, percent, and radians of angles after impact."""
-    rows = problem.rows
-    for observable in rows.observables:
-        at = rows.rows_of(observable.name)
-        own = rows.value[at]
-        factors = {}
-        if observable.low < 0.0 and not observable.name.startswith("spin_"):
-            factors["sign"] = -1.0
-        if observable.name in _FRACTIONS and float(np.median(np.abs(own))) > _TALL:
-            factors["percent"] = 0.01
+def _from_wall(table: _Table, name: str) -> bool:
+    """Whether these may be angles after impact that were measured from the wall."""
+    own = table.problem.rows.value[table.rows_of(name)]
+    return OBSERVABLES[name].unit == "deg" and -_NEAREST * 90.0 <= float(np.median(own)) <= 90.0
+
+
+def _of_values(table: _Table) -> Iterator[Alternative]:
+    """Signs, sizes, percent, and of angles after impact radians and those from the wall."""
+    for name in table.names:
+        observable, own = OBSERVABLES[name], table.problem.rows.value[table.rows_of(name)]
+        made = {}
+        if observable.low < 0.0 and not name.startswith("spin_"):
+            made["sign"] = (0.0, -1.0)
+            if bool((own >= 0.0).all()):
+                yield table.meant("size", name, folded=name)
+        if name in _FRACTIONS and float(np.median(np.abs(own))) > _TALL:
+            made["percent"] = (0.0, 100.0)
         if observable.unit == "deg" and float(np.abs(own).max()) <= math.pi:
-            factors["radians"] = 180.0 / math.pi
-        for name, factor in factors.items():
-            value, unit = rows.value.copy(), np.ones(len(rows))
-            value[at] *= factor
-            unit[at] = abs(factor)
-            yield replace(_changed(problem, name, observable.name, value=value), unit=unit)
+            made["radians"] = (0.0, math.pi / 180.0)
+        if _from_wall(table, name):
+            made["from-wall"] = (90.0, -1.0)
+        for kind, numbers in made.items():
+            yield table.meant(kind, name, values={name: numbers})
 
 
-def _of_names(problem: Problem) -> Iterator[Alternative]:
+def _of_names(table: _Table) -> Iterator[Alternative]:
     """Values that are of another observable of the same kind of number."""
-    names = problem.rows.names
     for pair in _EXCHANGED:
         for here, there in (pair, pair[::-1]):
-            if here in names and there not in names:
-                other = tuple(there if name == here else name for name in names)
-                yield _changed(problem, f"meant-{there}", here, names=other)
-
-
-def _incidence(rows: Rows, spin_x: Array, spin_y: Array, gamma: Array | None = None) -> Incidence:
-    return Incidence.of(rows.gamma_deg if gamma is None else gamma, spin_x, spin_y, degrees=True)
+            if here in table.names and there not in table.names:
+                yield table.meant(f"meant-{there}", here, exchanged={here: there})
+    if {"v_x", "v_n"} <= set(table.names):
+        yield table.meant("exchanged", "v_x and v_n", exchanged={"v_x": "v_n", "v_n": "v_x"})

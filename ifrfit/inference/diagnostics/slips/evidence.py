@@ -3,26 +3,37 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import special
 
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
-from ifrfit.inference.diagnostics.slips.alternatives import alternatives
-from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, direction_of, nuisances
+from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables, alternatives
+from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, directions_of, nuisances, of_series
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Array
+from ifrfit.inference.model.rows import OBLIQUE, Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 _FEWEST = 3  # degrees of freedom below which no slip is looked for
+_REPEATED = 3  # rows of one number from which it may stand for "not measured"
 _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not measured"
 _LARGEST = 4.5  # prior standard deviations of a size
 _LIMIT = 0.999  # share of the largest size searched from which a size counts as lying on it
 _USUAL = 1e-3  # quantile of chi2 that a right table is not below
+_FEWEST_OF_SERIES = 6  # rows of a series in which a slip of its own is looked for
+_MOST_SERIES = 12  # beyond, none is looked for in single series
+_OF_SPINS = ("spin-scale", "inertia-factor")
+_WORTH_A_TRY = 0.05  # p of the scale of spins below which other units of them are tried
+_NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
+_LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
+_AT_ONCE = 2_000_000  # numbers of values that are held for several tables
+_ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 
 
 @dataclass(frozen=True)
@@ -43,6 +54,8 @@ class Slip:
         Prior standard deviation of the size.
     observable : str
         Whose values it is in; empty where it is in none.
+    series : str
+        The one series it is in; empty where it is in all.
     rows : tuple of int
         Single rows that it is in.
     is_least : bool
@@ -56,6 +69,7 @@ class Slip:
     sd: float = 0.0
     usual: float = math.inf
     observable: str = ""
+    series: str = ""
     rows: tuple[int, ...] = ()
     is_least: bool = False
 
@@ -63,6 +77,93 @@ class Slip:
     def rank(self) -> float:
         """Fall of -2 log likelihood less what the prior of the size takes: by it causes compare."""
         return self.drop - (self.size / self.usual) ** 2
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit as slips are compared with it: by one kind of likelihood, all constants at their best.
+
+    Attributes
+    ----------
+    problem : Problem
+    fit : LeastSquaresFit
+    misfit : Misfit
+    """
+
+    problem: Problem
+    fit: LeastSquaresFit
+    misfit: Misfit
+
+    @classmethod
+    def by_series(cls, problem: Problem, fit: LeastSquaresFit) -> Fitted:
+        """With an unknown noise of each series: one of several that is off is no reason for a common one."""
+        groups = () if problem.noise.is_known else tuple(problem.groups().values())
+        return cls(problem, fit, Misfit(problem.noise.base, groups))
+
+    @cached_property
+    def before(self) -> Array:
+        """Residuals of the table as it stands, (n,); fixed constants are free, too, as in the score tests."""
+        problem, theta = self.problem, self.fit.optimum.theta
+        _, residual = search(
+            lambda x, _: problem.predict(x),
+            self.misfit,
+            problem.rows.value,
+            theta[None],
+            problem.parameters.bounds(),
+            np.ones(theta.size, dtype=bool),
+        )
+        return np.asarray(residual[0])
+
+    @cached_property
+    def likelihood(self) -> float:
+        """Minus twice the log likelihood of `before`."""
+        return float(self.misfit.likelihood(self.before))
+
+    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, float]:
+        """Fall of -2 log likelihood with a size beside the constants, and the size."""
+        problem, theta = self.problem, self.fit.optimum.theta
+        lower, upper = problem.parameters.bounds()
+        bounds = (np.append(lower, limits[0]), np.append(upper, limits[1]))
+        drop, found = -math.inf, 0.0
+        # a start of first order may lead astray
+        for start in (float(np.clip(size, *limits)), 0.0):
+            if drop >= 0.0:
+                break
+            x, after = search(
+                lambda x, _: model(x[0, :, :-1], x[0, :, -1])[None],
+                self.misfit,
+                problem.rows.value,
+                np.append(theta, start)[None],
+                bounds,
+                np.ones(theta.size + 1, dtype=bool),
+            )
+            drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), float(x[0, -1])
+        return drop, found
+
+    def of_alternatives(self, every: Sequence[Alternative]) -> Iterator[tuple[Alternative, Array]]:
+        """Each with its residuals, in the unit of the given values."""
+        problem, value = self.problem, self.problem.rows.value
+        places = starts(problem, self.fit.optimum.theta)
+        free = np.ones(places.shape[1], dtype=bool)
+        many = max(1, _AT_ONCE // (len(places) * min(len(value), 60) + 5 * len(value)))
+        for first in range(0, len(every), many):
+            tables = Tables(problem, every[first : first + many])
+            each = np.arange(len(tables.every))
+
+            def at_rows(theta: Array, rows: Index, tables: Tables = tables, each: Index = each) -> Array:
+                return tables.values(theta, each, rows)
+
+            start = best_start(at_rows, self.misfit, value, places)
+            _, after = search(
+                tables.values,
+                self.misfit,
+                value,
+                start,
+                problem.parameters.bounds(),
+                free,
+                target=self.likelihood - DECISIVE + _ROOM,
+            )
+            yield from zip(tables.every, after, strict=True)
 
 
 def degrees_of_freedom(problem: Problem, fit: LeastSquaresFit) -> int:
@@ -75,13 +176,21 @@ def too_few(problem: Problem, fit: LeastSquaresFit) -> bool:
     return degrees_of_freedom(problem, fit) < _FEWEST
 
 
-def tried(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
-    """Every slip that these rows could show, with its evidence."""
+def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> list[Slip]:
+    """Every slip that these rows could show, `differ` where series do not share constants."""
     residual = problem.rows.value - problem.predict(fit.optimum.theta)
-    found = _sized(problem, fit, residual)
-    if problem.error_model.is_plain and not _usual(problem, fit, residual):
-        found += _unsized(problem, fit)
+    plain = problem.error_model.is_plain
+    # under other errors their weights at the fit stand for a known sigma
+    misfit = Misfit.of(problem) if plain else Misfit(fit.sigma, ())
+    whole = Fitted(problem, fit, misfit)
+    sized = _sized(problem, fit)
+    found = _of_size(whole, sized, residual)
+    if plain and not _usual(problem, fit, residual):
+        of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in _OF_SPINS)
+        found += _unsized(whole, list(alternatives(problem, other_units=of_spins)))
         found += _zeros(problem, fit)
+    if plain and 1 < len(problem.series) <= _MOST_SERIES:
+        found += _in_series(problem, fit, sized, residual, differ=differ)
     return found
 
 
@@ -100,13 +209,19 @@ def _usual(problem: Problem, fit: LeastSquaresFit, residual: Array) -> bool:
     return chi2 < DECISIVE + float(special.chdtri(degrees_of_freedom(problem, fit), 1.0 - _USUAL))
 
 
-def _sized(problem: Problem, fit: LeastSquaresFit, residual: Array) -> list[Slip]:
-    """Score tests along the derivative by each size; those that matter are fitted."""
-    theta, known = fit.optimum.theta, problem.noise.is_known and problem.error_model.is_plain
+def _sized(problem: Problem, fit: LeastSquaresFit) -> list[tuple[Nuisance, Direction]]:
+    """Slips with a size, each with the derivative of the values by it."""
     fitted = {"angle-offset"} if fit.angle_offset is not None else set()
     sized = [each for each in nuisances(problem) if each.name not in fitted]
-    every = [(each, _over_sigma(direction_of(problem, each, theta), fit)) for each in sized]
-    jacobian = problem.jacobian(theta) / fit.sigma[:, None]
+    return list(zip(sized, directions_of(problem, sized, fit.optimum.theta), strict=True))
+
+
+def _of_size(whole: Fitted, sized: list[tuple[Nuisance, Direction]], residual: Array) -> list[Slip]:
+    """Score tests along the derivative by each size; those that matter are fitted."""
+    problem, fit = whole.problem, whole.fit
+    known = problem.noise.is_known and problem.error_model.is_plain
+    every = [(each, replace(one, change=one.change / fit.sigma)) for each, one in sized]
+    jacobian = problem.jacobian(fit.optimum.theta) / fit.sigma[:, None]
     tested = scores([direction for _, direction in every], jacobian, residual / fit.sigma, known=known)
     best: dict[str, tuple[Score, float]] = {}
     for score, p in zip(tested, holm([one.p for one in tested]), strict=True):
@@ -116,17 +231,13 @@ def _sized(problem: Problem, fit: LeastSquaresFit, residual: Array) -> list[Slip
     for score, p in best.values():
         nuisance = next(each for each, direction in every if direction is score.direction)
         slip = Slip(nuisance.name, score.drop, p, score.strength, score.sd, nuisance.usual)
-        found.append(_fitted(problem, fit, nuisance, slip) if p < REFUTED else slip)
+        found.append(_fitted(whole, nuisance, slip) if p < REFUTED else slip)
     return found
 
 
-def _over_sigma(direction: Direction, fit: LeastSquaresFit) -> Direction:
-    return replace(direction, change=direction.change / fit.sigma)
-
-
-def _fitted(problem: Problem, fit: LeastSquaresFit, nuisance: Nuisance, slip: Slip) -> Slip:
+def _fitted(whole: Fitted, nuisance: Nuisance, slip: Slip) -> Slip:
     """The slip with its size fitted beside the constants."""
-    drop, size = _with_size(problem, fit, nuisance.values, slip.size, (-nuisance.most, nuisance.most))
+    drop, size = whole.with_size(nuisance.values, slip.size, (-nuisance.most, nuisance.most))
     # the score may see what a constant explains that was fixed, and is free here
     p = max(slip.p, float(special.chdtrc(1, max(drop, 0.0))))
     return replace(slip, drop=drop, p=p, size=size, is_least=abs(size) >= _LIMIT * nuisance.most)
@@ -135,59 +246,125 @@ def _fitted(problem: Problem, fit: LeastSquaresFit, nuisance: Nuisance, slip: Sl
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
     """Fall of -2 log likelihood with an effect along its direction, fitted as a slip is."""
     change, least = score.direction.change * fit.sigma, -math.inf if score.direction.two_sided else 0.0
+    misfit = Misfit.of(problem) if problem.error_model.is_plain else Misfit(fit.sigma, ())
 
-    def values(theta: Array, size: float) -> Array:
-        return problem.predict(theta) + size * change
+    def values(theta: Array, size: Array) -> Array:
+        return problem.predict(theta) + size[:, None] * change
 
-    return _with_size(problem, fit, values, score.strength, (least, math.inf))[0]
-
-
-def _with_size(
-    problem: Problem, fit: LeastSquaresFit, model: Sized, size: float, limits: tuple[float, float]
-) -> tuple[float, float]:
-    """Fall of -2 log likelihood and size; all constants are free, fixed ones too, as in the score tests."""
-    misfit, value = Misfit(fit.sigma, ()), problem.rows.value
-    if not problem.noise.is_known and problem.error_model.is_plain:
-        misfit = Misfit.of(problem)
-    lower, upper = problem.parameters.bounds()
-
-    def values(x: Array) -> Array:
-        return np.array([model(each[:-1], float(each[-1])) for each in x])
-
-    start = np.append(fit.optimum.theta, np.clip(size, *limits))
-    bounds = (np.append(lower, limits[0]), np.append(upper, limits[1]))
-    free = np.ones(start.size, dtype=bool)
-    x, after = search(values, misfit, value, start, bounds, free)
-    free[-1] = False
-    none, before = search(values, misfit, value, np.append(start[:-1], 0.0), bounds, free)
-    drop = float(misfit.likelihood(before) - misfit.likelihood(after))
-    if drop < 0.0:  # the step of first order has led astray
-        x, after = search(values, misfit, value, none, bounds, np.ones(start.size, dtype=bool))
-        drop = float(misfit.likelihood(before) - misfit.likelihood(after))
-    return drop, float(x[-1])
+    return Fitted(problem, fit, misfit).with_size(values, score.strength, (least, math.inf))[0]
 
 
-def _unsized(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
-    """Likelihood ratios of tables with other signs, angles or names."""
-    theta, lower_upper = fit.optimum.theta, problem.parameters.bounds()
-    misfit, free = Misfit.of(problem), np.ones(theta.size, dtype=bool)
-    _, before = search(problem.predict, misfit, problem.rows.value, theta, lower_upper, free)
-    dof = degrees_of_freedom(problem, fit)
-    places = starts(problem, theta)
+def _unsized(whole: Fitted, every: list[Alternative], count: int = 1, share: float = 1.0) -> list[Slip]:
+    """Likelihood ratios of tables with other signs, angles or names; times `count`, dof times `share`."""
+    before, misfit = whole.before, whole.misfit
+    dof = share * degrees_of_freedom(whole.problem, whole.fit)
     found = []
-    for each in alternatives(problem):
-        other, value = each.problem, each.problem.rows.value
-        own = replace(misfit, base=misfit.base * each.unit)
-        start = best_start(other.predict, own, value, places)
-        _, after = search(other.predict, own, value, start, lower_upper, free)
-        after = after / each.unit
-        drop = float(misfit.likelihood(before) - misfit.likelihood(after))
-        ratio = math.exp(-0.5 * max(_careful_drop(misfit, before, after, dof), 0.0))
-        found.append(Slip(each.name, drop, ratio, observable=each.observable))
+    for each, after in whole.of_alternatives(every):
+        drop = whole.likelihood - float(misfit.likelihood(after))
+        careful = max(_careful_drop(misfit, before, after, dof), 0.0) if drop > 0.0 else 0.0
+        ratio = min(1.0, count * math.exp(-0.5 * careful))
+        found.append(Slip(each.name, drop, ratio, observable=each.observable, series=each.series))
     return found
 
 
-def _careful_drop(misfit: Misfit, before: Array, after: Array, dof: int) -> float:
+def _in_series(
+    problem: Problem,
+    fit: LeastSquaresFit,
+    sized: list[tuple[Nuisance, Direction]],
+    residual: Array,
+    *,
+    differ: bool,
+) -> list[Slip]:
+    """Slips in one of several series: those with a size by score tests, at the noise of each series.
+
+    Those without are tried where the series do not share constants, one of them scatters more than the
+    others, or the law explains little: in no other could a slip hide. p values are multiplied by the number
+    of series.
+    """
+    n = len(problem.rows)
+    count = np.bincount(problem.rows.series, minlength=len(problem.series))
+    series = [number for number, rows in enumerate(count.tolist()) if rows >= _FEWEST_OF_SERIES]
+    sized = [(each, one) for each, one in sized if each.name != "restitution-drift"]
+    whole = Fitted.by_series(problem, fit)
+    known = problem.noise.is_known
+    sigma = fit.sigma if known else _sigma_by_series(problem, fit, residual)
+    owners: list[tuple[Nuisance, int, Direction]] = []
+    for number in series:
+        own = problem.rows.series == number
+        owners += [
+            (each, number, replace(one, change=np.where(own, one.change, 0.0) / sigma)) for each, one in sized
+        ]
+    jacobian = problem.jacobian(fit.optimum.theta) / sigma[:, None]
+    tested = scores([direction for *_, direction in owners], jacobian, residual / sigma, known=known)
+    found = []
+    for score, p in zip(tested, holm([one.p for one in tested]), strict=True):
+        nuisance, number = next((each, i) for each, i, one in owners if one is score.direction)
+        dof = count[number] - problem.parameters.free.sum()
+        if not known:  # the noise of a series is known from its own rows
+            t = score.strength / score.sd
+            p = max(p, len(tested) * 2.0 * float(special.stdtr(max(dof, 1), -abs(t))))
+        if p < REFUTED:
+            slip = Slip(
+                nuisance.name, score.drop, p, score.strength, score.sd, nuisance.usual,
+                series=problem.series[number],
+            )  # fmt: skip
+            found.append(_fitted(whole, of_series(problem, nuisance, number), slip))
+    differ = differ or _explains_little(problem, residual)
+    for number in series:
+        if differ or _scatters_more(problem, fit, residual, number):
+            share = max(count[number] - problem.parameters.free.sum(), 0) / count[number]
+            share *= n / max(degrees_of_freedom(problem, fit), 1)
+            every = list(alternatives(problem, number))
+            found += [
+                slip for slip in _unsized(whole, every, len(series), min(share, 1.0)) if is_decisive(slip)
+            ]
+    return found
+
+
+def _sigma_by_series(problem: Problem, fit: LeastSquaresFit, residual: Array) -> Array:
+    """Standard uncertainty of each row from the scatter of its series and observable, (n,)."""
+    sigma = fit.sigma.copy()
+    for rows in problem.groups().values():
+        dof = max(rows.size - float(fit.gaussian.leverage[rows].sum()), 1.0)
+        square = float(((residual[rows] / fit.sigma[rows]) ** 2).sum()) / dof
+        sigma[rows] *= math.sqrt(max(square, 1e-12))
+    return sigma
+
+
+def _explains_little(problem: Problem, residual: Array) -> bool:
+    """Whether residuals of an observable that knows the closure scatter nearly as its values do."""
+    for observable in problem.rows.observables:
+        own = problem.rows.rows_of(observable.name)
+        if observable.kind in OBLIQUE and own.size:
+            about_mean = problem.rows.value[own] - problem.rows.value[own].mean()
+            if float(residual[own] @ residual[own]) > _LITTLE * float(about_mean @ about_mean):
+                return True
+    return False
+
+
+def _scatters_more(problem: Problem, fit: LeastSquaresFit, residual: Array, number: int) -> bool:
+    """Whether a series scatters more than the others in any observable, or than its sigma."""
+    square = (residual / fit.sigma) ** 2
+    own = problem.rows.series == number
+    free = 1.0 - fit.gaussian.leverage
+    for which in range(len(problem.rows.names)):
+        of = problem.rows.which == which
+        here, there = of & own, of & ~own
+        dof, rest = float(free[here].sum()), float(free[there].sum())
+        if dof < 1.0:
+            continue
+        if problem.noise.is_known:
+            p = float(special.chdtrc(dof, square[here].sum()))
+        elif rest < 1.0 or square[there].sum() <= 0.0:
+            continue
+        else:
+            p = float(special.fdtrc(dof, rest, square[here].sum() / dof / (square[there].sum() / rest)))
+        if p < _NOISIER:
+            return True
+    return False
+
+
+def _careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> float:
     """Fall of -2 log likelihood, without the row that speaks most for it, so that no outlier is a slip.
 
     Noises that are estimated count with the degrees of freedom that are left; where sigma is given and the
@@ -200,38 +377,61 @@ def _careful_drop(misfit: Misfit, before: Array, after: Array, dof: int) -> floa
     with np.errstate(invalid="ignore"):
         fall = float(rest.likelihood(before) - rest.likelihood(after))
     if misfit.groups:
-        return fall * dof / size
-    scattered = replace(rest, groups=(np.delete(np.arange(size), row),))
+        fall *= dof / size
+    if not misfit.known.size:
+        return fall
+    base = sigma.copy()
+    base[row] = np.inf
+    scattered = Misfit(base, (np.delete(np.arange(size), row),))
     return min(fall, float(scattered.likelihood(before) - scattered.likelihood(after)) * dof / size)
 
 
 def _zeros(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
-    """Values of exactly 0 that lie far from what all other rows say."""
-    rows = problem.rows
-    zero = rows.value == 0.0
+    """Values of exactly 0, or of one number beyond all others, that lie far from what all other rows say."""
     found = []
-    for name in rows.names:
-        own = rows.rows_of(name)
-        at = own[zero[own]]
-        if not 0 < at.size <= _ROWS_OF_ZEROS * own.size or own.size - at.size < 2 * _FEWEST:
-            continue
-        kept = np.setdiff1d(np.arange(len(rows)), at)
-        part = problem.with_rows(kept)
-        theta = fit.optimum.theta
-        misfit, free = Misfit.of(part), np.ones(theta.size, dtype=bool)
-        start = best_start(part.predict, misfit, part.rows.value, starts(problem, theta))
-        x, after = search(part.predict, misfit, part.rows.value, start, problem.parameters.bounds(), free)
-        sigma = misfit.sigma(after)[rows.which[kept] == rows.names.index(name)]
-        z = problem.predict(x)[at] / float(np.sqrt((sigma**2).mean()))
-        dof = max(sigma.size - theta.size, 1)
-        far = at[np.abs(z) > -float(special.stdtrit(dof, 0.5 * REFUTED / own.size))]
-        if far.size:
-            p = (
-                own.size
-                * 2.0
-                * float(special.stdtr(dof, -np.abs(z).min(initial=np.inf, where=np.isin(at, far))))
-            )
-            found.append(
-                Slip("zero-for-missing", float((z**2).sum()), p, observable=name, rows=tuple(far.tolist()))
-            )
+    for name in problem.rows.names:
+        own = problem.rows.rows_of(name)
+        given, count = np.unique(problem.rows.value[own], return_counts=True)
+        repeated = count >= _REPEATED
+        repeated[1:-1] = False
+        for code in given[(given == 0.0) | repeated].tolist():
+            at = own[problem.rows.value[own] == code]
+            if at.size > _ROWS_OF_ZEROS * own.size or own.size - at.size < 2 * _FEWEST:
+                continue
+            far, p, drop = _far_from_rest(problem, fit, name, at)
+            if far.size and (code == 0.0 or far.size >= _REPEATED):
+                kind = "zero-for-missing" if code == 0.0 else "code-for-missing"
+                found.append(Slip(kind, drop, p, observable=name, rows=tuple(far.tolist())))
     return found
+
+
+def _far_from_rest(
+    problem: Problem, fit: LeastSquaresFit, name: str, at: Index
+) -> tuple[Index, float, float]:
+    """Rows of one number that lie far from a fit without them, the largest p value of these, and chi2."""
+    rows = problem.rows
+    own = rows.rows_of(name)
+    kept = np.setdiff1d(np.arange(len(rows)), at)
+    part = problem.with_rows(kept)
+    theta = fit.optimum.theta
+    misfit = Misfit.of(part)
+    start = best_start(
+        lambda tried, some: part.with_rows(some).predict(tried),
+        misfit,
+        part.rows.value,
+        starts(problem, theta),
+    )
+    places, left = search(
+        lambda x, _: part.predict(x),
+        misfit,
+        part.rows.value,
+        start,
+        problem.parameters.bounds(),
+        np.ones(theta.size, dtype=bool),
+    )
+    sigma = misfit.sigma(left[0])[rows.which[kept] == rows.names.index(name)]
+    z = (rows.value - problem.predict(places[0]))[at] / float(np.sqrt((sigma**2).mean()))
+    dof = max(sigma.size - theta.size, 1)
+    far = np.abs(z) > -float(special.stdtrit(dof, 0.5 * REFUTED / own.size))
+    least = float(np.abs(z[far]).min(initial=np.inf))
+    return at[far], own.size * 2.0 * float(special.stdtr(dof, -least)), float((z**2).sum())

@@ -12,35 +12,36 @@ from ifrfit.physics.angles import Incidence
 from ifrfit.physics.rebound import Rebound, rebound_with
 
 Array = NDArray[np.float64]
+Size = float | Array
 
 
 @dataclass(frozen=True)
 class Flaw:
-    """By how much a measurement is off; nothing by default.
+    """By how much a measurement is off; nothing by default. Of several, each field is a column, (m, 1).
 
     Attributes
     ----------
-    offset : float
+    offset : float or ndarray
         Degrees by which the true angle of incidence exceeds the given one.
-    turn : float
+    turn : float or ndarray
         Degrees by which the camera is turned against the normal of the wall: the angle it reads before
         impact is larger by so much, the one after impact smaller.
-    speed : float
+    speed : float or ndarray
         Share by which velocities after impact are read too large.
-    spin : float
+    spin : float or ndarray
         Share by which spins, before and after, are read too large.
-    constant_spin : float
+    constant_spin : float or ndarray
         R omega_y/u of every impact that the table does not hold.
-    rolled : float
+    rolled : float or ndarray
         Share of pure rolling before impact, R omega_y = -u sin(gamma), that the table does not hold.
     """
 
-    offset: float = 0.0
-    turn: float = 0.0
-    speed: float = 0.0
-    spin: float = 0.0
-    constant_spin: float = 0.0
-    rolled: float = 0.0
+    offset: Size = 0.0
+    turn: Size = 0.0
+    speed: Size = 0.0
+    spin: Size = 0.0
+    constant_spin: Size = 0.0
+    rolled: Size = 0.0
 
 
 class Reading(Rebound):
@@ -72,19 +73,19 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     ----------
     problem : Problem
         With angles and spins as given.
-    theta : ndarray, (p,)
+    theta : ndarray, (..., p)
     flaw : Flaw
 
     Returns
     -------
-    ndarray, (n,)
+    ndarray, (..., n)
     """
     given, true = problem.rows.incidence, _true_incidence(problem, flaw)
     e_n, c, mu = problem.per_row(theta)
     law = problem.closure.law(problem.inertia_factor)
     k, sticks = law.impulse(true, c, mu * (1.0 + e_n))
     state = rebound_with(true, k, sticks.astype(bool), e_n, problem.inertia_factor)
-    if flaw == Flaw(offset=flaw.offset):  # the values are those of the true angle
+    if _is_of_angle(flaw):  # the values are those of the true angle
         return _values(problem, state, mu)
     cosine, sine = np.cos(np.radians(flaw.turn)), np.sin(np.radians(flaw.turn))
     speed, spin = 1.0 + flaw.speed, 1.0 + flaw.spin
@@ -108,13 +109,24 @@ def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
     return Incidence.of(np.clip(gamma, 0.0, 90.0), scale * given.spin_x, spin_y, degrees=True)
 
 
+def _is_of_angle(flaw: Flaw) -> bool:
+    """Whether nothing but the angle of incidence is off."""
+    others = (flaw.turn, flaw.speed, flaw.spin, flaw.constant_spin, flaw.rolled)
+    return not any(np.any(size) for size in others)
+
+
 def _values(problem: Problem, state: Rebound, mu: Array) -> Array:
-    out = np.empty(len(problem.rows))
+    out = np.empty(mu.shape)
     for observable, at, _ in problem.rows.by_observable:
-        out[at] = np.broadcast_to(observable.value(state, mu), out.shape)[at]
+        out[..., at] = np.broadcast_to(observable.value(state, mu), out.shape)[..., at]
     return out
 
 
-def of_inertia(problem: Problem, theta: Array, share: float) -> Array:
-    """Value of each row with an inertia factor that is larger by a share of itself, (n,)."""
-    return replace(problem, inertia_factor=problem.inertia_factor * (1.0 + share)).predict(theta)
+def of_inertia(problem: Problem, theta: Array, share: Array) -> Array:
+    """Value of each row with inertia factors that are larger by shares of themselves, (m, n)."""
+    out = np.empty((len(theta), len(problem.rows)))
+    for one in np.unique(share):
+        at = share == one
+        other = replace(problem, inertia_factor=problem.inertia_factor * (1.0 + float(one)))
+        out[at] = other.predict(theta[at])
+    return out

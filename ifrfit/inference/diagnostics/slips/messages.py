@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ifrfit.inference.diagnostics.omitted_effects.messages import short_words
 from ifrfit.inference.diagnostics.outliers import exclude_name
+from ifrfit.inference.diagnostics.slips.alternatives import SPIN_UNITS
 from ifrfit.inference.diagnostics.slips.evidence import Slip
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
@@ -35,17 +37,43 @@ def none_words(tested: Sequence[Slip]) -> str:
     return f"no slip shows in the table ({looked} looked at{f'; p = {p_text(least)}' if sized else ''})"
 
 
-def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str]) -> str:
-    """The slip that explains the data, what else may be the cause, and what to do."""
-    first, *others = named
+def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str], series: str = "") -> str:
+    """The slip that explains the data, what else may be the cause, and what to do.
+
+    `series` holds the constants that series may not share instead.
+    """
+    first, *others = (slip for slip in named if not _is_repeated(slip, named[0]))
     what, remedy = _words(problem, first)
-    else_ = [*(_words(problem, other)[0] for other in others), *(short_words(name) for name in effects)]
+    else_ = [*(_named(problem, other, first) for other in others), *(short_words(name) for name in effects)]
+    else_ += [f"series that do not share {series}"] if series else []
     alike = f", not told apart from {joined(else_, 'or')}" if else_ else ""
     p = f"p = {p_text(first.p)}; " if first.sd else ""
     if set(effects) & {"sticking-law", "sliding-law"}:
         remedy = f"ifrfit compare tells closures from one another first; then {remedy}"
-    says = f"the table looks as if it had {what}{alike} ({p}-2 log likelihood falls by {first.drop:.3g})"
+    of = f"series {first.series}" if first.series else "the table"
+    says = f"{of} looks as if it had {what}{alike} ({p}-2 log likelihood falls by {first.drop:.3g})"
+    if first.series:
+        remedy = f"mend the rows of that series, or fit it alone with --series {first.series} ({remedy})"
     return f"{says}: {remedy}"
+
+
+def short_slip_words(problem: Problem, slip: Slip) -> str:
+    """What it is, and in which series."""
+    return _named(problem, slip, replace(slip, series=""))
+
+
+def _named(problem: Problem, slip: Slip, first: Slip) -> str:
+    """What it is, and in which series where that is another one than the first slip's."""
+    what = _words(problem, slip)[0]
+    if slip.series == first.series:
+        return what
+    return f"{what} in {f'series {slip.series}' if slip.series else 'all series'}"
+
+
+def _is_repeated(slip: Slip, first: Slip) -> bool:
+    """Whether a slip is the scale of spins that the first one has as a unit."""
+    of_unit = first.name.removesuffix("-after") in SPIN_UNITS
+    return of_unit and slip.name == "spin-scale" and slip.series == first.series
 
 
 def _words(problem: Problem, slip: Slip) -> tuple[str, str]:
@@ -132,6 +160,34 @@ _SIZED = {
 }
 
 
+_SPIN_WORDS = {
+    "spins-doubled": (
+        "twice as large as they are (a diameter for the radius?)",
+        "divide the spins by 2",
+    ),
+    "spins-halved": (
+        "half as large as they are (half a radius for the radius?)",
+        "multiply the spins by 2",
+    ),
+    "spins-in-hertz": (
+        "in revolutions, which were read as radians",
+        "multiply the spins by 2 pi",
+    ),
+    "spins-in-rpm": (
+        "in revolutions per minute, which were read as radians per second",
+        "multiply the spins by 2 pi/60",
+    ),
+    "spins-read-as-hertz": (
+        "in radians, which were read as revolutions",
+        "divide the spins by 2 pi",
+    ),
+    "spins-read-as-rpm": (
+        "in radians per second, which were read as revolutions per minute",
+        "multiply the spins by 60/(2 pi)",
+    ),
+}
+
+
 def _percent(slip: Slip) -> str:
     if slip.is_least:
         return f"at least {abs(100.0 * slip.size):.0f} %"
@@ -140,11 +196,12 @@ def _percent(slip: Slip) -> str:
 
 def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
     name, observable = slip.name, slip.observable
-    if name == "zero-for-missing":
+    if name in ("zero-for-missing", "code-for-missing"):
         some = [exclude_name(problem, i) for i in slip.rows[:_LONGEST]]
         more = " and so on" if len(slip.rows) > _LONGEST else ""
         return (
-            f"0 for 'not measured' in {observable} ({len(slip.rows)} of its cells)",
+            f"{problem.rows.value[slip.rows[0]]:g} for 'not measured' in {observable} "
+            f"({len(slip.rows)} of its cells)",
             f"empty these cells, or {' '.join(f'--exclude {one}' for one in some)}{more}",
         )
     if name.startswith("sign-of-spin"):
@@ -160,6 +217,26 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
             f"angles of incidence from the {other}, which were read as those from the {this}",
             f"--convention angle=from-{other}",
         )
+    if name.removesuffix("-after") in SPIN_UNITS:
+        of, remedy = _SPIN_WORDS[name.removesuffix("-after")]
+        return f"spins{' after impact' if name.endswith('-after') else ''} {of}", remedy
+    if name == "angles-from-wall":
+        return (
+            f"angles of incidence and {observable} from the wall, which were read as those from the normal",
+            f"--convention angle=from-wall, and 90 degrees less {observable} in its column",
+        )
+    if name == "from-wall":
+        return (
+            f"{observable} from the wall, which was read as that from the normal",
+            f"take 90 degrees less {observable}",
+        )
+    if name == "size":
+        return (
+            f"{observable} without its sign",
+            "give the readings their signs: one that is turned back has another",
+        )
+    if name == "exchanged":
+        return f"{observable} in each other's columns", "exchange the headers"
     if name == "angle-in-radians":
         return "angles of incidence in radians, which were read as degrees", "--convention angle=rad"
     if name == "sign":

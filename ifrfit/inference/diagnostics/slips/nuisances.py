@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ _TIED = 0.8  # correlation with angle or speed from which the order of the rows 
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
 
-Sized = Callable[[Array, float], Array]
+Sized = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True)
@@ -28,24 +28,30 @@ class Nuisance:
     ----------
     name : str
     values : callable
-        From theta and the size to the value of each row, (n,).
+        From theta, (m, p), and sizes, (m,), to the value of each row, (m, n).
     most : float
         Largest size that is searched.
     usual : float
         Prior standard deviation of the size: a slip of several times that is unlikely, however well it fits.
+    flaw : callable, optional
+        From sizes, (m, 1), to the measurement, where the slip is one of those.
     """
 
     name: str
     values: Sized
     most: float
     usual: float
+    flaw: Callable[[Array], Flaw] | None = None
 
 
 def nuisances(problem: Problem) -> Iterator[Nuisance]:
     """Every slip of unknown size that these rows could show."""
 
-    def read(name: str, most: float, usual: float, flaw: Callable[[float], Flaw]) -> Nuisance:
-        return Nuisance(name, lambda theta, size: readings(problem, theta, flaw(size)), most, usual)
+    def read(name: str, most: float, usual: float, flaw: Callable[[Array], Flaw]) -> Nuisance:
+        def values(theta: Array, size: Array) -> Array:
+            return readings(problem, theta, flaw(size[:, None]))
+
+        return Nuisance(name, values, most, usual, flaw)
 
     measured = {each.numerator for each in problem.rows.observables}
     oblique = [each for each in problem.rows.observables if each.kind in OBLIQUE]
@@ -80,12 +86,14 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
         varies = known.any() and float(np.ptp(x[known])) > 0.0
         if varies and abs(np.corrcoef(x[known], impact[known])[0, 1]) > _TIED:
             return
+
     place = problem.parameters.positions["e_n"][problem.rows.series]
     row = np.arange(impact.size)
 
     def drifting(shape: Array) -> Nuisance:
-        def values(theta: Array, size: float) -> Array:
-            return problem.predict(theta) + size * shape * problem.jacobian(theta)[row, place]
+        def values(theta: Array, size: Array) -> Array:
+            by_e_n = np.stack([problem.jacobian(each)[row, place] for each in theta])
+            return problem.predict(theta) + size[:, None] * shape * by_e_n
 
         return Nuisance("restitution-drift", values, 0.5, 0.1)
 
@@ -93,8 +101,33 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
         yield drifting(np.where(impact < part * n, -0.5, 0.5))
 
 
-def direction_of(problem: Problem, nuisance: Nuisance, theta: Array) -> Direction:
-    """Derivative of every row's value by the size."""
-    up, down = (nuisance.values(theta, step) for step in (_STEP, -_STEP))
-    change = np.nan_to_num((up - down) / (2.0 * _STEP))
-    return Direction(nuisance.name, change, two_sided=True)
+def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:
+    """The slip in one series alone."""
+    own = problem.rows.series == number
+
+    def values(theta: Array, size: Array) -> Array:
+        return np.where(own, nuisance.values(theta, size), problem.predict(theta))
+
+    return replace(nuisance, values=values)
+
+
+def directions_of(problem: Problem, every: Sequence[Nuisance], theta: Array) -> list[Direction]:
+    """Derivative of every row's value by each size."""
+    step = np.array([_STEP, -_STEP])
+    flawed = [each for each in every if each.flaw is not None and each.name != "angle-offset"]
+    moved = {}
+    if flawed:  # in one go
+        flaws = [each.flaw(step[:, None]) for each in flawed if each.flaw is not None]
+        columns = {name: np.zeros((2 * len(flaws), 1)) for name in vars(flaws[0])}
+        for number, flaw in enumerate(flaws):
+            for name, size in vars(flaw).items():
+                columns[name][2 * number : 2 * number + 2] = size
+        values = readings(problem, np.tile(theta, (2 * len(flaws), 1)), Flaw(**columns))
+        moved = {
+            each.name: pair for each, pair in zip(flawed, values.reshape(len(flaws), 2, -1), strict=True)
+        }
+    found = []
+    for each in every:
+        up, down = moved[each.name] if each.name in moved else each.values(np.stack((theta, theta)), step)
+        found.append(Direction(each.name, np.nan_to_num((up - down) / (2.0 * _STEP)), two_sided=True))
+    return found

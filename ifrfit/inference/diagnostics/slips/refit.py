@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +14,20 @@ from numpy.typing import NDArray
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
 
-Values = Callable[[Array], Array]
+# from constants, (tables or 1, m, p), and rows to values, (tables, m, rows)
+Values = Callable[[Array, Index], Array]
 
-_GRID = {"e_n": (0.3, 0.6, 0.9), "mu": (0.03, 0.07, 0.12, 0.2, 0.35, 0.6)}
+# values that are linear in e_n at given kappa need no choice of it
+_GRID = {"e_n": (0.75,), "mu": (0.03, 0.07, 0.12, 0.2, 0.35, 0.6)}
+_CURVED_GRID = (0.3, 0.6, 0.9)
 _PLACES = 4  # of the closure's own constant
 _STEPS = 12
 _HALVINGS = 5
 _AT_REST = 1e-3  # fall of minus twice the log likelihood below which the search ends
 _DIFFERENCE = 1e-7
+_ROWS_OF_STARTS = 48  # by which places are compared
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+_PATIENCE = 2  # steps before a table may be given up
 _AT_BOUND = 1e-9
 _LOOSE = 1e-6  # relative singular value below which a combination of constants stays where it is
 
@@ -34,7 +41,7 @@ class Misfit:
     base : ndarray, (n,)
         Standard uncertainty of each row up to the noise of its group.
     groups : tuple of ndarray of int
-        Rows that share an unknown noise; empty where sigma is known.
+        Rows that share an unknown noise; of all others sigma is known.
     """
 
     base: Array
@@ -50,10 +57,15 @@ class Misfit:
         z = (residual / self.base) ** 2
         if not self.groups:
             return np.asarray(z.sum(axis=-1))
-        total = np.zeros(z.shape[:-1])
+        total = np.asarray(z[..., self.known].sum(axis=-1))
         for rows in self.groups:
             total = total + rows.size * np.log(np.maximum(z[..., rows].sum(axis=-1), 1e-300))
-        return total
+        return np.asarray(total)
+
+    @cached_property
+    def known(self) -> Index:
+        """Rows of no group."""
+        return np.setdiff1d(np.arange(self.base.size), np.concatenate([np.empty(0, int), *self.groups]))
 
     def without(self, row: int) -> Misfit:
         """The same when one row counts for nothing."""
@@ -61,93 +73,135 @@ class Misfit:
         base[row] = np.inf
         return Misfit(base, tuple(rows[rows != row] for rows in self.groups))
 
+    def of_rows(self, rows: Index) -> Misfit:
+        """The same for some of the rows."""
+        place = np.full(self.base.size, -1, dtype=np.intp)
+        place[rows] = np.arange(rows.size)
+        groups = (place[own] for own in self.groups)
+        return Misfit(self.base[rows], tuple(own[own >= 0] for own in groups))
+
     def sigma(self, residual: Array) -> Array:
-        """Standard uncertainty of each row at the best noises, (n,)."""
-        sigma = self.base.copy()
+        """Standard uncertainty of each row at the best noises, (..., n)."""
+        sigma = np.broadcast_to(self.base, residual.shape).copy()
         for rows in self.groups:
-            sigma[rows] *= math.sqrt(max(float(((residual / self.base)[rows] ** 2).mean()), 1e-300))
+            square = ((residual[..., rows] / self.base[rows]) ** 2).mean(axis=-1, keepdims=True)
+            sigma[..., rows] *= np.sqrt(np.maximum(square, 1e-300))
         return sigma
 
 
 def starts(problem: Problem, theta: Array) -> Array:
     """Places all over the domain, and theta, (m, p)."""
     axes: list[tuple[float, ...]] = []
-    for name, places in problem.parameters.positions.items():
-        one = problem.parameters.entries[int(places[0])]
+    for name, at in problem.parameters.positions.items():
+        one = problem.parameters.entries[int(at[0])]
         if one.fixed is not None:
             axes.append((one.fixed,))
         elif name in _GRID:
-            axes.append(tuple(x for x in _GRID[name] if one.lower <= x <= one.upper) or (one.lower,))
+            given = _CURVED_GRID if name == "e_n" and problem.rows.has_kind("curved") else _GRID[name]
+            axes.append(tuple(x for x in given if one.lower <= x <= one.upper) or (one.lower,))
         else:
             low, high = max(one.lower, -10.0), min(one.upper, 10.0)
             axes.append(tuple(np.linspace(low, high, _PLACES).tolist()))
     grid = list(itertools.product(*axes))
     found = np.empty((len(grid) + 1, theta.size))
-    for column, places in enumerate(problem.parameters.positions.values()):
-        found[:-1, places] = np.array([point[column] for point in grid])[:, None]
-    for at, entry in enumerate(problem.parameters.entries):
+    for column, entries in enumerate(problem.parameters.positions.values()):
+        found[:-1, entries] = np.array([point[column] for point in grid])[:, None]
+    for number, entry in enumerate(problem.parameters.entries):
         if entry.fixed is not None:
-            found[:, at] = entry.fixed
+            found[:, number] = entry.fixed
     found[-1] = theta
     return found
 
 
 def best_start(values: Values, misfit: Misfit, value: Array, tried: Array) -> Array:
-    """Of several thetas, (m, p), the one whose values lie nearest."""
-    far = misfit.likelihood(value - np.nan_to_num(values(tried), nan=1e3))
-    return np.asarray(tried[int(np.argmin(far))])
+    """Of several thetas, (m, p), the one whose values lie nearest, for each table, (tables, p)."""
+    rows = np.arange(value.size)
+    if rows.size > _ROWS_OF_STARTS:  # spread over the table, in step with no order that it may have
+        rows = np.unique((np.arange(1, _ROWS_OF_STARTS + 1) * _GOLDEN % 1.0 * value.size).astype(np.intp))
+    far = misfit.of_rows(rows).likelihood(value[rows] - np.nan_to_num(values(tried[None], rows), nan=1e3))
+    return np.asarray(tried[np.argmin(far, axis=-1)])
 
 
 def search(
-    values: Values,
+    values: Callable[[Array, Index], Array],
     misfit: Misfit,
     value: Array,
     start: Array,
     bounds: tuple[Array, Array],
     free: NDArray[np.bool_],
+    target: float = math.inf,
 ) -> tuple[Array, Array]:
-    """Gauss-Newton within bounds; noises follow from the residuals.
+    """Gauss-Newton within bounds, of several tables at once; noises follow from the residuals.
 
     Parameters
     ----------
     values : callable
-        From parameters, (m, q), to values, (m, n).
+        From parameters, (k, m, q), and the numbers of k tables to values, (k, m, n).
     misfit : Misfit
     value : ndarray, (n,)
         As measured.
-    start : ndarray, (q,)
+    start : ndarray, (tables, q)
     bounds : (ndarray, ndarray), (q,) each
     free : ndarray of bool, (q,)
+    target : float
+        Minus twice the log likelihood: a table is given up whose steps are too short to reach it.
 
     Returns
     -------
-    x : ndarray, (q,)
-    residual : ndarray, (n,)
+    x : ndarray, (tables, q)
+    residual : ndarray, (tables, n)
     """
     lower, upper = bounds
     x = np.clip(start, lower, upper)
-    residual = value - np.nan_to_num(values(x[None]))[0]
-    now = float(misfit.likelihood(residual))
-    for _ in range(_STEPS):
-        step = _DIFFERENCE * np.where(x + _DIFFERENCE > upper, -1.0, 1.0)
-        moved = np.nan_to_num(values(x + np.diag(step)[free]))
-        columns = (moved - (value - residual)).T / step[free]
-        sigma = misfit.sigma(residual)
-        scaled = columns / sigma[:, None]
-        gradient = scaled.T @ (residual / sigma)
-        # a constant that lies on its bound but for rounding would take the step from those that can move
-        room = _AT_BOUND * np.minimum(upper - lower, 1.0)[free]
-        at_end = (x[free] <= lower[free] + room) & (gradient < 0.0)
-        at_end |= (x[free] >= upper[free] - room) & (gradient > 0.0)
-        change = np.zeros(x.size)
-        inner = np.zeros(int(free.sum()))
-        inner[~at_end] = np.linalg.lstsq(scaled[:, ~at_end], residual / sigma, rcond=_LOOSE)[0]
-        change[free] = inner
-        tried = np.clip(x + 0.5 ** np.arange(_HALVINGS)[:, None] * change, lower, upper)
-        left = value - np.nan_to_num(values(tried))
+    at = np.arange(len(x))
+    residual = value - np.nan_to_num(values(x[:, None], at))[:, 0]
+    now = np.asarray(misfit.likelihood(residual))
+    for left_over in range(_STEPS, 0, -1):
+        here, r = x[at], residual[at]
+        change = _step(values, misfit, value, here, r, bounds, free, at)
+        tried = np.clip(here[:, None] + 0.5 ** np.arange(_HALVINGS)[:, None] * change[:, None], lower, upper)
+        left = value - np.nan_to_num(values(tried, at))
         far = misfit.likelihood(left)
-        best = int(np.argmin(far))
-        if not far[best] < now - _AT_REST:
+        best = np.argmin(far, axis=1)
+        each = np.arange(at.size)
+        fall = now[at] - far[each, best]
+        better = fall > _AT_REST
+        moved = at[better]
+        x[moved], residual[moved] = tried[each, best][better], left[each, best][better]
+        now[moved] = far[each, best][better]
+        # what is too far away to be reached at this pace
+        near = now[moved] - left_over * fall[better] < target
+        at = moved[near | (left_over > _STEPS - _PATIENCE + 1)]
+        if not at.size:
             break
-        x, residual, now = tried[best], left[best], float(far[best])
     return x, residual
+
+
+def _step(
+    values: Callable[[Array, Index], Array],
+    misfit: Misfit,
+    value: Array,
+    x: Array,
+    residual: Array,
+    bounds: tuple[Array, Array],
+    free: NDArray[np.bool_],
+    at: Index,
+) -> Array:
+    """Gauss-Newton step of each table, (k, q), along what is free and not held by a bound."""
+    lower, upper = (end[free] for end in bounds)
+    step = _DIFFERENCE * np.where(x[:, free] + _DIFFERENCE > upper, -1.0, 1.0)
+    shifts = np.zeros((*step.shape, x.shape[1]))
+    shifts[:, np.arange(step.shape[1]), np.flatnonzero(free)] = step
+    moved = np.nan_to_num(values(x[:, None] + shifts, at))
+    sigma = misfit.sigma(residual)
+    scaled = (moved - (value - residual)[:, None]) / (step[..., None] * sigma[:, None])
+    z = residual / sigma
+    gradient = np.einsum("kin,kn->ki", scaled, z)
+    # a constant that lies on its bound but for rounding would take the step from those that can move
+    room = _AT_BOUND * np.minimum(upper - lower, 1.0)
+    held = (x[:, free] <= lower + room) & (gradient < 0.0)
+    held |= (x[:, free] >= upper - room) & (gradient > 0.0)
+    scaled[held] = 0.0
+    change = np.zeros(x.shape)
+    change[:, free] = (np.linalg.pinv(scaled.transpose(0, 2, 1), rcond=_LOOSE) @ z[..., None])[..., 0]
+    return change

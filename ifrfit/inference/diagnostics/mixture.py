@@ -1,0 +1,242 @@
+"""Impacts of two kinds in one table, as of two balls that no column tells apart: a mixture of two laws."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS
+from ifrfit.inference.model.entry_names import quantity_of
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.types import Fact
+
+_FEWEST = 12  # impacts below which no two kinds are looked for
+_MOST = 20_000  # beyond, it would take more than seconds
+_SUSPECT = 2.0  # standard deviations of overdispersion along a constant from which a mixture is fitted
+_FLAT = 2.2  # fourth moment over the square of the second below which scatter is flatter than normal (3)
+_STRONG = 0.1  # share of the strongest impact's information from which an impact tells of a constant
+_SHARE = 0.1  # of the impacts that are at least of either kind
+_LEAST = 3  # impacts of either kind
+_STARTS = (0.7, 1.4)  # differences of the kinds, in the scatter of the constant from impact to impact
+_STEPS = 30
+_AT_REST = 1e-3  # fall of -2 log likelihood below which the search ends
+_LOOSE = 1e-6
+
+
+@dataclass(frozen=True)
+class _Kinds:
+    """A mixture that was fitted: constants of both kinds, and the probability of the second one by impact."""
+
+    name: str
+    first: Array
+    second: Array
+    second_share: Array
+    drop: float
+
+
+def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
+    """Look for two kinds of impacts that differ in one constant.
+
+    For each constant the scatter of residuals along it is held against the rest (a score test of a constant
+    that varies from impact to impact); where it is suspicious, a mixture of two laws is fitted. It counts
+    where -2 log likelihood falls by more than `DECISIVE` without the impact that speaks most, and by `ALIKE`
+    more than for a constant that scatters normally, which is how errors look that grow where it acts.
+
+    Returns
+    -------
+    Fact or None
+        None where one kind suffices.
+    """
+    count = int(problem.rows.impacts.max(initial=-1)) + 1
+    if not _FEWEST <= count <= _MOST or not problem.error_model.is_plain:
+        return None
+    sigma = _likely_sigma(problem, fit)
+    jacobian = problem.jacobian(fit.optimum.theta) / sigma[:, None]
+    residual = (problem.rows.value - problem.predict(fit.optimum.theta)) / sigma
+    best: _Kinds | None = None
+    for place in np.flatnonzero(problem.parameters.free).tolist():
+        spread = _spread(problem, jacobian[:, place], residual)
+        if spread is None:
+            continue
+        normal = _drop_of_normal(problem, jacobian[:, place], residual, spread)
+        found = _fitted(problem, fit, place, spread)
+        if found is None or found.drop < max(DECISIVE, normal + ALIKE):
+            continue
+        if best is None or found.drop > best.drop:
+            best = found
+    if best is None:
+        return None
+    place = problem.parameters.names.index(best.name)
+    values = float(best.first[place]), float(best.second[place])
+    many = int(np.round(best.second_share.sum()))
+    says = (
+        f"the table looks as if it held impacts of two kinds: {best.name} {values[0]:.3g} for some "
+        f"{count - many} of them and {values[1]:.3g} for {many} (-2 log likelihood falls by "
+        f"{best.drop:.3g}): tell balls, walls or days apart in a column series, and try "
+        f"--separate {quantity_of(best.name)}"
+    )
+    figures = {"constant": best.name, "values": list(values), "drop": best.drop, "of_second": many}
+    return Fact(False, says, figures, FACTS["mixture"])
+
+
+def _likely_sigma(problem: Problem, fit: LeastSquaresFit) -> Array:
+    """Standard uncertainty of each row at the most likely noises."""
+    sigma = fit.sigma.copy()
+    residual = problem.rows.value - problem.predict(fit.optimum.theta)
+    for rows in problem.noise_groups().values():
+        sigma[rows] *= math.sqrt(float(((residual[rows] / sigma[rows]) ** 2).mean()))
+    return sigma
+
+
+def _by_impact(problem: Problem, of_rows: Array) -> Array:
+    return np.bincount(problem.rows.impacts, of_rows).astype(float)
+
+
+def _spread(problem: Problem, along: Array, residual: Array) -> float | None:
+    """Scatter of a constant from impact to impact; None where nothing speaks for two kinds.
+
+    Two things do: more scatter where the constant acts more, and scatter that is flatter than normal.
+    """
+    strength = _by_impact(problem, along**2)
+    product = _by_impact(problem, along * residual)
+    strong = strength > _STRONG * strength.max(initial=0.0)
+    if strong.sum() < _FEWEST // 2:
+        return None
+    weight = strength / strength.max()
+    # chi2 of one degree of freedom each, where the constant acts; the others are the yardstick
+    count = _by_impact(problem, np.ones(residual.size))
+    rest = _by_impact(problem, residual**2) - np.where(
+        strong, product**2 / np.where(strong, strength, 1.0), 0.0
+    )
+    square = np.where(strong, product**2 / np.where(strong, strength, 1.0), rest / count)
+    lean = weight - (0.0 if problem.noise.is_known else weight.mean())
+    excess = float(lean @ (square - 1.0))
+    size = math.sqrt(2.0 * float(lean @ lean))
+    shift = product[strong] / strength[strong]
+    shift = shift - np.average(shift, weights=strength[strong])
+    variance = float((shift**2).mean())
+    flat = float((shift**4).mean()) / variance**2 < _FLAT if variance > 0.0 else False
+    if not flat and not excess > _SUSPECT * max(size, _LOOSE):
+        return None
+    return math.sqrt(max(variance, 1e-12))
+
+
+def _drop_of_normal(problem: Problem, along: Array, residual: Array, spread: float) -> float:
+    """Fall of -2 log likelihood with a constant that scatters normally from impact to impact."""
+    strength, product = _by_impact(problem, along**2), _by_impact(problem, along * residual)
+    total, n = float(residual @ residual), residual.size
+
+    def minus(log_spread: float) -> float:
+        # residuals of an impact have covariance s^2 (1 + t^2 g g'), whose inverse is known in closed form
+        t2 = math.exp(2.0 * log_spread)
+        square = total - float((t2 * product**2 / (1.0 + t2 * strength)).sum())
+        logs = float(np.log1p(t2 * strength).sum())
+        return logs + (square if problem.noise.is_known else n * math.log(square / n) + n)
+
+    start = math.log(spread)
+    found = optimize.minimize_scalar(minus, bounds=(start - 4.0, start + 3.0), method="bounded")
+    return max((total if problem.noise.is_known else n * math.log(total / n) + n) - float(found.fun), 0.0)
+
+
+def _fitted(problem: Problem, fit: LeastSquaresFit, place: int, spread: float) -> _Kinds | None:
+    """The best mixture of two kinds that differ in one constant."""
+    lower, upper = (ends[place] for ends in problem.parameters.bounds())
+    value = float(fit.optimum.theta[place])
+    best: tuple[float, Array, Array, Array] | None = None
+    for size in _STARTS:
+        for share in (0.5, 0.25):
+            for sign in (1.0, -1.0):
+                first, second = fit.optimum.theta.copy(), fit.optimum.theta.copy()
+                first[place] = np.clip(value - sign * 2.0 * share * size * spread, lower, upper)
+                second[place] = np.clip(value + sign * 2.0 * (1.0 - share) * size * spread, lower, upper)
+                found = _search(problem, fit, place, first, second, share)
+                if best is None or found[0] < best[0]:
+                    best = found
+    if best is None:
+        return None
+    _, first, second, of_second = best
+    count = of_second.size
+    few = min(float(of_second.sum()), count - float(of_second.sum()))
+    if few < max(_LEAST, _SHARE * count):
+        return None
+    before = _log_likelihoods(problem, fit, fit.optimum.theta)
+    after, *_ = _mixed(problem, fit, first, second, float(of_second.mean()))
+    gain = 2.0 * (after - before)
+    drop = float(gain.sum() - gain.max())
+    return _Kinds(problem.parameters.names[place], first, second, of_second, drop)
+
+
+def _log_likelihoods(problem: Problem, fit: LeastSquaresFit, theta: Array) -> Array:
+    """Log likelihood of each impact with one kind, at the most likely noises, but for a constant."""
+    sigma = _likely_sigma(problem, fit)
+    z = (problem.rows.value - problem.predict(theta)) / sigma
+    return _by_impact(problem, -0.5 * z * z - np.log(sigma))
+
+
+def _mixed(
+    problem: Problem,
+    fit: LeastSquaresFit,
+    first: Array,
+    second: Array,
+    share: float,
+    sigma: Array | None = None,
+) -> tuple[Array, Array, Array]:
+    """Log likelihood of each impact under the mixture, the probability of the second kind, and sigma."""
+    left = problem.rows.value - problem.predict(np.stack((first, second)))
+    sigma = fit.sigma if sigma is None else sigma
+    for _ in range(3):  # noises at their best for these kinds
+        each = -0.5 * (left / sigma) ** 2 - np.log(sigma)
+        logs = np.stack([_by_impact(problem, one) for one in each])
+        logs = logs + np.log([[1.0 - share], [share]])
+        total = np.logaddexp(logs[0], logs[1])
+        of_second = np.exp(logs[1] - total)
+        weight = of_second[problem.rows.impacts]
+        square = (1.0 - weight) * left[0] ** 2 + weight * left[1] ** 2
+        groups = problem.noise_groups()
+        if not groups:
+            break
+        base = problem.noise.base
+        sigma = base.copy()
+        for rows in groups.values():
+            sigma[rows] *= math.sqrt(max(float((square[rows] / base[rows] ** 2).mean()), 1e-300))
+    return total, of_second, sigma
+
+
+def _search(
+    problem: Problem, fit: LeastSquaresFit, place: int, first: Array, second: Array, share: float
+) -> tuple[float, Array, Array, Array]:
+    """Expectation and maximisation, by one step of Gauss and Newton each."""
+    lower, upper = problem.parameters.bounds()
+    free = np.flatnonzero(problem.parameters.free)
+    others = free[free != place]
+    total, of_second, sigma = _mixed(problem, fit, first, second, share)
+    now = -2.0 * float(total.sum())
+    for _ in range(_STEPS):
+        weight = of_second[problem.rows.impacts]
+        blocks, left = [], []
+        for theta, w, column in ((first, 1.0 - weight, 0), (second, weight, 1)):
+            root = np.sqrt(w) / sigma
+            jacobian = problem.jacobian(theta) * root[:, None]
+            own = np.zeros((len(root), others.size + 2))
+            own[:, :-2] = jacobian[:, others]
+            own[:, -2 + column] = jacobian[:, place]
+            blocks.append(own)
+            left.append((problem.rows.value - problem.predict(theta)) * root)
+        step = np.linalg.lstsq(np.concatenate(blocks), np.concatenate(left), rcond=_LOOSE)[0]
+        moved = first.copy(), second.copy()
+        for theta, column in zip(moved, (-2, -1), strict=True):
+            theta[others] += step[:-2]
+            theta[place] += step[column]
+            np.clip(theta, lower, upper, out=theta)
+        share = float(np.clip(of_second.mean(), 1e-3, 1.0 - 1e-3))
+        total, of_second, sigma = _mixed(problem, fit, moved[0], moved[1], share, sigma)
+        after = -2.0 * float(total.sum())
+        if now - after < _AT_REST:
+            break
+        first, second, now = *moved, after
+    return now, first, second, of_second

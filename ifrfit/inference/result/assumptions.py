@@ -1,0 +1,93 @@
+"""What decides the answer although nobody said so: noise, independent errors, angles without an offset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.thresholds import RANK
+from ifrfit.inference.model.entry_names import entry_name
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.angle_offset import slope_by_offset
+from ifrfit.inference.optimize.laplace import weighted_jacobian
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.result.types import Constants, Estimate, NoiseSummary, by_entry
+
+_OF_NOISE = {
+    "known": "",
+    "scaled": "errors as large as the scatter, in the proportions of sigma",
+    "unknown": "errors as large as the scatter",
+    "mixed": "errors of {estimated} as large as the scatter, those of {given} as given",
+}
+_INDEPENDENT = "errors independent of one another"
+
+
+def assumed_of(
+    problem: Problem,
+    fit: LeastSquaresFit,
+    constants: Constants,
+    kappas: Mapping[str, Estimate],
+    noise: NoiseSummary,
+) -> tuple[str, ...]:
+    """What a fit takes for granted, in words.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquaresFit
+    constants, kappas : mapping
+        Estimates: constants by name, kappa by series.
+    noise : NoiseSummary
+    """
+    offset = _offset_words(problem, fit, constants, kappas)
+    words = _OF_NOISE[noise.policy]
+    if noise.policy == "mixed":
+        words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
+    return tuple(said for said in (words, _INDEPENDENT, offset) if said)
+
+
+def _offset_words(
+    problem: Problem, fit: LeastSquaresFit, constants: Constants, kappas: Mapping[str, Estimate]
+) -> str:
+    """How far an offset of the set angles would move the constant that it moves most, in its sd."""
+    model = problem.error_model
+    if not problem.rows.has_angle.any() or fit.angle_offset is not None or model.angles != "none":
+        return ""
+    moves = moved_by_offset(problem, fit)
+    alone = len(kappas) == 1
+    of_kappa = {entry_name("kappa", "" if alone else name): each for name, each in kappas.items()}
+    # kappa speaks where the data leave mu open
+    share = _share(moves, by_entry(constants)) or _share(moves, of_kappa)
+    if not share:
+        return ""
+    name = max(share, key=lambda one: share[one])
+    by = f"{abs(moves[name]):.2g}, {share[name]:.2g} sd"
+    return f"angles of incidence without an offset (1 degree would move {name} by {by})"
+
+
+def _share(moves: Mapping[str, float], found: Mapping[str, Estimate]) -> dict[str, float]:
+    """Moves over the sd of what has a value."""
+    known = {name: each.stderr for name, each in found.items() if name in moves and each.value is not None}
+    return {name: abs(moves[name]) / sd for name, sd in known.items() if sd}
+
+
+def moved_by_offset(problem: Problem, fit: LeastSquaresFit) -> dict[str, float]:
+    """By how much the optimum moves where all angles are taken a degree larger, to first order.
+
+    Returns
+    -------
+    dict
+        By the names of theta, and kappa by that of its place in the expansion.
+    """
+    theta = fit.optimum.theta
+    names, _, to_theta, by_phi, _ = weighted_jacobian(problem, fit.sigma, theta)
+    free = problem.parameters.free
+    scale = np.array([each.prior_sd for each in problem.parameters.entries])[free]
+    slope = np.zeros(len(by_phi))
+    slope[: fit.sigma.size] = slope_by_offset(problem, theta) / fit.sigma
+    moved = np.zeros(theta.size)
+    moved[free] = -np.linalg.lstsq(by_phi[:, free] * scale, slope, rcond=RANK)[0] * scale
+    in_theta = to_theta @ moved
+    by_name = dict(zip(names, moved.tolist(), strict=True))
+    return by_name | dict(zip(problem.parameters.names, in_theta.tolist(), strict=True))

@@ -1,0 +1,76 @@
+"""How often series that contradict one another are told, and series that agree: see docs/facts.md."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from factories import at_most, problem_of
+from simulated import simulated
+
+from ifrfit.inference.diagnostics.series_compared import pooling
+from ifrfit.inference.diagnostics.thresholds import REFUTED
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import least_squares
+from ifrfit.physics import rebound
+
+GAMMA = np.linspace(5.0, 85.0, 17)
+TRUE = {"e_n": 0.9, "e_t": -0.85, "mu": 0.14}
+SIGMA = 0.02
+GIVEN = {"known": (True, True), "unknown": (False, False), "mixed": (True, False)}  # of which series
+
+
+def question(rng: np.random.Generator, policy: str, **difference: float) -> Problem:
+    """Two series of beta; the constants of the second differ, and e_n is given."""
+    value, sigma = [], []
+    for second, given in enumerate(GIVEN[policy]):
+        constants = {name: x + second * difference.get(name, 0.0) for name, x in TRUE.items()}
+        value.append(rebound(GAMMA, degrees=True, **constants).beta + SIGMA * rng.standard_normal(GAMMA.size))
+        sigma.append(np.full(GAMMA.size, SIGMA if given else np.nan))
+    rows = np.tile(GAMMA, 2), np.concatenate(value), np.concatenate(sigma)
+    data = simulated(
+        np.full(2 * GAMMA.size, "beta"), *rows, series=np.repeat(["first", "second"], GAMMA.size)
+    )
+    problem = problem_of(data, fix={"e_n": TRUE["e_n"]})
+    assert problem.noise.policy == policy
+    return problem
+
+
+def told(problem: Problem) -> set[str]:
+    """Constants that the fact says are not shared."""
+    fact = pooling(problem, least_squares(problem))
+    assert fact is not None
+    return set(fact.figures["separate"])
+
+
+def share(policy: str, n: int, seed: int, **difference: float) -> pd.Series:
+    rng = np.random.default_rng(seed)
+    found = [told(question(rng, policy, **difference)) for _ in range(n)]
+    return pd.Series({name: sum(name in one for one in found) / n for name in ("e_t", "mu")})
+
+
+@pytest.mark.parametrize("policy", GIVEN)
+def test_a_large_difference_is_told_and_none_is_not(policy):
+    large = share(policy, 5, 1, mu=0.06)
+    assert large["mu"] == 1.0
+    assert share(policy, 5, 2).sum() == 0.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("policy", GIVEN)
+def test_series_that_agree_are_hardly_ever_told_apart(policy):
+    n = 1000
+    assert n * share(policy, n, 3).max() <= at_most(n, REFUTED)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("policy", GIVEN)
+@pytest.mark.parametrize(
+    ("name", "sizes", "least"),
+    [("mu", (0.005, 0.01, 0.02), (0.1, 0.75, 1.0)), ("e_t", (0.02, 0.03, 0.06), (0.1, 0.4, 0.98))],
+)
+def test_series_that_differ_are_told_at_three_sizes(policy, name, sizes, least):
+    found = [share(policy, 100, 4, **{name: size})[name] for size in sizes]
+    assert found == sorted(found)
+    for one, limit in zip(found, least, strict=True):
+        assert one >= limit
