@@ -15,6 +15,7 @@ from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.linear_families import LOWEST
 from ifrfit.inference.posterior.lattice_rule import Array
 from ifrfit.inference.posterior.noise_scale import NoiseScale
@@ -146,16 +147,14 @@ class ConstantsDensity:
         squares = self._squares(values)
         for square, scale in zip(squares.T, self.noises.values(), strict=False):
             total = total + scale.log_likelihood(square)
-        base = self.problem.noise.base
-        total = total - float(np.log(base).sum())
-        if not self.noises:
-            total = total - 0.5 * squares[:, 0] - base.size * _HALF_LOG_2PI
-        return np.where(np.isnan(total), -np.inf, total), squares[:, : len(self.noises)]
+        total = total - float(np.log(self.problem.noise.base).sum())
+        total = total - 0.5 * squares[:, -1] - self._known.size * _HALF_LOG_2PI
+        return np.where(np.isnan(total), -np.inf, total), squares[:, :-1]
 
     def _squares(self, values: Array) -> Array:
-        """Sum of squared residuals, in units of the base, of each noise group, or of all rows if known."""
+        """Sum of squared residuals, in units of the base, of each noise group and of the rows in none."""
         problem = self.problem
-        groups = list(problem.noise_groups().values()) or [np.arange(len(problem.rows))]
+        groups = [*problem.noise_groups().values(), self._known]
         found = np.empty((values.shape[0], len(groups)))
         step = max(1, _AT_ONCE // len(problem.rows))
         for start in range(0, values.shape[0], step):
@@ -163,9 +162,17 @@ class ConstantsDensity:
             there = problem if problem.offset is None else problem.at_offset(part[:, -1:])
             residual = (problem.rows.value - there.predict(self.theta(part))) / problem.noise.base
             for number, rows in enumerate(groups):
-                own = residual if len(groups) == 1 else residual[:, rows]
+                own = residual if rows.size == len(problem.rows) else residual[:, rows]
                 found[start : start + step, number] = np.einsum("ij,ij->i", own, own)
         return found
+
+    @cached_property
+    def _known(self) -> Index:
+        """Rows whose sigma is known."""
+        unknown = np.zeros(len(self.problem.rows), dtype=bool)
+        for rows in self.problem.noise_groups().values():
+            unknown[rows] = True
+        return np.flatnonzero(~unknown)
 
     def _scattered(self, values: Array) -> Array:
         """Log likelihood where errors of angles or heavy tails make it other than plain."""

@@ -1,6 +1,6 @@
 """Which integrator an exact posterior is left to: quadrature, or importance sampling where grids are large.
 
-Section 9 of ``docs/theory/posterior.md``; why there are two: ``docs/decisions/0017-two-integrators.md``.
+Section 9 of ``docs/theory/posterior.md``; why there are two: ``docs/decisions/0018-two-integrators.md``.
 """
 
 from __future__ import annotations

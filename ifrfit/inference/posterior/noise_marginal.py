@@ -38,17 +38,11 @@ def noise_marginal(joint: JointDensity, number: int, group: int, name: str) -> M
     name : str
     """
     grid = joint.grids[number]
-<<<<<<< HEAD
-    scales = grid.series.noise
-    if scales is None:
-        raise ValueError(f"series {number} has no unknown noise")
-=======
     own = (grid.series.noise or ())[group]
     if not isinstance(own, NoiseScale):
         raise TypeError(f"group {group} of series {number} has no unknown noise")
->>>>>>> main
     square, weight = grid.sums_of_squares(group, joint.share)
-    return noise_over_squares(scales[group], square, weight, math.exp(-grid.series.tail), name)
+    return noise_over_squares(own, square, weight, math.exp(-grid.series.tail), name)
 
 
 def noise_over_squares(
