@@ -15,6 +15,7 @@ from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.model.noise import mixed_noise
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import exact_posterior, importance_sampling, integrate
@@ -78,6 +79,16 @@ def test_it_agrees_with_quadrature(name: str) -> None:
     assert set(sampled.names) == set(exact.names)
     transition = f"transition_tau[{problem.series[0]}]"
     assert sampled.quantile(transition, 0.5) == pytest.approx(exact.quantile(transition, 0.5), rel=0.02)
+
+
+def test_it_agrees_with_quadrature_where_some_noises_are_known() -> None:
+    known = measured("beta", WIDE, seed=15)
+    unknown = tuple(replace(row, sigma=None) for row in DROPS)
+    problem = Question(known + unknown, noise="unknown").problem()
+    problem = problem.with_noise(mixed_noise(problem.noise.sigma, problem.groups()))
+    assert problem.noise.is_mixed
+    start = least_squares(problem)
+    agree(sample_by_importance(problem, start), integrate(problem, 1e-3, start))
 
 
 def test_it_agrees_with_quadrature_under_maw() -> None:
