@@ -98,7 +98,8 @@ class Fitted:
     @classmethod
     def by_series(cls, problem: Problem, fit: LeastSquaresFit) -> Fitted:
         """With an unknown noise of each series: one of several that is off is no reason for a common one."""
-        groups = () if problem.noise.is_known else tuple(problem.groups().values())
+        given = problem.noise.is_given
+        groups = tuple(rows for rows in problem.groups().values() if not given[rows].all())
         return cls(problem, fit, Misfit(problem.noise.base, groups))
 
     @cached_property
