@@ -38,9 +38,9 @@ def question(rng: np.random.Generator, policy: str, **difference: float) -> Prob
 
 def told(problem: Problem) -> set[str]:
     """Constants that the fact says are not shared."""
-    fact = pooling(problem, least_squares(problem))
-    assert fact is not None
-    return set(fact.figures["separate"])
+    found = pooling(problem, least_squares(problem))
+    assert found is not None
+    return set(found.fact.figures["separate"])
 
 
 def share(policy: str, n: int, seed: int, **difference: float) -> pd.Series:
