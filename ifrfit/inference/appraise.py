@@ -16,7 +16,7 @@ from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.comparison.compare import compare_result
 from ifrfit.inference.diagnostics.interval_comparison import intervals
 from ifrfit.inference.estimators import Exact
-from ifrfit.inference.posterior import QuadraturePosterior, integrate
+from ifrfit.inference.posterior import ExactPosterior, exact_posterior
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.prediction import draw_kept
@@ -92,11 +92,11 @@ def _without_profiles(problem: Problem) -> str:
     return ""
 
 
-def _posterior(result: FitResult, problem: Problem, optimum: LeastSquaresFit) -> QuadraturePosterior | None:
+def _posterior(result: FitResult, problem: Problem, optimum: LeastSquaresFit) -> ExactPosterior | None:
     """The exact posterior of an exact fit, as it was left or integrated again; None of other methods."""
-    if isinstance(result.distribution, QuadraturePosterior):
+    if isinstance(result.distribution, ExactPosterior):
         return result.distribution
-    return integrate(problem, start=optimum) if result.method == Exact.name else None
+    return exact_posterior(problem, start=optimum) if result.method == Exact.name else None
 
 
 def _comparison(result: FitResult) -> tuple[Comparison | None, str]:

@@ -7,11 +7,17 @@ from typing import TYPE_CHECKING
 
 from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.pooling import sharing
-from ifrfit.inference.diagnostics.thresholds import FACTS
+from ifrfit.inference.diagnostics.thresholds import FACTS, SAMPLED
 from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.posterior import TOLERANCE, QuadraturePosterior, integrate, integrate_over_offset
+from ifrfit.inference.posterior import (
+    TOLERANCE,
+    ExactPosterior,
+    ImportancePosterior,
+    QuadraturePosterior,
+    exact_posterior,
+)
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact
 
@@ -28,33 +34,53 @@ def least_squares_estimation(optimum: LeastSquaresFit) -> Estimation:
 
 
 def exact_estimation(
-    problem: Problem, optimum: LeastSquaresFit, tolerance: float | None = None
+    problem: Problem,
+    optimum: LeastSquaresFit,
+    tolerance: float | None = None,
+    *,
+    integrator: str = "automatic",
+    seed: int = 0,
 ) -> Estimation:
-    """The posterior by quadrature, and whether the data want separate constants to be shared."""
+    """The exact posterior, and whether the data want separate constants to be shared.
+
+    Parameters
+    ----------
+    problem : Problem
+    optimum : LeastSquaresFit
+    tolerance : float, optional
+        Of the quadrature.
+    integrator, seed
+        As `ifrfit.inference.posterior.exact_posterior`.
+    """
     if tolerance is None:
         tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
-    if problem.offset is not None:
-        mixture = integrate_over_offset(problem, tolerance, optimum)
-        return posterior_estimation(problem, optimum, mixture, integrate_over_offset)
-    posterior = integrate(problem, start=optimum, tolerance=tolerance)
-    return posterior_estimation(problem, optimum, posterior, integrate)
+    posterior = exact_posterior(problem, tolerance, optimum, integrator=integrator, seed=seed)
+
+    def of_other(other: Problem) -> ExactPosterior:
+        return exact_posterior(other, integrator=integrator, seed=seed)
+
+    return posterior_estimation(problem, optimum, posterior, of_other)
 
 
 def posterior_estimation(
     problem: Problem,
     optimum: LeastSquaresFit,
-    posterior: QuadraturePosterior | Mixture,
-    integrate: Callable[[Problem], QuadraturePosterior | Mixture] | None,
+    posterior: ExactPosterior,
+    integrate: Callable[[Problem], ExactPosterior] | None,
 ) -> Estimation:
     """An integrated posterior; other questions about sharing are put to `integrate`, if there is one."""
-    diagnostics = {"converged": _quadrature_converged(posterior, noise_converged(optimum))}
+    of_noise = noise_converged(optimum)
+    if isinstance(posterior, ImportancePosterior):
+        diagnostics = {"converged": _by_sampling(posterior, of_noise)}
+    else:
+        diagnostics = {"converged": _by_grid(posterior, of_noise)}
     shared = None if integrate is None else sharing(problem, posterior.log_evidence, integrate)
     if shared is not None:
         diagnostics["sharing"] = shared
     return Estimation("exact", posterior, diagnostics, is_posterior=True, log_evidence=posterior.log_evidence)
 
 
-def _quadrature_converged(posterior: QuadraturePosterior | Mixture, noise_converged: Fact) -> Fact:
+def _by_grid(posterior: QuadraturePosterior | Mixture, noise_converged: Fact) -> Fact:
     """Whether the quadrature reached its tolerance, and the noise of the least squares behind it settled."""
     figures = {
         "error": posterior.error,
@@ -69,6 +95,27 @@ def _quadrature_converged(posterior: QuadraturePosterior | Mixture, noise_conver
     else:
         says = noise_converged.says
     return Fact(posterior.converged and noise_converged.ok, says, figures, FACTS["converged"])
+
+
+def _by_sampling(posterior: ImportancePosterior, noise_converged: Fact) -> Fact:
+    """Whether standard errors are small and to be believed, and the noise of the least squares settled."""
+    figures = {
+        "error": posterior.error,
+        "error_evidence": posterior.error_evidence,
+        "tolerance": posterior.tolerance,
+        "integrator": "importance sampling",
+        "effective_draws": posterior.n_draws,
+        "largest_weight": posterior.largest_weight,
+    } | dict(noise_converged.figures)
+    reached = f"standard errors of up to {100.0 * posterior.error:.2g} % of an sd"
+    drawn = f"{posterior.n_draws:,.0f} effective draws"
+    if posterior.converged and noise_converged.ok:
+        says = f"posterior by importance sampling: {reached}, {drawn}"
+    elif not posterior.converged:
+        says = f"importance sampling did not converge: {reached}, {drawn}; --method mcmc may go on from there"
+    else:
+        says = noise_converged.says
+    return Fact(posterior.converged and noise_converged.ok, says, figures, SAMPLED)
 
 
 def sample_estimation(sample: Sample, optimum: LeastSquaresFit) -> Estimation:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ifrfit.inference.result.estimation import Estimation
 
 Progress = Callable[[int, int], None]
+_INTEGRATORS = ("automatic", "quadrature", "sampling")
 
 
 @runtime_checkable
@@ -146,7 +147,7 @@ def _workers() -> Any:
 
 @dataclass(frozen=True, repr=False)
 class Exact(Method):
-    """The posterior by deterministic quadrature.
+    """The posterior by deterministic quadrature, or by importance sampling where that takes long.
 
     Attributes
     ----------
@@ -156,6 +157,14 @@ class Exact(Method):
     budget : float, str or None
         Seconds (or text, as "500ms") from the call of `fit`: as exact as the time allows, or until the
         accuracy is reached.
+    integrator : {"automatic", "quadrature", "sampling"}
+        automatic: quadrature, or importance sampling where its grids would take more than a second or so.
+
+    Raises
+    ------
+    UsageError
+        For numbers that make no sense, an integrator that does not exist, or one beside `accuracy` or
+        `budget`, which ask for quadrature.
     """
 
     name: ClassVar[str] = "exact"
@@ -165,9 +174,18 @@ class Exact(Method):
     summary: ClassVar[str] = "the posterior"
     accuracy: float | None = _accuracy()
     budget: float | str | None = _budget()
+    integrator: str | None = option(
+        None, "exact: automatic (default), quadrature or sampling (importance sampling).", metavar="NAME"
+    )
 
     def __post_init__(self) -> None:
         check_request(self.accuracy, self.budget)
+        if self.integrator is None:
+            return
+        if self.integrator not in _INTEGRATORS:
+            raise UsageError(f"--integrator {self.integrator}: choose {', '.join(_INTEGRATORS)}.")
+        if self.accuracy is not None or self.budget is not None:
+            raise UsageError(_picked("integrator"))
 
     def refuses(self, problem: Problem) -> str:
         """Why not: true angles that tie e_n to the tangential constants."""
@@ -187,7 +205,8 @@ class Exact(Method):
         from ifrfit.inference.estimations import exact_estimation
 
         if self.accuracy is None and self.budget is None:
-            return exact_estimation(problem, optimum)
+            integrator = self.integrator or _INTEGRATORS[0]
+            return exact_estimation(problem, optimum, integrator=integrator, seed=asked.get("seed", 0))
         request = make_request(self.accuracy, self.budget, asked.get("started"))
         return as_requested(problem, optimum, request, [self.name])
 

@@ -61,7 +61,8 @@ def fit(
         What sigma means; by default the dataset's own policy, else known where every row has a sigma, else
         unknown. A `Noise` also says of heavy tails, errors of angles, and errors that are propagated.
     method : str or Estimator, optional
-        exact (the default): the posterior by deterministic quadrature; lsq: least squares with a certificate
+        exact (the default): the posterior by deterministic quadrature, or by importance sampling where grids
+        would be large; lsq: least squares with a certificate
         of the global optimum; profile: the profile likelihood of each constant; mcmc: the posterior by Markov
         chains that stop when their diagnostics suffice; bootstrap: fits of experiments drawn anew. `Exact`,
         `LeastSquares`, `Profile`, `MCMC` and `Bootstrap` carry the options of the methods; `Automatic` picks

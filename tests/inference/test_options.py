@@ -46,6 +46,7 @@ VALUES = {
     "sigma_spin": (0.03, Noise(sigma_velocity=0.02, sigma_spin=0.03)),
     "accuracy": (1e-2, Exact(accuracy=1e-2)),
     "budget": ("2s", Exact(budget="2s")),
+    "integrator": ("sampling", Exact(integrator="sampling")),
     "max_steps": (50, MCMC(max_steps=50)),
     "resume": ("here", MCMC(resume="here")),
     "workers": (2, MCMC(workers=2)),

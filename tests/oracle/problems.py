@@ -28,6 +28,7 @@ TOLERANCES = {
             "maw-separate",
             "separate-e_n",
             "separate-mu-prior",
+            "student-t-unknown",
             "beta_tot",
             "beta_tot-free",
             "beta_tot-unknown",

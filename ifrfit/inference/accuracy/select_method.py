@@ -13,7 +13,9 @@ from ifrfit.inference.accuracy.tolerance_ladder import refine
 from ifrfit.inference.estimations import least_squares_estimation, posterior_estimation, sample_estimation
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.posterior import QuadraturePosterior, integrate
+from ifrfit.inference.posterior import ExactPosterior, QuadraturePosterior, exact_posterior, integrate
+from ifrfit.inference.posterior.adaptive_quadrature import GridTooLargeError
+from ifrfit.inference.posterior.importance_sampling import sample_by_importance
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact
 
@@ -37,6 +39,7 @@ def as_requested(
 ) -> Estimation:
     """The posterior by quadrature where it can do the problem, else by chains.
 
+    Where a grid would fill the memory and chains are not asked for, importance sampling takes its place.
     Where there are both, and time is too short for either, least squares stand as they are; but not where
     true angles are integrated out, which least squares do not know. Else the coarsest tolerance, or a few
     steps, are worked out however long they take.
@@ -62,6 +65,10 @@ def as_requested(
     if "exact" in methods and not unsuitable:
         try:
             posterior = refine(problem, optimum, request, must=must)
+        except GridTooLargeError as refusal:
+            if "mcmc" not in methods:
+                return _exact(problem, optimum, sample_by_importance(problem, optimum, seed), request)
+            unsuitable = str(refusal)
         except UsageError as refusal:
             if "mcmc" not in methods:
                 raise
@@ -100,10 +107,10 @@ def as_requested(
 
 
 def _exact(
-    problem: Problem, optimum: LeastSquaresFit, posterior: QuadraturePosterior, request: Request
+    problem: Problem, optimum: LeastSquaresFit, posterior: ExactPosterior, request: Request
 ) -> Estimation:
     if request.budget is None:
-        found = posterior_estimation(problem, optimum, posterior, integrate)
+        found = posterior_estimation(problem, optimum, posterior, exact_posterior)
     else:
         try:
             found = posterior_estimation(problem, optimum, posterior, lambda other: _evidence(other, request))

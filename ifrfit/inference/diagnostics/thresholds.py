@@ -30,6 +30,9 @@ STATUSES = {
     "fixed": "by you",
 }
 
+# Importance sampling: standard error in sd, effective draws, share of the weight that one draw may have
+SAMPLING_ERROR, LEAST_EFFECTIVE, LARGEST_WEIGHT = 0.05, 1000.0, 0.02
+
 FACTS = {
     "converged": f"last relative change of the noise <= {AT_REST:g} (none where sigma is known); profile: "
     "besides, every profile closes or reaches the end of its domain, and the noise settles there "
@@ -96,3 +99,10 @@ FACTS = {
     "that of shared ones (below a factor 3 there is no preference); the factor depends on the priors' widths",
     "angular_momentum": "velocities and spins close within 5 % (raw velocities with spin after only)",
 }
+
+# of the fact "converged" where the exact posterior is left to importance sampling
+SAMPLED = (
+    f"importance sampling: standard error of every mean, sd and quantile <= {SAMPLING_ERROR:g} of a standard "
+    f"deviation, of the log evidence <= {SAMPLING_ERROR:g}; >= {LEAST_EFFECTIVE:,.0f} effective draws, none "
+    f"with more than {100 * LARGEST_WEIGHT:g} % of the weight"
+)

@@ -22,11 +22,12 @@ BANDS = {
 class Distribution(Protocol):
     """Joint distribution of the free parameters, of kappa, of the transition and of free noises.
 
-    Implementations: the quadrature posterior, `Draws` (chains, replicates, a file that was read) and
-    `TruncatedGaussian` (least squares). Quantities go by name: the entries of theta that are free; kappa, or
-    kappa[SERIES] where e_n or mu is separate; noise[SERIES/OBSERVABLE], or noise where one factor is common
-    to all. Besides these, transition_tau[SERIES], the slip ratio |U_t|/U_n at which sticking ends, has
-    quantiles (but no mean, for it may be infinite).
+    Implementations: the quadrature posterior, `WeightedDraws` (importance sampling), `Draws` (chains,
+    replicates, a file that was read) and `TruncatedGaussian` (least squares). Quantities go by name: the
+    entries of theta that are free; kappa, or kappa[SERIES] where e_n or mu is separate;
+    noise[SERIES/OBSERVABLE], or noise where one factor is common to all. Besides these,
+    transition_tau[SERIES], the slip ratio |U_t|/U_n at which sticking ends, has quantiles (but no mean, for
+    it may be infinite).
     """
 
     @property

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ifrfit.errors import UsageError
 from ifrfit.inference.model.entry_names import entry_name, split_name
 from ifrfit.inference.model.log_posterior import Density
+from ifrfit.inference.posterior import ImportancePosterior
 
 if TYPE_CHECKING:
     from ifrfit.inference.mcmc import Sample
@@ -118,7 +119,9 @@ def _independent(result: Findings, allowed: int) -> tuple[dict[str, Array], dict
     each = min(each, _DRAWS)
     drawn = result.distribution.draws(_CHAINS * each, np.random.default_rng(result.seed))
     draws = {name: values.reshape(_CHAINS, each) for name, values in drawn.items()}
-    return draws, {"sampler": "independent draws from a quadrature"}
+    is_sampled = isinstance(result.distribution, ImportancePosterior)
+    source = "resampled from importance sampling" if is_sampled else "independent draws from a quadrature"
+    return draws, {"sampler": source}
 
 
 def _of_chains(sample: Sample, allowed: int) -> tuple[dict[str, Array], dict[str, Any]]:

@@ -5,6 +5,7 @@ Eq. (7) of ``docs/theory/posterior.md`` is the error estimate that every refinem
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 from ifrfit.errors import UsageError
@@ -13,7 +14,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior.convergence import errors_of_quantiles, largest_error, quantiles_at_levels
 from ifrfit.inference.posterior.integral_layout import IntegralLayout, make_layout
-from ifrfit.inference.posterior.joint_grid import JointDensity
+from ifrfit.inference.posterior.joint_grid import JointDensity, JointIntegral
 from ifrfit.inference.posterior.layout_marginals import kappa_marginals, marginals_of
 from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
@@ -24,14 +25,26 @@ _ROUNDS = 30
 # Sizes of grids, in values of the density
 _SMALL = 200_000  # up to which a round is cheap
 _LARGE = 1_500_000  # beyond which a round is expensive
-_LAST = 6_000_000  # after which no finer grid is begun
-_MEMORY = 25_000_000  # that would fill the memory (some 4 GB)
+_MEMORY = 6_000_000  # that would fill the memory (some 0.9 GB)
 _PATIENCE_LARGE, _PATIENCE = 2, 8  # rounds in which the error must halve, on large grids and others
 _HELPFUL = 0.7  # largest share of its error that a round may leave, if the next one is to be like it
 _NEGLIGIBLE = 1e-7  # share of the mass, times the tolerance, that panels of the first grid may lack
 _SMALLEST_ALLOWED = 1e-15
+_OF_A_LOOK = 0.15  # share of the work that the look for empty panels may take
 _NO_MASS = 1e-12  # of kappa at the end of its domain, beyond which e_n does not separate
 _NEAR_END = 0.999  # share of kappa's domain at which its end begins
+
+
+class GridTooLargeError(UsageError):
+    """The grid of a posterior would be too large."""
+
+
+def _too_large(size: int) -> GridTooLargeError:
+    return GridTooLargeError(
+        f"The exact posterior needs a grid of {size:.0e} values here, which does not fit into memory. "
+        "Use --method mcmc, or fix a constant."
+    )
+
 
 MarginalsOf = Callable[[IntegralLayout, JointDensity], Mapping[str, Marginal]]
 
@@ -41,6 +54,7 @@ def integrate(
     tolerance: float = TOLERANCE,
     start: LeastSquaresFit | None = None,
     over: Callable[[], bool] | None = None,
+    most_work: float = math.inf,
 ) -> QuadraturePosterior:
     """Integrate the posterior of a problem.
 
@@ -53,6 +67,8 @@ def integrate(
         The certified optimum, where it is known already.
     over : callable, optional
         Asked before and after every round: whether to end with what was reached.
+    most_work : float
+        Values of the density, each by its cost, after which no further grid is begun.
 
     Returns
     -------
@@ -62,12 +78,14 @@ def integrate(
     ------
     DataError
         Where the noise is unknown and the data cannot tell it from the constants.
+    GridTooLargeError
+        Where the first grid would fill the memory, or take more work.
     UsageError
-        For a domain that reaches where sticking has no meaning, or where the grid would fill the memory.
+        For a domain that reaches where sticking has no meaning.
     TimeoutError
         If `over` says so before the first round.
     """
-    found = _refined(problem, tolerance, start, marginals_of, over)
+    found = _refined(problem, tolerance, start, marginals_of, over, most_work)
     return QuadraturePosterior(
         problem,
         float(found.density.log_z[0]),
@@ -81,9 +99,14 @@ def integrate(
 
 
 def log_evidence(
-    problem: Problem, tolerance: float = TOLERANCE, start: LeastSquaresFit | None = None
-) -> float:
-    """Log of the integral of the normalised likelihood times the normalised prior, without the marginals.
+    problem: Problem,
+    tolerance: float = TOLERANCE,
+    start: LeastSquaresFit | None = None,
+    most_work: float = math.inf,
+) -> tuple[float, float]:
+    """Log of the integral of the normalised likelihood times the normalised prior, and its error.
+
+    The marginals are left out.
 
     Parameters
     ----------
@@ -92,14 +115,32 @@ def log_evidence(
         Of the log evidence: the last change between two rules.
     start : LeastSquaresFit, optional
         The certified optimum, where it is known already.
+    most_work : float
+        As `integrate`.
 
     Raises
     ------
     DataError, UsageError
         As `integrate`.
     """
-    found = _refined(problem, tolerance, start, lambda layout, density: {}, None)
-    return float(found.density.log_z[0])
+    found = _refined(problem, tolerance, start, lambda layout, density: {}, None, most_work)
+    return float(found.density.log_z[0]), found.evidence_error
+
+
+def first_work(problem: Problem, tolerance: float, start: LeastSquaresFit, most_work: float) -> float:
+    """Work of the first grid of a posterior.
+
+    Raises
+    ------
+    GridTooLargeError
+        Where it would take more than `most_work`.
+    UsageError
+        As `integrate`.
+    """
+    layout = make_layout(problem, start, tolerance, separate_e_n=True)
+    refinement = Refinement(layout, tolerance, marginals_of, None, most_work)
+    refinement.lay_first_grid()
+    return layout.integral.work()
 
 
 def _refined(
@@ -108,13 +149,15 @@ def _refined(
     start: LeastSquaresFit | None,
     marginals: MarginalsOf,
     over: Callable[[], bool] | None,
+    most_work: float,
 ) -> Refinement:
     """Refine the integral with e_n separated, eq. (8), or whole where rows or domain do not allow that."""
     start = least_squares(problem) if start is None else start
     for separate_e_n in (True, False):
         layout = make_layout(problem, start, tolerance, separate_e_n=separate_e_n)
-        refinement = Refinement(layout, tolerance, marginals, over)
+        refinement = Refinement(layout, tolerance, marginals, over, most_work)
         refinement.run()
+        most_work = refinement.work_left
         if not refinement.kappa_reaches_end():
             break
     return refinement
@@ -131,6 +174,8 @@ class Refinement:
         From the layout and a density to the marginals that must converge, beside the evidence.
     over : callable, optional
         Whether time is up.
+    most_work : float
+        As `integrate`.
 
     Attributes
     ----------
@@ -140,6 +185,8 @@ class Refinement:
     error : float
         Largest error of a marginal, in standard deviations.
     evidence_error : float
+    work_left : float
+        Of `most_work`.
     """
 
     def __init__(
@@ -148,8 +195,10 @@ class Refinement:
         tolerance: float,
         marginals: MarginalsOf,
         over: Callable[[], bool] | None = None,
+        most_work: float = math.inf,
     ) -> None:
         self.layout, self.tolerance = layout, tolerance
+        self.work_left = most_work
         self._integral, self._marginals_of = layout.integral, marginals
         self._is_over = over if over is not None else lambda: False
         self._errors: list[float] = []  # of the marginals, round by round
@@ -160,26 +209,28 @@ class Refinement:
 
         Raises
         ------
-        UsageError
-            Where the first grid would fill the memory.
+        GridTooLargeError
+            Where the first grid would fill the memory, or take more work than there may be.
         TimeoutError
             If time is up before the first round.
         """
-        self._lay_first_grid()
+        self.lay_first_grid()
         for round_ in range(_ROUNDS):
             self._evaluate()
-            is_last = round_ == _ROUNDS - 1 or self.density.size() > _LAST or self._is_over()
-            if self.evidence_error <= self.tolerance or is_last:
+            is_last = round_ == _ROUNDS - 1 or self._is_over()
+            has_marginals = self.evidence_error <= self.tolerance or is_last
+            if has_marginals:
                 self.marginals = self._marginals_of(self.layout, self.density)
                 self._estimate_error()
                 if max(self.error, self.evidence_error) <= self.tolerance or is_last or self._is_stalled():
                     return
             restore = self._integral.remembered()
             self._refine()
-            if self._integral.size() > _MEMORY:
+            if self._is_too_large(self._integral):
                 restore()
-                self.marginals = self._marginals_of(self.layout, self.density)
-                self._estimate_error()
+                if not has_marginals:
+                    self.marginals = self._marginals_of(self.layout, self.density)
+                    self._estimate_error()
                 return
 
     def kappa_reaches_end(self) -> bool:
@@ -199,21 +250,34 @@ class Refinement:
                 return True
         return False
 
-    def _lay_first_grid(self) -> None:
+    def lay_first_grid(self) -> None:
+        """Drop panels without mass, and see whether there is room for the rest.
+
+        Raises
+        ------
+        GridTooLargeError, TimeoutError
+            As `run`.
+        """
+        if self._integral.at_first_look(self._is_too_large_to_look):
+            raise _too_large(self._integral.size())
         self._integral.drop_empty_panels(_NEGLIGIBLE * self.tolerance)
         is_unbounded = any(series.is_unbounded for series in self._integral.series)
         if is_unbounded and self._integral.size() > _SMALL:
-            self._integral.refine_transitions(self.tolerance)
+            self.work_left -= self._integral.refine_transitions(self.tolerance, self.work_left)
         if self._is_over():
             raise TimeoutError
-        size = self._integral.size()
-        if size > _MEMORY:
-            raise UsageError(
-                f"The exact posterior needs a grid of {size:.0e} values here, which does not "
-                "fit into memory. Use --method mcmc, or fix a constant."
-            )
+        if self._is_too_large(self._integral):
+            raise _too_large(self._integral.size())
+
+    def _is_too_large_to_look(self, integral: JointIntegral) -> bool:
+        return integral.size() > _MEMORY or integral.work() > _OF_A_LOOK * self.work_left
+
+    def _is_too_large(self, integral: JointIntegral) -> bool:
+        """Whether the present nodes would fill the memory, or take more work than is left."""
+        return integral.size() > _MEMORY or integral.work() > self.work_left
 
     def _evaluate(self) -> None:
+        self.work_left -= self._integral.work()
         self.density = self._integral.evaluate()
         self.evidence_error = self.density.evidence_error()
 

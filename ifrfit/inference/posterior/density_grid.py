@@ -228,7 +228,7 @@ class DensityGrid:
         """Sum of squares of a noise group at all nodes, (n,), and the probabilities of the nodes, (2, n)."""
         squares, nodes = self.series.squares, self.nodes
         q = squares.quadratics(nodes.e_n, nodes.x)[group]
-        more = squares.curved(nodes.e_n[..., None], nodes.x[..., None], nodes.c, nodes.mu)[group]
+        more = squares.curved_of(group, nodes.e_n[..., None], nodes.x[..., None], nodes.c, nodes.mu)
         weight = self.weight * self.outer(share)
         if np.ndim(q.slope) == np.ndim(more) == 0:  # the group sees no more than e_n
             square: Array = np.asarray(q.square)

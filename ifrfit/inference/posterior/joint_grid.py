@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 _COARSE = 4  # order of a first look
 _LARGEST_C_ORDER = 128
+_BLIND = 3.0  # change of the log evidence at which a first look has seen nothing
 _REHEARSALS = 16  # rounds at most
 
 
@@ -86,16 +87,29 @@ class JointIntegral:
 
     def size(self) -> int:
         """Values of the density that the present nodes ask for."""
+        return sum(self._sizes())
+
+    def work(self) -> float:
+        """What these values cost, in those of a series whose rows are all summed up beforehand."""
+        return sum(size * series.cost for size, series in zip(self._sizes(), self.series, strict=True))
+
+    def at_first_look(self, holds: Callable[[JointIntegral], bool]) -> bool:
+        """Whether something holds of the nodes that a look at a low order takes."""
+        with self._low_order(self.axes):
+            return holds(self)
+
+    def _sizes(self) -> list[int]:
+        """Values of the density of each series."""
         outer = math.prod(one.axis.nodes().size for one in self.shared)
-        total = 0
+        sizes = []
         for series in self.series:
             axes = (series.e_axis, series.x_axis)
             shape = [outer, *(1 if axis is None else axis.nodes().size for axis in axes)]
             # two panels about the mode of c, whose density does not depend on every axis
             of_c = 2 * (series.c_order + 1) if series.integrates_c else 1
             seen = math.prod(n for axis, n in enumerate(shape) if axis not in series.c_independent_axes)
-            total += max(of_c * seen, math.prod(shape))
-        return total
+            sizes.append(max(of_c * seen, math.prod(shape)))
+        return sizes
 
     def remembered(self) -> Callable[[], None]:
         """The present panels and orders: a call goes back to them."""
@@ -117,20 +131,27 @@ class JointIntegral:
             masses = [(one.axis, density.outer_errors(number)[0]) for number, one in enumerate(self.shared)]
             for grid in density.grids:
                 masses += grid.panel_masses(density.share)
-            for axis, mass in masses:
+            for axis, mass in masses if density.evidence_error() <= _BLIND else ():
                 axis.drop(mass, negligible)
         for series, grid in zip(self.series, density.grids, strict=True):
             series.c_independent_axes = tuple(axis for axis in range(3) if grid.f.shape[axis] == 1)
 
-    def refine_transitions(self, allowed: float) -> None:
+    def refine_transitions(self, allowed: float, most_work: float) -> float:
         """Refine the transitions as far as a low order along everything else shows their errors.
 
         Kinks along them take most rounds to resolve, and the other axes have little to do with these: without
         it the grid of reagle-2013 under closure FR becomes more than twice as large.
+
+        Returns
+        -------
+        float
+            The work that this took: little more than `most_work`.
         """
+        done = 0.0
         others = [axis for axis in self.axes if not any(axis is series.x_axis for series in self.series)]
         with self._low_order(others):
             for _ in range(_REHEARSALS):
+                done += self.work()
                 found = self._error_sources(self.evaluate(), ())
                 changed = [
                     place.refine(mass, error, allowed)
@@ -138,8 +159,9 @@ class JointIntegral:
                     if any(place is series.x_axis for series in self.series)
                     if isinstance(place, QuadratureAxis)
                 ]
-                if not any(changed):
+                if not any(changed) or done + self.work() > most_work:
                     break
+        return done
 
     @contextmanager
     def _low_order(self, axes: Sequence[QuadratureAxis]) -> Iterator[None]:

@@ -42,7 +42,26 @@ def noise_marginal(joint: JointDensity, number: int, group: int, name: str) -> M
     if not isinstance(own, NoiseScale):
         raise TypeError(f"group {group} of series {number} has no unknown noise")
     square, weight = grid.sums_of_squares(group, joint.share)
-    square, weight = _compressed(square, weight, own.n, math.exp(-grid.series.tail))
+    return noise_over_squares(own, square, weight, math.exp(-grid.series.tail), name)
+
+
+def noise_over_squares(
+    own: NoiseScale, square: Array, weight: Array, negligible: float, name: str
+) -> Marginal:
+    """The unknown sigma of a group, where a discrete law of its sum of squares is known.
+
+    Parameters
+    ----------
+    own : NoiseScale
+        The law of sigma given the sum of squares.
+    square : ndarray, (m,)
+    weight : ndarray, (2, m)
+        Probability of each, at both levels.
+    negligible : float
+        Probability of sums of squares that are left out.
+    name : str
+    """
+    square, weight = _compressed(square, weight, own.n, negligible)
     axis = QuadratureAxis.of(_edges(own, float(square.min()), float(square.max())), _ORDER)
     nodes = axis.nodes()
     density = weight @ own.density(nodes, square[:, None])

@@ -84,7 +84,7 @@ def log_evidence(
     Parameters
     ----------
     problem : Problem
-        With or without an unknown offset of the set angles.
+        With an unknown offset of the set angles.
     tolerance : float
         Of the log evidence: the last change between two rules.
     start : LeastSquaresFit, optional
@@ -95,8 +95,6 @@ def log_evidence(
     DataError, UsageError
         As `ifrfit.inference.posterior.integrate`.
     """
-    if problem.offset is None:
-        return evidence_of_constants(problem, tolerance, start)
     nodes = _nodes(problem, tolerance, start)
     step, _ = nodes.converged_step()
     return nodes.log_evidence(step)
@@ -175,7 +173,7 @@ class _Nodes:
             offset = self.offset_at(x)
             problem = self.problem.at_offset(offset)
             fit = refit(problem, self._start.sigma, self._near)
-            evidence = evidence_of_constants(problem, self.tolerance, fit)
+            evidence, _ = evidence_of_constants(problem, self.tolerance, fit)
             score = (offset - self.law.center) / self.law.sd
             # of the offset by x: ratio of the normal density and of that of the law
             log_slope = 0.5 * (score**2 - x**2) + math.log(self.law.sd) + self._log_mass

@@ -76,7 +76,8 @@ class QuadratureAxis:
         """Halve the panels whose error is not allowed, drop those without mass; whether any was halved."""
         if not (error > allowed / error.size).any():
             return False
-        keep = mass > 1e-8 * allowed / mass.size * mass.sum()
+        # masses whose errors are larger say nothing of where there is none
+        keep = (mass > 1e-8 * allowed / mass.size * mass.sum()) | (error.sum() > mass.sum())
         self.panels, error = self.panels[keep], error[keep]
         worst = error > allowed / mass.size
         halved = self.panels[worst]

@@ -196,5 +196,5 @@ def _noise(grid: DensityGrid, group: int, own: dict[str, Array], rng: np.random.
         raise TypeError("this group has no unknown noise")
     q = squares.quadratics(own["e_n"], own["x"])[group]
     square = q.at(own["c"] - squares.reference.c)
-    square = square + squares.curved(own["e_n"], own["x"], own["c"], own["mu"])[group]
+    square = square + squares.curved_of(group, own["e_n"], own["x"], own["c"], own["mu"])
     return scale.draw(np.broadcast_to(square, own["e_n"].shape), rng)

@@ -198,13 +198,15 @@ class SumOfSquares:
 
         0.0 where there are none.
         """
-        found: list[Array | float] = []
-        for rows, friction in zip(self.curved_rows, self._friction, strict=True):
-            square = self._curved_group(rows, e_n, x, c) if rows.size else 0.0
-            if friction.curvature and self.coefficients.b1:
-                square = square + friction.at(mu - self.reference.mu)
-            found.append(square)
-        return found
+        return [self.curved_of(group, e_n, x, c, mu) for group in range(len(self.groups))]
+
+    def curved_of(self, group: int, e_n: Array, x: Array, c: Array, mu: Array) -> Array | float:
+        """The same of one noise group."""
+        rows, friction = self.curved_rows[group], self._friction[group]
+        square = self._curved_group(rows, e_n, x, c) if rows.size else 0.0
+        if friction.curvature and self.coefficients.b1:
+            square = square + friction.at(mu - self.reference.mu)
+        return square
 
     def curved_values(self, rows: Index, e_n: Array, x: Array, c: Array, *, law: Law | None = None) -> Array:
         """Weighted residuals of curved rows, (..., rows); by another form of the law, if one is given."""

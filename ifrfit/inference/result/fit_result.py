@@ -137,7 +137,7 @@ class FitResult(Findings, Display):
             profiles do not know.
         """
         from ifrfit.inference.diagnostics.interval_comparison import intervals
-        from ifrfit.inference.posterior import QuadraturePosterior, integrate
+        from ifrfit.inference.posterior import ExactPosterior, exact_posterior
 
         if self.problem is None:
             raise UsageError(
@@ -152,7 +152,7 @@ class FitResult(Findings, Display):
             )
         problem, optimum = self.problem_and_optimum()
         own = self.distribution
-        posterior = own if isinstance(own, QuadraturePosterior) else integrate(problem, start=optimum)
+        posterior = own if isinstance(own, ExactPosterior) else exact_posterior(problem, start=optimum)
         return intervals(problem, optimum, posterior, self.profiles or None)
 
     def to_arviz(self) -> Any:

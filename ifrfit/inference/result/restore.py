@@ -5,11 +5,10 @@ from __future__ import annotations
 from ifrfit.data import Observations
 from ifrfit.data.schema import TABLE_COLUMNS
 from ifrfit.errors import UsageError
-from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.model.apply_error_model import with_error_model
 from ifrfit.inference.model.problem import Problem, make_problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.inference.posterior import QuadraturePosterior
+from ifrfit.inference.posterior import ExactPosterior
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import get_closure
 
@@ -59,7 +58,7 @@ def question(result: FitResult) -> tuple[Problem, LeastSquaresFit]:
     return problem, least_squares(problem)
 
 
-def posterior_of(result: FitResult) -> QuadraturePosterior | Mixture:
+def posterior_of(result: FitResult) -> ExactPosterior:
     """The exact posterior of a fit.
 
     Raises
@@ -67,6 +66,6 @@ def posterior_of(result: FitResult) -> QuadraturePosterior | Mixture:
     UsageError
         If the fit was made by another method, or was read from a file.
     """
-    if not isinstance(result.distribution, QuadraturePosterior | Mixture):
+    if not isinstance(result.distribution, ExactPosterior):
         raise UsageError("The result holds no exact posterior. Fit the data again with --method exact.")
     return result.distribution

@@ -246,7 +246,7 @@ def test_a_number_that_is_repeated_stands_for_nothing():
 
 
 def test_the_unit_of_spins_stands_before_the_inertia_factor(tmp_path):
-    """Raw velocities with half the radius: angular momentum asks for another body, the slip for a radius."""
+    """Raw velocities with half the radius: angular momentum asks for another body, the slip for the unit."""
     rng = np.random.default_rng(3)
     state = rebound(ANGLES, e_n=0.9, e_t=-0.9, mu=0.15, degrees=True)
     sine, cosine = np.sin(np.radians(ANGLES)), np.cos(np.radians(ANGLES))

@@ -23,6 +23,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 _FEWEST = 3  # degrees of freedom below which no slip is looked for
 _REPEATED = 3  # rows of one number from which it may stand for "not measured"
 _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not measured"
+_INVISIBLE = 1e-3  # standard deviations by which a slip of the largest size moves a value at most
 _LARGEST = 4.5  # prior standard deviations of a size
 _LIMIT = 0.999  # share of the largest size searched from which a size counts as lying on it
 _USUAL = 1e-3  # quantile of chi2 that a right table is not below
@@ -222,6 +223,8 @@ def _of_size(whole: Fitted, sized: list[tuple[Nuisance, Direction]], residual: A
     problem, fit = whole.problem, whole.fit
     known = problem.noise.is_known and problem.error_model.is_plain
     every = [(each, replace(one, change=one.change / fit.sigma)) for each, one in sized]
+    # what moves no value even at its largest (the scale of speeds in angles) is but rounding
+    every = [(each, one) for each, one in every if each.most * np.abs(one.change).max() > _INVISIBLE]
     jacobian = problem.jacobian(fit.optimum.theta) / fit.sigma[:, None]
     tested = scores([direction for _, direction in every], jacobian, residual / fit.sigma, known=known)
     best: dict[str, tuple[Score, float]] = {}

@@ -1,0 +1,312 @@
+"""The posterior by importance sampling from its certified modes, where a grid would be too large.
+
+Eq. (14) to (18) of ``docs/theory/posterior.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
+
+from ifrfit.inference.diagnostics.thresholds import LARGEST_WEIGHT, LEAST_EFFECTIVE, SAMPLING_ERROR
+from ifrfit.inference.distributions.draws import Draws
+from ifrfit.inference.distributions.protocol import LEVELS
+from ifrfit.inference.distributions.weighted_draws import WeightedDraws
+from ifrfit.inference.model.noise import noise_name
+from ifrfit.inference.model.problem import OFFSET, Problem
+from ifrfit.inference.optimize.laplace import gaussian_approximation
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset, least_squares
+from ifrfit.inference.optimize.noise_modes import noise_at_mode
+from ifrfit.inference.posterior.constants_density import ConstantsDensity
+from ifrfit.inference.posterior.convergence import quantiles_of
+from ifrfit.inference.posterior.lattice_rule import lattice
+from ifrfit.inference.posterior.marginals import Marginal
+from ifrfit.inference.posterior.mixture_proposal import MixtureProposal
+from ifrfit.inference.posterior.noise_marginal import noise_over_squares
+from ifrfit.inference.posterior.proposal_adaptation import Gaussian, adapted_proposal, refitted
+
+Array = NDArray[np.float64]
+
+_TARGET = 0.02  # standard error at which sampling ends
+_REPLICATES = 16  # lattices with shifts of their own
+_FIRST = 512  # points of each to begin with
+# Points times what one costs, in rows, after which no finer lattice is begun: where errors are small enough
+# to count as converged, and in any case
+_WORK, _MOST_WORK = 6_000_000, 18_000_000
+_OF_A_POINT = 20  # rows that a point costs beside its own and those of the law that it is drawn from
+_REFITS = 4  # of the law to draw from
+_EVEN = 0.15  # effective share of the points at which the law is not fitted again
+_RISE = 25.0  # of minus twice the log likelihood to other modes: beyond, they have no weight
+_MODES = 8
+_NEGLIGIBLE = 1e-12  # probability of sums of squares that noises leave out
+_ROUGHLY = 1e-2  # accuracy of quantiles of noises: a hundredth of a standard error
+
+
+@dataclass(frozen=True)
+class ImportancePosterior(WeightedDraws):
+    """What the data and the priors say of every constant, by weighted draws with their standard error.
+
+    Attributes
+    ----------
+    problem : Problem
+    log_evidence : float
+        Log of the integral of the normalised likelihood times the normalised prior.
+    error : float
+        Largest standard error of a mean, a standard deviation or a quantile at 2.5, 16, 50, 84 and 97.5 %,
+        in posterior standard deviations.
+    error_evidence : float
+        Standard error of the log evidence.
+    tolerance : float
+        Standard error that counts as converged.
+    largest_weight : float
+        Of a draw.
+    noises : mapping
+        Marginal of each noise that is integrated out given the constants, by its name.
+    """
+
+    problem: Problem = field(repr=False)
+    log_evidence: float
+    error: float
+    error_evidence: float
+    tolerance: float
+    largest_weight: float
+    noises: Mapping[str, Marginal] = field(repr=False)
+
+    def mean(self, name: str) -> float:
+        """Mean."""
+        return self.noises[name].moments(0)[0] if name in self.noises else super().mean(name)
+
+    def sd(self, name: str) -> float:
+        """Standard deviation."""
+        return self.noises[name].moments(0)[1] if name in self.noises else super().sd(name)
+
+    def quantile(self, name: str, p: ArrayLike) -> Array | float:
+        """Quantiles; p scalar or array, 0 to 1."""
+        if name not in self.noises:
+            return super().quantile(name, p)
+        found = quantiles_of(self.noises[name], np.atleast_1d(np.asarray(p, dtype=float)), _ROUGHLY)
+        return float(found[0]) if np.ndim(p) == 0 else found
+
+    def cdf(self, name: str, value: ArrayLike) -> Array | float:
+        """Probability below a value."""
+        if name not in self.noises:
+            return super().cdf(name, value)
+        own = self.noises[name]
+        at = np.clip(np.atleast_1d(np.asarray(value, dtype=float)), own.low, own.high)
+        found = np.clip(own.cdf(at, 1)[0], 0.0, 1.0)
+        return float(found[0]) if np.ndim(value) == 0 else found
+
+    @property
+    def converged(self) -> bool:
+        """Whether errors are small, and enough draws carry the weight for these to be believed."""
+        is_even = self.largest_weight <= LARGEST_WEIGHT and self.n_draws >= LEAST_EFFECTIVE
+        return is_even and max(self.error, self.error_evidence) <= self.tolerance
+
+
+def sample_by_importance(
+    problem: Problem, start: LeastSquaresFit | None = None, seed: int = 0
+) -> ImportancePosterior:
+    """Sample the posterior of a problem, until standard errors are small or there are very many draws.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a free constant at least.
+    start : LeastSquaresFit, optional
+        The certified optimum, where it is known already.
+    seed : int
+        Of the shifts of the lattices.
+    """
+    start = least_squares(problem) if start is None else start
+    density = ConstantsDensity(problem)
+    rng = np.random.default_rng(seed)
+    modes = known_modes(density, start)
+    proposal = adapted_proposal(density, modes, rng)
+    replicates = best = _Replicates(density, proposal, rng)
+    for _ in range(_REFITS):
+        if best.effective_share >= _EVEN:
+            break
+        replicates = _Replicates(
+            density, refitted(replicates.proposal, density, replicates.at, replicates.log_weights, rng), rng
+        )
+        best = max(best, replicates, key=lambda each: each.effective_share)
+    while True:
+        found = best.posterior()
+        work = 2 * best.at.shape[0] * best.cost
+        if work > (_WORK if found.converged else _MOST_WORK):
+            return found
+        if max(found.error, found.error_evidence) <= _TARGET:
+            return found
+        best.refine()
+
+
+def known_modes(density: ConstantsDensity, start: LeastSquaresFit) -> list[Gaussian]:
+    """Centre and covariance, in coordinates, of the posterior about each mode that least squares knows."""
+    problem = at_fitted_offset(density.problem, start)
+    thetas = [start.optimum.theta, *(theta for rise, theta in start.rivals if rise <= _RISE)]
+    if not start.rivals:
+        thetas += [theta for _, theta in start.optimum.minima[1:]]
+    free = problem.parameters.free
+    low, high = problem.parameters.bounds()
+    found = []
+    for theta in thetas[:_MODES]:
+        theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
+        sigma = noise_at_mode(problem, theta, 0.0).sigma if start.rivals else start.sigma
+        covariance = gaussian_approximation(problem, sigma, theta).covariance(capped=True)
+        found.append(_in_coordinates(density, start, theta[free], covariance[np.ix_(free, free)], sigma))
+    return found
+
+
+def _in_coordinates(
+    density: ConstantsDensity, start: LeastSquaresFit, constants: Array, covariance: Array, sigma: Array
+) -> Gaussian:
+    """A mode of the constants with what else has coordinates: a factor of the noise, the offset."""
+    n, d = constants.size, density.dimensions
+    values, whole = np.zeros(d), np.zeros((d, d))
+    values[:n], whole[:n, :n] = constants, covariance
+    if not density.problem.error_model.is_plain:
+        for place, rows in enumerate(density.problem.noise_groups().values(), start=n):
+            factor = float(np.median(sigma[rows] / density.problem.noise.base[rows]))
+            values[place], whole[place, place] = math.log(factor), 0.5 / max(rows.size - 1, 1)
+    offset = start.angle_offset
+    if offset is not None:  # the constants go along with it
+        carried = np.append(offset.carried[density.problem.parameters.free], 1.0) * offset.sd
+        places = np.append(np.arange(n), d - 1)
+        values[-1] = offset.value
+        whole[np.ix_(places, places)] += np.outer(carried, carried)
+    return density.at(values[None])[0], whole
+
+
+class _Replicates:
+    """Lattices with independent shifts over one law: their scatter is the standard error of their mean."""
+
+    def __init__(
+        self, density: ConstantsDensity, proposal: MixtureProposal, rng: np.random.Generator
+    ) -> None:
+        self._density, self.proposal, self._rng = density, proposal, rng
+        self._shifts = rng.random((_REPLICATES, 1 + density.dimensions))
+        self._points = _FIRST  # of each
+        self._parts = [self._drawn(finer=False)]
+        self._join()
+
+    def _drawn(self, *, finer: bool) -> tuple[Array, Array, Array]:
+        """Points, log weights and sums of squares, (replicates, points, ...)."""
+        u = np.concatenate([lattice(self._points, shift, finer=finer) for shift in self._shifts])
+        at = self.proposal.draw(u)
+        log_p, squares = self._density(at)
+        shape = (_REPLICATES, self._points)
+        return (
+            at.reshape(*shape, at.shape[1]),
+            (log_p - self.proposal.log_density(at)).reshape(shape),
+            squares.reshape(*shape, squares.shape[1]),
+        )
+
+    def with_law_fitted(self) -> _Replicates:
+        """New replicates, of the law that is fitted to the points of these."""
+        density, rng = self._density, self._rng
+        return _Replicates(density, refitted(self.proposal, density, self.at, self.log_weights, rng), rng)
+
+    def refine(self) -> None:
+        """Double the points of every lattice."""
+        self._parts.append(self._drawn(finer=True))
+        self._points *= 2
+        self._join()
+
+    def _join(self) -> None:
+        whole = [np.concatenate(parts, axis=1) for parts in zip(*self._parts, strict=True)]
+        at, log_weights, squares = whole
+        self.at, self.log_weights = at.reshape(log_weights.size, -1), log_weights.reshape(-1)
+        self._squares = squares.reshape(log_weights.size, squares.shape[-1])
+
+    @property
+    def cost(self) -> float:
+        """Of a point, in rows."""
+        of_the_law = self._density.dimensions * len(self.proposal.components)
+        return len(self._density.problem.rows) + of_the_law + _OF_A_POINT
+
+    @property
+    def effective_share(self) -> float:
+        """Effective draws over points."""
+        weights = special.softmax(self.log_weights)
+        return float(1.0 / np.sum(weights**2)) / weights.size
+
+    def posterior(self) -> ImportancePosterior:
+        """All replicates together, with the standard error of their mean."""
+        density = self._density
+        drawn = Draws.of(density.problem, self._draws())
+        weights = special.softmax(self.log_weights)
+        noises = self._noises(weights, self._squares)
+        each = self.log_weights.reshape(_REPLICATES, -1)
+        log_z = special.logsumexp(each, axis=1) - math.log(each.shape[1])
+        relative = np.exp(log_z - log_z.max())
+        return ImportancePosterior(
+            drawn.values,
+            drawn.transitions,
+            weights,
+            density.problem,
+            float(special.logsumexp(log_z) - math.log(_REPLICATES)),
+            self._error(drawn.values, weights, noises),
+            float(relative.std(ddof=1) / relative.mean()) / math.sqrt(_REPLICATES),
+            SAMPLING_ERROR,
+            float(weights.max()),
+            noises,
+        )
+
+    def _draws(self) -> Mapping[str, Array]:
+        """Constants, noises and the offset of all points, by name."""
+        density, problem = self._density, self._density.problem
+        values = density.values(self.at)
+        theta = density.theta(values)
+        found = dict(zip(problem.parameters.names, theta.T, strict=True))
+        for place, own in enumerate(density.coordinates[int(problem.parameters.free.sum()) :]):
+            value = values[:, int(problem.parameters.free.sum()) + place]
+            found[own.domain.name] = value if own.domain.name == OFFSET else np.exp(value)
+        for (name, scale), square in zip(density.noises.items(), self._squares.T, strict=True):
+            found[noise_name(name)] = scale.draw(square, self._rng)
+        return found
+
+    def _noises(self, weights: Array, squares: Array) -> dict[str, Marginal]:
+        """Marginal of each noise that is integrated out, by its name, eq. (11)."""
+        both = np.stack((weights, weights))
+        return {
+            noise_name(name): noise_over_squares(scale, square, both, _NEGLIGIBLE, noise_name(name))
+            for (name, scale), square in zip(self._density.noises.items(), squares.T, strict=True)
+        }
+
+    def _error(self, values: Mapping[str, Array], weights: Array, noises: Mapping[str, Marginal]) -> float:
+        """Largest standard error of a mean, sd or quantile, in sd, from the scatter of the replicates."""
+        shares = weights.reshape(_REPLICATES, -1)
+        shares = shares / np.maximum(shares.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+        squares = self._squares.reshape(*shares.shape, self._squares.shape[1])
+        of_noises = [self._noises(*each) for each in zip(shares, squares, strict=True)]
+        worst = 0.0
+        for name, value in values.items():
+            if name in noises:
+                found = np.array([_of_marginal(each[name]) for each in of_noises])
+                sd = noises[name].moments(0)[1]
+            else:
+                parts = zip(value.reshape(shares.shape), shares, strict=True)
+                found = np.array([_of_draws(WeightedDraws({"": own}, {}, share)) for own, share in parts])
+                whole = WeightedDraws({"": value}, {}, weights)
+                sd = whole.sd("")
+                # one draw that carries a share of the variance is a share that another one may as well lack
+                square = weights * (value - whole.mean("")) ** 2
+                worst = max(worst, 0.5 * float(square.max()) / max(sd * sd, np.finfo(float).tiny))
+            if sd > 0.0:
+                worst = max(worst, float(found.std(axis=0, ddof=1).max()) / sd / math.sqrt(_REPLICATES))
+        return worst
+
+
+def _of_draws(part: WeightedDraws) -> list[float]:
+    """Mean, sd and quantiles of a quantity."""
+    return [part.mean(""), part.sd(""), *np.asarray(part.quantile("", LEVELS)).tolist()]
+
+
+def _of_marginal(own: Marginal) -> list[float]:
+    """The same of a noise."""
+    return [*own.moments(0), *quantiles_of(own, np.array(LEVELS), _ROUGHLY).tolist()]

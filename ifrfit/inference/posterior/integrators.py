@@ -1,0 +1,134 @@
+"""Which integrator an exact posterior is left to: quadrature, or importance sampling where grids are large.
+
+Section 9 of ``docs/theory/posterior.md``; why there are two: ``docs/decisions/0018-two-integrators.md``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ifrfit.inference.distributions.mixture import Mixture
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset, least_squares
+from ifrfit.inference.posterior.adaptive_quadrature import (
+    TOLERANCE,
+    GridTooLargeError,
+    first_work,
+    integrate,
+)
+from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_by_quadrature
+from ifrfit.inference.posterior.importance_sampling import ImportancePosterior, sample_by_importance
+from ifrfit.inference.posterior.offset_mixture import integrate_over_offset
+from ifrfit.inference.posterior.offset_mixture import log_evidence as evidence_over_offset
+from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
+
+ExactPosterior = QuadraturePosterior | ImportancePosterior | Mixture
+
+_MOST_WORK = 5e6  # values of the density, each by its cost: a second or so, and 0.7 GB at most
+_COARSER = 1e-3, 2e-3, 5e-3  # errors of a grid, in sd, that sampling would hardly beat
+_OFFSETS = 40  # posteriors that a mixture over offsets of the angles takes
+
+
+def exact_posterior(
+    problem: Problem,
+    tolerance: float = TOLERANCE,
+    start: LeastSquaresFit | None = None,
+    *,
+    integrator: str = "automatic",
+    seed: int = 0,
+) -> ExactPosterior:
+    """The posterior of a problem, with the error that was reached.
+
+    By quadrature as long as its grids stay small, or end with an error below 0.005 sd; else by importance
+    sampling, and where that does not converge either by whichever has the smaller error.
+
+    Parameters
+    ----------
+    problem : Problem
+        With or without an unknown offset of the set angles.
+    tolerance : float
+        Of the quadrature, see `ifrfit.inference.posterior.adaptive_quadrature.integrate`.
+    start : LeastSquaresFit, optional
+        The certified optimum, where it is known already.
+    integrator : {"automatic", "quadrature", "sampling"}
+    seed : int
+        Of importance sampling.
+
+    Raises
+    ------
+    DataError
+        Where the noise is unknown and the data cannot tell it from the constants.
+    UsageError
+        For a domain that reaches where sticking has no meaning; by quadrature alone, where the grid would
+        fill the memory.
+    """
+    start = least_squares(problem) if start is None else start
+    is_certain = not problem.free_parameters and problem.offset is None
+    if integrator == "quadrature" or is_certain:
+        over_offset = problem.offset is not None
+        return (integrate_over_offset if over_offset else integrate)(problem, tolerance, start)
+    if integrator == "sampling":
+        return sample_by_importance(problem, start, seed)
+    try:
+        found = _small_grid(problem, tolerance, start)
+    except GridTooLargeError:
+        return sample_by_importance(problem, start, seed)
+    if found.converged:
+        return found
+    reached = max(found.error, found.error_evidence)
+    if reached <= _COARSER[-1]:
+        return replace(found, tolerance=next(each for each in _COARSER if reached <= each))
+    sampled = sample_by_importance(problem, start, seed)
+    return sampled if sampled.converged or sampled.error <= found.error else found
+
+
+def log_evidence(
+    problem: Problem, tolerance: float = TOLERANCE, start: LeastSquaresFit | None = None
+) -> float:
+    """Log of the integral of the normalised likelihood times the normalised prior, without the marginals.
+
+    Parameters
+    ----------
+    problem : Problem
+        With or without an unknown offset of the set angles.
+    tolerance : float
+        Of the log evidence: the last change between two rules.
+    start : LeastSquaresFit, optional
+        The certified optimum, where it is known already.
+
+    Raises
+    ------
+    DataError, UsageError
+        As `exact_posterior`.
+    """
+    start = least_squares(problem) if start is None else start
+    try:
+        if problem.offset is not None:
+            _refuse_many_offsets(problem, tolerance, start)
+            return evidence_over_offset(problem, tolerance, start)
+        found, error = evidence_by_quadrature(problem, tolerance, start, _MOST_WORK)
+        if error <= max(_COARSER[-1], tolerance):
+            return found
+    except GridTooLargeError:
+        pass
+    return sample_by_importance(problem, start).log_evidence
+
+
+def _small_grid(problem: Problem, tolerance: float, start: LeastSquaresFit) -> QuadraturePosterior | Mixture:
+    """The posterior by quadrature.
+
+    Raises
+    ------
+    GridTooLargeError
+        Where its first grid would take too much work.
+    """
+    if problem.offset is None:
+        return integrate(problem, tolerance, start, most_work=_MOST_WORK)
+    _refuse_many_offsets(problem, tolerance, start)
+    return integrate_over_offset(problem, tolerance, start)
+
+
+def _refuse_many_offsets(problem: Problem, tolerance: float, start: LeastSquaresFit) -> None:
+    """Refuse a mixture over offsets whose grids would take too much work all together."""
+    at_best = at_fitted_offset(problem, start)
+    first_work(at_best, tolerance, least_squares(at_best), _MOST_WORK / _OFFSETS)

@@ -1,0 +1,248 @@
+"""From the modes that least squares knows to a law close to the posterior: incremental mixture sampling.
+
+A population of points begins with the uniform law and one component about each mode. As long as its weights
+are uneven, a component is added about the point of the largest weight, with the covariance of the points near
+it (IMIS: Raftery & Bao 2010, Biometrics 66, 1162). In the end the components are fitted to the weighted
+population (M-PMC: Cappé, Douc, Guillin, Marin & Robert 2008, Statistics and Computing 18, 447).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ifrfit.inference.posterior.constants_density import ConstantsDensity
+from ifrfit.inference.posterior.lattice_rule import lattice
+from ifrfit.inference.posterior.mixture_proposal import Component, MixtureProposal, Uniform
+
+Array = NDArray[np.float64]
+
+DEFENSIVE = 0.1  # share of the points that are drawn uniformly over the domain
+TAILS, WIDER = 0.1, 5.0  # share of the points of components that are wider by a factor
+LONG = 0.05  # share of the points of components that are as long as the domain
+_UNIFORM, _BY_MODES, _EACH = 2048, 2048, 512  # points of the first laws, and of each further component
+_MOST = 24  # components that are added
+_EVEN = 0.4  # effective share of the points at which the weights are even enough
+_NEAR = 256  # points that give a component its covariance
+_RESAMPLED = 4096  # points that the components are fitted to
+_STEPS = 20  # of expectation and maximisation
+_LEAST = 0.01  # share of a component that is kept
+_POINTS = 3.0  # effective points of a component for each of its dimensions
+_KEPT = 10  # components at most
+_SEEDS = 8  # components to begin with at points of much weight, where a law is fitted again
+_FLAT = 1e-5  # of the domain's width: least sd of a component
+
+Gaussian = tuple[Array, Array]  # centre (d,) and covariance (d, d)
+
+
+def adapted_proposal(
+    density: ConstantsDensity, modes: Sequence[Gaussian], rng: np.random.Generator
+) -> MixtureProposal:
+    """A law near to the posterior, a tenth of which is uniform over the domain.
+
+    Parameters
+    ----------
+    density : ConstantsDensity
+    modes : sequence of (ndarray, ndarray)
+        Centre and covariance of the posterior about each known mode.
+    rng : numpy.random.Generator
+    """
+    population = _Population(density, rng)
+    population.add(Uniform(), _UNIFORM)
+    for centre, covariance in modes:
+        population.add(_component(density, centre, covariance), 2 ** round(math.log2(_BY_MODES / len(modes))))
+    for _ in range(_MOST):
+        if population.effective_share >= _EVEN:
+            break
+        population.add(population.component_at_largest_weight(), _EACH)
+    return fitted_proposal(density, population.at, population.log_weights, rng, population.gaussians)
+
+
+def refitted(
+    proposal: MixtureProposal,
+    density: ConstantsDensity,
+    at: Array,
+    log_weights: Array,
+    rng: np.random.Generator,
+) -> MixtureProposal:
+    """A law fitted to weighted points that were drawn from one, with further components to begin with.
+
+    Parameters
+    ----------
+    proposal : MixtureProposal
+    density : ConstantsDensity
+    at : ndarray, (m, d)
+    log_weights : ndarray, (m,)
+    rng : numpy.random.Generator
+    """
+    known = [each for each in proposal.components if isinstance(each, Component)]
+    gaussians = [(each.centre, each.root @ each.root.T) for each in known]
+    weights = special.softmax(log_weights)
+    centres = at[rng.choice(weights.size, _SEEDS, p=weights)]
+    centre = weights @ at
+    covariance = ((at - centre) * weights[:, None]).T @ (at - centre) / _SEEDS
+    gaussians += [(each, covariance) for each in centres]
+    return fitted_proposal(density, at, log_weights, rng, gaussians)
+
+
+def fitted_proposal(
+    density: ConstantsDensity,
+    at: Array,
+    log_weights: Array,
+    rng: np.random.Generator,
+    start: Sequence[Gaussian],
+) -> MixtureProposal:
+    """Components fitted to weighted points, and the uniform law beside them.
+
+    Parameters
+    ----------
+    density : ConstantsDensity
+    at : ndarray, (m, d)
+    log_weights : ndarray, (m,)
+    rng : numpy.random.Generator
+    start : sequence of (ndarray, ndarray)
+        Centre and covariance of each component to begin with.
+    """
+    weights = special.softmax(log_weights)
+    places = (np.arange(_RESAMPLED) + rng.random()) / _RESAMPLED
+    drawn = at[np.minimum(np.searchsorted(np.cumsum(weights), places), weights.size - 1)]
+    effective = float(1.0 / np.sum(weights**2))
+    # fewer points tell no covariance
+    least = max(_LEAST, _POINTS * (density.dimensions + 1.0) / min(effective, _RESAMPLED))
+    shares, fitted = _gaussian_mixture(drawn, start, _least_sd(density, at), least)
+    near = [_component(density, *each) for each in fitted]
+    wide = [Component(each.centre, WIDER * each.root) for each in near]
+    long = _along_each_coordinate(density, near[int(shares.argmax())])
+    weights = np.concatenate(
+        (
+            (1.0 - DEFENSIVE - TAILS - LONG) * shares,
+            TAILS * shares,
+            np.full(len(long), LONG / len(long)),
+            [DEFENSIVE],
+        )
+    )
+    return MixtureProposal(density, (*near, *wide, *long, Uniform()), weights)
+
+
+def _along_each_coordinate(density: ConstantsDensity, component: Component) -> list[Component]:
+    """The component as long as the domain along one coordinate, the later ones following it; d of them.
+
+    A posterior given few rows with an unknown noise has tails that no normal law has, along a constant that
+    the others hardly depend on: points that are uniform in all of them miss it.
+    """
+    found = []
+    for j in range(density.dimensions):
+        low, high = density.ends(j, component.centre[None])
+        root = component.root.copy()
+        root[:, j] *= max(1.0, 0.25 * float((high - low)[0]) / float(root[j, j]))
+        found.append(Component(component.centre, root))
+    return found
+
+
+class _Population:
+    """Weighted points of all laws that were tried so far, each weighed by the mixture of all of them."""
+
+    def __init__(self, density: ConstantsDensity, rng: np.random.Generator) -> None:
+        self._density, self._rng = density, rng
+        self.gaussians: list[Gaussian] = []
+        self._components: list[Component | Uniform] = []
+        self._counts: list[int] = []
+        self.at = np.empty((0, density.dimensions))
+        self._log_p = np.empty(0)
+        self._log_q = np.empty((0, 0))  # of each law at each point
+
+    def add(self, component: Component | Uniform, n: int) -> None:
+        """Draw n points of a law."""
+        density = self._density
+        new = component.draw(density, lattice(n, self._rng.random(density.dimensions)))
+        of_new = [each.log_density(density, new) for each in self._components]
+        before = np.concatenate((self._log_q, np.reshape(of_new, (len(self._components), n))), axis=1)
+        self.at = np.concatenate((self.at, new))
+        self._log_q = np.concatenate((before, component.log_density(density, self.at)[None]))
+        self._log_p = np.concatenate((self._log_p, density(new)[0]))
+        self._components.append(component)
+        self._counts.append(n)
+        if isinstance(component, Component):
+            self.gaussians.append((component.centre, component.root @ component.root.T))
+
+    @property
+    def log_weights(self) -> Array:
+        """Log of density over the mixture of all laws, (m,)."""
+        shares = np.log(np.array(self._counts) / sum(self._counts))
+        return np.asarray(self._log_p - special.logsumexp(self._log_q + shares[:, None], axis=0))
+
+    @property
+    def effective_share(self) -> float:
+        """Effective points over those that were not drawn uniformly."""
+        weights = special.softmax(self.log_weights)
+        return float(1.0 / np.sum(weights**2)) / max(sum(self._counts[1:]), 1)
+
+    def component_at_largest_weight(self) -> Component:
+        """A component about the point of the largest weight, as wide as the points near it are spread."""
+        weights = special.softmax(self.log_weights)
+        centre = self.at[int(weights.argmax())]
+        nearest = 1 + int(self._log_q[1:, int(weights.argmax())].argmax())
+        own = self._components[nearest]
+        assert isinstance(own, Component)
+        z = np.linalg.solve(own.root, (self.at - centre).T)
+        near = np.argsort(np.einsum("ij,ij->j", z, z))[:_NEAR]
+        share = weights[near] + 1.0 / weights.size
+        share /= share.sum()
+        away = self.at[near] - centre
+        return _component(self._density, centre, (away * share[:, None]).T @ away)
+
+
+def _component(density: ConstantsDensity, centre: Array, covariance: Array) -> Component:
+    """A component with a centre inside the domain, and a covariance that is positive definite."""
+    inside = centre[None].copy()
+    for j in range(centre.size):
+        low, high = density.ends(j, inside)
+        inside[:, j] = np.clip(inside[:, j], low, high)
+    least = _least_sd(density, inside)
+    size = np.sqrt(np.maximum(np.diag(covariance), least**2))
+    correlation = covariance / np.outer(size, size)
+    values, vectors = np.linalg.eigh(correlation)
+    repaired = (vectors * np.maximum(values, 1e-10)) @ vectors.T
+    return Component(inside[0], size[:, None] * np.linalg.cholesky(repaired))
+
+
+def _least_sd(density: ConstantsDensity, at: Array) -> Array:
+    """Least sd of components along each coordinate, (d,)."""
+    ends = [density.ends(j, at) for j in range(density.dimensions)]
+    return np.array([_FLAT * float((high - low).max()) for low, high in ends])
+
+
+def _gaussian_mixture(
+    at: Array, start: Sequence[Gaussian], least_sd: Array, least: float
+) -> tuple[Array, list[Gaussian]]:
+    """Shares, centres and covariances of normal components, by expectation and maximisation.
+
+    Those with less than the `least` share are dropped, but for the largest.
+    """
+    shares, fitted = np.full(len(start), 1.0 / len(start)), list(start)
+    for step in range(_STEPS):
+        log_q = np.stack([_log_normal(at, *each) for each in fitted]) + np.log(shares)[:, None]
+        share_of = special.softmax(log_q, axis=0)
+        shares = share_of.mean(axis=1)
+        kept = shares >= min(least, float(shares.max()))
+        if step > _STEPS // 2 and kept.sum() > _KEPT:
+            kept &= shares >= np.sort(shares)[-_KEPT]
+        shares, share_of = shares[kept] / shares[kept].sum(), share_of[kept]
+        fitted = []
+        for own in share_of:
+            own = own / own.sum()
+            centre = own @ at
+            away = at - centre
+            fitted.append((centre, (away * own[:, None]).T @ away + np.diag(least_sd**2)))
+    return shares, fitted
+
+
+def _log_normal(at: Array, centre: Array, covariance: Array) -> Array:
+    """Log density of a normal law up to the constant that all share, (m,)."""
+    root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
+    z = np.linalg.solve(root, (at - centre).T)
+    return np.asarray(-0.5 * np.einsum("ij,ij->j", z, z) - np.log(np.diag(root)).sum())

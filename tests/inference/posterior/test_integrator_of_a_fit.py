@@ -1,0 +1,118 @@
+"""A fit whose posterior is sampled: its result, its words, its files, and the memory that it takes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from factories import impacts_file
+
+import ifrfit
+from ifrfit import Exact, UsageError
+from ifrfit.inference.posterior import ImportancePosterior
+
+GAMMA = np.linspace(6.0, 78.0, 16)
+GIB = 2**30
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("sampled") / "delta.csv"
+    return impacts_file(
+        path, {"gamma": GAMMA, "observables": ("delta_deg",), "noise": 0.5, "sigma": None, "seed": 1}
+    )
+
+
+@pytest.fixture(scope="module")
+def sampled(table: Path) -> ifrfit.FitResult:
+    return ifrfit.fit(table, seed=3)
+
+
+def test_the_result_says_which_integrator_and_how_exact(sampled: ifrfit.FitResult) -> None:
+    assert isinstance(sampled.distribution, ImportancePosterior)
+    fact = sampled.facts["converged"]
+    assert fact.ok
+    assert fact.figures["integrator"] == "importance sampling"
+    assert fact.figures["error"] == sampled.distribution.error
+    assert 0.0 < fact.figures["error"] <= fact.figures["tolerance"]
+    assert fact.figures["effective_draws"] >= 1000.0
+    assert fact.says.startswith("posterior by importance sampling: standard errors of up to ")
+    assert fact.says.split("\n")[0] in " ".join(sampled.summary().split())
+    assert json.loads(json.dumps(sampled.to_dict()))["facts"]["converged"]["figures"]["error"] > 0.0
+
+
+def test_it_answers_like_any_other(sampled: ifrfit.FitResult, tmp_path: Path) -> None:
+    by_grid = ifrfit.fit(sampled.problem.observations, method=Exact(integrator="quadrature"))
+    assert not isinstance(by_grid.distribution, ImportancePosterior)
+    assert "integrator" not in by_grid.facts["converged"].figures
+    for name, own in by_grid.flat_constants().items():
+        other = sampled.flat_constants()[name]
+        assert own.status == other.status
+        error = 0.05 * by_grid.distribution.sd(name)
+        np.testing.assert_allclose(other.interval95, own.interval95, atol=4.0 * error)
+    sampled.save(tmp_path / "result.json")
+    read = ifrfit.load_result(tmp_path / "result.json")
+    assert read.facts["converged"].says == sampled.facts["converged"].says
+    gamma = [20.0, 50.0]
+    bands = [each.predict(gamma, observable="beta")["value"] for each in (sampled, read, by_grid)]
+    np.testing.assert_allclose(bands[0], bands[1])
+    np.testing.assert_allclose(bands[0], bands[2], atol=0.02)
+    assert sampled.intervals()["exact_low"].notna().all()
+
+
+def test_the_same_seed_gives_the_same_result(sampled: ifrfit.FitResult, table: Path) -> None:
+    again, other = (ifrfit.fit(table, seed=seed) for seed in (3, 4))
+    assert again.fit.log_evidence == sampled.fit.log_evidence
+    assert other.fit.log_evidence != sampled.fit.log_evidence
+
+
+def test_integrators_that_do_not_exist_or_contradict_are_refused() -> None:
+    with pytest.raises(UsageError, match="--integrator grid: choose automatic, quadrature, sampling"):
+        Exact(integrator="grid")
+    with pytest.raises(UsageError, match="integrator"):
+        Exact(integrator="sampling", accuracy=1e-3)
+
+
+def test_a_sampling_that_did_not_converge_says_so(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ifrfit.inference.posterior import importance_sampling
+
+    monkeypatch.setattr(importance_sampling, "SAMPLING_ERROR", 1e-9)
+    fact = ifrfit.fit(table).facts["converged"]
+    assert not fact.ok
+    assert "importance sampling did not converge: standard errors of up to " in fact.says
+    assert "--method mcmc" in fact.says
+
+
+FIT = """
+import resource, sys, ifrfit
+ifrfit.fit(sys.argv[1], closure="maw", separate=["mu"])
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+def test_a_grid_of_gigabytes_is_not_begun(tmp_path: Path) -> None:
+    # 16 rows, four series with a friction and a noise of their own: quadrature took 31 s and 1.3 GB
+    angles = (
+        (12.0, 30.0, 47.0, 68.0),
+        (15.0, 33.0, 52.0, 75.0),
+        (8.0, 27.0, 44.0, 63.0),
+        (20.0, 38.0, 55.0, 71.0),
+    )
+    parts = [
+        {
+            "gamma": np.array(own),
+            "observables": ("beta_tot",),
+            "noise": 0.02,
+            "sigma": None,
+            "seed": n,
+            "series": f"s{n}",
+        }
+        for n, own in enumerate(angles)
+    ]
+    path = impacts_file(tmp_path / "table.csv", *parts)
+    done = subprocess.run([sys.executable, "-c", FIT, str(path)], capture_output=True, text=True, check=True)
+    assert float(done.stdout.split()[-1]) < GIB
