@@ -76,7 +76,7 @@ def test_every_case_is_told_in_a_sentence() -> None:
         assert case.group in GROUPS
         for sentence in (case.what, case.answer):
             assert sentence.endswith(".")
-            assert "|" not in sentence.replace("|U_t|", "")
+            assert "|" not in sentence.replace("|U_t|", "").replace("|beta|", "")
             assert "\n" not in sentence
 
 

@@ -41,10 +41,10 @@ def satterthwaite(shares: Array, dof: Array) -> float:
 def dof_of_functional(problem: Problem, fit: LeastSquaresFit, functional: Array) -> float:
     """Degrees of freedom behind the sd of functional @ phi.
 
-    Where some sigma is known and some is not, after Satterthwaite; else those of all rows.
+    After Satterthwaite: each unknown noise counts by its share of the information.
     """
-    if not problem.noise.is_mixed:
-        return fit.noise_dof
+    if math.isinf(fit.noise_dof):
+        return math.inf
     shares = information_shares(problem, fit, functional)
     return fit.noise_dof if shares is None else satterthwaite(shares, group_dof(problem, fit))
 

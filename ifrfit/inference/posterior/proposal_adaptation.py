@@ -202,12 +202,15 @@ def _component(density: ConstantsDensity, centre: Array, covariance: Array) -> C
     for j in range(centre.size):
         low, high = density.ends(j, inside)
         inside[:, j] = np.clip(inside[:, j], low, high)
-    least = _least_sd(density, inside)
-    size = np.sqrt(np.maximum(np.diag(covariance), least**2))
-    correlation = covariance / np.outer(size, size)
-    values, vectors = np.linalg.eigh(correlation)
+    return Component(inside[0], _root(covariance, _least_sd(density, inside)))
+
+
+def _root(covariance: Array, least_sd: Array) -> Array:
+    """Lower triangular root of a covariance that may be singular but for rounding, (d, d)."""
+    size = np.sqrt(np.maximum(np.diag(covariance), least_sd**2))
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     repaired = (vectors * np.maximum(values, 1e-10)) @ vectors.T
-    return Component(inside[0], size[:, None] * np.linalg.cholesky(repaired))
+    return np.asarray(size[:, None] * np.linalg.cholesky(repaired))
 
 
 def _least_sd(density: ConstantsDensity, at: Array) -> Array:
@@ -225,7 +228,7 @@ def _gaussian_mixture(
     """
     shares, fitted = np.full(len(start), 1.0 / len(start)), list(start)
     for step in range(_STEPS):
-        log_q = np.stack([_log_normal(at, *each) for each in fitted]) + np.log(shares)[:, None]
+        log_q = np.stack([_log_normal(at, *each, least_sd) for each in fitted]) + np.log(shares)[:, None]
         share_of = special.softmax(log_q, axis=0)
         shares = share_of.mean(axis=1)
         kept = shares >= min(least, float(shares.max()))
@@ -241,8 +244,8 @@ def _gaussian_mixture(
     return shares, fitted
 
 
-def _log_normal(at: Array, centre: Array, covariance: Array) -> Array:
+def _log_normal(at: Array, centre: Array, covariance: Array, least_sd: Array) -> Array:
     """Log density of a normal law up to the constant that all share, (m,)."""
-    root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
+    root = _root(covariance, least_sd)
     z = np.linalg.solve(root, (at - centre).T)
     return np.asarray(-0.5 * np.einsum("ij,ij->j", z, z) - np.log(np.diag(root)).sum())

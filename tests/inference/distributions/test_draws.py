@@ -83,7 +83,7 @@ def test_a_constant_without_draws_is_named(problem) -> None:
     [
         {"fix": {"e_n": 0.94}},
         {"fix": {"e_n": 0.94}, "noise": "unknown"},
-        {"fix": {"e_n": 0.94}, "noise": "scaled", "separate": ["mu"]},
+        {"fix": {"e_n": 0.94}, "noise": "scaled"},
         {},
     ],
 )
