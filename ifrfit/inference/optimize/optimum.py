@@ -69,13 +69,16 @@ class Optimum:
 
 def theta_of(problem: Problem, per_series: list[Constants]) -> Array:
     """Write each series' (e_n, c, mu) into theta."""
-    theta = np.zeros(len(problem.parameters.names))
-    places = problem.parameters.positions
-    names = ("e_n", problem.closure.constant, "mu")
-    for number, constants in enumerate(per_series):
-        for name, value in zip(names, constants, strict=True):
-            if name is not None:
-                theta[places[name][number]] = value
+    return np.asarray(thetas_of(problem, [per_series])[0])
+
+
+def thetas_of(problem: Problem, combinations: list[list[Constants]]) -> Array:
+    """Several thetas, (m, p), each from the (e_n, c, mu) of its series."""
+    values = np.array(combinations)
+    theta = np.zeros((len(combinations), len(problem.parameters.names)))
+    for name, value in zip(("e_n", problem.closure.constant, "mu"), np.moveaxis(values, -1, 0), strict=True):
+        if name is not None:
+            theta[:, problem.parameters.positions[name]] = value
     lower, upper = problem.parameters.bounds()
     return np.where(np.isinf(theta), theta, np.clip(theta, lower, upper))
 

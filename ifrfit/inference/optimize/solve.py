@@ -11,9 +11,11 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.group_optimum import raised, solve_group
 from ifrfit.inference.optimize.multistart import multistart
-from ifrfit.inference.optimize.optimum import Array, Optimum, theta_of
+from ifrfit.inference.optimize.optimum import Array, Optimum, thetas_of
 from ifrfit.inference.optimize.parameter_group import Constants, GroupOptimum, ParameterGroup
 from ifrfit.inference.optimize.shared_parameter import fix_restitution, solve_shared
+
+_NONE = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
 
 
 def solve(
@@ -99,8 +101,7 @@ def independent_groups(problem: Problem, sigma: Array) -> list[tuple[ParameterGr
 
 def _specs(problem: Problem) -> tuple[Parameter, Parameter, Parameter]:
     parameters, own = problem.parameters, problem.closure.constant
-    none = Parameter("", 0.0, 0.0, fixed=0.0)  # closure F has no constant of its own
-    return parameters["e_n"], parameters[own] if own else none, parameters["mu"]
+    return parameters["e_n"], parameters[own] if own else _NONE, parameters["mu"]
 
 
 def _searched(problem: Problem, number: int, sigma: Array, near: Array | None) -> GroupOptimum:
@@ -135,20 +136,19 @@ def _solve_separate(problem: Problem, groups: list[ParameterGroup], whole: Param
 def _join(problem: Problem, parts: list[GroupOptimum]) -> Optimum:
     """Groups that share nothing: objectives and gaps add; a rival of one of them is a rival of the whole."""
     spread = len(problem.series) // len(parts)  # one group has the constants of all series
-
-    def theta(constants: list[Constants]) -> Array:
-        return theta_of(problem, constants * spread)
-
     best = [part.constants for part in parts]
     objective = sum(part.objective for part in parts)
-    minima = [(objective, theta(best))]
-    extremes: list[Array] = []
+    values, combinations = [objective], [best]
     for i, part in enumerate(parts):
-        for value, constants in part.minima[1:]:
-            rival = theta([*best[:i], constants, *best[i + 1 :]])
-            minima.append((objective + (value - part.objective), rival))
-        extremes += [theta([*best[:i], constants, *best[i + 1 :]]) for constants in part.extremes]
-    minima.sort(key=lambda pair: pair[0])
+        rest = best[:i], best[i + 1 :]
+        values += [objective + (value - part.objective) for value, _ in part.minima[1:]]
+        combinations += [[*rest[0], constants, *rest[1]] for _, constants in part.minima[1:]]
+    n_minima = len(combinations)
+    for i, part in enumerate(parts):
+        combinations += [[*best[:i], constants, *best[i + 1 :]] for constants in part.extremes]
+    thetas = list(thetas_of(problem, [each * spread for each in combinations]))
+    minima = sorted(zip(values, thetas[:n_minima], strict=True), key=lambda pair: pair[0])
+    extremes = thetas[n_minima:]
     gaps = [part.gap for part in parts]
     gap = None if any(g is None for g in gaps) else sum(g for g in gaps if g is not None)
     searched = [part.method for part in parts if part.method.endswith("series")]
