@@ -67,4 +67,10 @@ def integral_up_to(coefficients: Array, v: Array) -> Array:
     if y.size <= _FEW:  # all polynomials at once
         k = np.arange(coefficients.shape[-1])
         return np.asarray((coefficients * np.cos(k * np.arccos(y)[..., None])).sum(axis=-1))
-    return np.asarray(chebyshev.chebval(y, np.moveaxis(coefficients, -1, 0), tensor=False))
+    # Clenshaw's recurrence; numpy's chebval takes half as long again here
+    twice = 2.0 * y
+    ahead = np.zeros(np.broadcast_shapes(coefficients.shape[:-1], v.shape))
+    second = ahead
+    for j in range(coefficients.shape[-1] - 1, 0, -1):
+        ahead, second = coefficients[..., j] + twice * ahead - second, ahead
+    return np.asarray(coefficients[..., 0] + y * ahead - second)
