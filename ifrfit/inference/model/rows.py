@@ -125,11 +125,12 @@ class Rows:
 
     def of_kind(self, *kinds: str) -> Bool:
         """Which rows have an observable of one of these kinds, (n,)."""
-        return self._spread([o.kind in kinds for o in self.observables])
+        return self._mask(("kind", *kinds), [o.kind in kinds for o in self.observables])
 
     def of_scale(self, scale: str) -> Bool:
         """Which rows have a tangential observable of this scale, (n,)."""
-        return self._spread([o.kind == "tangential" and o.scale == scale for o in self.observables])
+        of_scale = [o.kind == "tangential" and o.scale == scale for o in self.observables]
+        return self._mask(("scale", scale), of_scale)
 
     @property
     def kinds(self) -> NDArray[np.str_]:
@@ -144,15 +145,24 @@ class Rows:
     @property
     def has_angle(self) -> Bool:
         """Which rows have an observable that the angle of incidence enters, (n,)."""
-        return self._spread([o.has_angle for o in self.observables])
+        return self._mask(("angle",), [o.has_angle for o in self.observables])
 
     @property
     def has_rebound_scale(self) -> bool:
         """Whether any value is over the outgoing normal velocity, which has no limit at e_n = 0."""
         return any(o.scale == "rebound" for o in self.observables)
 
-    def _spread(self, of_observable: Sequence[bool]) -> Bool:
-        return np.array(of_observable, dtype=bool)[self.which]
+    def _mask(self, key: tuple[str, ...], of_observable: Sequence[bool]) -> Bool:
+        """Rows of some observables, read-only; worked out once, asked for some dozen times a fit."""
+        if key not in self._masks:
+            mask = np.array(of_observable, dtype=bool)[self.which]
+            mask.flags.writeable = False
+            self._masks[key] = mask
+        return self._masks[key]
+
+    @cached_property
+    def _masks(self) -> dict[tuple[str, ...], Bool]:
+        return {}
 
     @cached_property
     def impacts(self) -> Index:
