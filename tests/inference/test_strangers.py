@@ -15,7 +15,7 @@ from strangers import Errors, draw, errors_of
 
 from ifrfit.errors import IfrfitError
 
-QUICK = 6
+QUICK = 4
 BELOW_PROVEN = 0.05  # of -2 log L: the gap of a certificate over unknown noises is 1e-4
 MEAN, SD = 0.15, 0.15  # posterior sd; importance sampling with 400 effective draws errs by 0.05
 MOST = 2**30  # bytes

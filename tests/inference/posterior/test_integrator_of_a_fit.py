@@ -96,6 +96,7 @@ print(tracemalloc.get_traced_memory()[1])
 """
 
 
+@pytest.mark.long
 def test_a_grid_of_gigabytes_is_not_begun(tmp_path: Path) -> None:
     # 16 rows, four series with a friction and a noise of their own: quadrature took 31 s and 1.3 GB
     angles = (
