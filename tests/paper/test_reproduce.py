@@ -239,6 +239,7 @@ def test_one_figure_leaves_the_others_and_the_table_alone(tmp_path):
     assert text.endswith(f"written: {tmp_path}/  1 figure (svg, png and csv)\n")
 
 
+@pytest.mark.long
 def test_digitised_only_leaves_out_stand_ins_and_theory_and_replaces_its_own_output_only(
     whole, picture, tmp_path, monkeypatch
 ):
