@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.pooling import sharing
 from ifrfit.inference.diagnostics.thresholds import FACTS, SAMPLED
@@ -57,7 +58,10 @@ def exact_estimation(
     posterior = exact_posterior(problem, tolerance, optimum, integrator=integrator, seed=seed)
 
     def of_other(other: Problem) -> ExactPosterior:
-        return exact_posterior(other, integrator=integrator, seed=seed)
+        found = exact_posterior(other, integrator=integrator, seed=seed)
+        if _is_doubtful(found):
+            raise DataError("The evidence of other questions about sharing did not converge.")
+        return found
 
     return posterior_estimation(problem, optimum, posterior, of_other)
 
@@ -74,10 +78,17 @@ def posterior_estimation(
         diagnostics = {"converged": _by_sampling(posterior, of_noise)}
     else:
         diagnostics = {"converged": _by_grid(posterior, of_noise)}
-    shared = None if integrate is None else sharing(problem, posterior.log_evidence, integrate)
+    shared = None
+    if integrate is not None and not _is_doubtful(posterior):
+        shared = sharing(problem, posterior.log_evidence, integrate)
     if shared is not None:
         diagnostics["sharing"] = shared
     return Estimation("exact", posterior, diagnostics, is_posterior=True, log_evidence=posterior.log_evidence)
+
+
+def _is_doubtful(posterior: ExactPosterior) -> bool:
+    """Whether the evidence is one of importance sampling that did not converge: no odds rest on it."""
+    return isinstance(posterior, ImportancePosterior) and not posterior.converged
 
 
 def _by_grid(posterior: QuadraturePosterior | Mixture, noise_converged: Fact) -> Fact:

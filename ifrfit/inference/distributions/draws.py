@@ -19,6 +19,11 @@ _RESOLUTION = 0.02, 0.2  # sd: the least and the most over which a density is ta
 _COUNTED = 3400.0  # over the number of draws: some 200 of them at the density that decides on "one-sided"
 
 
+def resolution_of(n_draws: float) -> float:
+    """Width, in sd, over which n draws can tell a density."""
+    return min(max(_COUNTED / n_draws, _RESOLUTION[0]), _RESOLUTION[1])
+
+
 @dataclass(frozen=True)
 class Draws:
     """Draws of the parameters (and noises), as a `Distribution`.
@@ -67,7 +72,7 @@ class Draws:
     @property
     def resolution(self) -> float:
         """Width, in sd, over which draws can tell a density: the more there are the narrower."""
-        return min(max(_COUNTED / self.n_draws, _RESOLUTION[0]), _RESOLUTION[1])
+        return resolution_of(self.n_draws)
 
     @property
     def n_draws(self) -> float:

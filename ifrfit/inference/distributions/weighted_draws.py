@@ -9,10 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from ifrfit.inference.distributions.draws import resolution_of
 
-_RESOLUTION = 0.02, 0.2  # sd: the least and the most over which a density is taken
-_COUNTED = 3400.0  # over the number of draws: some 200 of them at the density that decides on "one-sided"
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class WeightedDraws:
     @property
     def resolution(self) -> float:
         """Width, in sd, over which draws can tell a density: the more there are the narrower."""
-        return min(max(_COUNTED / self.n_draws, _RESOLUTION[0]), _RESOLUTION[1])
+        return resolution_of(self.n_draws)
 
     @cached_property
     def _sorted(self) -> dict[str, tuple[Array, Array]]:

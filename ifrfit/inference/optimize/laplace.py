@@ -81,9 +81,9 @@ class GaussianApproximation:
 
     def tells(self, places: NDArray[np.intp]) -> bool:
         """Whether the data determine each of some entries of theta, not only combinations of them."""
-        loose = np.abs((self.to_theta @ self.vectors)[places][:, ~self.tight])
-        size = np.linalg.norm((self.to_theta @ self.vectors)[places], axis=1)
-        return bool((loose <= _LOADED * size[:, None]).all())
+        loading = (self.to_theta @ self.vectors)[places]
+        size = np.linalg.norm(loading, axis=1, keepdims=True)
+        return bool((np.abs(loading[:, ~self.tight]) <= _LOADED * size).all())
 
     @property
     def theta_sd(self) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ifrfit.errors import UsageError
 from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset, least_squares
@@ -99,7 +100,7 @@ def log_evidence(
     Raises
     ------
     DataError, UsageError
-        As `exact_posterior`.
+        As `exact_posterior`; where neither integrator converges.
     """
     start = least_squares(problem) if start is None else start
     try:
@@ -111,7 +112,10 @@ def log_evidence(
             return found
     except GridTooLargeError:
         pass
-    return sample_by_importance(problem, start).log_evidence
+    sampled = sample_by_importance(problem, start)
+    if not sampled.converged:
+        raise UsageError("The log evidence did not converge: too few effective draws.")
+    return sampled.log_evidence
 
 
 def _small_grid(problem: Problem, tolerance: float, start: LeastSquaresFit) -> QuadraturePosterior | Mixture:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from factories import impacts_file
 import ifrfit
 from ifrfit import Exact, UsageError
 from ifrfit.inference.posterior import ImportancePosterior
+from ifrfit.inference.posterior.integrators import log_evidence
 
 GAMMA = np.linspace(6.0, 78.0, 16)
 GIB = 2**30
@@ -119,3 +121,41 @@ def test_a_grid_of_gigabytes_is_not_begun(tmp_path: Path) -> None:
     path = impacts_file(tmp_path / "table.csv", *parts)
     done = subprocess.run([sys.executable, "-c", FIT, str(path)], capture_output=True, text=True, check=True)
     assert float(done.stdout.split()[-1]) < GIB
+
+
+def _never_converges(monkeypatch) -> None:
+    """Every grid is too large, and no sample of it is to be believed."""
+    from ifrfit.inference.posterior import integrators
+
+    sampled = integrators.sample_by_importance
+
+    def doubtful(*arguments, **choices):
+        return replace(sampled(*arguments, **choices), error=1.0)
+
+    monkeypatch.setattr(integrators, "_MOST_WORK", 1.0)
+    monkeypatch.setattr(integrators, "sample_by_importance", doubtful)
+
+
+def test_an_evidence_that_did_not_converge_is_not_told(tmp_path: Path, monkeypatch) -> None:
+    path = impacts_file(
+        tmp_path / "t.csv", {"gamma": np.linspace(5.0, 80.0, 14), "noise": 0.03, "sigma": 0.03}
+    )
+    problem = ifrfit.fit(path, fix={"e_n": 0.9}, method="lsq").problem
+    assert np.isfinite(log_evidence(problem))
+    _never_converges(monkeypatch)
+    with pytest.raises(UsageError, match="did not converge"):
+        log_evidence(problem)
+
+
+def test_samples_that_did_not_converge_weigh_no_sharing(tmp_path: Path, monkeypatch) -> None:
+    gamma = np.linspace(5.0, 80.0, 10)
+    parts = [
+        {"gamma": gamma, "noise": 0.03, "sigma": 0.03, "series": s, "seed": i} for i, s in enumerate("AB")
+    ]
+    path = impacts_file(tmp_path / "t.csv", *parts)
+    question = {"fix": {"e_n": 0.9}, "separate": ["mu"]}
+    assert "sharing" in ifrfit.fit(path, **question).facts
+    _never_converges(monkeypatch)
+    found = ifrfit.fit(path, **question)
+    assert not found.facts["converged"].ok
+    assert "sharing" not in found.facts
