@@ -24,6 +24,7 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
+from ifrfit.inference.posterior.adaptive_quadrature import GridTooLargeError
 from ifrfit.text import power_of_ten
 
 UNIT = "posterior sd"
@@ -244,7 +245,12 @@ def _ladder(problem: Problem, extent: Extent, notes: list[str]) -> tuple[list[fl
             if known and foreseen(tried[-1][1], last, before) > extent.reference:
                 break
         before = last
-        posterior, last = timed_result(partial(integrate, problem, tolerance))
+        try:
+            posterior, last = timed_result(partial(integrate, problem, tolerance))
+        except GridTooLargeError:  # a first grid grows as its tolerance falls
+            if not tried:
+                raise
+            break
         if tried and not posterior.error < tried[-1][1].error and not posterior.converged:
             break
         tried.append((tolerance, posterior))

@@ -20,6 +20,7 @@ from ifrfit.cost.inference_costs import OTHER_QUESTION, UNIT, Extent, inference_
 from ifrfit.errors import UsageError
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import integrate
+from ifrfit.inference.posterior.adaptive_quadrature import GridTooLargeError
 from ifrfit.inference.profile.profile_all import profile_all
 
 from .made import closed_form
@@ -151,6 +152,22 @@ def test_without_a_reference_nothing_is_measured(far_from_bounds, monkeypatch):
     bad = replace(cut, error=7.0, tolerance=1e-3)
     monkeypatch.setattr("ifrfit.cost.inference_costs.integrate", lambda *_: bad)
     with pytest.raises(UsageError, match="comes to 7e0 of an sd only: there is nothing to measure errors"):
+        inference_costs(far_from_bounds, extent=SMALL)
+
+
+def test_a_tolerance_beyond_the_memory_leaves_the_next_coarser_as_the_reference(far_from_bounds, monkeypatch):
+    def limited(problem, tolerance):
+        if tolerance < largest:
+            raise GridTooLargeError("a grid of 2e7 values")
+        return integrate(problem, tolerance)
+
+    largest = 1e-4
+    monkeypatch.setattr("ifrfit.cost.inference_costs.integrate", limited)
+    told = inference_costs(far_from_bounds, extent=SMALL)
+    assert told.reference.tolerance == 1e-4
+    assert told.notes[0].startswith("Tolerances of exact below 1e-4 are out of reach")
+    largest = 1.0  # nothing to measure errors against
+    with pytest.raises(GridTooLargeError):
         inference_costs(far_from_bounds, extent=SMALL)
 
 

@@ -10,6 +10,7 @@ from ifrfit.inference.accuracy.request import Request
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
+from ifrfit.inference.posterior.adaptive_quadrature import GridTooLargeError
 
 LADDER = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 _GROWTH = 4.0  # of the time from one tolerance to the next, where it has not been seen to grow faster
@@ -52,7 +53,7 @@ def refine(
     Raises
     ------
     UsageError, DataError
-        As `integrate`.
+        As `integrate`; a grid too large for memory only where the coarsest tolerance needs it.
     """
     best: QuadraturePosterior | None = None
     latest: QuadraturePosterior | None = None
@@ -67,6 +68,10 @@ def refine(
         try:
             latest = integrate(problem, tolerance, start, over=None if first else lambda: request.over)
         except TimeoutError:
+            break
+        except GridTooLargeError:  # a first grid grows as its tolerance falls
+            if best is None:
+                raise
             break
         last, before = request.clock() - begin, last
         is_better = best is None or latest.error <= best.error

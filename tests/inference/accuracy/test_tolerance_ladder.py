@@ -13,6 +13,7 @@ from ifrfit.cost.compared_estimates import largest_errors, of_distribution
 from ifrfit.inference.accuracy.request import make_request
 from ifrfit.inference.accuracy.tolerance_ladder import LADDER, ladder, refine
 from ifrfit.inference.posterior import integrate
+from ifrfit.inference.posterior.adaptive_quadrature import GridTooLargeError
 
 
 class Clock:
@@ -143,6 +144,23 @@ def test_what_gets_no_better_is_given_up():
         lambda *_, **__: Integral(1e-3, next(integrate.error), False),
     )
     assert found.error == 0.04
+
+
+def test_a_grid_beyond_the_memory_ends_the_way_down():
+    clock = Clock()
+    walk = Explore(clock, dict.fromkeys(LADDER, 1.0))
+
+    def limited(problem, tolerance, start, over=None):
+        if tolerance < largest:
+            raise GridTooLargeError("a grid of 2e7 values")
+        return walk(problem, tolerance, start, over)
+
+    largest = 1e-3
+    found = refine(None, None, make_request(None, 100.0, clock=clock), limited)
+    assert found.tolerance == 1e-3
+    largest = 1.0  # nothing was reached before
+    with pytest.raises(GridTooLargeError):
+        refine(None, None, make_request(None, 100.0, clock=clock), limited)
 
 
 def test_stops_at_the_asked_accuracy():
