@@ -16,7 +16,8 @@ from ifrfit.errors import DataError
 
 NOT_MEASURED = frozenset({"", "nan", "na", "n/a", "#n/a"})
 _OR_EMPTY = 'Correct it, or leave the cell empty for "not measured".'
-NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
+_MINUS = "\u2212"  # the sign of mathematics, which spreadsheets and word processors write for a hyphen
+NUMBER = re.compile(rf"[+\-{_MINUS}]?(\d+([.,]\d*)?|[.,]\d+)([eE][+\-{_MINUS}]?\d+)?", re.ASCII)
 
 CellColumn = Sequence[str] | NDArray[np.float64]
 
@@ -135,10 +136,10 @@ class Cells:
     def _number(self, cell: str, row: int, column: int) -> float:
         if cell.lower() in NOT_MEASURED:
             return math.nan
-        number = cell
+        number = cell.replace(_MINUS, "-")
         if self.decimal_commas:
             self._one_decimal_sign(cell, row, column)
-            number = cell.replace(",", ".")
+            number = number.replace(",", ".")
         if "," not in number and (NUMBER.fullmatch(number) or number.lower().lstrip("+-") in _INFINITE):
             return float(number)
         raise DataError(f"{self.at(row, self.headers[column])}: {show(cell)} is not a number. {_OR_EMPTY}")

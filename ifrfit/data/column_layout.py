@@ -82,7 +82,7 @@ class Layout:
         values = self._numbers_of(column)
         if column.sign < 0:
             values = -values
-        if column.dimension == "number" or column.unit == "1":
+        if column.unit == "1" or (column.dimension == "number" and column.unit is None):
             return values
         if column.dimension == "angle":
             return to_degrees(values, column, self.cells)

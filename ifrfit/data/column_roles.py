@@ -12,8 +12,10 @@ from ifrfit.data.incidence_angle import choose_angle
 from ifrfit.data.units import UNITS, parse_header, units_of
 from ifrfit.data.unknown_columns import refuse_unknown
 from ifrfit.errors import DataError, UsageError
+from ifrfit.physics.observables import OBSERVABLES
 
 _WITH_UNIT = ("angle", "speed", "rate", "length")
+_IN_PERCENT = ("observable", "open", "sigma", "sd")  # kinds of columns that may be, where they are numbers
 # Half a turn about x takes a z that points out of the wall into one that points in: these change sign.
 _TURNED = tuple(f"{vector}_{axis}" for vector in ("u", "v", "omega") for axis in "yz")
 
@@ -115,8 +117,9 @@ def _check_unit(role: Role, at: str) -> None:
     if role.unit is None or role.unit == "1":
         return
     known = UNITS.get(role.unit)
-    if known is None or known[0] != role.dimension:
-        units = ", ".join(units_of(role.dimension)) if role.dimension not in ("text", "number") else "none"
+    has_unit = role.dimension in _WITH_UNIT or role.kind in _IN_PERCENT
+    if known is None or known[0] != role.dimension or not has_unit:
+        units = ", ".join(units_of(role.dimension)) if has_unit else "none"
         raise DataError(f"{at}: the unit '{role.unit}' does not fit here. Known are: {units}.")
 
 
@@ -141,6 +144,7 @@ def _raw_uncertainties(layout: Layout) -> None:
 
 def _inherit_units(layout: Layout) -> None:
     """Give the uncertainty of an angle the unit of the angle where its header has none."""
+    _inherit_percent(layout)
     for key, column in list(layout.columns.items()):
         of = {"sigma_gamma": "gamma"}.get(key, key.removeprefix("sigma:").removeprefix("sd:"))
         partner = layout.columns.get(of)
@@ -151,6 +155,25 @@ def _inherit_units(layout: Layout) -> None:
                 to_degrees(layout.cells.numbers(partner.index), partner, layout.cells)
                 unit = "deg"
             layout.columns[key] = replace(column, unit=unit)
+
+
+def _inherit_percent(layout: Layout) -> None:
+    """Take the uncertainty of a value in percent in percent, too; refuse one of a value that is not."""
+    measured = [key for key in layout.columns if key in OBSERVABLES]
+    for key, column in list(layout.columns.items()):
+        kind, _, of = key.partition(":")
+        if kind not in ("sigma", "sd") or column.dimension != "number":
+            continue
+        # a column called sigma belongs to the one observable of the table
+        of = of or (measured[0] if len(measured) == 1 else "")
+        in_percent = of in layout.columns and layout.columns[of].unit == "%"
+        if in_percent and column.unit is None:
+            layout.columns[key] = replace(column, unit="%")
+        elif column.unit == "%" and not in_percent:
+            raise DataError(
+                f"{layout.cells.at(header=column.header)}: could be in percent of the value, or in percent as "
+                f"a number of its own, and {of} is not in percent. Give the uncertainty as {of} is given."
+            )
 
 
 def _note_conventions(layout: Layout, there: set[str]) -> None:

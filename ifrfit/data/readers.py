@@ -97,7 +97,8 @@ def _require_no_angle(pieces: Sequence[Piece], layout: Layout) -> None:
             if OBSERVABLES[name].has_angle:
                 raise DataError(
                     f"{layout.cells.file}: there is no incidence angle, which {name} needs. Add a column "
-                    "gamma_deg (from the normal), or name one: --convention angle=COLUMN:from-wall"
+                    "gamma_deg (from the normal), or name one: --convention angle=COLUMN:from-normal or "
+                    "--convention angle=COLUMN:from-wall"
                 )
 
 

@@ -20,6 +20,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "rad/s": ("rate", 1.0),
     "rpm": ("rate", math.pi / 30.0),
     "1": ("number", 1.0),
+    "%": ("number", 0.01),
 }
 # names of columns, spellings of units and of Greek letters
 HEADERS: dict[str, Any] = tomllib.loads(

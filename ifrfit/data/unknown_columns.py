@@ -44,19 +44,23 @@ def refuse_unknown(cells: Cells, unknown: Sequence[str], *, angled: bool) -> NoR
         aside = suggest(f"ignore={first}")
         text = f"{cells.at(header=first)}: unknown name{_hint(first)}. "
         if angle is not None:
-            which = suggest(f"angle={first}:from-wall")
-            text += f"If it is the incidence angle, say {which} (or from-normal); otherwise "
+            text += f"If it is the incidence angle, say {_either_angle(first)}; otherwise "
             raise DataError(f"{text}name it, {named}, or leave it out, {aside}.")
         raise DataError(f"{text}Rename it, say what it holds, {named}, or leave it out, {aside}.")
     shown = ", ".join(unknown[:_SHOWN])
     more = len(unknown) - _SHOWN
     shown += f" and {more} more" if more > 0 else ""
     line = f", line {cells.header_line}" if cells.word == "line" else ""
-    holds = suggest(f"angle={angle}:from-wall" if angle is not None else f"column:NAME={first}")
+    holds = suggest(f"column:NAME={first}") if angle is None else _either_angle(angle)
     raise DataError(
         f"{cells.file}{line}: {len(unknown)} columns have unknown names, {shown}. Say what a column holds, "
         f"{holds}, or leave columns out, {_without(unknown)}."
     )
+
+
+def _either_angle(header: str) -> str:
+    """Return the two options for an incidence angle: from where it is measured, its header does not say."""
+    return f"{suggest(f'angle={header}:from-normal')} or {suggest(f'angle={header}:from-wall')}"
 
 
 def _hint(header: str) -> str:

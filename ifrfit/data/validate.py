@@ -19,6 +19,10 @@ Mask = NDArray[np.bool_]
 # Below this a velocity per incoming speed is rounding, not motion.
 NO_MOTION = 1e-12
 
+# A sigma so far below the median of its observable is a slip: its row would outweigh 1e8 others.
+_TINY_SHARE = 1e-4
+_FEWEST_SIGMAS = 6  # below, a median says little
+
 _UNDEFINED = {
     "contact": "the contact point does not move before the impact (U_t = 0), so beta = -V_t/U_t has no value",
     "normal": "at gamma = 0 there is no tangential velocity before, so it has no value",
@@ -70,6 +74,7 @@ def validate(piece: Piece, cells: Cells) -> None:
         here = piece.columns["observable"] == observable
         _check_values(piece, cells, OBSERVABLES[observable], here)
         _check_defined(piece, cells, OBSERVABLES[observable], here)
+        _check_tiny_sigma(piece, cells, str(observable), here)
 
 
 def _of(observables: NDArray[np.object_], rule: Callable[[Observable], bool]) -> Mask:
@@ -139,6 +144,27 @@ def _check_values(piece: Piece, cells: Cells, observable: Observable, here: Mask
         here & (outside | tiny),
         f"{{}}{unit} is impossible for {observable.name} ({observable.low:g} to {observable.high:g}"
         f"{unit}). Correct it.",
+    )
+
+
+def _check_tiny_sigma(piece: Piece, cells: Cells, observable: str, here: Mask) -> None:
+    """Refuse a sigma that one row can have by a slip only: the fit would pass through its value."""
+    sigma = piece.columns["sigma"]
+    ordered = np.sort(sigma[here & (sigma > 0.0)])
+    if ordered.size < _FEWEST_SIGMAS:
+        return
+    median = float(np.median(ordered))
+    # sigmas that spread over many decades have none that stands alone
+    below = ordered[ordered < _TINY_SHARE * median]
+    if not below.size or ordered[below.size] * _TINY_SHARE <= below[-1]:
+        return
+    _refuse(
+        piece,
+        cells,
+        "sigma",
+        here & (sigma <= below[-1]),
+        f"{{}} is more than {1.0 / _TINY_SHARE:,.0f} times smaller than the median sigma of {observable}, "
+        f"{median:.3g}: the fit would pass through this value whatever the others say. Correct it.",
     )
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
+from ifrfit.inference.diagnostics.censoring import censoring, truncation
 from ifrfit.inference.diagnostics.duplicates import duplicates
 from ifrfit.inference.diagnostics.independence import independence
 from ifrfit.inference.diagnostics.lack_of_fit import Array, Residuals, lack_of_fit, scatter_too_small
@@ -14,6 +15,7 @@ from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.prior_conflict import prior_conflict
+from ifrfit.inference.diagnostics.rounded_readings import is_coarse, rounded_readings
 from ifrfit.inference.diagnostics.series_compared import unequal_noise
 from ifrfit.inference.diagnostics.slips.nuisances import directions_of, nuisances
 from ifrfit.inference.diagnostics.thresholds import FACTS, PULL
@@ -75,15 +77,26 @@ def misfit_facts(
         alike = independence(problem, found, residuals, explained=explained, also=slip)
     # rows that the closure cannot give are no outliers: left out one by one, none would be left
     rows = None if brief or beyond is not None else outliers(problem, found, residuals)
-    others = (beyond, rows, fitting, restitution, noises, alike, momentum)
+    rounded = None if brief else rounded_readings(problem, found)
+    if rounded is not None and rows is not None and not rows.ok:
+        of_rounded = f"({rounded.figures['observable']})"
+        if all(row.endswith(of_rounded) for row in rows.figures["rows"]):
+            rows = None  # the next step of few readings is no outlier
+    clipped = None if brief else censoring(problem, found)
+    others = (rounded, clipped, beyond, rows, fitting, restitution, noises, alike, momentum)
     fine = not called and all(fact is None or fact.ok for fact in others)
-    kinds = mixture(problem, found) if fine and not brief else None
+    # readings in few cells look like impacts of as many kinds
+    kinds = mixture(problem, found) if fine and not brief and not is_coarse(problem, found) else None
+    cut = truncation(problem, found) if fine and not brief and kinds is None else None
     facts = {
         **({} if beyond is None else {"beyond_closure": beyond}),
         **({} if shared is None else {"pooling": shared}),
         **({} if conflict is None else {"prior_conflict": conflict}),
         **({} if double is None else {"duplicates": double}),
         **({} if noises is None else {"unequal_noise": noises}),
+        **({} if rounded is None else {"rounded_readings": rounded}),
+        **({} if clipped is None else {"censoring": clipped}),
+        **({} if cut is None else {"truncation": cut}),
         "lack_of_fit": fitting,
         **({} if alike is None else {"independence": alike}),
         **({} if kinds is None else {"mixture": kinds}),

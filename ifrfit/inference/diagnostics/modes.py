@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import FACTS, RIVAL
@@ -38,8 +40,9 @@ def several_modes(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         sd = np.sqrt(np.diag(covariance))
         if all(_differ(theta - other, np.maximum(sd, spread)) for _, other, spread in kept):
             free = problem.parameters.free
-            volume = 0.5 * np.linalg.slogdet(covariance[np.ix_(free, free)])[1]
-            kept.append((-0.5 * rise + float(volume), theta, sd))
+            volume = 0.5 * float(np.linalg.slogdet(covariance[np.ix_(free, free)])[1])
+            if math.isfinite(volume):  # none where the data do not see a constant at all
+                kept.append((-0.5 * rise + volume, theta, sd))
     log = np.array([height for height, _, _ in kept])
     weights = np.exp(log - log.max()) / np.exp(log - log.max()).sum() if log.size else log
     modes = [(float(w), theta) for w, (_, theta, _) in zip(weights, kept, strict=True) if w >= RIVAL]

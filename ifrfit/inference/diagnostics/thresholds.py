@@ -18,6 +18,8 @@ ESS = 2000
 LENGTH = 50
 STABLE = 0.2
 PULL = 3.0
+COARSE = 0.6
+TOO_NARROW = 1.5
 
 STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
@@ -88,6 +90,13 @@ FACTS = {
     f"series explain {ALIKE:g} less; what explains as much is named beside it",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
     "every decimal, by noise and rounding (Poisson)",
+    "rounded_readings": "stands only where it fails: readings that the law has at one value scatter by less "
+    f"than {COARSE:g} of the steps in which they are written, and by the counts in these steps the error of "
+    f"that value is {TOO_NARROW:g} times that by the scatter",
+    "censoring": f"stands only where it fails: p < {REFUTED:g}, times the number of ends of observables, "
+    "that so many readings are equal to the largest or smallest one, by rounding and noise (Poisson)",
+    "truncation": "stands only where it fails: the law with errors that are cut off at the outermost reading "
+    f"of an observable takes {DECISIVE:g} off -2 log likelihood; looked for where nothing else is found",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",

@@ -77,6 +77,16 @@ def needs_sigma(problem: Problem, name: str, rows: Index) -> str:
         groups = problem.with_noise(replace(problem.noise, policy="unknown")).noise_groups().values()
         whole = next(group for group in groups if rows[0] in group)
         together = "" if _fits_exactly(problem, whole) else ", or take --noise unknown"
+    if rows.size > 1 and np.ptp(problem.rows.value[rows]) == 0.0:
+        value = float(problem.rows.value[rows[0]])
+        kept = " ".join(f"--observable {name}" for name in problem.rows.names if name != "e_n")
+        instead = "give each a sigma, at least its last decimal over sqrt(12)"
+        if what == "e_n" and kept:
+            instead = f"give e_n in their place ({kept} --fix e_n={value:g}, or --prior e_n={value:g},SD)"
+        return (
+            f"{where}: all {rows.size} values of {what} are {value:g}, rounded or copied: they cannot tell "
+            f"their own noise. Read them to more decimals, or {instead}."
+        )
     return (
         f"{where}: {rows.size} value{'' if rows.size == 1 else 's'} of {what} cannot tell {own} noise "
         f"from the constants, so {needs} a sigma. "

@@ -21,6 +21,7 @@ _OF_NOISE = {
     "mixed": "errors of {estimated} as large as the scatter, those of {given} as given",
 }
 _INDEPENDENT = "errors independent of one another"
+_COMPLETE = "no reading left out for its value"
 
 
 def assumed_of(
@@ -44,7 +45,7 @@ def assumed_of(
     words = _OF_NOISE[noise.policy]
     if noise.policy == "mixed":
         words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
-    return tuple(said for said in (words, _INDEPENDENT, offset) if said)
+    return tuple(said for said in (words, _INDEPENDENT, _COMPLETE, offset) if said)
 
 
 def _offset_words(

@@ -249,7 +249,7 @@ def _facts(
     causes = {} if brief else causes_of(problem, optimum, conditions, about.constants)
     found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
     # a slip says more than that velocities and spins do not close
-    by_hand = ("duplicates", "slips", "angular_momentum")
+    by_hand = ("duplicates", "slips", "angular_momentum", "rounded_readings", "censoring", "truncation")
     slips = {name: found[name] for name in by_hand if name in found}
     first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
     facts = {

@@ -16,12 +16,14 @@ from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables,
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, directions_of, nuisances, of_series
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
+from ifrfit.inference.model.noise import resolution
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 
 _FEWEST = 3  # degrees of freedom below which no slip is looked for
 _REPEATED = 3  # rows of one number from which it may stand for "not measured"
+_NEIGHBOUR = 1.5  # steps of the readings up to which two of them are neighbours
 _ROWS_OF_ZEROS = 0.5  # share of an observable's rows that may stand for "not measured"
 _INVISIBLE = 1e-3  # standard deviations by which a slip of the largest size moves a value at most
 _LARGEST = 4.5  # prior standard deviations of a size
@@ -398,6 +400,9 @@ def _zeros(problem: Problem, fit: LeastSquaresFit) -> list[Slip]:
         given, count = np.unique(problem.rows.value[own], return_counts=True)
         repeated = count >= _REPEATED
         repeated[1:-1] = False
+        if given.size > 1:  # the neighbour of another reading by one step of these readings is a reading, too
+            step = resolution(problem.rows.value[own])
+            repeated[[0, -1]] &= np.diff(given)[[0, -1]] > _NEIGHBOUR * step
         for code in given[(given == 0.0) | repeated].tolist():
             at = own[problem.rows.value[own] == code]
             if at.size > _ROWS_OF_ZEROS * own.size or own.size - at.size < 2 * _FEWEST:
@@ -434,7 +439,9 @@ def _far_from_rest(
         np.ones(theta.size, dtype=bool),
     )
     sigma = misfit.sigma(left[0])[rows.which[kept] == rows.names.index(name)]
-    z = (rows.value - problem.predict(places[0]))[at] / float(np.sqrt((sigma**2).mean()))
+    # readings scatter by their rounding at least
+    floor = resolution(rows.value[own]) / math.sqrt(12.0)
+    z = (rows.value - problem.predict(places[0]))[at] / max(float(np.sqrt((sigma**2).mean())), floor)
     dof = max(sigma.size - theta.size, 1)
     far = np.abs(z) > -float(special.stdtrit(dof, 0.5 * REFUTED / own.size))
     least = float(np.abs(z[far]).min(initial=np.inf))
