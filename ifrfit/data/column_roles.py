@@ -171,8 +171,8 @@ def _inherit_percent(layout: Layout) -> None:
             layout.columns[key] = replace(column, unit="%")
         elif column.unit == "%" and not in_percent:
             raise DataError(
-                f"{layout.cells.at(header=column.header)}: could be in percent of the value, or in percent as "
-                f"a number of its own, and {of} is not in percent. Give the uncertainty as {of} is given."
+                f"{layout.cells.at(header=column.header)}: could be in percent of the value, or in percent "
+                f"beside a value that is not, {of}. Give the uncertainty as {of} is given."
             )
 
 

@@ -223,6 +223,29 @@ CASES = (
         fits=False,
     ),
     _case(
+        "e_n in two digits",
+        "Readings of e_n about 0.9037 that scatter by 0.0015, written with two digits, beside beta.",
+        "The first line says that readings are rounded to coarser steps than they scatter, with the value "
+        "and the sd to give in their place.",
+        fitted(_with_e_n(np.round(0.9037 + noise(len(FAN), 0.0015, 4), 2)), fix={}),
+        _looks("rounded_readings", "in steps of 0.01", "--observable beta --prior e_n=0.90"),
+    ),
+    _case(
+        "beta clipped",
+        "Readings of beta, those above 0.39 written as 0.39.",
+        "The first line says that values look clipped, with their number and place.",
+        fitted(HEADER + rows(FAN, np.minimum(SECOND, 0.39), None)),
+        _looks("censoring", "values of beta are 0.39 exactly, the largest of all"),
+    ),
+    _case(
+        "one sigma of 1e-12",
+        "One sigma of 1e-12 beside those of 0.02.",
+        "Refused with exit status 3, nothing written: the median is given.",
+        _command(WIDE + "sigma_beta\n" + "".join(f"{g},0.1,{1e-12 if g == 45 else 0.02}\n" for g in FAN)),
+        refused("10,000 times smaller than the median sigma of beta, 0.02"),
+        fits=False,
+    ),
+    _case(
         "e_n that falls with the angle",
         "Readings of e_n that fall from 0.95 to 0.60 between 5 and 85 degrees, beside beta.",
         "The first line says that the readings contradict one value, with the p-value and both ends.",

@@ -1,6 +1,6 @@
 """Readings that were rounded to coarser steps than they scatter: their rounding errors are common to them.
 
-Rounding errors of readings y that differ by several steps are as good as independent, and part of the scatter.
+Rounding errors of readings y that differ by several steps are as good as independent: part of the scatter.
 Readings of one true value m that scatter by less than about half a step all lie on the same side of it: the
 likelihood is that of counts in cells, prod [Phi((y + h/2 - m)/s) - Phi((y - h/2 - m)/s)], for steps h and a
 scatter s (Heitjan 1989, Statistical Science 4, 164), and no number of readings narrows m below a cell.
@@ -25,7 +25,7 @@ from ifrfit.inference.result.types import Fact
 _FEWEST = 4  # readings of one true value
 _ALIKE = 0.1  # steps within which values of the law are one
 _LEVELS, _SCATTERS = 321, 48  # nodes of m and s
-_REACH = 1.5  # steps beyond the readings up to which m is looked for
+_MARGIN = 1.5  # steps beyond the readings up to which m is looked for
 _LEAST_SCATTER, _LARGEST_SCATTER = 0.02, 3.0  # steps
 _TINY = 1e-300
 
@@ -97,7 +97,7 @@ def rounded_readings(problem: Problem, found: LeastSquaresFit) -> Fact | None:
 
 
 def is_coarse(problem: Problem, found: LeastSquaresFit) -> bool:
-    """Whether any observable scatters by less than a step of its readings, so that they fall into few cells."""
+    """Whether any observable scatters by less than a step of its readings: they fall into few cells."""
     every = (problem.rows.rows_of(name) for name in problem.rows.names)
     return any(_rms(found.sigma[own]) < resolution(problem.rows.value[own]) for own in every if own.size)
 
@@ -123,7 +123,7 @@ def _plateaus(problem: Problem, found: LeastSquaresFit) -> Iterator[_Plateau]:
 
 
 def _mean_of_cells(value: Array, step: float, sigma: float | None) -> tuple[float, float]:
-    """Mean and standard deviation of the true value of rounded readings, flat in it and in an unknown scatter.
+    """Mean and standard deviation of the true value of rounded readings; flat in it and an unknown scatter.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def _mean_of_cells(value: Array, step: float, sigma: float | None) -> tuple[floa
         None where it is unknown.
     """
     cells, counts = np.unique(np.round(value / step), return_counts=True)
-    m = np.linspace(cells[0] - _REACH, cells[-1] + _REACH, _LEVELS)[:, None, None]
+    m = np.linspace(cells[0] - _MARGIN, cells[-1] + _MARGIN, _LEVELS)[:, None, None]
     largest = _LARGEST_SCATTER
     s = np.geomspace(_LEAST_SCATTER, largest, _SCATTERS) if sigma is None else np.array([sigma / step])
     upper = (cells + 0.5 - m) / s[:, None]

@@ -20,6 +20,7 @@ STABLE = 0.2
 PULL = 3.0
 COARSE = 0.6
 TOO_NARROW = 1.5
+TIMES_FITTED = 4.0
 
 STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
@@ -96,7 +97,8 @@ FACTS = {
     "censoring": f"stands only where it fails: p < {REFUTED:g}, times the number of ends of observables, "
     "that so many readings are equal to the largest or smallest one, by rounding and noise (Poisson)",
     "truncation": "stands only where it fails: the law with errors that are cut off at the outermost reading "
-    f"of an observable takes {DECISIVE:g} off -2 log likelihood; looked for where nothing else is found",
+    f"of an observable takes so much off -2 log likelihood that exp(-fall/2), times {TIMES_FITTED:g} and the "
+    f"number of ends of observables, is below {REFUTED:g}; looked for where nothing else is found",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",

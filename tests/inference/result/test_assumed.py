@@ -22,6 +22,7 @@ STATED = STATED.replace("sigma_beta,0,0.02", "sigma_beta")
 FIX = {"e_n": 0.9}
 SCATTER = "errors as large as the scatter"
 INDEPENDENT = "errors independent of one another"
+COMPLETE = "no reading left out for its value"
 
 
 @pytest.fixture
@@ -50,7 +51,7 @@ def file(tmp_path):
 )
 def test_a_table_that_is_silent(file, text, choices, assumed):
     fit = ifrfit.fit(file(text), method="lsq", fix=FIX, **choices)
-    assert fit.assumed[:-1] == (*assumed, INDEPENDENT)
+    assert fit.assumed[:-1] == (*assumed, INDEPENDENT, COMPLETE)
     assert fit.assumed[-1].startswith("angles of incidence without an offset (1 degree would move mu by ")
     assert f"assumed: {', '.join(fit.assumed)}" in " ".join(fit.summary().split())
     assert "assumed:" in fit.summary("markdown")
@@ -62,7 +63,11 @@ def test_a_dataset_says_what_hit_what():
 
 
 def test_readings_of_e_n_alone_assume_nothing_of_the_ball(file):
-    assert ifrfit.fit(file("e_n\n0.91\n0.9\n0.92\n0.89\n"), method="lsq").assumed == (SCATTER, INDEPENDENT)
+    assert ifrfit.fit(file("e_n\n0.91\n0.9\n0.92\n0.89\n"), method="lsq").assumed == (
+        SCATTER,
+        INDEPENDENT,
+        COMPLETE,
+    )
 
 
 @pytest.mark.parametrize("degrees", [0.02, -0.02])
