@@ -49,8 +49,8 @@ def clean_scene(seed: int, number: int) -> Scene:
     way = rng.uniform() if seen else 0.4 * rng.uniform()
     e_n = round(float(rng.uniform(0.6, 0.95)), 3)
     closure = str(rng.choice(CLOSURES, p=[0.4, 0.2, 0.15, 0.15, 0.1]))
-    # a friction of each of several series takes the search of FR many seconds
-    separate = ("mu",) if 1 < series <= (2 if closure == "fr" else 5) and rng.uniform() < 0.2 else ()
+    # a friction of each of many series takes the search many seconds
+    separate = ("mu",) if 1 < series <= (2 if closure == "fr" else 3) and rng.uniform() < 0.1 else ()
     return Scene(
         observables,
         n,

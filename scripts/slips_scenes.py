@@ -116,8 +116,8 @@ def experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
     cause : Cause
     seed : int
     """
-    found = _experiment(scene, cause, seed)
-    table = (_experiment(scene, Cause(), seed) if cause.in_b else found).table.copy()
+    found, _ = _experiment(scene, cause, seed)
+    table = (_experiment(scene, Cause(), seed)[0] if cause.in_b else found).table.copy()
     turn = table["impact_id"].astype(int) % scene.series
     table[turn == 1] = found.table[turn == 1]
     for number in range(1, scene.series):
@@ -133,8 +133,13 @@ def experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
     return Observations(table)
 
 
-def _experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
-    """The table with the cause in every row."""
+def truth(scene: Scene, seed: int) -> dict[str, float]:
+    """The constants of an experiment without a cause, by the closure's names."""
+    return _experiment(scene, Cause("no-errors"), seed)[1]
+
+
+def _experiment(scene: Scene, cause: Cause, seed: int) -> tuple[Observations, dict[str, float]]:
+    """The table with the cause in every row, and the constants that made it."""
     rng = np.random.default_rng([seed, 13])
     gamma = rng.uniform(3.0, 80.0, scene.n)
     if scene.repeats > 1:
@@ -149,7 +154,7 @@ def _experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
     c = 0.0
     if own.constant:
         low, high = own.domain(0.4)
-        c = rng.uniform(low + 0.02 * (high - low), low + 0.5 * (high - low))
+        c = constants[own.constant] = rng.uniform(low + 0.02 * (high - low), low + 0.5 * (high - low))
     e_n = np.full(scene.n, constants["e_n"])
     body = {"restitution": e_n, "c": c, "mu": constants["mu"]}
     true_gamma, true_spin, j = gamma, given_spin, 0.4
@@ -175,7 +180,7 @@ def _experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
     incidence = Incidence.of(true_gamma, lateral, true_spin, degrees=True)
     state = _rebound(scene, cause, incidence, speed, j, body)
     values = _read(scene, cause, state, true_gamma, gamma, given_spin, body["mu"])
-    return _written(scene, cause, gamma, given_spin, lateral, speed, values, rng)
+    return _written(scene, cause, gamma, given_spin, lateral, speed, values, rng), constants
 
 
 def _rebound(scene, cause, incidence, speed, j, body):
@@ -238,6 +243,8 @@ def _written(scene, cause, gamma, spin, lateral, speed, values, rng):
             errors = _correlated(errors, cause.size)
         elif cause.name == "no-errors":
             errors[:] = 0.0
+        elif cause.name == "outlier" and name == names[0]:
+            errors[n // 2] = cause.size
         rows.append(values[name] + sigma * errors)
         sigmas.append(np.full(n, sigma))
     written = dict(zip(names, rows, strict=True))
