@@ -202,8 +202,8 @@ def clean_fit(task: tuple[int, int]) -> Clean:
 def determines(scene: object, seed: int) -> bool:
     """Whether a design tells its constants: its table without errors does, at twice the sigma that it has.
 
-    It does not either where the best constants of that table are not those that made it. A prior lies about
-    the truth.
+    It does not either where a constant is not told from a bound of its domain, or where the best constants of
+    that table are not those that made it. A prior lies about the truth.
     """
     from slips_scenes import Cause, truth
 
@@ -211,10 +211,10 @@ def determines(scene: object, seed: int) -> bool:
     prior = {name: (made[name], sd) for name, (_, sd) in scene.prior.items()}
     coarse = replace(scene, policy="known", noise=COARSER * scene.noise)
     found = fitted(coarse, Cause("no-errors"), seed, prior=prior)
-    if not found.facts["identifiable"].ok:
-        return False
-    values = {name: one.value for name, one in found.flat_constants().items()}
-    return all(abs(value - made[name.partition("[")[0]]) < SAME for name, value in values.items())
+    return all(
+        one.status in ("fixed", "prior", "determined") and abs(one.value - made[name.partition("[")[0]]) < SAME
+        for name, one in found.flat_constants().items()
+    )
 
 
 def clean_table(fits: Sequence[Clean]) -> list[str]:

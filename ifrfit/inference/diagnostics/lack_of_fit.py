@@ -16,7 +16,7 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.result.types import Fact
-from ifrfit.text import p_text
+from ifrfit.text import joined, p_text
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,7 @@ _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a m
 _SPLINE_KNOTS = 4  # three degrees of freedom beside the constant
 _FITTED = 1e-6  # 1 - leverage below which a row is fitted exactly
 _REST = 1e-6  # least share of the misfit that is left to the other rows
+_ELSEWHERE = 0.5  # share of the sum of squares in rows that know no angle, from which the misfit sits there
 _SMALLEST = 8  # rows of an observable below which no smooth departure is looked for
 
 
@@ -314,7 +315,7 @@ def _runs(problem: Problem, r: Array) -> float | None:
 
 
 def misfit(problem: Problem, r: Array) -> tuple[str, str, bool]:
-    """Where the excess of squares sits: the head or tail along tau that stands out most.
+    """Where the excess of squares sits: the head or tail along tau that stands out most, or readings of e_n.
 
     Returns
     -------
@@ -323,7 +324,12 @@ def misfit(problem: Problem, r: Array) -> tuple[str, str, bool]:
         Whether it sits at the impacts nearest to the normal.
     """
     best, place = -math.inf, (np.empty(0, dtype=np.intp), "")
-    for rows in oblique_groups(problem):
+    groups = oblique_groups(problem)
+    others = np.setdiff1d(np.arange(r.size), np.concatenate([np.empty(0, dtype=np.intp), *groups]))
+    if others.size and float(r[others] @ r[others]) > _ELSEWHERE * float(r @ r):
+        names = [name for name in problem.rows.names if np.isin(problem.rows.rows_of(name), others).any()]
+        return f"in {joined(names)}", _signs(r, others), False
+    for rows in groups:
         square = r[rows] ** 2
         m = np.arange(1, rows.size)
         for part, inner in (("below", np.cumsum(square)[:-1]), ("beyond", np.cumsum(square[::-1])[:-1])):

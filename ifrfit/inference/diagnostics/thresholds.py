@@ -88,7 +88,8 @@ FACTS = {
     f"series explain {ALIKE:g} less; what explains as much is named beside it",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
     "every decimal, by noise and rounding (Poisson)",
-    "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
+    "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one; by "
+    "Student's t with the degrees of freedom of the row's own noise where that is unknown",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",
     "angle_offset": f"stands where --angle-offset is given: the fitted offset lies within {PULL:g} sd of its "
