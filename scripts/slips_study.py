@@ -222,7 +222,7 @@ def clean_table(fits: Sequence[Clean]) -> list[str]:
     false = Counter(name for one in fits for name in one.false)
     designs = Counter(name for one in fits for name in one.by_design)
     search = Counter(name for one in fits for name in set(one.failing) - set(one.by_design) & set(OF_SEARCH))
-    named = Counter(name for one in fits for name in one.named)
+    named = Counter(name for one in fits for name in one.named if name not in one.failing)
     lines = [f"{len(fits):,} clean fits, each of a scene of its own.", ""]
     lines += ["| fact, slip or effect | falsely named |", "|---|---|"]
     lines += [f"| fact `{name}` | {n} |" for name, n in sorted(false.items())]
