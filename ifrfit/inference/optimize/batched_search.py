@@ -12,6 +12,7 @@ optima lie on these: a step that would cross the first kink on its way is tried 
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -34,7 +35,10 @@ _DAMPED = (1.0, 8.0, 64.0)  # times the damping of the last step
 _LOOSE = 1e-11  # eigenvalue, relative, of a direction that the data do not see: it stays where it is
 _CONVEX = 0.05  # least eigenvalue with which the logarithm's part of the Hessian is kept
 _ROOM = 1e-12  # from a bound, relative to the range, within which a constant lies on it
+_FAR = 1e9  # where a constant without an upper bound ends
 _ON_KINK = 1e-3  # distance from a kink, in standard deviations
+_POLISHES = 20
+_NOTHING = 1e-20  # fall of the objective that leaves no digit of theta in doubt
 _ENTRIES = 2_000_000  # of a Jacobian, by which batches are divided
 
 
@@ -117,6 +121,12 @@ class BatchedSearch:
     upper: Array
     mu: FollowingMu | None = None
 
+    @classmethod
+    def of(cls, problem: Problem, sigma: Array, groups: Iterable[Index] = ()) -> BatchedSearch:
+        """Over all free constants, at known sigma but for the noises of some groups of rows."""
+        free, bounds = problem.parameters.free, problem.parameters.bounds()
+        return cls(problem, sigma, tuple(groups), free, *bounds)
+
     def run(self, theta: Array, dof: Array, x: Array | None = None, steps: int = _STEPS) -> Found:
         """Search from each of several places.
 
@@ -141,15 +151,54 @@ class BatchedSearch:
         ]
         return Found(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
+    def polish(self, found: Found, dof: Array, x: Array | None = None) -> Found:
+        """Take the last digits of theta, where the objective no longer tells one place from the next.
+
+        Full steps of the model, as long as each promises less than the one before.
+        """
+        x = np.zeros(len(found.theta)) if x is None else x
+        dof = np.broadcast_to(dof, (len(found.theta), len(self.groups)))
+        theta = found.theta.copy()
+        active = np.flatnonzero(found.converged)
+        promised = np.full(len(theta), np.inf)
+        for _ in range(_POLISHES if self.free.any() else 0):
+            if not active.size:
+                break
+            _, z = self.objective(theta[active], dof[active], x[active])
+            model = _Model.of(self, theta[active], z, dof[active], x[active])
+            on_kink = model.is_on_kink & (model.promised > _AT_REST + _ROUNDING * np.abs(found.value[active]))
+            left = np.where(on_kink, model.promised_along, model.promised)
+            going = (left < promised[active]) & (left > _NOTHING)
+            step = np.where(on_kink[:, None], model.step_along_nearest_kink, model.step(np.zeros(active.size)))
+            active, promised[active] = active[going], left
+            theta[np.ix_(active, np.flatnonzero(self.free))] += step[going]
+            theta[active] = self.at(theta[active], x[active])
+        value, _ = self.objective(theta, dof, x)
+        slack = _AT_REST + _ROUNDING * np.abs(found.value)
+        good = value <= found.value + slack
+        return Found(
+            np.where(good[:, None], theta, found.theta), np.where(good, value, found.value), found.converged
+        )
+
     def objective(self, theta: Array, dof: Array, x: Array) -> tuple[Array, Array]:
         """Objective, (m,), and residuals in units of base, (m, n); infinite where a value is undefined."""
         with np.errstate(all="ignore"):
             z = (self.problem.rows.value - self.problem.predict(theta)) / self.base
             return self._of_residuals(z, dof) + self._prior_chi2(theta), z
 
+    def lowest(self, theta: Sequence[Array], dof: Array, most: int) -> Array:
+        """The lowest of several places, best first, with what is fixed at its value, (m, p)."""
+        entries = self.problem.parameters.entries
+        fixed = [0.0 if each.fixed is None else each.fixed for each in entries]
+        nothing = np.zeros(len(theta))
+        places = self.at(np.where(self.problem.parameters.free, theta, fixed), nothing)
+        value, _ = self.objective(places, np.broadcast_to(dof, (len(theta), len(self.groups))), nothing)
+        return np.asarray(places[np.argsort(np.nan_to_num(value, nan=np.inf), kind="stable")[:most]])
+
     def bounds(self, x: Array) -> tuple[Array, Array]:
         """Bounds of theta, (m, p) each."""
-        lower, upper = (np.broadcast_to(end, (x.size, end.size)) for end in (self.lower, self.upper))
+        ends = self.lower, np.minimum(self.upper, _FAR)
+        lower, upper = (np.broadcast_to(end, (x.size, end.size)) for end in ends)
         if self.mu is not None and self.mu.limits != (0.0, np.inf):
             lower, upper, i_e_n = lower.copy(), upper.copy(), self.mu.i_e_n
             low, high = self.mu.limits
@@ -187,7 +236,7 @@ class BatchedSearch:
             stuck = fall <= tolerance
             on_kink = stuck & model.is_on_kink & (model.promised_along <= tolerance)
             converged[active[on_kink & (damping[active] > 1.0)]] = True
-            change = np.array([0.125, 1.0, 8.0, 64.0, 1.0, 1.0])[index]
+            change = np.array([0.125, *_DAMPED, *(1.0,) * 4])[index]
             damping[active] = np.where(stuck, 512.0, change) * np.maximum(damping[active], _DAMPING[0])
             active = active[~converged[active] & (damping[active] < _DAMPING[2])]
         return Found(theta, value, converged)
@@ -209,11 +258,13 @@ class BatchedSearch:
         """
         fall, index = np.zeros(active.size), np.zeros(active.size, dtype=np.intp)
 
-        def tried(which: Index, number: int, step: Array) -> None:
+        def tried(which: Index, number: int, step: Array, kink: Index | None = None) -> None:
             at = active[which]
             places = theta[at].copy()
             places[:, self.free] += step
             places = self.at(places, x[at])
+            if kink is not None:
+                places = self._onto(kink, places)
             far, residual = self.objective(places, dof[at], x[at])
             gain = value[at] - far
             better = gain > np.maximum(fall[which], 0.0)
@@ -229,8 +280,10 @@ class BatchedSearch:
             own = model.take(others)
             for number, factor in enumerate(_DAMPED, start=1):
                 tried(others, number, own.step(factor * damping[active[others]]))
-            for number, step in enumerate(own.steps_along_kinks(), start=len(_DAMPED) + 1):
-                tried(others, number, step)
+            damped = (np.zeros(others.size), damping[active[others]])
+            along = [(kink, each) for kink in own.kinks_ahead for each in damped]
+            for number, (kink, each) in enumerate(along, start=len(_DAMPED) + 1):
+                tried(others, number, own.step_along(kink, each), kink)
         moved = active[fall > 0.0]
         theta[moved], z[moved] = best[fall > 0.0], rest[fall > 0.0]
         value[moved] -= fall[fall > 0.0]
@@ -288,6 +341,17 @@ class BatchedSearch:
         column = [places[name][rows.series[at]] for name in ("e_n", own or "e_n", "mu")]
         every = np.unique(np.column_stack((rows.tau[at], *column)), axis=0)
         return every[:, 0], *every[:, 1:].astype(np.intp).T
+
+    def _onto(self, kink: Index, theta: Array) -> Array:
+        """Theta with the mu that lies on a kink each, as far as it is free and within its bounds."""
+        tau, i_e, i_c, i_mu = (each[kink] for each in self._kinks)
+        law = self.problem.closure.law(self.problem.inertia_factor)
+        at = np.arange(len(theta))
+        has_c = self.problem.closure.constant is not None
+        bound = law.bound(theta[at, i_c] if has_c else np.zeros(at.size))
+        mu = np.clip(tau * bound / (1.0 + theta[at, i_e]), self.lower[i_mu], self.upper[i_mu])
+        theta[at, i_mu] = np.where(self.free[i_mu], mu, theta[at, i_mu])
+        return theta
 
     def margins(self, theta: Array, x: Array) -> tuple[Array, Array]:
         """kappa - tau b(c) of each kink, (m, kinks), and its derivative by what is free, (m, kinks, q)."""
@@ -397,66 +461,66 @@ class _Model:
 
     def step(self, damping: Array) -> Array:
         """To the minimum of each model with its damping, (m, q)."""
-        seen = self._inverse > 0.0
-        with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.where(seen, 1.0 / (self.values + damping[:, None]), 0.0)
+        inverse = self._damped_inverse(damping)
         return -self.unit * (self.vectors @ (inverse * self.gradient)[..., None])[..., 0]
 
-    @cached_property
-    def _across(self) -> tuple[Array, Array, Array]:
-        """Of each kink: H^-1 a by the eigenvectors, a H^-1 a, and how far Newton's step goes across it."""
+    def _damped_inverse(self, damping: Array | float) -> Array:
+        seen, more = self._inverse > 0.0, np.broadcast_to(damping, len(self.unit))[:, None]
+        return np.where(seen, 1.0 / np.where(seen, self.values + more, 1.0), 0.0)
+
+    def _across(self, damping: Array | float = 0.0) -> tuple[Array, Array, Array]:
+        """Of each kink: H^-1 a by the eigenvectors, a H^-1 a, and how far the damped step goes across it."""
         scaled = (self.slopes * self.unit[:, None, :]) @ self.vectors
-        turned = scaled * self._inverse[:, None, :]
-        size = (turned * scaled).sum(axis=2)
-        moved = -(turned @ self.gradient[..., None])[..., 0]
-        return turned, size, moved
+        turned = scaled * self._damped_inverse(damping)[:, None, :]
+        return turned, (turned * scaled).sum(axis=2), -(turned @ self.gradient[..., None])[..., 0]
 
     @cached_property
-    def _first(self) -> tuple[Index, Index]:
-        """The first kink that Newton's step meets, and the nearest one."""
-        _, size, moved = self._across
+    def _nearest(self) -> tuple[Index, Array, Array]:
+        """The nearest kink, its distance in standard deviations, and the model's fall across it, (m,) each."""
+        _, size, moved = self._across()
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = -self.margin / moved
-            distance = np.abs(self.margin) / np.sqrt(size)
-        share = np.where((share >= 0.0) & (size > 0.0), share, np.inf)
-        distance = np.where(size > 0.0, distance, np.inf)
-        return share.argmin(axis=1), distance.argmin(axis=1)
+            distance = np.where(size > 0.0, np.abs(self.margin) / np.sqrt(size), np.inf)
+            fall = np.where(size > 0.0, 0.5 * moved**2 / size, 0.0)
+        kink = distance.argmin(axis=1)
+        at = np.arange(kink.size), kink
+        return kink, distance[at], fall[at]
 
-    def steps_along_kinks(self) -> list[Array]:
-        """To the minimum on the first kink that Newton's step meets, and on the nearest one."""
+    @property
+    def kinks_ahead(self) -> list[Index]:
+        """The first kink that Newton's step meets, and the nearest one."""
         if not self.margin.shape[1]:
             return []
-        turned, size, moved = self._across
-        newton = self.step(np.zeros(len(self.unit)))
-        found = []
-        for kink in self._first:
-            at = np.arange(kink.size), kink
-            with np.errstate(divide="ignore", invalid="ignore"):
-                back = np.where(size[at] > 0.0, (moved[at] + self.margin[at]) / size[at], 0.0)
-            back = np.nan_to_num(back, posinf=0.0, neginf=0.0)
-            toward = self.unit * (self.vectors @ turned[at][..., None])[..., 0]
-            found.append(newton - back[:, None] * toward)
-        return found
+        _, size, moved = self._across()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = -self.margin / moved
+        share = np.where((share >= 0.0) & (size > 0.0), share, np.inf)
+        return [share.argmin(axis=1), self._nearest[0]]
+
+    def step_along(self, kink: Index, damping: Array) -> Array:
+        """To the minimum of the damped model on a kink each, (m, q)."""
+        turned, size, moved = self._across(damping)
+        at = np.arange(kink.size), kink
+        with np.errstate(divide="ignore", invalid="ignore"):
+            back = (moved[at] + self.margin[at]) / size[at]
+        back = np.where((size[at] > 0.0) & np.isfinite(back), back, 0.0)
+        toward = self.unit * (self.vectors @ turned[at][..., None])[..., 0]
+        return self.step(damping) - back[:, None] * toward
+
+    @property
+    def step_along_nearest_kink(self) -> Array:
+        """To the minimum on the nearest kink, (m, q)."""
+        nothing = np.zeros(len(self.unit))
+        return self.step_along(self._nearest[0], nothing) if self.margin.shape[1] else self.step(nothing)
 
     @property
     def is_on_kink(self) -> Bool:
         """Whether a place lies on a kink, (m,)."""
-        if not self.margin.shape[1]:
-            return np.zeros(len(self.unit), dtype=bool)
-        _, size, _ = self._across
-        at = np.arange(len(self.unit)), self._first[1]
-        return np.asarray((size[at] > 0.0) & (np.abs(self.margin[at]) <= _ON_KINK * np.sqrt(size[at])))
+        return self._nearest[1] <= _ON_KINK if self.margin.shape[1] else np.zeros(len(self.unit), dtype=bool)
 
     @property
     def promised_along(self) -> Array:
         """Fall of the model along the nearest kink, (m,)."""
-        if not self.margin.shape[1]:
-            return self.promised
-        _, size, moved = self._across
-        at = np.arange(len(self.unit)), self._first[1]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            normal = np.where(size[at] > 0.0, moved[at] ** 2 / size[at], 0.0)
-        return np.asarray(self.promised - 0.5 * normal)
+        return self.promised - self._nearest[2] if self.margin.shape[1] else self.promised
 
 
 def _least_moving(values: Array, stopped: Bool) -> Array:

@@ -23,9 +23,10 @@ import numpy as np
 from ifrfit.inference.diagnostics.thresholds import NOISE_GAP
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.batched_search import BatchedSearch
 from ifrfit.inference.optimize.concentrated_likelihood import Minimum
 from ifrfit.inference.optimize.laplace import gaussian_approximation
-from ifrfit.inference.optimize.multistart import best_start
+from ifrfit.inference.optimize.multistart import best_start, starts
 from ifrfit.inference.optimize.noise_components import (
     Component,
     SolvedComponent,
@@ -38,6 +39,7 @@ from ifrfit.inference.optimize.solve import solve
 
 _DESCENTS = 30  # weighted fits of one descent, at the most
 _AT_REST = 1e-6  # relative change of every S_g; it enters Phi in the second order
+_WIDELY = 12  # places all over the domain from which a mode is searched for
 _DEGREES_OF_FREEDOM = 200  # iterations of leverage and noise, at the most
 _LAST_CHANGE = 1e-10
 _CUTS = 60  # boxes that are cut, at the most
@@ -141,10 +143,14 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
         rest = noise_modes(split.rest, start)
         return search.over_components([*split.restitution, search.component(split.rest, rest)])
     first = search.solve(search.spread(), start)
+    if first.gap is None:
+        if start is None:
+            search.descend_together([first.theta, *search.optima_of_groups(first.theta)], widely=True)
+        else:
+            search.descend_together([first.theta])
+        return NoiseModes(tuple(search.modes), None)
     search.descend(first)
-    if first.gap is None and start is None:
-        search.descend_from_groups()
-    gap = None if first.gap is None else search.prove()
+    gap = search.prove()
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
 
 
@@ -169,8 +175,11 @@ def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
     if search.is_monotone:
         optimum = solve(problem, search.base, thetas[0] if searched else None)
         return Mode(search.value(optimum.theta), optimum)
+    if searched:
+        search.descend_together(thetas)
+        return search.modes[0]
     for theta in thetas:
-        search.descend(search.solve(search.variance(theta), theta if searched else None))
+        search.descend(search.solve(search.variance(theta)))
     return search.modes[0]
 
 
@@ -351,13 +360,35 @@ class _Search:
             self.modes.append(Mode(self.value(optimum.theta), optimum))
             self.modes.sort(key=lambda mode: mode.value)
 
-    def descend_from_groups(self) -> None:
-        """Look for a mode from where each group alone would begin, the others counting next to nothing."""
-        for variance in self._each_alone(self.variance(self.modes[0].theta)):
-            near = best_start(self.problem, self.sigma(variance))
-            self.descend(self.solve(variance, near))
+    def descend_together(self, thetas: Sequence[Array], *, widely: bool = False) -> None:
+        """Search for the modes downhill from several places, where only a search can find an optimum.
 
-    def _each_alone(self, own: Array) -> list[Array]:
+        `widely` begins from places all over the domain as well; of these ends only one that is better than
+        all others counts.
+        """
+        batch = BatchedSearch.of(self.problem, self.base, self.groups)
+        found = batch.run(np.array(thetas), self.sizes)
+        ends = list(found.theta[np.argsort(found.value, kind="stable")])
+        if widely:
+            others = batch.run(batch.lowest(starts(self.problem), self.sizes, _WIDELY), self.sizes)
+            if others.value.min() < found.value.min() - _SAME_PHI:
+                ends.insert(0, others.theta[int(others.value.argmin())])
+        for theta in ends:
+            if not self._known(theta):
+                optimum = self.solve(self.variance(theta), theta)
+                self.modes.append(Mode(self.value(optimum.theta), optimum))
+        self.modes.sort(key=lambda mode: mode.value)
+
+    def optima_of_groups(self, theta: Array) -> list[Array]:
+        """The best constants for each group alone, the others counting next to nothing."""
+        found = []
+        for variance in self._each_alone(theta, self.variance(theta)):
+            sigma = self.sigma(variance)
+            near = best_start(self.problem, sigma)
+            found.append(BatchedSearch.of(self.problem, sigma).run(near[None], np.empty(0)).theta[0])
+        return found
+
+    def _each_alone(self, theta: Array, own: Array) -> list[Array]:
         """Variances at which one group counts with its own, and all others next to nothing.
 
         Where sigma of some rows is known, or constants have priors, these count alone in the last.
@@ -365,7 +396,7 @@ class _Search:
         has_known = bool(self.known.size) or any(c.prior is not None for c in self.problem.parameters)
         if len(self.groups) + has_known < 2:
             return []
-        made = np.tile(1e8 * self.variance(self.modes[0].theta), (len(self.groups) + has_known, 1))
+        made = np.tile(1e8 * self.variance(theta), (len(self.groups) + has_known, 1))
         np.fill_diagonal(made, own)
         return list(made)
 
@@ -417,7 +448,7 @@ class _Search:
             alone = solve(plain.with_rows(rows), self.base[rows])
             self.all_proven &= alone.gap is not None
             found[number] = max((alone.objective - (alone.gap or 0.0)) / rows.size, self._least)
-        for variance in self._each_alone(np.maximum(found, 1e-12)):
+        for variance in self._each_alone(self.modes[0].theta, np.maximum(found, 1e-12)):
             self.descend(self.solve(variance))
         return found
 
