@@ -39,7 +39,8 @@ from ifrfit.inference.optimize.solve import solve
 
 _DESCENTS = 30  # weighted fits of one descent, at the most
 _AT_REST = 1e-6  # relative change of every S_g; it enters Phi in the second order
-_WIDELY = 12  # places all over the domain from which a mode is searched for
+_WIDELY = 12  # places all over the domain that are followed to a mode, the lowest after a few steps
+_ROUGH_STEPS = 4
 _DEGREES_OF_FREEDOM = 200  # iterations of leverage and noise, at the most
 _LAST_CHANGE = 1e-10
 _CUTS = 60  # boxes that are cut, at the most
@@ -370,7 +371,10 @@ class _Search:
         found = batch.run(np.array(thetas), self.sizes)
         ends = list(found.theta[np.argsort(found.value, kind="stable")])
         if widely:
-            others = batch.run(batch.lowest(starts(self.problem), self.sizes, _WIDELY), self.sizes)
+            places = np.array(starts(self.problem))
+            rough = batch.run(batch.lowest(places, self.sizes, len(places)), self.sizes, steps=_ROUGH_STEPS)
+            lowest = np.argsort(rough.value, kind="stable")[:_WIDELY]
+            others = batch.run(rough.theta[lowest], self.sizes)
             if others.value.min() < found.value.min() - _SAME_PHI:
                 ends.insert(0, others.theta[int(others.value.argmin())])
         for theta in ends:

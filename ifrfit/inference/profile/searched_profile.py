@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.batched_search import BatchedSearch, FollowingMu, Found
+from ifrfit.inference.optimize.multistart import starts
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.profile.objective import Misfit
 
-_SEEDS = 2  # places from which the search begins at each value, the lowest ones
+_SEEDS, _MOST = 2, 6  # places from which the search begins at each value, the lowest; at those looked at first
 _SWEEPS = 4  # from the optimum at one value to that at the next
 _IMPROVED = 1e-7  # fall of the rise that calls for another sweep
 _OTHER = 1e-6  # places nearer than this are one
@@ -75,7 +78,7 @@ class SearchedProfile:
         is_first = len(self._rise) == 1
         seeds = [self._seeds(value) for value in x.tolist()]
         number = np.repeat(np.arange(x.size), [len(each) for each in seeds])
-        self._improve(x, number, np.concatenate(seeds))
+        self._improve(x, number, np.concatenate(seeds), _MOST if is_first else _SEEDS)
         if is_first:
             self._sweep()
         return np.array([self._rise[value] for value in x.tolist()])
@@ -88,7 +91,14 @@ class SearchedProfile:
         if len(beside) == 2:
             share = (value - known[i - 1]) / (known[i] - known[i - 1])
             beside.append(beside[0] + share * (beside[1] - beside[0]))
-        return np.concatenate((self._optima, beside)) if known.size == 1 else np.array(beside)
+        return self._everywhere if known.size == 1 else np.array(beside)
+
+    @cached_property
+    def _everywhere(self) -> Array:
+        """The optima of the fit; where there are several, places all over the domain as well."""
+        if len(self._optima) == 1:
+            return self._optima
+        return np.concatenate((self._optima, starts(self._misfit.problem)))
 
     def _sweep(self) -> None:
         """Search at each value from the optima at its neighbours until none improves."""
@@ -104,17 +114,17 @@ class SearchedProfile:
             if not pairs:
                 return
             number = np.array([i for i, _ in pairs])
-            moved = self._improve(known, number, np.array([theta for _, theta in pairs]))
+            moved = self._improve(known, number, np.array([theta for _, theta in pairs]), _SEEDS)
 
-    def _improve(self, x: Array, number: Array, start: Array) -> set[float]:
+    def _improve(self, x: Array, number: Index, start: Array, most: int) -> set[float]:
         """Search at x[number] from each start and keep what is better; gives the values that are."""
         search, at = self._search, x[number]
-        start = start.copy()
+        start = np.where(self._misfit.problem.parameters.free, start, self._misfit.fit.optimum.theta)
         if self._constraint.place is not None:
             start[:, self._constraint.place] = self._constraint.value_at(at)
         start = search.at(start, at)
         rise = self._misfit.rises(start)
-        chosen = _lowest(number, rise, _SEEDS)
+        chosen = _lowest(number, rise, most)
         found = search.run(start[chosen], self._misfit.dof_at(start[chosen]), at[chosen])
         return self._keep(at[chosen], found)
 
@@ -136,7 +146,7 @@ class SearchedProfile:
         return moved
 
 
-def _lowest(number: Array, rise: Array, most: int) -> Array:
+def _lowest(number: Index, rise: Array, most: int) -> Index:
     """The few lowest of each number."""
     order = np.lexsort((rise, number))
     place = np.arange(order.size) - np.searchsorted(number[order], number[order])
