@@ -41,7 +41,8 @@ def exact_posterior(
     """The posterior of a problem, with the error that was reached.
 
     By quadrature as long as its grids stay small, or end with an error below 0.001 sd, or below 0.005 sd if
-    it was seen to fall; else by importance sampling, and where that does not converge either by whichever has the smaller error.
+    it was seen to fall; else by importance sampling, and where that does not converge either by whichever
+    has the smaller error.
 
     Parameters
     ----------
