@@ -58,6 +58,10 @@ class Found(NamedTuple):
     value: Array
     converged: Bool
 
+    def take(self, which: Index | Bool) -> Found:
+        """Some of them."""
+        return Found(self.theta[which], self.value[which], self.converged[which])
+
 
 @dataclass(frozen=True)
 class FollowingMu:
@@ -164,35 +168,37 @@ class BatchedSearch:
         for _ in range(_POLISHES if self.free.any() else 0):
             if not active.size:
                 break
-            _, z = self.objective(theta[active], dof[active], x[active])
+            _, z = self.objective(theta[active], dof[active])
             model = _Model.of(self, theta[active], z, dof[active], x[active])
             on_kink = model.is_on_kink & (model.promised > _AT_REST + _ROUNDING * np.abs(found.value[active]))
             left = np.where(on_kink, model.promised_along, model.promised)
             going = (left < promised[active]) & (left > _NOTHING)
-            step = np.where(on_kink[:, None], model.step_along_nearest_kink, model.step(np.zeros(active.size)))
+            step = np.where(
+                on_kink[:, None], model.step_along_nearest_kink, model.step(np.zeros(active.size))
+            )
             active, promised[active] = active[going], left
             theta[np.ix_(active, np.flatnonzero(self.free))] += step[going]
             theta[active] = self.at(theta[active], x[active])
-        value, _ = self.objective(theta, dof, x)
+        value, _ = self.objective(theta, dof)
         slack = _AT_REST + _ROUNDING * np.abs(found.value)
         good = value <= found.value + slack
         return Found(
             np.where(good[:, None], theta, found.theta), np.where(good, value, found.value), found.converged
         )
 
-    def objective(self, theta: Array, dof: Array, x: Array) -> tuple[Array, Array]:
+    def objective(self, theta: Array, dof: Array) -> tuple[Array, Array]:
         """Objective, (m,), and residuals in units of base, (m, n); infinite where a value is undefined."""
         with np.errstate(all="ignore"):
             z = (self.problem.rows.value - self.problem.predict(theta)) / self.base
             return self._of_residuals(z, dof) + self._prior_chi2(theta), z
 
-    def lowest(self, theta: Sequence[Array], dof: Array, most: int) -> Array:
+    def lowest(self, theta: Sequence[Array] | Array, dof: Array, most: int) -> Array:
         """The lowest of several places, best first, with what is fixed at its value, (m, p)."""
         entries = self.problem.parameters.entries
         fixed = [0.0 if each.fixed is None else each.fixed for each in entries]
         nothing = np.zeros(len(theta))
         places = self.at(np.where(self.problem.parameters.free, theta, fixed), nothing)
-        value, _ = self.objective(places, np.broadcast_to(dof, (len(theta), len(self.groups))), nothing)
+        value, _ = self.objective(places, dof)
         return np.asarray(places[np.argsort(np.nan_to_num(value, nan=np.inf), kind="stable")[:most]])
 
     def bounds(self, x: Array) -> tuple[Array, Array]:
@@ -215,7 +221,7 @@ class BatchedSearch:
 
     def _run(self, start: Array, dof: Array, x: Array, steps: int) -> Found:
         theta = self.at(start, x)
-        value, z = self.objective(theta, dof, x)
+        value, z = self.objective(theta, dof)
         value = np.where(np.isnan(value), np.inf, value)
         converged = np.zeros(len(theta), dtype=bool)
         damping = np.full(len(theta), _DAMPING[1])
@@ -265,7 +271,7 @@ class BatchedSearch:
             places = self.at(places, x[at])
             if kink is not None:
                 places = self._onto(kink, places)
-            far, residual = self.objective(places, dof[at], x[at])
+            far, residual = self.objective(places, dof[at])
             gain = value[at] - far
             better = gain > np.maximum(fall[which], 0.0)
             own = which[better]
@@ -318,14 +324,14 @@ class BatchedSearch:
         if not self.groups:
             return np.zeros((len(z), 0))
         found = np.stack([(z[:, rows] ** 2).sum(axis=1) for rows in self.groups], axis=1)
-        return np.maximum(found, self._least)
+        return np.asarray(np.maximum(found, self._least))
 
     def _of_residuals(self, z: Array, dof: Array) -> Array:
         total = (dof * np.log(self._squares(z))).sum(axis=1)
         return np.asarray(total + (z[:, self._is_known] ** 2).sum(axis=1))
 
     def _through_mu(self, columns: Array, theta: Array, x: Array) -> Array:
-        """Derivatives by all of theta, (m, ..., p), as those by its free entries, with the mu that follows."""
+        """Derivatives by all of theta, (m, ..., p), as those by what is free, with the mu that follows."""
         if self.mu is not None:
             for place, slope in self.mu.slopes(theta, x):
                 slope = slope.reshape(-1, *(1,) * (columns.ndim - 2))
@@ -476,7 +482,7 @@ class _Model:
 
     @cached_property
     def _nearest(self) -> tuple[Index, Array, Array]:
-        """The nearest kink, its distance in standard deviations, and the model's fall across it, (m,) each."""
+        """The nearest kink, its distance in standard deviations, and the fall across it, (m,) each."""
         _, size, moved = self._across()
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = np.where(size > 0.0, np.abs(self.margin) / np.sqrt(size), np.inf)

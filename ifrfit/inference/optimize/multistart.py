@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.batched_search import BatchedSearch, Found
+from ifrfit.inference.optimize.batched_search import BatchedSearch
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 
@@ -26,12 +26,13 @@ def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Opt
     no_noise = np.empty(0)
     chosen = search.lowest(starts(problem) if near is None else [near], no_noise, _REFINED)
     if not free.any():
-        value = search.value(chosen)
-        return Optimum(chosen[0], float(value[0]), 0.0, ((float(value[0]), chosen[0]),), "all constants fixed")
+        value, _ = search.objective(chosen, no_noise)
+        return Optimum(
+            chosen[0], float(value[0]), 0.0, ((float(value[0]), chosen[0]),), "all constants fixed"
+        )
     ends = search.run(chosen, no_noise)
-    best = [int(ends.value.argmin())]
-    polished = search.polish(Found(*(each[best] for each in ends)), no_noise)
     order = np.argsort(ends.value, kind="stable")
+    polished = search.polish(ends.take(order[:1]), no_noise)
     found = [(float(ends.value[i]), ends.theta[i]) for i in order]
     found[0] = float(polished.value[0]), polished.theta[0]
     method = f"best of {1 if near is not None else len(starts(problem))} starts"

@@ -115,7 +115,8 @@ class ProfileCurve:
         if self._endless:
             return f"it does not close up to {self._last:.0e}"
         if self.unconverged:
-            return f"the noise has not settled at {len(self.unconverged)} of its {self.n_evaluations} places"
+            what = "noise" if self._of_many is None else "search"
+            return f"the {what} has not settled at {len(self.unconverged)} of its {self.n_evaluations} places"
         return ""
 
     def best_place(self, value: float) -> float:
@@ -240,7 +241,7 @@ class ProfileCurve:
 
         def over(x: Array) -> Array:
             self._look(x.tolist())
-            return np.sqrt(np.maximum([self(place) for place in x.tolist()], 0.0)) - root
+            return np.asarray(np.sqrt(np.maximum([self(place) for place in x.tolist()], 0.0)) - root)
 
         tolerance = 0.5 * (self._resolution.crossing * np.abs(outside - inside) + 1e-15)
         x1, x2, f1, f2 = inside, outside, over(inside), over(outside)

@@ -44,8 +44,8 @@ class Quantity:
     name : str
     of : callable
         theta to its value.
-    constrained : callable
-        Best theta with the quantity held at a value.
+    constrained : callable or None
+        Best theta with the quantity held at a value; None where `constraint` says it.
     domain : Domain
     functional : ndarray
         Its derivative by the coordinates of the local picture.
@@ -58,7 +58,7 @@ class Quantity:
 
     name: str
     of: Callable[[Array], float]
-    constrained: ConstrainedOptimum
+    constrained: ConstrainedOptimum | None
     domain: Domain
     functional: Array
     far: float | None = None
@@ -110,7 +110,10 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
         if best_e_n is not None:
             at = {i_mu: x / (1.0 + best_e_n)} | ({} if e_n.fixed is not None else {i_e: best_e_n})
             return best_with(problem, sigma, at, near)
-        return best_at_kappa(problem, sigma, x, kappa_range(x, mu), near)
+        found = best_at_kappa(problem, sigma, x, kappa_range(x, mu), near)
+        if found is None:
+            raise ValueError("no certified method knows this kappa: it takes a search")
+        return found
 
     def of_e_n(x: Array) -> Array:
         of_mu = x / mu.fixed - 1.0 if mu.fixed else np.full(x.size, e_n.lower)
@@ -211,6 +214,7 @@ def profile_curve(
     """Trace the profile of a quantity from all optima of the fit."""
     fit = misfit.fit
     value = quantity.of(fit.optimum.theta)
+    constrained = quantity.constrained
     if quantity.constraint is not None:
         searched = SearchedProfile(misfit, quantity.constraint, value)
 
@@ -221,8 +225,10 @@ def profile_curve(
             of_one, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution, searched
         )
         curve.unconverged = searched.unconverged
+    elif constrained is not None:
+        curve = _solved_curve(misfit, quantity, constrained, resolution)
     else:
-        curve = _solved_curve(misfit, quantity, value, resolution)
+        raise ValueError(f"{quantity.name} has no constraint")
     variance = fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd)
     sd = math.sqrt(variance)
     step = sd if 0.0 < sd < 0.2 * quantity.domain.prior_sd else 0.05 * quantity.domain.prior_sd
@@ -232,14 +238,15 @@ def profile_curve(
 
 
 def _solved_curve(
-    misfit: Misfit, quantity: Quantity, value: float, resolution: Resolution
+    misfit: Misfit, quantity: Quantity, constrained: ConstrainedOptimum, resolution: Resolution
 ) -> ProfileCurve:
     """A profile of which each value is solved in turn, beginning from the nearest one."""
-    thetas = {value: misfit.fit.optimum.theta}
+    optimum = misfit.fit.optimum.theta
+    thetas = {quantity.of(optimum): optimum}
 
     def rise(x: float) -> float:
         near = thetas[min(thetas, key=lambda place: abs(place - x))]
-        found = misfit.minimum(lambda sigma, near: quantity.constrained(x, sigma, near), near)
+        found = misfit.minimum(lambda sigma, near: constrained(x, sigma, near), near)
         thetas[x] = found.theta
         if not found.fall <= _UNCONVERGED * max(1.0, found.rise):
             curve.unconverged.append(x)

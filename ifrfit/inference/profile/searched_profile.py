@@ -15,7 +15,10 @@ from ifrfit.inference.optimize.multistart import starts
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.profile.objective import Misfit
 
-_SEEDS, _MOST = 2, 6  # places from which the search begins at each value, the lowest; at those looked at first
+_SEEDS, _MOST = (
+    2,
+    6,
+)  # places from which the search begins at each value, the lowest; at those looked at first
 _SWEEPS = 4  # from the optimum at one value to that at the next
 _IMPROVED = 1e-7  # fall of the rise that calls for another sweep
 _OTHER = 1e-6  # places nearer than this are one
@@ -62,9 +65,7 @@ class SearchedProfile:
         free = problem.parameters.free.copy()
         free[constraint.place if constraint.mu is None else constraint.mu.i_mu] = False
         lower, upper = problem.parameters.bounds()
-        self._search = BatchedSearch(
-            problem, misfit.base, misfit.groups, free, lower, upper, constraint.mu
-        )
+        self._search = BatchedSearch(problem, misfit.base, misfit.groups, free, lower, upper, constraint.mu)
         fit = misfit.fit
         places = [fit.optimum.theta, *(theta for _, theta in fit.optimum.minima)]
         places += [mode.theta for mode in misfit.modes[1:]]
