@@ -8,6 +8,7 @@ with S_g the sum of squares of group g in units of its base. A step is Newton's 
 Newton, less what the logarithm takes from it where it stays positive; it is damped after Levenberg and
 Marquardt where it does not lead down. Values have kinks where an impact passes from sticking to sliding, and
 optima lie on these: a step that would cross the first kink on its way is tried along the kink as well.
+Derivations stand in docs/theory/search.md.
 """
 
 from __future__ import annotations
@@ -375,7 +376,7 @@ class BatchedSearch:
         return mu * (1.0 + e_n) - tau * law.bound(c), self._through_mu(slopes, theta, x)
 
     def derivatives(self, theta: Array, z: Array, dof: Array, x: Array) -> tuple[Array, Array, Array]:
-        """Gradient, (m, q), Hessian without and with the logarithm's part, (m, q, q) each."""
+        """Gradient, (m, q), Hessian without and with the logarithm's part, (m, q, q) each; eq. (2)."""
         slopes = np.nan_to_num(self.problem.jacobian(theta)) / self.base[:, None]
         slopes = self._through_mu(slopes, theta, x)
         weight = np.ones(z.shape)
@@ -503,7 +504,7 @@ class _Model:
         return [share.argmin(axis=1), self._nearest[0]]
 
     def step_along(self, kink: Index, damping: Array) -> Array:
-        """To the minimum of the damped model on a kink each, (m, q)."""
+        """To the minimum of the damped model on a kink each, (m, q); eq. (3)."""
         turned, size, moved = self._across(damping)
         at = np.arange(kink.size), kink
         with np.errstate(divide="ignore", invalid="ignore"):
