@@ -18,10 +18,12 @@ from ifrfit.inference.posterior.adaptive_quadrature import (
     integrate,
 )
 from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_by_quadrature
+from ifrfit.inference.posterior.factorised_sampling import sample_by_series
 from ifrfit.inference.posterior.importance_sampling import ImportancePosterior, sample_by_importance
 from ifrfit.inference.posterior.offset_mixture import integrate_over_offset
 from ifrfit.inference.posterior.offset_mixture import log_evidence as evidence_over_offset
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
+from ifrfit.inference.posterior.series_factors import factorises
 
 ExactPosterior = QuadraturePosterior | ImportancePosterior | Mixture
 
@@ -69,18 +71,32 @@ def exact_posterior(
         over_offset = problem.offset is not None
         return (integrate_over_offset if over_offset else integrate)(problem, tolerance, start)
     if integrator == "sampling":
-        return sample_by_importance(problem, start, seed)
+        return sampled_posterior(problem, start, seed)
     try:
         found = _small_grid(problem, tolerance, start)
     except GridTooLargeError:
-        return sample_by_importance(problem, start, seed)
+        return sampled_posterior(problem, start, seed)
     if found.converged:
         return found
     reached = max(found.error, found.error_evidence)
     if reached <= _COARSER[-1]:
         return replace(found, tolerance=next(each for each in _COARSER if reached <= each))
-    sampled = sample_by_importance(problem, start, seed)
+    sampled = sampled_posterior(problem, start, seed)
     return sampled if sampled.converged or sampled.error <= found.error else found
+
+
+def sampled_posterior(problem: Problem, start: LeastSquaresFit, seed: int = 0) -> ImportancePosterior:
+    """The posterior by importance sampling; series by series where each has constants of its own.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a free constant at least.
+    start : LeastSquaresFit
+    seed : int
+    """
+    sample = sample_by_series if factorises(problem) else sample_by_importance
+    return sample(problem, start, seed)
 
 
 def log_evidence(
@@ -112,7 +128,7 @@ def log_evidence(
             return found
     except GridTooLargeError:
         pass
-    sampled = sample_by_importance(problem, start)
+    sampled = sampled_posterior(problem, start)
     if not sampled.converged:
         raise UsageError("The log evidence did not converge: too few effective draws.")
     return sampled.log_evidence
