@@ -21,6 +21,7 @@ from ifrfit.inference.optimize.linear_families import LOWEST
 from ifrfit.inference.posterior.lattice_rule import Array
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 
+_LATENT = 40  # nodes over a true angle, roughly
 _AT_ONCE = 200_000  # predicted values held at once
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 
@@ -134,6 +135,11 @@ class ConstantsDensity:
             for name, rows in self.problem.noise_groups().items()
             if name not in self.sampled_noises
         }
+
+    @property
+    def cost_of_row(self) -> int:
+        """How many rows of exact incidence a row takes as long as."""
+        return _LATENT if self.problem.error_model.integrates else 1
 
     def ends(self, place: int, at: Array) -> tuple[Array, Array]:
         """Ends of a coordinate, (m,) each, where the ones before it are those of points (m, d)."""

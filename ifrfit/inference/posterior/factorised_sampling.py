@@ -49,6 +49,7 @@ _TEMPERED = 0.15  # least effective share of the points that laws are fitted to
 _FIRST = 256  # points of each replicate to begin with
 _OF_SERIES = 4  # points of a series at each of them, for each of its constants
 _FITTED, _STEPS, _KEPT = 1024, 8, 6  # points and steps of a fit, components of a series
+_RARER = 4  # so many times fewer points to begin with where true angles are integrated out
 _LONG = 0.25  # share of shared points of components that are as long as the domain
 _WORK, _MOST_WORK = 8e6, 25e6  # as of importance sampling without factors
 _DRAWS = 65_536  # joint draws at most
@@ -146,6 +147,8 @@ class _Sampler:
 
     def __init__(self, density: FactorisedDensity, rng: np.random.Generator) -> None:
         self.density, self._rng = density, rng
+        # fewer points where each takes long
+        self._rarer = 1 if density.whole.cost_of_row == 1 else _RARER
 
     def _points(self, laws: _Laws, shared: Array, m: Sequence[int]) -> _Points:
         """Points of each series at shared coordinates."""
@@ -167,11 +170,11 @@ class _Sampler:
     def adapted(self, modes: Sequence[Gaussian]) -> _Laws:
         """Laws near to the posterior, fitted to points of those before them."""
         laws = self._about(modes)
-        for n in _TRIED:
+        for n in (each // self._rarer for each in _TRIED):
             shared = self._shared(laws, n, self._rng.random(1 + len(self.density.shared)))
             points = self._points(laws, shared, [_TRIED_OF_SERIES] * len(laws.series))
             laws = self._fitted(laws, points)
-            if n > _TRIED[0] and _effective_share(points.log_weights) >= _EVEN:
+            if n > _TRIED[0] // self._rarer and _effective_share(points.log_weights) >= _EVEN:
                 break
         return laws
 
@@ -229,14 +232,15 @@ class _Sampler:
         """Draw finer and finer lattices until standard errors are small."""
         shifts = self._rng.random((REPLICATES, 1 + len(self.density.shared)))
         m = [_OF_SERIES * max(law.own, 1) for law in laws.series]
-        rows = len(self.density.problem.rows)
+        rows = len(self.density.problem.rows) * self.density.whole.cost_of_row
         cost = float(np.mean(m)) * (rows + laws.cost + 20.0 * len(laws.series))
 
         def drawn(n: int, *, finer: bool) -> _Points:
             shared = [self._shared(laws, n, shift, finer=finer) for shift in shifts]
             return self._points(laws, np.concatenate(shared), m)
 
-        points, n = drawn(_FIRST, finer=False), _FIRST
+        n = _FIRST // self._rarer
+        points = drawn(n, finer=False)
         while True:
             found = self._posterior(points)
             work = 2 * n * REPLICATES * cost

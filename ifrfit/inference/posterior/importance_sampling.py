@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 
 TARGET = 0.02  # standard error at which sampling ends
 REPLICATES = 16  # lattices with shifts of their own
-_FIRST = 512  # points of each to begin with
+_FIRST, _FEW = 512, 128  # points of each to begin with; where true angles are integrated out
 # Points times what one costs, in rows, after which no finer lattice is begun: where errors are small enough
 # to count as converged, and in any case
 WORK, MOST_WORK = 6_000_000, 18_000_000
@@ -216,7 +216,7 @@ class _Replicates:
     ) -> None:
         self._density, self.proposal, self._rng = density, proposal, rng
         self._shifts = rng.random((REPLICATES, 1 + density.dimensions))
-        self._points = _FIRST  # of each
+        self._points = _FIRST if density.cost_of_row == 1 else _FEW  # of each
         self._parts = [self._drawn(finer=False)]
         self._join()
 
@@ -253,7 +253,8 @@ class _Replicates:
     def cost(self) -> float:
         """Of a point, in rows."""
         of_the_law = self._density.dimensions * len(self.proposal.components)
-        return len(self._density.problem.rows) + of_the_law + _OF_A_POINT
+        rows = len(self._density.problem.rows) * self._density.cost_of_row
+        return rows + of_the_law + _OF_A_POINT
 
     @property
     def effective_share(self) -> float:

@@ -20,6 +20,7 @@ from ifrfit.inference.posterior.adaptive_quadrature import (
 from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_by_quadrature
 from ifrfit.inference.posterior.factorised_sampling import sample_by_series
 from ifrfit.inference.posterior.importance_sampling import ImportancePosterior, sample_by_importance
+from ifrfit.inference.posterior.integral_layout import no_grid
 from ifrfit.inference.posterior.offset_mixture import integrate_over_offset
 from ifrfit.inference.posterior.offset_mixture import log_evidence as evidence_over_offset
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
@@ -63,14 +64,14 @@ def exact_posterior(
         Where the noise is unknown and the data cannot tell it from the constants.
     UsageError
         For a domain that reaches where sticking has no meaning; by quadrature alone, where the grid would
-        fill the memory.
+        fill the memory, or is none (`no_grid`).
     """
     start = least_squares(problem) if start is None else start
     is_certain = not problem.free_parameters and problem.offset is None
     if integrator == "quadrature" or is_certain:
         over_offset = problem.offset is not None
         return (integrate_over_offset if over_offset else integrate)(problem, tolerance, start)
-    if integrator == "sampling":
+    if integrator == "sampling" or no_grid(problem):
         return sampled_posterior(problem, start, seed)
     try:
         found = _small_grid(problem, tolerance, start)
@@ -119,19 +120,25 @@ def log_evidence(
         As `exact_posterior`; where neither integrator converges.
     """
     start = least_squares(problem) if start is None else start
+    found = None if no_grid(problem) else _evidence_of_small_grid(problem, tolerance, start)
+    if found is not None:
+        return found
+    sampled = sampled_posterior(problem, start)
+    if not sampled.converged:
+        raise UsageError("The log evidence did not converge: too few effective draws.")
+    return sampled.log_evidence
+
+
+def _evidence_of_small_grid(problem: Problem, tolerance: float, start: LeastSquaresFit) -> float | None:
+    """Log of the evidence by quadrature; None where the grid would be large, or does not converge."""
     try:
         if problem.offset is not None:
             _refuse_many_offsets(problem, tolerance, start)
             return evidence_over_offset(problem, tolerance, start)
         found, error = evidence_by_quadrature(problem, tolerance, start, _MOST_WORK)
-        if error <= max(_COARSER[-1], tolerance):
-            return found
     except GridTooLargeError:
-        pass
-    sampled = sampled_posterior(problem, start)
-    if not sampled.converged:
-        raise UsageError("The log evidence did not converge: too few effective draws.")
-    return sampled.log_evidence
+        return None
+    return found if error <= max(_COARSER[-1], tolerance) else None
 
 
 def _small_grid(problem: Problem, tolerance: float, start: LeastSquaresFit) -> QuadraturePosterior | Mixture:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from posterior_questions import Question, Row, measured
 
+from ifrfit.errors import UsageError
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.problem import Problem
@@ -16,6 +17,7 @@ from ifrfit.inference.posterior import exact_posterior, factorised_sampling, int
 from ifrfit.inference.posterior.conditional_mixture import ConditionalMixture
 from ifrfit.inference.posterior.factorised_sampling import sample_by_series
 from ifrfit.inference.posterior.importance_sampling import ImportancePosterior
+from ifrfit.inference.posterior.integrators import log_evidence
 from ifrfit.inference.posterior.mixture_proposal import Component
 from ifrfit.inference.posterior.series_factors import FactorisedDensity, factorises
 
@@ -42,10 +44,10 @@ def rows(
     )
 
 
-def unknown(question: Question) -> Problem:
-    """With an unknown noise of each series."""
+def unknown(question: Question, *, separate: bool = True) -> Problem:
+    """With an unknown noise of each series, or of all."""
     problem = replace(question, noise="unknown").problem()
-    return problem.with_noise(replace(problem.noise, separate=True))
+    return problem.with_noise(replace(problem.noise, separate=separate))
 
 
 MU = {"separate": ("mu",), "fix": {"e_n": 0.9}}
@@ -65,7 +67,7 @@ PROBLEMS = {
     "e_t each": lambda: Question(rows(FEW, seed=61), separate=("e_t",), fix={"e_n": 0.9}).problem(),
 }  # fmt: skip
 OTHERS = {
-    "one noise": lambda: Question(rows(FEW, seed=71), noise="unknown", **MU).problem(),
+    "one noise": lambda: unknown(Question(rows(SIX, seed=71), **MU), separate=False),
     "heavy tails": lambda: replace(
         Question(rows(FEW), noise="scaled", **MU).problem(), error_model=ErrorModel(4.0)
     ),
@@ -165,6 +167,16 @@ def test_many_constants_on_few_rows_converge() -> None:
     found = exact_posterior(problem)
     assert isinstance(found, ImportancePosterior)
     assert found.converged
+
+
+def test_a_noise_that_series_with_own_constants_share_is_sampled() -> None:
+    problem = OTHERS["one noise"]()
+    found = exact_posterior(problem)
+    assert isinstance(found, ImportancePosterior)
+    assert found.converged
+    assert log_evidence(problem) == pytest.approx(found.log_evidence, abs=0.1)
+    with pytest.raises(UsageError, match="the quadrature wants unknown noises of each series"):
+        exact_posterior(problem, integrator="quadrature")
 
 
 def test_errors_are_honest_over_seeds() -> None:
