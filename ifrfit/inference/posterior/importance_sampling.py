@@ -355,18 +355,18 @@ def standard_error(
         # one draw that carries a share of the variance is a share that another one may as well lack
         square = weights * (value - whole.mean("")) ** 2
         single = 0.5 * float(square.max()) / max(sd * sd, np.finfo(float).tiny)
-        worst = max(worst, single * math.sqrt(REPLICATES))
+        worst = max(worst, single)
         if sd > 0.0:
             below = np.array([part.cdf("", whole.quantile("", LEVELS)) for part in each])
             worst = max(worst, _scatter(np.array([_of_draws(part) for part in each]), below, sd))
-    return worst / math.sqrt(REPLICATES)
+    return worst
 
 
 def _scatter(found: Array, below: Array, sd: float) -> float:
-    """Largest standard deviation over the replicates, in sd, of mean, sd and quantiles.
+    """Largest standard error, in sd, of mean, sd and quantiles, from the scatter of the replicates.
 
-    A quantile errs by the way that it moves, or by the probability below it in units in which that is the way
-    of a normal law's, whichever is smaller: between two modes nothing but the probability is certain.
+    A quantile that moves by more than counts as converged errs by the probability below it, in the units of a
+    normal law: between two modes nothing but that probability is certain.
 
     Parameters
     ----------
@@ -375,8 +375,10 @@ def _scatter(found: Array, below: Array, sd: float) -> float:
         Probability below the quantiles of all replicates together.
     sd : float
     """
-    moved = found.std(axis=0, ddof=1) / sd
-    return float(max(moved[:2].max(), np.minimum(moved[2:], below.std(axis=0, ddof=1) / _NORMAL).max()))
+    moved = found.std(axis=0, ddof=1) / sd / math.sqrt(REPLICATES)
+    missed = below.std(axis=0, ddof=1) / _NORMAL / math.sqrt(REPLICATES)
+    of_quantiles = np.where(moved[2:] > SAMPLING_ERROR, np.minimum(moved[2:], missed), moved[2:])
+    return float(max(moved[:2].max(), of_quantiles.max()))
 
 
 def _of_draws(part: WeightedDraws) -> list[float]:
