@@ -11,12 +11,15 @@ VENV ?= .venv
 BIN = $(VENV)/$(SCRIPTS)
 READY = $(VENV)/ready
 
-.PHONY: reproduce test check-fast lint types calibrate benchmark clean
+.PHONY: reproduce test suite check-fast lint types calibrate benchmark clean
 
 reproduce: $(READY)
 	$(BIN)/python scripts/reproduce_paper.py --out figures
 
-test: lint types
+test: lint
+	$(MAKE) --jobs 2 types suite
+
+suite: $(READY)
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 # The inner loop, under a minute on two cores: the physics against its references, what is read, the texts of the

@@ -7,6 +7,7 @@ packages, whose stubs say where a name comes from.
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -172,3 +173,24 @@ def test_an_arrow_upwards_and_a_circle_would_be_seen(tmp_path):
     made = arrows(root)
     assert upwards(made) == ["ifrfit.cost -> ifrfit.paper", "ifrfit.physics.a -> ifrfit.report.b"]
     assert set(circle(made)) == {"ifrfit.report.b", "ifrfit.report.c"}
+
+
+def fields_typed_any(text: str) -> list[str]:
+    """Annotated names in the bodies of classes that may hold anything (JSON values by name are not meant)."""
+    return [
+        f"{owner.name}.{ast.unparse(field.target)}"
+        for owner in ast.walk(ast.parse(text))
+        if isinstance(owner, ast.ClassDef)
+        for field in owner.body
+        if isinstance(field, ast.AnnAssign)
+        and re.search(r"(^|\| )Any\b|Callable\b.*\bAny\b", ast.unparse(field.annotation))
+    ]
+
+
+def test_no_field_is_typed_any():
+    found = {name: fields_typed_any(path.read_text("utf-8")) for name, path in _modules(ROOT).items()}
+    assert {name: fields for name, fields in found.items() if fields} == {}
+    control = (
+        "class A:\n    one: Mapping[str, Any]\n    two: Any\n    three: Callable[..., Any] | None = None\n"
+    )
+    assert fields_typed_any(control) == ["A.two", "A.three"]

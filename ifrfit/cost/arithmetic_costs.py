@@ -133,8 +133,8 @@ def errors(
 class Sides(NamedTuple):
     """Numerator and denominator, or opposite and adjacent."""
 
-    over: Any
-    under: Any
+    over: Real
+    under: Real
 
 
 def sides_of(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Sides]:

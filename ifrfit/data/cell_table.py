@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,8 @@ from ifrfit.errors import DataError
 NOT_MEASURED = frozenset({"", "nan", "na", "n/a", "#n/a"})
 _OR_EMPTY = 'Correct it, or leave the cell empty for "not measured".'
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
+
+CellColumn = Sequence[str] | NDArray[np.float64]
 
 
 @dataclass
@@ -33,7 +34,7 @@ class Cells:
     header_line : int
     lines : (n,) int array
         Line of each row in a text file, number of the row in a Parquet file; from 1.
-    columns : list
+    columns : sequence
         Per header a sequence of n strings, a float array (Parquet), or the error to raise if it is used.
     decimal_commas : bool
         Whether numbers may have decimal commas.
@@ -46,7 +47,7 @@ class Cells:
     headers: list[str]
     header_line: int
     lines: NDArray[np.int64]
-    columns: list[Any]
+    columns: Sequence[CellColumn | DataError]
     decimal_commas: bool = False
     word: str = "line"
     _points: dict[str, tuple[int, int]] = field(default_factory=dict)
@@ -96,7 +97,7 @@ class Cells:
             return ["" if math.isnan(x) else str(int(x)) if x == int(x) else repr(float(x)) for x in cells]
         return [cell.strip() for cell in cells]
 
-    def _cells(self, column: int) -> Any:
+    def _cells(self, column: int) -> CellColumn:
         cells = self.columns[column]
         if isinstance(cells, DataError):
             raise cells

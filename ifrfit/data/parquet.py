@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import io
 import shlex
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from ifrfit.data.cell_table import CellColumn
 from ifrfit.errors import DataError
 
 
-def read_parquet(raw: bytes, file: str) -> tuple[list[str], list[Any], int]:
+def read_parquet(raw: bytes, file: str) -> tuple[list[str], Sequence[CellColumn | DataError], int]:
     """Return the names, the columns and the number of rows of a Parquet file.
 
     A column is a float array, a sequence of text, or the error that its use raises.
@@ -33,7 +35,7 @@ def read_parquet(raw: bytes, file: str) -> tuple[list[str], list[Any], int]:
     return names, [_column(table.column(name), name, file, pa) for name in names], table.num_rows
 
 
-def _column(column: Any, name: str, file: str, pa: Any) -> Any:
+def _column(column: Any, name: str, file: str, pa: Any) -> CellColumn | DataError:
     """Return numbers or texts; what is neither comes as the error to raise when somebody wants to use it."""
     kind = column.type
     if pa.types.is_dictionary(kind):

@@ -6,13 +6,12 @@ import csv
 import hashlib
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ifrfit.data.cell_table import NUMBER, Cells, show
+from ifrfit.data.cell_table import NUMBER, CellColumn, Cells, show
 from ifrfit.errors import DataError
 
 DELIMITERS = (",", ";", "\t")
@@ -107,7 +106,7 @@ def _parse(text: str, file: str, sha256: str, is_header: Callable[[str], bool]) 
     return Cells(file, sha256, headers, at[0], np.array(at[1:], dtype=np.int64), columns, commas)
 
 
-_Split = tuple[list[str], list[Any], list[int]]
+_Split = tuple[list[str], Sequence[CellColumn | DataError], list[int]]
 
 
 def _split_plain(lines: list[str], start: int, delimiter: str) -> _Split | None:

@@ -12,6 +12,8 @@ from ifrfit.inference.option_fields import build, given
 from ifrfit.inference.options import Model, Noise, Range
 
 if TYPE_CHECKING:
+    import lmfit
+
     from ifrfit.data import Selection
 
 
@@ -37,7 +39,7 @@ class ConstantKeywords(TypedDict, total=False):
     bounds: Mapping[str, Range] | None
     separate: str | Collection[str]
     inertia_factor: float | None
-    params: Any
+    params: lmfit.Parameters | None
 
 
 class QuestionKeywords(DataKeywords, ConstantKeywords, total=False):

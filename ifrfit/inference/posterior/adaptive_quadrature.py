@@ -95,6 +95,7 @@ def integrate(
         found.layout,
         found.density,
         found.marginals,
+        tuple(found.errors),
     )
 
 
@@ -184,6 +185,8 @@ class Refinement:
     marginals : mapping
     error : float
         Largest error of a marginal, in standard deviations.
+    errors : list of float
+        The same, round by round.
     evidence_error : float
     work_left : float
         Of `most_work`.
@@ -201,7 +204,7 @@ class Refinement:
         self.work_left = most_work
         self._integral, self._marginals_of = layout.integral, marginals
         self._is_over = over if over is not None else lambda: False
-        self._errors: list[float] = []  # of the marginals, round by round
+        self.errors: list[float] = []
         self._allowed = tolerance  # error of all panels of an axis
 
     def run(self) -> None:
@@ -237,7 +240,7 @@ class Refinement:
         """Whether a separated kappa has mass where the bound of mu ties it to e_n, eq. (8)."""
         if not self.layout.separable:
             return False
-        kappas = kappa_marginals(self.layout, self.density)
+        kappas = self.marginals or kappa_marginals(self.layout, self.density)  # `log_evidence` asks for none
         for block, name in enumerate(self.layout.kappa_names):
             domain = self._integral.series[block].mu
             shared = self._integral.number_of("mu")
@@ -283,16 +286,16 @@ class Refinement:
 
     def _estimate_error(self) -> None:
         self.error = largest_error(self.marginals, self.tolerance)
-        self._errors.append(self.error)
+        self.errors.append(self.error)
 
     def _is_stalled(self) -> bool:
         """Whether the error has not halved for some rounds."""
         patience = _PATIENCE_LARGE if self.density.size() > _LARGE else _PATIENCE
-        return len(self._errors) > patience and self.error > 0.5 * self._errors[-1 - patience]
+        return len(self.errors) > patience and self.error > 0.5 * self.errors[-1 - patience]
 
     def _refine(self) -> None:
         """Split the panels that carry the error, with as little allowed as changes anything."""
-        if len(self._errors) > 1 and self._errors[-1] > _HELPFUL * self._errors[-2]:
+        if len(self.errors) > 1 and self.errors[-1] > _HELPFUL * self.errors[-2]:
             self._allowed *= 0.1
         marginals = self.marginals if self.evidence_error <= self.tolerance else {}
         errors = errors_of_quantiles(marginals, self.tolerance)

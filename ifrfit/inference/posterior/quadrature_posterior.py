@@ -47,6 +47,8 @@ class QuadraturePosterior:
     density : JointDensity
     marginals : mapping
         Name to `Marginal`: free entries of theta, kappa, and free noises.
+    errors : tuple of float
+        `error` round by round, the last one last.
     """
 
     problem: Problem
@@ -57,6 +59,7 @@ class QuadraturePosterior:
     layout: IntegralLayout = field(repr=False)
     density: JointDensity = field(repr=False)
     marginals: Mapping[str, Marginal] = field(repr=False)
+    errors: tuple[float, ...] = field(default=(), repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -77,6 +80,11 @@ class QuadraturePosterior:
     def converged(self) -> bool:
         """Whether the wanted tolerance was reached."""
         return self.error <= self.tolerance and self.error_evidence <= self.tolerance
+
+    @property
+    def is_falling(self) -> bool:
+        """Whether the last round halved the error: a single difference may miss what no node sees."""
+        return len(self.errors) > 1 and self.errors[-1] <= 0.5 * self.errors[-2]
 
     @cached_property
     def _quantiles_at_levels(self) -> dict[str, Array]:

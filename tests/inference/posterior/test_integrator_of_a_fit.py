@@ -127,13 +127,13 @@ def _never_converges(monkeypatch) -> None:
     """Every grid is too large, and no sample of it is to be believed."""
     from ifrfit.inference.posterior import integrators
 
-    sampled = integrators.sample_by_importance
+    sampled = integrators.sampled_posterior
 
     def doubtful(*arguments, **choices):
         return replace(sampled(*arguments, **choices), error=1.0)
 
     monkeypatch.setattr(integrators, "_MOST_WORK", 1.0)
-    monkeypatch.setattr(integrators, "sample_by_importance", doubtful)
+    monkeypatch.setattr(integrators, "sampled_posterior", doubtful)
 
 
 def test_an_evidence_that_did_not_converge_is_not_told(tmp_path: Path, monkeypatch) -> None:
@@ -159,3 +159,18 @@ def test_samples_that_did_not_converge_weigh_no_sharing(tmp_path: Path, monkeypa
     found = ifrfit.fit(path, **question)
     assert not found.facts["converged"].ok
     assert "sharing" not in found.facts
+
+
+def test_a_single_small_difference_of_two_rules_is_no_convergence(tmp_path: Path) -> None:
+    """FR at beta0 = -1, which one value 3e6 sigma below the closure's range calls for, knows no friction.
+
+    The arm along mu is 1e-13 wide and holds nine tenths of the mass; a grid about the other sees none of it.
+    """
+    gamma = (75.0, 30.0, 15.0, 45.0, 15.0, 60.0, 30.0)
+    beta = (4.18, 1.6, 4.98, 1.9, -0.533, -4.57, -4.68)
+    sigma = (5.5e-4, 0.72, 0.049, 0.12, 2.1e-3, 0.45, 1.3e-6)
+    lines = [f"{g},{b},{s}" for g, b, s in zip(gamma, beta, sigma, strict=True)]
+    path = tmp_path / "arm.csv"
+    path.write_text("\n".join(["gamma_deg,beta,sigma", *lines, ""]))
+    found = ifrfit.fit(path, closure="fr", fix={"e_n": 0.94})
+    assert not found.facts["converged"].ok
