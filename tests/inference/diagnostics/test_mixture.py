@@ -12,7 +12,7 @@ from ifrfit.data.observations import Observations
 from ifrfit.inference.fit import fit
 
 E_N = {"e_n": 0.8}
-BETA, RAW = Scene(("beta",), 34, 0.03, known=False, fixed=E_N), Scene(n=34, known=False, spins=True)
+BETA, RAW = Scene(("beta",), 34, 0.03, policy="unknown", fixed=E_N), Scene(n=34, policy="unknown", spins=True)
 
 
 def facts_of(scene, cause, seed):

@@ -188,7 +188,7 @@ def test_series_that_differ_are_no_slip():
 def test_readings_against_the_study(cause, flaw):
     """The scenes of the study compute components on their own."""
     names = ("v_x", "v_n", "spin_y_after", "e_n", "beta_cm", "beta", "tan_psi_after", "delta_deg")
-    scene = Scene(names, 20, 0.0, known=False, fixed={"e_n": 0.8})
+    scene = Scene(names, 20, 0.0, policy="unknown", fixed={"e_n": 0.8})
     data = experiment(scene, cause, 7)
     table = data.table.assign(sigma=0.01)
     noisy = fit(type(data)(table), method="lsq", independent=True, fix=scene.fixed)

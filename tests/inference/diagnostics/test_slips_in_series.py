@@ -13,8 +13,8 @@ from ifrfit.inference.fit import fit
 from ifrfit.inference.result.types import Fact
 
 E_N = {"e_n": 0.8}
-RAW = Scene(spins=True, known=False, series=2)
-BETA = Scene(("beta",), 34, 0.03, known=False, fixed=E_N, series=2)
+RAW = Scene(spins=True, policy="unknown", series=2)
+BETA = Scene(("beta",), 34, 0.03, policy="unknown", fixed=E_N, series=2)
 
 
 def facts_of(scene, cause, seed=1):
@@ -90,7 +90,7 @@ def test_a_noisy_series_has_no_slip():
 
 def scaled(seed=3):
     """v_n of series B is 7 % too small, beside spins: the scale of its speeds, or an e_n of its own."""
-    scene = Scene(("v_n", "spin_y_after"), 40, known=False, series=2, ordered=False)
+    scene = Scene(("v_n", "spin_y_after"), 40, policy="unknown", series=2, ordered=False)
     table = experiment(scene, Cause(), seed).table.copy()
     table.loc[(table["series"] == "B") & (table["observable"] == "v_n"), "value"] *= 0.93
     return fit(Observations(table), method="lsq", independent=True).facts
