@@ -1,8 +1,8 @@
 """How often a slip is named that is not there, and how often one that is: writes the tables of docs/facts.md.
 
-Experiments are simulated from the law: clean ones drawn over closures, observables, series and policies of the
-noise, and ones with a slip, an effect or a gross outlier at three sizes. Every fit is one by least squares with
-all its facts.
+Experiments are simulated from the law: clean ones drawn over closures, observables, series and policies of
+the noise, and ones with a slip, an effect or a gross outlier at three sizes. Every fit is one by least squares
+with all its facts.
 """
 
 from __future__ import annotations
@@ -212,7 +212,8 @@ def determines(scene: object, seed: int) -> bool:
     coarse = replace(scene, policy="known", noise=COARSER * scene.noise)
     found = fitted(coarse, Cause("no-errors"), seed, prior=prior)
     return all(
-        one.status in ("fixed", "prior", "determined") and abs(one.value - made[name.partition("[")[0]]) < SAME
+        one.status in ("fixed", "prior", "determined")
+        and abs(one.value - made[name.partition("[")[0]]) < SAME
         for name, one in found.flat_constants().items()
     )
 

@@ -16,7 +16,10 @@ def test_repeated_angles_do_not_crowd_the_starts(seed, tmp_path):
     made = rebound(gamma, degrees=True, e_n=0.664, e_t=-0.82, mu=0.19)
     lines = ["observable,gamma_deg,value,sigma"]
     chi2 = 0.0
-    for name, exact, sigma in (("delta_deg", np.degrees(np.arctan2(made.v_x, made.v_n)), 0.48), ("e_n", np.full(12, 0.664), 0.008)):
+    for name, exact, sigma in (
+        ("delta_deg", np.degrees(np.arctan2(made.v_x, made.v_n)), 0.48),
+        ("e_n", np.full(12, 0.664), 0.008),
+    ):
         errors = rng.standard_normal(12)
         chi2 += float(errors @ errors)
         values = zip(gamma, exact + sigma * errors, strict=True)
