@@ -29,9 +29,9 @@ _MOST_ROWS = 300
 def clean_scene(seed: int, number: int) -> Scene:
     """A scene at random; the same for the same seed and number.
 
-    Six in ten measure what experiments measure together, the others up to four observables of any kind. Impacts
-    are 8 to 100, of one to five series. e_n is fixed or known before where nothing measures it, and else in
-    four of ten.
+    Six in ten measure what experiments measure together, the others up to four observables of any kind.
+    Impacts are 8 to 100, of one to five series. e_n is fixed or known before where nothing measures it, and
+    else in four of ten.
     """
     rng = np.random.default_rng([seed, number])
     names = [name for name in OBSERVABLES if name not in ("mu", _WRAPS)]

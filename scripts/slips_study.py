@@ -1,8 +1,8 @@
 """How often a slip is named that is not there, and how often one that is: writes the tables of docs/facts.md.
 
-Experiments are simulated from the law: clean ones drawn over closures, observables, series and policies of the
-noise, and ones with a slip, an effect or a gross outlier at three sizes. Every fit is one by least squares with
-all its facts.
+Experiments are simulated from the law: clean ones drawn over closures, observables, series and policies of
+the noise, and ones with a slip, an effect or a gross outlier at three sizes. Every fit is one by least
+squares with all its facts.
 """
 
 from __future__ import annotations

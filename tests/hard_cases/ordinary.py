@@ -1,4 +1,4 @@
-"""Ordinary tables that were too slow or too large: they are answered, converged, by the methods that users take."""
+"""Ordinary tables that were too slow or too large: they are answered, and converge."""
 
 from __future__ import annotations
 

@@ -198,7 +198,7 @@ CASES = (
     HardCase(
         "two noises, an optimum at either series",
         "strangers",
-        "Two series of mu 0.14 and 0.25, e_t -0.85 and -0.70, with --separate noise: either series may be noisy.",
+        "Two series of mu 0.14 and 0.25, e_t -0.85 and -0.70, with --separate noise.",
         "Every method says in its first line that the series do not share their constants.",
         fitted(
             HEADER

@@ -43,7 +43,10 @@ def test_p_values_of_independent_errors_are_uniform_in_their_tail():
 
 @pytest.mark.parametrize("known", [True, False])
 def test_errors_that_drift_are_a_finding(known):
-    every = [fitted(replace(BETA, known=known), Cause("correlated", 0.9), seed).facts for seed in range(8)]
+    every = [
+        fitted(replace(BETA, policy="known" if known else "unknown"), Cause("correlated", 0.9), seed).facts
+        for seed in range(8)
+    ]
     # the rest is a misfit, or an effect that they feign
     quiet = ("at_bound", "identifiable")
     assert sum(any(not fact.ok for name, fact in facts.items() if name not in quiet) for facts in every) >= 7

@@ -67,8 +67,10 @@ def test_what_is_advised_mends_it(tmp_path):
 def test_series_of_another_constant_have_no_slip(scene, known):
     """mu differs: constants of each are advised."""
     for seed in range(3):
-        one = experiment(replace(scene, known=known), Cause(), seed).table
-        other = experiment(replace(scene, known=known), Cause("another-mu"), seed).table
+        one = experiment(replace(scene, policy="known" if known else "unknown"), Cause(), seed).table
+        other = experiment(
+            replace(scene, policy="known" if known else "unknown"), Cause("another-mu"), seed
+        ).table
         table = one.copy()
         table[one["series"] == "B"] = other[one["series"] == "B"]
         facts = fit(Observations(table), method="lsq", independent=True, fix=scene.fixed).facts
