@@ -8,12 +8,15 @@ from collections.abc import Mapping
 from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
 from ifrfit.inference.diagnostics.duplicates import duplicates
 from ifrfit.inference.diagnostics.independence import independence
-from ifrfit.inference.diagnostics.lack_of_fit import Array, Residuals, lack_of_fit, scatter_too_small
+from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.mixture import mixture
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.prior_conflict import prior_conflict
+from ifrfit.inference.diagnostics.quadratic_forms import Array
+from ifrfit.inference.diagnostics.repeats import settings_scatter
+from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.diagnostics.series_compared import unequal_noise
 from ifrfit.inference.diagnostics.slips.nuisances import directions_of, nuisances
 from ifrfit.inference.diagnostics.thresholds import FACTS, PULL
@@ -65,17 +68,19 @@ def misfit_facts(
     small = scatter_too_small(problem, found, residuals)
     # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called)
-    fitting = lack_of_fit(problem, found, residuals, remedy=remedy)
+    # a law that misses something is no reason to doubt the repeats
+    scatter = None if called or beyond is not None else settings_scatter(problem, found, residuals)
+    fitting = lack_of_fit(problem, found, residuals, remedy=remedy, scatter=scatter)
     alike = None
     if not brief:
         slip = _sized_slip(problem, found, effects.get("slips"))
         # whatever fails before may make residuals alike
-        before = (fitting, beyond, restitution, noises)
+        before = (fitting, scatter, beyond, restitution, noises)
         explained = any(fact is not None and not fact.ok for fact in before) or bool(called and slip is None)
         alike = independence(problem, found, residuals, explained=explained, also=slip)
     # rows that the closure cannot give are no outliers: left out one by one, none would be left
     rows = None if brief or beyond is not None else outliers(problem, found, residuals)
-    others = (beyond, rows, fitting, restitution, noises, alike, momentum)
+    others = (beyond, rows, fitting, scatter, restitution, noises, alike, momentum)
     fine = not called and all(fact is None or fact.ok for fact in others)
     kinds = mixture(problem, found) if fine and not brief else None
     facts = {
@@ -84,6 +89,7 @@ def misfit_facts(
         **({} if conflict is None else {"prior_conflict": conflict}),
         **({} if double is None else {"duplicates": double}),
         **({} if noises is None else {"unequal_noise": noises}),
+        **({} if scatter is None else {"repeats": scatter}),
         "lack_of_fit": fitting,
         **({} if alike is None else {"independence": alike}),
         **({} if kinds is None else {"mixture": kinds}),

@@ -51,8 +51,12 @@ FACTS = {
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
     "combination's sd below half its prior sd) equals the number of free constants, and each has a value",
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
-    "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
-    "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
+    "repeats": "stands only where it fails, in the place of lack of fit: settings differ by more than their "
+    f"repeats (F, p < {REFUTED:g}, times the number of tests), while a smooth departure of the means has "
+    "p >= 0.01 beside their own scatter, or all settings but one agree (p >= 0.05)",
+    "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of F tests against repeats, of "
+    "each observable and of all, p times their number; else of a smooth departure in tau (natural cubic "
+    "spline, 3 degrees of freedom) and of the runs test",
     "beyond_closure": f"stands only where it fails: p < {REFUTED:g}, times the number of rows, that a "
     "reading lies within what the closure gives between the ends of its domain, and a quarter of the rows of "
     "its observable beyond it at 0.025",
