@@ -84,7 +84,7 @@ FACTS = {
     "them; named is the largest fall of -2 log likelihood, with those within 4 of it",
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
     "speaks most: of an offset of the angles, a turned camera, the scale of speeds and of spins, spin before "
-    "that is not in the table, another inertia factor, an e_n that changes in the course of the table; and a "
+    "that is not in the table, another inertia factor, a constant that drifts along the table; and a "
     f"fall of -2 log likelihood below {DECISIVE:g} for the table with another sign, with angles from the "
     "wall or in radians, percent, sizes without sign, exchanged columns, spins in other units, centre for "
     "contact point, 0 or one repeated number for 'not measured'; in the table and in each of its series, p "

@@ -61,6 +61,10 @@ class Slip:
         Single rows that it is in.
     is_least : bool
         Whether the size ended on the limit of what is searched.
+    constant : str
+        That changes in the course of the table; empty for another slip.
+    middle : float
+        Its mean.
     """
 
     name: str
@@ -73,6 +77,8 @@ class Slip:
     series: str = ""
     rows: tuple[int, ...] = ()
     is_least: bool = False
+    constant: str = ""
+    middle: float = 0.0
 
     @property
     def rank(self) -> float:
@@ -121,12 +127,12 @@ class Fitted:
         """Minus twice the log likelihood of `before`."""
         return float(self.misfit.likelihood(self.before))
 
-    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, float]:
-        """Fall of -2 log likelihood with a size beside the constants, and the size."""
+    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, Array]:
+        """Fall of -2 log likelihood with a size beside the constants; these and the size, (p + 1,)."""
         problem, theta = self.problem, self.fit.optimum.theta
         lower, upper = problem.parameters.bounds()
         bounds = (np.append(lower, limits[0]), np.append(upper, limits[1]))
-        drop, found = -math.inf, 0.0
+        drop, found = -math.inf, np.append(theta, 0.0)
         # a start of first order may lead astray
         for start in (float(np.clip(size, *limits)), 0.0):
             if drop >= 0.0:
@@ -139,7 +145,7 @@ class Fitted:
                 bounds,
                 np.ones(theta.size + 1, dtype=bool),
             )
-            drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), float(x[0, -1])
+            drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), x[0]
         return drop, found
 
     def of_alternatives(self, every: Sequence[Alternative]) -> Iterator[tuple[Alternative, Array]]:
@@ -241,10 +247,16 @@ def _of_size(whole: Fitted, sized: list[tuple[Nuisance, Direction]], residual: A
 
 def _fitted(whole: Fitted, nuisance: Nuisance, slip: Slip) -> Slip:
     """The slip with its size fitted beside the constants."""
-    drop, size = whole.with_size(nuisance.values, slip.size, (-nuisance.most, nuisance.most))
+    drop, found = whole.with_size(nuisance.values, slip.size, (-nuisance.most, nuisance.most))
+    size, middle = float(found[-1]), 0.0
+    if nuisance.constant:
+        middle = float(found[whole.problem.parameters.positions[nuisance.constant]].mean())
     # the score may see what a constant explains that was fixed, and is free here
     p = max(slip.p, float(special.chdtrc(1, max(drop, 0.0))))
-    return replace(slip, drop=drop, p=p, size=size, is_least=abs(size) >= _LIMIT * nuisance.most)
+    return replace(
+        slip, drop=drop, p=p, size=size, is_least=abs(size) >= _LIMIT * nuisance.most,
+        constant=nuisance.constant, middle=middle,
+    )  # fmt: skip
 
 
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
@@ -288,7 +300,7 @@ def _in_series(
     n = len(problem.rows)
     count = np.bincount(problem.rows.series, minlength=len(problem.series))
     series = [number for number, rows in enumerate(count.tolist()) if rows >= _FEWEST_OF_SERIES]
-    sized = [(each, one) for each, one in sized if each.name != "restitution-drift"]
+    sized = [(each, one) for each, one in sized if not each.constant]
     whole = Fitted.by_series(problem, fit)
     known = problem.noise.is_known
     sigma = fit.sigma if known else _sigma_by_series(problem, fit, residual)

@@ -20,7 +20,7 @@ _KINDS = {
     "angles": ("angle-offset", "camera-turn"),
     "scales": ("speed-scale", "spin-scale", "inertia-factor"),
     "spin before": ("incoming-spin", "incoming-roll"),
-    "drift of e_n": ("restitution-drift",),
+    "drifts along the table": ("restitution-drift", "friction-drift", "sticking-drift"),
 }
 _BODIES = ((0.4, "solid sphere"), (2.0 / 3.0, "thin hollow ball"), (0.5, "disc on its edge"))
 _NEAR = 0.02  # of an inertia factor, from that of a known body
@@ -143,8 +143,10 @@ def _inertia(problem: Problem, slip: Slip) -> tuple[str, str]:
 
 def _drift(problem: Problem, slip: Slip) -> tuple[str, str]:
     return (
-        f"an e_n that changes in the course of it, by {plus_minus(slip.size, slip.sd)}",
-        "name days or runs in a column series, and give each its own with --separate e_n",
+        f"a drift of {slip.constant} along it, from {slip.middle - 0.5 * slip.size:.3g} to "
+        f"{slip.middle + 0.5 * slip.size:.3g} (by {plus_minus(slip.size, slip.sd)})",
+        "look for wear, dirt or temperature; name days, runs or parts in a column series, and give each its "
+        f"own with --separate {slip.constant}",
     )
 
 
@@ -157,6 +159,8 @@ _SIZED = {
     "incoming-roll": _rolled,
     "inertia-factor": _inertia,
     "restitution-drift": _drift,
+    "friction-drift": _drift,
+    "sticking-drift": _drift,
 }
 
 
