@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
 from ifrfit.inference.diagnostics.duplicates import duplicates
+from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.independence import independence
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.mixture import mixture
@@ -19,7 +20,7 @@ from ifrfit.inference.diagnostics.repeats import settings_scatter
 from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.diagnostics.series_compared import unequal_noise
 from ifrfit.inference.diagnostics.slips.nuisances import directions_of, nuisances
-from ifrfit.inference.diagnostics.thresholds import FACTS, PULL
+from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, PULL
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
@@ -80,9 +81,16 @@ def misfit_facts(
         alike = independence(problem, found, residuals, explained=explained, also=slip)
     # rows that the closure cannot give are no outliers: left out one by one, none would be left
     rows = None if brief or beyond is not None else outliers(problem, found, residuals)
+    growing = None if brief or called or beyond is not None else growing_scatter(problem, found, residuals)
+    if growing is not None:
+        rows = growing.outliers
     others = (beyond, rows, fitting, scatter, restitution, noises, alike, momentum)
     fine = not called and all(fact is None or fact.ok for fact in others)
     kinds = mixture(problem, found) if fine and not brief else None
+    if growing is not None and kinds is not None:
+        # what scatters more where a constant acts may be impacts of two kinds
+        more = kinds.figures["drop"] - growing.fact.figures["drop"]
+        kinds, growing = (kinds, None) if more > ALIKE else (None, growing)
     facts = {
         **({} if beyond is None else {"beyond_closure": beyond}),
         **({} if shared is None else {"pooling": shared}),
@@ -93,6 +101,7 @@ def misfit_facts(
         "lack_of_fit": fitting,
         **({} if alike is None else {"independence": alike}),
         **({} if kinds is None else {"mixture": kinds}),
+        **({} if growing is None else {"growing_scatter": growing.fact}),
         **({} if small is None else {"scatter_too_small": small}),
         **({} if restitution is None else {"normal_restitution": restitution}),
         **({} if rows is None else {"outliers": rows}),

@@ -76,6 +76,10 @@ FACTS = {
     "orders, that neighbouring residuals of a series are so alike (von Neumann's ratio, at any number of "
     "constants), along the table and along the angle; where angles are repeated often, of the scatter about "
     "their means; else only where nothing before it explains the residuals",
+    "growing_scatter": f"stands only where it fails: p < {REFUTED:g}, times the number of observables, of "
+    "the score test that the variance of an unknown noise goes with a power of one over the observable's "
+    "denominator, also without the row that speaks most; a rank correlation at 0.01, and a fall of -2 log "
+    f"likelihood of {ALIKE:g} where it is in proportion; outliers are those under a noise that grows so",
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
