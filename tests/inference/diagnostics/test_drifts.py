@@ -59,3 +59,15 @@ def test_constants_that_stay_do_not_drift(tmp_path):
 def test_in_the_order_of_the_angle_it_is_not_told(tmp_path):
     tests = fitted(tmp_path, 0, mu=(0.10, 0.16), is_sorted=True).facts["slips"].figures["tests"]
     assert not any(name.endswith("drift") for name in tests)
+
+
+def test_observables_under_one_another_are_in_the_order_of_the_angle_each(tmp_path):
+    """In a long table without impact_id a reading of beta stands far from that of e_n."""
+    gamma = np.tile(np.linspace(5.0, 80.0, 20), 2)
+    beta = rebound(gamma[:20], e_n=0.9, e_t=-0.85, mu=0.14, degrees=True).beta
+    value = np.concatenate((beta + 0.05 * np.sin(gamma[:20]), 0.9 + 0.01 * np.cos(gamma[:20])))
+    table = {"observable": np.repeat(["beta", "e_n"], 20), "gamma_deg": gamma, "value": value}
+    path = tmp_path / "long.csv"
+    pd.DataFrame(table).to_csv(path, index=False)
+    tests = fit(path, method="lsq").facts["slips"].figures["tests"]
+    assert not any(name.endswith("drift") for name in tests)

@@ -14,6 +14,7 @@ from ifrfit.inference.model.rows import OBLIQUE
 
 _STEP = 1e-5  # of derivatives, in the unit of the size
 _TIED = 0.8  # correlation with angle or speed from which the order of the rows is no time
+_FEWEST_IMPACTS = 8  # below which no drift is looked for
 _USUAL_SHARE = 0.15  # of the domain of the closure's own constant by which it may change
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
@@ -82,14 +83,13 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
 
     Only where the rows are not in the order of angle or speed.
     """
-    impact = problem.rows.impacts
-    n = int(impact.max()) + 1
-    if n < 8:
+    along = _place_in_table(problem)
+    if int(problem.rows.impacts.max()) < _FEWEST_IMPACTS - 1 or _is_ordered(problem, along):
         return
 
     def drifting(name: str, constant: str, shape: Array, usual: float) -> Nuisance:
         place = problem.parameters.positions[constant][problem.rows.series]
-        row = np.arange(impact.size)
+        row = np.arange(shape.size)
 
         def values(theta: Array, size: Array) -> Array:
             slope = np.stack([problem.jacobian(each)[row, place] for each in theta])
@@ -97,14 +97,9 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
 
         return Nuisance(name, values, 0.5, usual, constant=constant)
 
-    measures_e_n = problem.rows.of_kind("normal", "curved").any()
-    if measures_e_n and not _is_ordered(problem, impact.astype(float)):
+    if problem.rows.of_kind("normal", "curved").any():
         for part in _PARTS:
-            yield drifting("restitution-drift", "e_n", np.where(impact < part * n, -0.5, 0.5), 0.1)
-    along = _place_in_series(problem)
-    if _is_ordered(problem, along):
-        return
-    if measures_e_n:
+            yield drifting("restitution-drift", "e_n", np.where(along < part - 0.5, -0.5, 0.5), 0.1)
         yield drifting("restitution-drift", "e_n", along, 0.1)
     if problem.rows.is_oblique.any():
         yield drifting("friction-drift", "mu", along, 0.1)
@@ -114,25 +109,26 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
             yield drifting("sticking-drift", problem.closure.own.name, along, usual)
 
 
-def _place_in_series(problem: Problem) -> Array:
-    """Where each row stands among the impacts of its series, from -0.5 to 0.5, (n,)."""
-    impact, along = problem.rows.impacts, np.zeros(len(problem.rows))
-    for number in range(len(problem.series)):
-        own = problem.rows.series == number
-        _, place = np.unique(impact[own], return_inverse=True)
-        along[own] = place / max(int(place.max(initial=0)), 1) - 0.5
+def _place_in_table(problem: Problem) -> Array:
+    """Where each row stands among those of its series and observable, from -0.5 to 0.5, (n,)."""
+    along = np.zeros(len(problem.rows))
+    for own in problem.groups().values():
+        _, place = np.unique(problem.rows.impacts[own], return_inverse=True)
+        if place.max() > 0:
+            along[own] = place / place.max() - 0.5
     return along
 
 
 def _is_ordered(problem: Problem, along: Array) -> bool:
-    """Whether angle or speed rise or fall with the place in the table."""
+    """Whether angle or speed rise or fall with the place in the table, in any observable."""
     table = problem.observations.table
     for column in ("gamma_deg", "speed_m_s"):
         x = table[column].to_numpy(dtype=float)
-        known = np.isfinite(x)
-        varies = known.any() and float(np.ptp(x[known])) > 0.0
-        if varies and abs(np.corrcoef(x[known], along[known])[0, 1]) > _TIED:
-            return True
+        for which in range(len(problem.rows.names)):
+            known = np.isfinite(x) & (problem.rows.which == which)
+            varies = known.any() and float(np.ptp(x[known])) > 0.0 and float(np.ptp(along[known])) > 0.0
+            if varies and abs(np.corrcoef(x[known], along[known])[0, 1]) > _TIED:
+                return True
     return False
 
 
