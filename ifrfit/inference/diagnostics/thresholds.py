@@ -111,6 +111,7 @@ FACTS = {
 # of the fact "converged" where the exact posterior is left to importance sampling
 SAMPLED = (
     f"importance sampling: standard error of every mean, sd and quantile <= {SAMPLING_ERROR:g} of a standard "
-    f"deviation, of the log evidence <= {SAMPLING_ERROR:g}; >= {LEAST_EFFECTIVE:,.0f} effective draws, none "
+    "deviation (of a quantile in a gap: that of the probability below it, in the units of a normal law), "
+    f"of the log evidence <= {SAMPLING_ERROR:g}; >= {LEAST_EFFECTIVE:,.0f} effective draws, none "
     f"with more than {100 * LARGEST_WEIGHT:g} % of the weight"
 )
