@@ -13,6 +13,7 @@ from scipy import special
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables, alternatives
+from ifrfit.inference.diagnostics.slips.mixed_readings import mixed_readings
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, directions_of, nuisances, of_series
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
@@ -197,6 +198,8 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
         of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in _OF_SPINS)
         found += _unsized(whole, list(alternatives(problem, other_units=of_spins)))
         found += _zeros(problem, fit)
+        if _explains_little(problem, residual):
+            found += _mixed(whole)
     if plain and 1 < len(problem.series) <= _MOST_SERIES:
         found += _in_series(problem, fit, sized, residual, differ=differ)
     return found
@@ -280,6 +283,23 @@ def _unsized(whole: Fitted, every: list[Alternative], count: int = 1, share: flo
         careful = max(_careful_drop(misfit, before, after, dof), 0.0) if drop > 0.0 else 0.0
         ratio = min(1.0, count * math.exp(-0.5 * careful))
         found.append(Slip(each.name, drop, ratio, observable=each.observable, series=each.series))
+    return found
+
+
+def _mixed(whole: Fitted) -> list[Slip]:
+    """Tables some rows of which are read in another way, where that is decisive."""
+    found = []
+    dof = degrees_of_freedom(whole.problem, whole.fit)
+    for each in mixed_readings(whole.problem, whole.misfit, whole.fit.optimum.theta):
+        drop = whole.likelihood - float(whole.misfit.likelihood(each.residual)) - each.penalty
+        if drop <= DECISIVE:
+            continue
+        careful = _careful_drop(whole.misfit, whole.before, each.residual, dof) - each.penalty
+        if careful > DECISIVE:
+            rows = tuple(each.rows.tolist())
+            found.append(
+                Slip(each.name, drop, math.exp(-0.5 * careful), observable=each.observable, rows=rows)
+            )
     return found
 
 

@@ -14,6 +14,7 @@ from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.text import joined, p_text, plus_minus
 
+_MOST_LINES = 12  # of a table with two kinds of reading
 _LONGEST = 4  # rows that are named
 # of what is looked for, for the sentence that nothing was found
 _KINDS = {
@@ -164,6 +165,18 @@ _SIZED = {
 }
 
 
+_MIXED = {
+    "mixed-sign": ("of the opposite sign", "turn the sign round in these lines"),
+    "mixed-percent": ("in percent", "divide the values of these lines by 100"),
+    "mixed-angle-from-wall": (
+        "angles from the wall beside angles from the normal",
+        "take 90 degrees less the angle there",
+    ),
+    "mixed-angle-in-radians": (
+        "angles of incidence in radians",
+        "multiply the angles of these lines by 180/pi",
+    ),
+}
 _SPIN_WORDS = {
     "spins-doubled": (
         "twice as large as they are (a diameter for the radius?)",
@@ -208,6 +221,12 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
             f"({len(slip.rows)} of its cells)",
             f"empty these cells, or {' '.join(f'--exclude {one}' for one in some)}{more}",
         )
+    if name.startswith("mixed-"):
+        what, remedy = _MIXED[name]
+        lines = [exclude_name(problem, i) for i in slip.rows]
+        more = f" and {len(lines) - _MOST_LINES} more" if len(lines) > _MOST_LINES else ""
+        of = f"{observable} " if observable else ""
+        return f"{of}{what} in some of its lines ({', '.join(lines[:_MOST_LINES])}{more})", remedy
     if name.startswith("sign-of-spin"):
         axis = "x" if "-x" in name else "y"
         before, after = f"spin_{axis} (before)", f"spin_{axis}_after"
