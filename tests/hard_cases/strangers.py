@@ -161,6 +161,14 @@ def _filmed() -> str:
     return HEADER + rows(angles, values(angles, "beta") + noise(60, sigma, 11), None)
 
 
+def _partly_in_percent() -> str:
+    """Every third of 34 beta in percent."""
+    angles = np.tile(FAN, 2)
+    value = values(angles, "beta") + noise(angles.size, 0.02, 12)
+    value[::3] *= 100.0
+    return HEADER + rows(angles, value, None)
+
+
 SECOND = values(FAN, "beta") + noise(len(FAN), 0.02, 22)
 DOUBLED = np.repeat(FAN, 2)
 
@@ -375,5 +383,12 @@ CASES = (
         "be left out.",
         fitted(_filmed()),
         _looks("growing_scatter", "grows towards normal incidence", "--sigma-velocity"),
+    ),
+    _case(
+        "a third of a column in percent",
+        "beta as a fraction in two rows, in percent in the next, and so on.",
+        "The first line names the rows in percent.",
+        fitted(_partly_in_percent()),
+        _looks("slips", "beta in percent in some of its lines (2, 5, 8", "by 100"),
     ),
 )

@@ -92,7 +92,8 @@ FACTS = {
     f"fall of -2 log likelihood below {DECISIVE:g} for the table with another sign, with angles from the "
     "wall or in radians, percent, sizes without sign, exchanged columns, spins in other units, centre for "
     "contact point, 0 or one repeated number for 'not measured'; in the table and in each of its series, p "
-    f"times their number. It fails only where no effect explains more by {ALIKE:g}, and constants of each "
+    "times their number; for signs, angles and percent in some rows, too, beyond 2 log 2 for each choice. It "
+    f"fails only where no effect explains more by {ALIKE:g}, and constants of each "
     f"series explain {ALIKE:g} less; what explains as much is named beside it",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
     "every decimal, by noise and rounding (Poisson)",

@@ -19,6 +19,9 @@ _MOST_SHARE = 0.6  # of the rows that may be meant in the other way
 _STARTS = 6  # places in the domain from which constants and choice are searched
 _ROUNDS = 8
 _GAIN = 4.0  # in chi2, by which the other reading of an impact has to be the better one
+_LOSS = (
+    -4.0
+)  # by which it may be the worse one, where it is the more likely one: hardly an angle is below 1.6
 _TALL = 1.5  # size from which a fraction may be in percent
 _FRACTIONS = ("v_x", "beta_cm", "e_n", "beta", "mu_app")
 
@@ -57,6 +60,7 @@ class _Reading:
     value: Array
     gamma: Array
     factor: float = 1.0
+    gain: float = _GAIN  # in chi2, by which it is the better one
 
 
 def mixed_readings(problem: Problem, misfit: Misfit, theta: Array) -> Iterator[MixedReading]:
@@ -92,7 +96,9 @@ def _readings(problem: Problem) -> Iterator[_Reading]:
         yield _Reading("angle-from-wall", "", rows.has_angle, value, 90.0 - gamma)
         small = rows.has_angle & (gamma <= 0.5 * math.pi)
         if int(small.sum()) >= _FEWEST:
-            yield _Reading("angle-in-radians", "", small, value, np.where(small, np.degrees(gamma), gamma))
+            yield _Reading(
+                "angle-in-radians", "", small, value, np.where(small, np.degrees(gamma), gamma), gain=_LOSS
+            )
 
 
 def _read(problem: Problem, reading: _Reading, at: Bool) -> Problem:
@@ -139,7 +145,7 @@ def _divided(
             np.nan_to_num(each.rows.value - each.predict(theta), nan=1e3) for each in (problem, other)
         )
         gain = np.where(reading.possible, (plain**2 - read**2) / sigma**2, 0.0)
-        chosen = reading.possible & (np.bincount(impacts, gain) > _GAIN)[impacts]
+        chosen = reading.possible & (np.bincount(impacts, gain) > reading.gain)[impacts]
         if np.array_equal(chosen, at):
             break
         at = chosen
