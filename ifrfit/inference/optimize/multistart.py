@@ -47,7 +47,8 @@ def best_start(problem: Problem, sigma: Array) -> Array:
 
 def starts(problem: Problem) -> list[Array]:
     """Constants spread over the domain, with transitions spread over the data's own slip ratios."""
-    tau = problem.rows.tau[np.isfinite(problem.rows.tau) & (problem.rows.tau > 0.0)]
+    # repeats of few angles would make most quantiles, and so most starts, the same
+    tau = np.unique(problem.rows.tau[np.isfinite(problem.rows.tau) & (problem.rows.tau > 0.0)])
     quantiles = np.quantile(tau, np.linspace(0.05, 0.95, _TRANSITIONS)) if tau.size else np.array([0.3])
     law = problem.closure.law(problem.inertia_factor)
     spread = {c.name: _spread(c.lower, c.upper, c.fixed) for c in problem.parameters if c.name != "mu"}
