@@ -68,15 +68,10 @@ def misfit_facts(
     double = None if brief else duplicates(problem, found)
     small = scatter_too_small(problem, found, residuals)
     # microslip is no remedy where something else is called for
-<<<<<<< HEAD
-    remedy = not brief and (not called or "compliance" in called)
+    remedy = not brief and (not called or "compliance" in called) and (restitution is None or restitution.ok)
     # a law that misses something is no reason to doubt the repeats
     scatter = None if called or beyond is not None else settings_scatter(problem, found, residuals)
     fitting = lack_of_fit(problem, found, residuals, remedy=remedy, scatter=scatter)
-=======
-    remedy = not brief and (not called or "compliance" in called) and (restitution is None or restitution.ok)
-    fitting = lack_of_fit(problem, found, residuals, remedy=remedy)
->>>>>>> main
     alike = None
     if not brief:
         slip = _sized_slip(problem, found, effects.get("slips"))
