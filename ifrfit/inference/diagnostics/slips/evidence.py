@@ -202,6 +202,8 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
             found += _mixed(whole)
     if plain and 1 < len(problem.series) <= _MOST_SERIES:
         found += _in_series(problem, fit, sized, residual, differ=differ)
+        named = {slip.series for slip in found if slip.series and is_decisive(slip)}
+        found = [slip for slip in found if not _is_of_series(problem, slip, named)]
     return found
 
 
@@ -301,6 +303,12 @@ def _mixed(whole: Fitted) -> list[Slip]:
                 Slip(each.name, drop, math.exp(-0.5 * careful), observable=each.observable, rows=rows)
             )
     return found
+
+
+def _is_of_series(problem: Problem, slip: Slip, named: set[str]) -> bool:
+    """Whether rows of another reading are those of a series that is named for a slip."""
+    series = {problem.series[problem.rows.series[row]] for row in slip.rows}
+    return slip.name.startswith("mixed-") and len(series) == 1 and series <= named
 
 
 def _in_series(
