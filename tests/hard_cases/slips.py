@@ -223,7 +223,7 @@ CASES = (
         "Impacts in no order of the angle, e_n 0.94 in the first part of the table and 0.88 in the rest.",
         "The first line says that the table has a slip: an e_n that changes, with --separate e_n; no yield.",
         free(raw(DAYS, OF_DAYS)),
-        named("restitution-drift", "an e_n that changes in the course of it", "--separate e_n"),
+        named("restitution-drift", "a drift of e_n along it", "--separate e_n"),
     ),
     slip(
         "angles from the wall",

@@ -163,6 +163,47 @@ def _two_balls() -> str:
     return HEADER + rows(angles, value + noise(angles.size, 0.02, 6), None)
 
 
+def _one_angle_off() -> str:
+    """Five repeats at each of eight angles, those at 40 degrees higher by 0.15."""
+    angles = np.repeat(np.arange(10.0, 81.0, 10.0), 5)
+    value = values(angles, "beta") + noise(angles.size, 0.03, 3) + np.where(angles == 40.0, 0.15, 0.0)
+    return HEADER + rows(angles, value, None) + rows(angles, 0.94 + noise(angles.size, 0.02, 4), None, "e_n")
+
+
+def _read_repeatedly() -> str:
+    """Two readings of each of 30 impacts, which differ by a tenth of what impacts do."""
+    angles = np.tile(np.random.default_rng(5).uniform(5.0, 80.0, 30).round(1), 2)
+    text = HEADER
+    for seed, observable in ((6, "beta"), (8, "e_n")):
+        of_impact = np.tile(noise(30, 0.03, seed), 2)
+        value = values(angles, observable) + of_impact + noise(angles.size, 0.003, seed + 1)
+        text += rows(angles, value, None, observable)
+    return text
+
+
+def _wearing() -> str:
+    """40 impacts at angles in no order, while mu rises from 0.10 to 0.16."""
+    angles = np.random.default_rng(9).uniform(5.0, 80.0, 40)
+    each = zip(angles, np.linspace(0.10, 0.16, 40), strict=True)
+    value = np.array([values((g,), "beta", mu=float(mu))[0] for g, mu in each])
+    return HEADER + rows(angles, value + noise(40, 0.02, 10), None)
+
+
+def _filmed() -> str:
+    """Errors of 0.012 in the velocities that beta is the ratio of."""
+    angles = np.linspace(3.0, 80.0, 60)
+    sigma = 0.012 / np.sin(np.radians(angles))
+    return HEADER + rows(angles, values(angles, "beta") + noise(60, sigma, 11), None)
+
+
+def _partly_in_percent() -> str:
+    """Every third of 34 beta in percent."""
+    angles = np.tile(FAN, 2)
+    value = values(angles, "beta") + noise(angles.size, 0.02, 12)
+    value[::3] *= 100.0
+    return HEADER + rows(angles, value, None)
+
+
 SECOND = values(FAN, "beta") + noise(len(FAN), 0.02, 22)
 DOUBLED = np.repeat(FAN, 2)
 
@@ -411,5 +452,44 @@ CASES = (
         _command(table(sigma=0.02, seed=8), "--convention", "pair=unequal-spheres"),
         _usage("pair=unequal-spheres", "Two equal spheres are a wall in the relative frame"),
         fits=False,
+    ),
+    _case(
+        "one angle that was set wrongly",
+        "Five repeats at each of eight angles; those at 40 degrees are off together, by 5 sigma of one.",
+        "The first line names the angle and its rows; no contradiction, and no other cause.",
+        fitted(_one_angle_off(), fix={}),
+        _looks(
+            "repeats", "the 5 repeats of beta at 40 degrees are off together", "--exclude 17 --exclude 18"
+        ),
+    ),
+    _case(
+        "two readings of each impact",
+        "30 impacts, each read from the film two times, as 60 rows.",
+        "The first line says that readings of one impact are no repeats, and what column tells so; the law "
+        "is not contradicted.",
+        fitted(_read_repeatedly(), fix={}),
+        _looks("repeats", "Repeated readings of one impact", "impact_id"),
+    ),
+    _case(
+        "a wall that wears",
+        "40 impacts in no order of the angle, while mu rises from 0.10 to 0.16.",
+        "A drift of mu along the table, with both of its ends; no impacts of two kinds.",
+        fitted(_wearing()),
+        _looks("slips", "a drift of mu along it, from 0.", "look for wear", "--separate mu"),
+    ),
+    _case(
+        "filmed velocities",
+        "beta whose errors grow as 1/sin gamma, and no sigma.",
+        "The scatter is said to grow towards normal incidence, as errors of velocities would; no row is to "
+        "be left out.",
+        fitted(_filmed()),
+        _looks("growing_scatter", "grows towards normal incidence", "--sigma-velocity"),
+    ),
+    _case(
+        "a third of a column in percent",
+        "beta as a fraction in two rows, in percent in the next, and so on.",
+        "The first line names the rows in percent.",
+        fitted(_partly_in_percent()),
+        _looks("slips", "beta in percent in some of its lines (2, 5, 8", "by 100"),
     ),
 )

@@ -8,17 +8,21 @@ from collections.abc import Mapping
 from ifrfit.inference.diagnostics.beyond_closure import beyond_closure
 from ifrfit.inference.diagnostics.censoring import censoring, truncation
 from ifrfit.inference.diagnostics.duplicates import duplicates
+from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.independence import independence
-from ifrfit.inference.diagnostics.lack_of_fit import Array, Residuals, lack_of_fit, scatter_too_small
+from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit, scatter_too_small
 from ifrfit.inference.diagnostics.mixture import mixture
 from ifrfit.inference.diagnostics.normal_restitution import normal_restitution
 from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.prior_conflict import prior_conflict
+from ifrfit.inference.diagnostics.quadratic_forms import Array
+from ifrfit.inference.diagnostics.repeats import settings_scatter
+from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.diagnostics.rounded_readings import is_coarse, rounded_readings
 from ifrfit.inference.diagnostics.series_compared import unequal_noise
 from ifrfit.inference.diagnostics.slips.nuisances import directions_of, nuisances
-from ifrfit.inference.diagnostics.thresholds import FACTS, PULL
+from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, PULL
 from ifrfit.inference.model.error_model import ITERATED
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
@@ -67,12 +71,14 @@ def misfit_facts(
     small = scatter_too_small(problem, found, residuals)
     # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called) and (restitution is None or restitution.ok)
-    fitting = lack_of_fit(problem, found, residuals, remedy=remedy)
+    # a law that misses something is no reason to doubt the repeats
+    scatter = None if called or beyond is not None else settings_scatter(problem, found, residuals)
+    fitting = lack_of_fit(problem, found, residuals, remedy=remedy, scatter=scatter)
     alike = None
     if not brief:
         slip = _sized_slip(problem, found, effects.get("slips"))
         # whatever fails before may make residuals alike
-        before = (fitting, beyond, restitution, noises)
+        before = (fitting, scatter, beyond, restitution, noises)
         explained = any(fact is not None and not fact.ok for fact in before) or bool(called and slip is None)
         alike = independence(problem, found, residuals, explained=explained, also=slip)
     # rows that the closure cannot give are no outliers: left out one by one, none would be left
@@ -83,11 +89,18 @@ def misfit_facts(
         if all(row.endswith(of_rounded) for row in rows.figures["rows"]):
             rows = None  # the next step of few readings is no outlier
     clipped = None if brief else censoring(problem, found)
-    others = (rounded, clipped, beyond, rows, fitting, restitution, noises, alike, momentum)
+    growing = None if brief or called or beyond is not None else growing_scatter(problem, found, residuals)
+    if growing is not None:
+        rows = growing.outliers
+    others = (rounded, clipped, beyond, rows, fitting, scatter, restitution, noises, alike, momentum)
     fine = not called and all(fact is None or fact.ok for fact in others)
     # readings in few cells look like impacts of as many kinds
     kinds = mixture(problem, found) if fine and not brief and not is_coarse(problem, found) else None
-    cut = truncation(problem, found) if fine and not brief and kinds is None else None
+    if growing is not None and kinds is not None:
+        # what scatters more where a constant acts may be impacts of two kinds
+        more = kinds.figures["drop"] - growing.fact.figures["drop"]
+        kinds, growing = (kinds, None) if more > ALIKE else (None, growing)
+    cut = truncation(problem, found) if fine and not brief and kinds is None and growing is None else None
     facts = {
         **({} if beyond is None else {"beyond_closure": beyond}),
         **({} if shared is None else {"pooling": shared}),
@@ -97,9 +110,11 @@ def misfit_facts(
         **({} if rounded is None else {"rounded_readings": rounded}),
         **({} if clipped is None else {"censoring": clipped}),
         **({} if cut is None else {"truncation": cut}),
+        **({} if scatter is None else {"repeats": scatter}),
         "lack_of_fit": fitting,
         **({} if alike is None else {"independence": alike}),
         **({} if kinds is None else {"mixture": kinds}),
+        **({} if growing is None else {"growing_scatter": growing.fact}),
         **({} if small is None else {"scatter_too_small": small}),
         **({} if restitution is None else {"normal_restitution": restitution}),
         **({} if rows is None else {"outliers": rows}),

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ifrfit.inference.diagnostics.lack_of_fit import Array, Residuals, orthonormal
+from ifrfit.inference.diagnostics.quadratic_forms import Array, orthonormal, ratio_exceeds
+from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
@@ -71,8 +72,7 @@ def independence(
 
     References
     ----------
-    von Neumann (1941), Ann. Math. Stat. 12, 367; Durbin & Watson (1950), Biometrika 37, 409;
-    Lugannani & Rice (1980), Adv. Appl. Probab. 12, 475, for the tail.
+    von Neumann (1941), Ann. Math. Stat. 12, 367; Durbin & Watson (1950), Biometrika 37, 409.
     """
     jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free]
     if also is not None:
@@ -192,11 +192,7 @@ def neighbours_alike(first: Index, second: Index, basis: Array, z: Array) -> tup
         return 1.0, correlation
     if z.size > _EXACT:
         return float(special.ndtr(-normal)), correlation
-    identity = np.eye(z.size)
-    form = _shifted(first, second, identity) - found * identity
-    weights, vectors = np.linalg.eigh(identity - basis @ basis.T)
-    root = vectors * np.sqrt(np.maximum(weights, 0.0))
-    return _positive(np.linalg.eigvalsh(root.T @ form @ root)), correlation
+    return ratio_exceeds(_shifted(first, second, np.eye(z.size)), found, basis), correlation
 
 
 def _shifted(first: Index, second: Index, columns: Array) -> Array:
@@ -205,25 +201,6 @@ def _shifted(first: Index, second: Index, columns: Array) -> Array:
     out[first] += 0.5 * columns[second]
     out[second] += 0.5 * columns[first]
     return out
-
-
-def _positive(weights: Array) -> float:
-    """Probability that a weighted sum of chi2 of one degree of freedom is positive, by its saddle point."""
-    from scipy.optimize import brentq  # 0.2 s, and few residuals are suspicious
-
-    def slope(s: float) -> float:
-        return float((weights / (1.0 - 2.0 * s * weights)).sum())
-
-    if weights.max() <= 0.0:
-        return 0.0
-    if slope(0.0) >= 0.0:
-        return 1.0
-    s = float(brentq(slope, 0.0, 0.5 / float(weights.max()) * (1.0 - 1e-12)))
-    left = 1.0 - 2.0 * s * weights
-    w = math.sqrt(max(float(np.log(left).sum()), 1e-300))
-    u = s * math.sqrt(2.0 * float(((weights / left) ** 2).sum()))
-    density = math.exp(-0.5 * w * w) / math.sqrt(2.0 * math.pi)
-    return float(np.clip(special.ndtr(-w) + density * (1.0 / u - 1.0 / w), 0.0, 1.0))
 
 
 def _factor(problem: Problem, fit: LeastSquaresFit, order: _Order, correlation: float) -> tuple[float, str]:

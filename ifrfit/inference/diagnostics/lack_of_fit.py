@@ -1,126 +1,56 @@
-"""Does the model describe the data? Residuals, lack of fit, and where it sits."""
+"""Does the model describe the data? Lack of fit, and where it sits."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.errors import DataError
-from ifrfit.inference.diagnostics.thresholds import FACTS, RANK, REFUTED
+from ifrfit.inference.diagnostics.quadratic_forms import Array
+from ifrfit.inference.diagnostics.repeats import few_settings, repeated
+from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
+from ifrfit.inference.diagnostics.smooth_departure import smooth_departure
+from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
 
-Array = NDArray[np.float64]
-
 _TRIALS = 12  # angles at which the near-normal impacts are cut off, to see whether that mends the fit
 _COMFORTABLE = 0.05
 _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
-_SPLINE_KNOTS = 4  # three degrees of freedom beside the constant
-_FITTED = 1e-6  # 1 - leverage below which a row is fitted exactly
-_REST = 1e-6  # least share of the misfit that is left to the other rows
 _ELSEWHERE = 0.5  # share of the sum of squares in rows that know no angle, from which the misfit sits there
-_SMALLEST = 8  # rows of an observable below which no smooth departure is looked for
 
 
-@dataclass(frozen=True)
-class Residuals:
-    """Residuals of a fit: standardised ones are over sigma, studentised ones also over their own leverage.
-
-    `is_given` says of which rows sigma is known, (n,). `dof`, (n,), are the degrees of freedom of Student's t
-    that the studentised residuals have: infinite where sigma is known.
-    """
-
-    raw: Array
-    standardised: Array
-    studentised: Array
-    is_given: NDArray[np.bool_]
-    dof: Array
-
-
-def residuals_of(problem: Problem, fit: LeastSquaresFit) -> Residuals:
-    """Residuals at the optimum.
-
-    Where sigma comes from the misfit, a row is left out of its own yardstick (external studentisation), so
-    that an outlier does not hide behind the noise it feigns.
-    """
-    raw = problem.rows.value - problem.predict(fit.optimum.theta)
-    standardised = raw / fit.sigma
-    own = 1.0 - fit.gaussian.leverage
-    # a row that the constants run through has no residual, whatever rounding leaves of it
-    internal = np.where(own > _FITTED, standardised / np.sqrt(np.maximum(own, _FITTED)), 0.0)
-    given = problem.noise.is_given
-    if math.isinf(fit.noise_dof):
-        return Residuals(raw, standardised, internal, given, np.broadcast_to(math.inf, raw.shape))
-    groups = list(problem.noise_groups().values())
-    if len(groups) > 1 or problem.noise.is_mixed:
-        deleted, dof = internal.copy(), np.full(raw.size, math.inf)
-        fitted = fitted_directions(problem, fit)
-        for rows in groups:
-            external, dof[rows] = _left_out(fitted, standardised, rows)
-            deleted[rows] = np.where(dof[rows] > 0.0, external, internal[rows])
-        return Residuals(raw, standardised, deleted, given, dof)
-    dof = np.broadcast_to(fit.noise_dof - 1.0, raw.shape)
-    if fit.noise_dof <= 1.0:
-        return Residuals(raw, standardised, internal, given, dof)
-    rest = np.maximum(fit.noise_dof - internal**2, _REST * fit.noise_dof)
-    return Residuals(raw, standardised, internal * np.sqrt((fit.noise_dof - 1.0) / rest), given, dof)
-
-
-def fitted_directions(problem: Problem, fit: LeastSquaresFit) -> Array:
-    """Rows of A, (n, k), where A A' takes weighted values to their fit: the leverage is its diagonal."""
-    local = fit.gaussian
-    seen = local.singular > RANK * local.singular.max(initial=0.0)
-    by_phi = problem.jacobian(fit.optimum.theta) @ local.to_theta / fit.sigma[:, None]
-    if fit.angle_offset is None:
-        return np.asarray(by_phi @ local.vectors[:, seen] / local.singular[seen])
-    # an error that the rows have in common is one more constant, with a prior of 1
-    common = fit.angle_offset.common / fit.sigma
-    size = float(common @ common)
-    root = 1.0 / math.sqrt(1.0 + size)
-    rest = by_phi - np.outer(common, common @ by_phi) * (1.0 / (1.0 + size))
-    return np.column_stack((rest @ local.vectors[:, seen] / local.singular[seen], root * common))
-
-
-def _left_out(fitted: Array, standardised: Array, rows: Index) -> tuple[Array, Array]:
-    """Residual of each row of one unknown noise from the fit without it, over its sd, and its dof.
-
-    The noise is that which the other rows of the group leave to it, the row left out of the constants, too;
-    other noises stay. The constants bring in an error of their own, of which that noise has a share. Of a
-    single group it is the external studentisation, with one degree of freedom less than the noise.
-    """
-    own, r = fitted[rows], standardised[rows]
-    among = own.T @ own
-    leverage = (own**2).sum(axis=1)
-    within = np.einsum("ij,jk,ik->i", own, among, own)  # squares of the fit's weights on the group's rows
-    left = 1.0 - leverage
-    has_residual = left > _FITTED
-    left = np.maximum(left, _FITTED)
-    moved = np.where(has_residual, r / left, 0.0)  # residual from the fit without the row
-    squares = float(r @ r) + 2.0 * moved * (own @ (own.T @ r)) + moved**2 * (within - 1.0)
-    rest = rows.size - 1.0 - (float(leverage.sum()) - leverage) - (within - leverage**2) / left
-    rest = np.maximum(rest, 0.0)
-    variance = np.maximum(squares, _REST * rows.size) / np.maximum(rest, _REST)
-    of_group = np.maximum(within - leverage**2, 0.0) / left**2
-    of_constants = np.maximum(leverage / left - of_group, 0.0)
-    total = variance * (1.0 + of_group) + of_constants
-    share = variance * (1.0 + of_group) / total
-    return moved / np.sqrt(total), rest / share**2
-
-
-def lack_of_fit(problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *, remedy: bool = True) -> Fact:
+def lack_of_fit(
+    problem: Problem,
+    fit: LeastSquaresFit,
+    residuals: Residuals,
+    *,
+    remedy: bool = True,
+    scatter: Fact | None = None,
+) -> Fact:
     """Test whether constants can describe the data.
 
     With known sigma by chi2; without by pure error where inputs repeat; else by a smooth departure in tau,
-    with the runs test beside it. Where some sigma is known, by chi2 of these rows and by the other test of
-    all rows: the smaller p counts twice.
+    with the runs test beside it. Pure error is that of each observable and of all together, p times the
+    number of tests. Where some sigma is known, by chi2 of these rows and by the other test of all rows: the
+    smaller p counts twice.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquaresFit
+    residuals : Residuals
+    remedy : bool
+        Whether one is searched, among the impacts near the normal.
+    scatter : Fact, optional
+        That settings scatter by more than their repeats, which then are no yardstick: what it says of a
+        smooth departure of the means takes the place of pure error.
     """
     r = residuals.standardised
     dof = r.size - round(float(fit.gaussian.leverage.sum()))
@@ -132,9 +62,12 @@ def lack_of_fit(problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *,
     if dof_known > 0:
         tests["chi2"] = float(special.chdtrc(dof_known, chi2))
     if not problem.noise.is_known:
-        pure = _pure_error(problem, r, dof)
-        if pure is not None:
-            tests["pure error"] = pure
+        pure = {} if scatter is not None else _pure_error(problem, fit, r, dof)
+        if scatter is not None:
+            tests["smooth departure of means"] = scatter.figures["p_smooth"]
+        elif pure:
+            tests["pure error"] = min(1.0, len(pure) * min(pure.values()))
+            figures["p_pure"] = pure
         else:
             smooth = _smooth(problem, fit, r)
             found = [x for x in (smooth, runs) if x is not None]
@@ -154,6 +87,7 @@ def lack_of_fit(problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *,
         f"the data contradict one set of constants (p = {p_text(p)}, {test}); "
         f"the misfit sits {where}: {signs}"
         f"{_oblique_remedy(problem, fit) if near_normal and remedy and problem.closure.bilinear else ''}"
+        f"{few_settings(problem, fit, r) if test == 'pure error' and remedy else ''}"
     )
     return Fact(False, says, figures, rule)
 
@@ -222,8 +156,11 @@ def _oblique_remedy(problem: Problem, whole: LeastSquaresFit) -> str:
     return says
 
 
-def _pure_error(problem: Problem, r: Array, dof: int) -> float | None:
-    """p of the F test of lack of fit against the scatter of repeats; None without repeats."""
+def _pure_error(problem: Problem, fit: LeastSquaresFit, r: Array, dof: int) -> dict[str, float]:
+    """p of F tests against the scatter of repeats, of all rows and of each observable; empty without repeats.
+
+    Alone an observable has constants of its own: together, others dilute what is wrong in one.
+    """
     i = problem.rows.incidence
     inputs = np.column_stack((problem.rows.series, problem.rows.which, i.sine, i.cosine, i.spin_x, i.spin_y))
     _, group = np.unique(inputs, axis=0, return_inverse=True)
@@ -234,9 +171,12 @@ def _pure_error(problem: Problem, r: Array, dof: int) -> float | None:
     dof_pure = r.size - count.size
     dof_lack = dof - dof_pure
     if dof_pure < 3 or dof_lack < 1 or pure <= 0.0:
-        return None
+        return {}
     f = max(float(r @ r) - pure, 0.0) / dof_lack / (pure / dof_pure)
-    return float(special.fdtrc(dof_lack, dof_pure, f))
+    found = {"all": float(special.fdtrc(dof_lack, dof_pure, f))}
+    for each in repeated(problem, fit, r):
+        found |= each.tests
+    return found
 
 
 def oblique_groups(problem: Problem) -> list[Index]:
@@ -246,54 +186,10 @@ def oblique_groups(problem: Problem) -> list[Index]:
 
 
 def _smooth(problem: Problem, fit: LeastSquaresFit, r: Array) -> float | None:
-    """p of a natural cubic spline in tau, one an observable, beyond the model's own directions."""
-    columns = []
-    for rows in oblique_groups(problem):
-        rows = rows[np.isfinite(problem.rows.tau[rows])]
-        basis = _natural_spline(problem.rows.tau[rows]) if rows.size >= _SMALLEST else None
-        if basis is not None:
-            wide = np.zeros((r.size, basis.shape[1]))
-            wide[rows] = basis
-            columns.append(wide)
-    if not columns:
-        return None
+    """p of a smooth departure in tau beyond the model's own directions."""
     jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free] / fit.sigma[:, None]
-    own = orthonormal(jacobian)
-    extra = np.concatenate(columns, axis=1)
-    extra = orthonormal(extra - own @ (own.T @ extra))
-    left = r - own @ (own.T @ r)
-    gained = float(((extra.T @ left) ** 2).sum())
-    rest = float(left @ left) - gained
-    dof_rest = r.size - own.shape[1] - extra.shape[1]
-    if dof_rest < 3 or extra.shape[1] == 0 or rest <= 0.0:
-        return None
-    f = gained / extra.shape[1] / (rest / dof_rest)
-    return float(special.fdtrc(extra.shape[1], dof_rest, f))
-
-
-def _natural_spline(tau: Array) -> Array | None:
-    """Basis of the natural cubic splines in tau, knots at quantiles, that vanish at the first knot, (n, 3).
-
-    By truncated powers (Hastie, Tibshirani & Friedman 2009, eqs 5.4 and 5.5): scipy.interpolate would take
-    longer to import than the whole fit.
-    """
-    knots = np.unique(np.quantile(tau, np.linspace(0.0, 1.0, _SPLINE_KNOTS)))
-    if knots.size < _SPLINE_KNOTS:
-        return None
-    x, t = (tau - knots[0]) / np.ptp(knots), (knots - knots[0]) / np.ptp(knots)
-    cubes = np.maximum(x[:, None] - t, 0.0) ** 3
-    d = (cubes[:, :-1] - cubes[:, -1:]) / (t[-1] - t[:-1])
-    return np.column_stack((x, d[:, :-1] - d[:, -1:]))
-
-
-def orthonormal(a: Array) -> Array:
-    """Orthonormal basis of the columns' span."""
-    size = np.sqrt((a * a).sum(axis=0))
-    seen = size > 1e-12 * size.max(initial=0.0)
-    if not seen.any():
-        return a[:, seen]
-    basis, weight, _ = np.linalg.svd(a[:, seen] / size[seen], full_matrices=False)
-    return np.asarray(basis[:, weight > 1e-9 * weight[0]])
+    found = smooth_departure(oblique_groups(problem), problem.rows.tau, jacobian, r)
+    return None if found is None else found.p
 
 
 def _runs(problem: Problem, r: Array) -> float | None:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import special
 
 from ifrfit.errors import DataError
-from ifrfit.inference.diagnostics.lack_of_fit import Residuals, residuals_of
+from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
 from ifrfit.inference.diagnostics.thresholds import FACTS, OUTLIER
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit

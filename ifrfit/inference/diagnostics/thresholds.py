@@ -54,8 +54,12 @@ FACTS = {
     "identifiable": f"rank of the scaled Jacobian (singular values over {RANK:g} of the largest, each free "
     "combination's sd below half its prior sd) equals the number of free constants, and each has a value",
     "at_bound": "no determined constant lies on its bound or has it in its 95 % interval",
-    "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of the F test against repeats; "
-    "else of a smooth departure in tau (natural cubic spline, 3 degrees of freedom) and of the runs test",
+    "repeats": "stands only where it fails, in the place of lack of fit: settings differ by more than their "
+    f"repeats (F, p < {REFUTED:g}, times the number of tests), while a smooth departure of the means has "
+    "p >= 0.01 beside their own scatter, or all settings but one agree (p >= 0.05)",
+    "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of F tests against repeats, of "
+    "each observable and of all, p times their number; else of a smooth departure in tau (natural cubic "
+    "spline, 3 degrees of freedom) and of the runs test",
     "beyond_closure": f"stands only where it fails: p < {REFUTED:g}, times the number of rows, that a "
     "reading lies within what the closure gives between the ends of its domain, and a quarter of the rows of "
     "its observable beyond it at 0.025",
@@ -75,6 +79,10 @@ FACTS = {
     "orders, that neighbouring residuals of a series are so alike (von Neumann's ratio, at any number of "
     "constants), along the table and along the angle; where angles are repeated often, of the scatter about "
     "their means; else only where nothing before it explains the residuals",
+    "growing_scatter": f"stands only where it fails: p < {REFUTED:g}, times the number of observables, of "
+    "the score test that the variance of an unknown noise goes with a power of one over the observable's "
+    "denominator, also without the row that speaks most; a rank correlation at 0.01, and a fall of -2 log "
+    f"likelihood of {ALIKE:g} where it is in proportion; outliers are those under a noise that grows so",
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "
@@ -83,11 +91,12 @@ FACTS = {
     "them; named is the largest fall of -2 log likelihood, with those within 4 of it",
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
     "speaks most: of an offset of the angles, a turned camera, the scale of speeds and of spins, spin before "
-    "that is not in the table, another inertia factor, an e_n that changes in the course of the table; and a "
+    "that is not in the table, another inertia factor, a constant that drifts along the table; and a "
     f"fall of -2 log likelihood below {DECISIVE:g} for the table with another sign, with angles from the "
     "wall or in radians, percent, sizes without sign, exchanged columns, spins in other units, centre for "
     "contact point, 0 or one repeated number for 'not measured'; in the table and in each of its series, p "
-    f"times their number. It fails only where no effect explains more by {ALIKE:g}, and constants of each "
+    "times their number; for signs, angles and percent in some rows, too, beyond 2 log 2 for each choice. It "
+    f"fails only where no effect explains more by {ALIKE:g}, and constants of each "
     f"series explain {ALIKE:g} less; what explains as much is named beside it",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
     "every decimal, by noise and rounding (Poisson)",

@@ -45,7 +45,17 @@ def assumed_of(
     words = _OF_NOISE[noise.policy]
     if noise.policy == "mixed":
         words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
-    return tuple(said for said in (words, _INDEPENDENT, _COMPLETE, offset) if said)
+    return tuple(said for said in (words, _INDEPENDENT + _of_repeats(problem), _COMPLETE, offset) if said)
+
+
+def _of_repeats(problem: Problem) -> str:
+    """That repeats share no error, where most angles are repeated."""
+    rows, i = problem.rows, problem.rows.incidence
+    oblique = np.flatnonzero(rows.is_oblique)
+    inputs = np.column_stack((rows.which, rows.series, i.sine, i.spin_x, i.spin_y))[oblique]
+    settings = len(np.unique(inputs, axis=0))
+    # its angle as well: with --angle-errors each row has an error of its own
+    return ", also those of repeats at one angle" if oblique.size >= 2 * settings > 0 else ""
 
 
 def _offset_words(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from ifrfit.inference.diagnostics.lack_of_fit import Residuals
+from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import FitStatistics

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ifrfit.inference.diagnostics.lack_of_fit import orthonormal
 from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
     Array,
     computed,
@@ -18,6 +17,7 @@ from ifrfit.inference.diagnostics.omitted_effects.effect_predictions import (
 )
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
+from ifrfit.inference.diagnostics.quadratic_forms import orthonormal
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.physics.effects import EFFECTS, Effect, Impacts, compose, plane_effects

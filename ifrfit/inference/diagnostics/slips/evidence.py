@@ -13,6 +13,7 @@ from scipy import special
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables, alternatives
+from ifrfit.inference.diagnostics.slips.mixed_readings import mixed_readings
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, directions_of, nuisances, of_series
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
@@ -63,6 +64,10 @@ class Slip:
         Single rows that it is in.
     is_least : bool
         Whether the size ended on the limit of what is searched.
+    constant : str
+        That changes in the course of the table; empty for another slip.
+    middle : float
+        Its mean.
     """
 
     name: str
@@ -75,6 +80,8 @@ class Slip:
     series: str = ""
     rows: tuple[int, ...] = ()
     is_least: bool = False
+    constant: str = ""
+    middle: float = 0.0
 
     @property
     def rank(self) -> float:
@@ -123,12 +130,12 @@ class Fitted:
         """Minus twice the log likelihood of `before`."""
         return float(self.misfit.likelihood(self.before))
 
-    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, float]:
-        """Fall of -2 log likelihood with a size beside the constants, and the size."""
+    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, Array]:
+        """Fall of -2 log likelihood with a size beside the constants; these and the size, (p + 1,)."""
         problem, theta = self.problem, self.fit.optimum.theta
         lower, upper = problem.parameters.bounds()
         bounds = (np.append(lower, limits[0]), np.append(upper, limits[1]))
-        drop, found = -math.inf, 0.0
+        drop, found = -math.inf, np.append(theta, 0.0)
         # a start of first order may lead astray
         for start in (float(np.clip(size, *limits)), 0.0):
             if drop >= 0.0:
@@ -141,7 +148,7 @@ class Fitted:
                 bounds,
                 np.ones(theta.size + 1, dtype=bool),
             )
-            drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), float(x[0, -1])
+            drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), x[0]
         return drop, found
 
     def of_alternatives(self, every: Sequence[Alternative]) -> Iterator[tuple[Alternative, Array]]:
@@ -193,8 +200,12 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
         of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in _OF_SPINS)
         found += _unsized(whole, list(alternatives(problem, other_units=of_spins)))
         found += _zeros(problem, fit)
+        if _explains_little(problem, residual):
+            found += _mixed(whole)
     if plain and 1 < len(problem.series) <= _MOST_SERIES:
         found += _in_series(problem, fit, sized, residual, differ=differ)
+        named = {slip.series for slip in found if slip.series and is_decisive(slip)}
+        found = [slip for slip in found if not _is_of_series(problem, slip, named)]
     return found
 
 
@@ -243,10 +254,16 @@ def _of_size(whole: Fitted, sized: list[tuple[Nuisance, Direction]], residual: A
 
 def _fitted(whole: Fitted, nuisance: Nuisance, slip: Slip) -> Slip:
     """The slip with its size fitted beside the constants."""
-    drop, size = whole.with_size(nuisance.values, slip.size, (-nuisance.most, nuisance.most))
+    drop, found = whole.with_size(nuisance.values, slip.size, (-nuisance.most, nuisance.most))
+    size, middle = float(found[-1]), 0.0
+    if nuisance.constant:
+        middle = float(found[whole.problem.parameters.positions[nuisance.constant]].mean())
     # the score may see what a constant explains that was fixed, and is free here
     p = max(slip.p, float(special.chdtrc(1, max(drop, 0.0))))
-    return replace(slip, drop=drop, p=p, size=size, is_least=abs(size) >= _LIMIT * nuisance.most)
+    return replace(
+        slip, drop=drop, p=p, size=size, is_least=abs(size) >= _LIMIT * nuisance.most,
+        constant=nuisance.constant, middle=middle,
+    )  # fmt: skip
 
 
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
@@ -273,6 +290,29 @@ def _unsized(whole: Fitted, every: list[Alternative], count: int = 1, share: flo
     return found
 
 
+def _mixed(whole: Fitted) -> list[Slip]:
+    """Tables some rows of which are read in another way, where that is decisive."""
+    found = []
+    dof = degrees_of_freedom(whole.problem, whole.fit)
+    for each in mixed_readings(whole.problem, whole.misfit, whole.fit.optimum.theta):
+        drop = whole.likelihood - float(whole.misfit.likelihood(each.residual)) - each.penalty
+        if drop <= DECISIVE:
+            continue
+        careful = _careful_drop(whole.misfit, whole.before, each.residual, dof) - each.penalty
+        if careful > DECISIVE:
+            rows = tuple(each.rows.tolist())
+            found.append(
+                Slip(each.name, drop, math.exp(-0.5 * careful), observable=each.observable, rows=rows)
+            )
+    return found
+
+
+def _is_of_series(problem: Problem, slip: Slip, named: set[str]) -> bool:
+    """Whether rows of another reading are those of a series that is named for a slip."""
+    series = {problem.series[problem.rows.series[row]] for row in slip.rows}
+    return slip.name.startswith("mixed-") and len(series) == 1 and series <= named
+
+
 def _in_series(
     problem: Problem,
     fit: LeastSquaresFit,
@@ -290,7 +330,7 @@ def _in_series(
     n = len(problem.rows)
     count = np.bincount(problem.rows.series, minlength=len(problem.series))
     series = [number for number, rows in enumerate(count.tolist()) if rows >= _FEWEST_OF_SERIES]
-    sized = [(each, one) for each, one in sized if each.name != "restitution-drift"]
+    sized = [(each, one) for each, one in sized if not each.constant]
     whole = Fitted.by_series(problem, fit)
     known = problem.noise.is_known
     sigma = fit.sigma if known else _sigma_by_series(problem, fit, residual)

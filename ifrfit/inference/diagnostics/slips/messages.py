@@ -14,13 +14,14 @@ from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.text import joined, p_text, plus_minus
 
+_MOST_LINES = 12  # of a table with two kinds of reading
 _LONGEST = 4  # rows that are named
 # of what is looked for, for the sentence that nothing was found
 _KINDS = {
     "angles": ("angle-offset", "camera-turn"),
     "scales": ("speed-scale", "spin-scale", "inertia-factor"),
     "spin before": ("incoming-spin", "incoming-roll"),
-    "drift of e_n": ("restitution-drift",),
+    "drifts along the table": ("restitution-drift", "friction-drift", "sticking-drift"),
 }
 _BODIES = ((0.4, "solid sphere"), (2.0 / 3.0, "thin hollow ball"), (0.5, "disc on its edge"))
 _NEAR = 0.02  # of an inertia factor, from that of a known body
@@ -143,8 +144,10 @@ def _inertia(problem: Problem, slip: Slip) -> tuple[str, str]:
 
 def _drift(problem: Problem, slip: Slip) -> tuple[str, str]:
     return (
-        f"an e_n that changes in the course of it, by {plus_minus(slip.size, slip.sd)}",
-        "name days or runs in a column series, and give each its own with --separate e_n",
+        f"a drift of {slip.constant} along it, from {slip.middle - 0.5 * slip.size:.3g} to "
+        f"{slip.middle + 0.5 * slip.size:.3g} (by {plus_minus(slip.size, slip.sd)})",
+        "look for wear, dirt or temperature; name days, runs or parts in a column series, and give each its "
+        f"own with --separate {slip.constant}",
     )
 
 
@@ -157,9 +160,23 @@ _SIZED = {
     "incoming-roll": _rolled,
     "inertia-factor": _inertia,
     "restitution-drift": _drift,
+    "friction-drift": _drift,
+    "sticking-drift": _drift,
 }
 
 
+_MIXED = {
+    "mixed-sign": ("of the opposite sign", "turn the sign round in these lines"),
+    "mixed-percent": ("in percent", "divide the values of these lines by 100"),
+    "mixed-angle-from-wall": (
+        "angles from the wall beside angles from the normal",
+        "take 90 degrees less the angle there",
+    ),
+    "mixed-angle-in-radians": (
+        "angles of incidence in radians",
+        "multiply the angles of these lines by 180/pi",
+    ),
+}
 _SPIN_WORDS = {
     "spins-doubled": (
         "twice as large as they are (a diameter for the radius?)",
@@ -204,6 +221,12 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
             f"({len(slip.rows)} of its cells)",
             f"empty these cells, or {' '.join(f'--exclude {one}' for one in some)}{more}",
         )
+    if name.startswith("mixed-"):
+        what, remedy = _MIXED[name]
+        lines = [exclude_name(problem, i) for i in slip.rows]
+        more = f" and {len(lines) - _MOST_LINES} more" if len(lines) > _MOST_LINES else ""
+        of = f"{observable} " if observable else ""
+        return f"{of}{what} in some of its lines ({', '.join(lines[:_MOST_LINES])}{more})", remedy
     if name.startswith("sign-of-spin"):
         axis = "x" if "-x" in name else "y"
         before, after = f"spin_{axis} (before)", f"spin_{axis}_after"

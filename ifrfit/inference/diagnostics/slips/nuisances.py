@@ -14,6 +14,8 @@ from ifrfit.inference.model.rows import OBLIQUE
 
 _STEP = 1e-5  # of derivatives, in the unit of the size
 _TIED = 0.8  # correlation with angle or speed from which the order of the rows is no time
+_FEWEST_IMPACTS = 8  # below which no drift is looked for
+_USUAL_SHARE = 0.15  # of the domain of the closure's own constant by which it may change
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
 
@@ -35,6 +37,8 @@ class Nuisance:
         Prior standard deviation of the size: a slip of several times that is unlikely, however well it fits.
     flaw : callable, optional
         From sizes, (m, 1), to the measurement, where the slip is one of those.
+    constant : str
+        That changes by the size in the course of the table; empty for others.
     """
 
     name: str
@@ -42,6 +46,7 @@ class Nuisance:
     most: float
     usual: float
     flaw: Callable[[Array], Flaw] | None = None
+    constant: str = ""
 
 
 def nuisances(problem: Problem) -> Iterator[Nuisance]:
@@ -74,31 +79,57 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
 
 
 def _drifts(problem: Problem) -> Iterator[Nuisance]:
-    """Another e_n from some row on; only where the rows are not in the order of angle or speed."""
-    impact = problem.rows.impacts
-    n = int(impact.max()) + 1
-    if n < 8 or not problem.rows.of_kind("normal", "curved").any():
+    """Constants that change in the course of the table: e_n from some row on, all along each series.
+
+    Only where the rows are not in the order of angle or speed.
+    """
+    along = _place_in_table(problem)
+    if int(problem.rows.impacts.max()) < _FEWEST_IMPACTS - 1 or _is_ordered(problem, along):
         return
+
+    def drifting(name: str, constant: str, shape: Array, usual: float) -> Nuisance:
+        place = problem.parameters.positions[constant][problem.rows.series]
+        row = np.arange(shape.size)
+
+        def values(theta: Array, size: Array) -> Array:
+            slope = np.stack([problem.jacobian(each)[row, place] for each in theta])
+            return problem.predict(theta) + size[:, None] * shape * slope
+
+        return Nuisance(name, values, 0.5, usual, constant=constant)
+
+    if problem.rows.of_kind("normal", "curved").any():
+        for part in _PARTS:
+            yield drifting("restitution-drift", "e_n", np.where(along < part - 0.5, -0.5, 0.5), 0.1)
+        yield drifting("restitution-drift", "e_n", along, 0.1)
+    if problem.rows.is_oblique.any():
+        yield drifting("friction-drift", "mu", along, 0.1)
+        if problem.closure.own is not None:
+            low, high = problem.closure.domain(problem.inertia_factor)
+            usual = _USUAL_SHARE * min(high - low, 2.0)
+            yield drifting("sticking-drift", problem.closure.own.name, along, usual)
+
+
+def _place_in_table(problem: Problem) -> Array:
+    """Where each row stands among those of its series and observable, from -0.5 to 0.5, (n,)."""
+    along = np.zeros(len(problem.rows))
+    for own in problem.groups().values():
+        _, place = np.unique(problem.rows.impacts[own], return_inverse=True)
+        if place.max() > 0:
+            along[own] = place / place.max() - 0.5
+    return along
+
+
+def _is_ordered(problem: Problem, along: Array) -> bool:
+    """Whether angle or speed rise or fall with the place in the table, in any observable."""
     table = problem.observations.table
     for column in ("gamma_deg", "speed_m_s"):
         x = table[column].to_numpy(dtype=float)
-        known = np.isfinite(x)
-        varies = known.any() and float(np.ptp(x[known])) > 0.0
-        if varies and abs(np.corrcoef(x[known], impact[known])[0, 1]) > _TIED:
-            return
-
-    place = problem.parameters.positions["e_n"][problem.rows.series]
-    row = np.arange(impact.size)
-
-    def drifting(shape: Array) -> Nuisance:
-        def values(theta: Array, size: Array) -> Array:
-            by_e_n = np.stack([problem.jacobian(each)[row, place] for each in theta])
-            return problem.predict(theta) + size[:, None] * shape * by_e_n
-
-        return Nuisance("restitution-drift", values, 0.5, 0.1)
-
-    for part in _PARTS:
-        yield drifting(np.where(impact < part * n, -0.5, 0.5))
+        for which in range(len(problem.rows.names)):
+            known = np.isfinite(x) & (problem.rows.which == which)
+            varies = known.any() and float(np.ptp(x[known])) > 0.0 and float(np.ptp(along[known])) > 0.0
+            if varies and abs(np.corrcoef(x[known], along[known])[0, 1]) > _TIED:
+                return True
+    return False
 
 
 def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:

@@ -1,0 +1,168 @@
+"""Two kinds of reading in one column: some rows in percent, in radians, from the wall, of the other sign."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.slips.refit import Misfit, search, starts
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import OBLIQUE, Array, Bool, Index
+from ifrfit.physics.angles import Incidence
+
+_FEWEST = 3  # rows of either reading
+_MOST_SHARE = 0.6  # of the rows that may be meant in the other way
+_STARTS = 6  # places in the domain from which constants and choice are searched
+_ROUNDS = 8
+_GAIN = 4.0  # in chi2, by which the other reading of an impact has to be the better one
+_LOSS = (
+    -4.0
+)  # by which it may be the worse one, where it is the more likely one: hardly an angle is below 1.6
+_TALL = 1.5  # size from which a fraction may be in percent
+_FRACTIONS = ("v_x", "beta_cm", "e_n", "beta", "mu_app")
+
+
+@dataclass(frozen=True)
+class MixedReading:
+    """Rows that are meant in another way than the rest.
+
+    Attributes
+    ----------
+    name : str
+    observable : str
+        Whose values are; empty where angles of incidence are.
+    rows : ndarray of int
+        Those of the other reading.
+    residual : ndarray, (n,)
+        With constants at their best, in units of what is meant.
+    penalty : float
+        Of -2 log likelihood: the choice between two readings, 2 log 2 an impact, and the change of unit.
+    """
+
+    name: str
+    observable: str
+    rows: Index
+    residual: Array
+    penalty: float
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """Another reading: what its rows then are, and which rows could be meant so."""
+
+    name: str
+    observable: str
+    possible: Bool
+    value: Array
+    gamma: Array
+    factor: float = 1.0
+    gain: float = _GAIN  # in chi2, by which it is the better one
+
+
+def mixed_readings(problem: Problem, misfit: Misfit, theta: Array) -> Iterator[MixedReading]:
+    """Choose between two readings impact by impact, and fit the constants, in turns.
+
+    This is the classification likelihood. Where there is but normal scatter the choice takes less than
+    2 log 2 an impact off -2 log likelihood: a split at its middle leaves 1 - 2/pi of the variance, which is
+    1.01.
+
+    Parameters
+    ----------
+    problem : Problem
+    misfit : Misfit
+    theta : ndarray, (p,)
+        Constants of the fit.
+    """
+    for reading in _readings(problem):
+        found = _classified(problem, misfit, theta, reading)
+        if found is not None:
+            yield found
+
+
+def _readings(problem: Problem) -> Iterator[_Reading]:
+    rows = problem.rows
+    value, gamma = rows.value, rows.gamma_deg
+    for observable in rows.observables:
+        own = rows.which == rows.names.index(observable.name)
+        if observable.low < 0.0 and observable.kind in OBLIQUE:
+            yield _Reading("sign", observable.name, own, -value, gamma)
+        if observable.name in _FRACTIONS and int((np.abs(value[own]) > _TALL).sum()) >= _FEWEST:
+            yield _Reading("percent", observable.name, own, value / 100.0, gamma, 100.0)
+    if rows.has_angle.any():
+        yield _Reading("angle-from-wall", "", rows.has_angle, value, 90.0 - gamma)
+        small = rows.has_angle & (gamma <= 0.5 * math.pi)
+        if int(small.sum()) >= _FEWEST:
+            yield _Reading(
+                "angle-in-radians", "", small, value, np.where(small, np.degrees(gamma), gamma), gain=_LOSS
+            )
+
+
+def _read(problem: Problem, reading: _Reading, at: Bool) -> Problem:
+    """The question with some rows read in the other way."""
+    rows = problem.rows
+    gamma = np.clip(np.where(at, reading.gamma, rows.gamma_deg), 0.0, 90.0)
+    incidence = Incidence.of(gamma, rows.incidence.spin_x, rows.incidence.spin_y, degrees=True)
+    value = np.where(at, reading.value, rows.value)
+    return replace(
+        problem, rows=replace(rows, incidence=incidence, tau=incidence.tau, gamma_deg=gamma, value=value)
+    )
+
+
+def _classified(problem: Problem, misfit: Misfit, theta: Array, reading: _Reading) -> MixedReading | None:
+    """The best division of the rows, from several starts; None where few or most are meant so."""
+    other = _read(problem, reading, reading.possible)
+    every = starts(problem, theta)
+    left = np.stack(
+        [np.nan_to_num(each.rows.value - each.predict(every), nan=1e3) for each in (problem, other)]
+    )
+    nearer = np.where(np.abs(left[1]) < np.abs(left[0]), left[1], left[0])
+    best: tuple[float, Bool, Array] | None = None
+    for start in np.argsort(misfit.likelihood(nearer))[:_STARTS]:
+        at, residual = _divided(problem, other, misfit, reading, every[start], misfit.sigma(nearer[start]))
+        far = float(misfit.likelihood(residual)) + 2.0 * int(at.sum()) * math.log(reading.factor)
+        if _FEWEST <= at.sum() <= _MOST_SHARE * len(problem.rows) and (best is None or far < best[0]):
+            best = far, at, residual
+    if best is None:
+        return None
+    _, at, residual = best
+    choices = np.unique(problem.rows.impacts[reading.possible]).size
+    penalty = 2.0 * choices * math.log(2.0) + 2.0 * int(at.sum()) * math.log(reading.factor)
+    return MixedReading(f"mixed-{reading.name}", reading.observable, np.flatnonzero(at), residual, penalty)
+
+
+def _divided(
+    problem: Problem, other: Problem, misfit: Misfit, reading: _Reading, theta: Array, sigma: Array
+) -> tuple[Bool, Array]:
+    """Rows that are nearer in the other way, and residuals, with constants fitted in turns from a start."""
+    impacts, free = problem.rows.impacts, np.ones(theta.size, dtype=bool)
+    at, residual = np.zeros(len(problem.rows), dtype=bool), problem.rows.value - problem.predict(theta)
+    for _ in range(_ROUNDS):
+        plain, read = (
+            np.nan_to_num(each.rows.value - each.predict(theta), nan=1e3) for each in (problem, other)
+        )
+        gain = np.where(reading.possible, (plain**2 - read**2) / sigma**2, 0.0)
+        chosen = reading.possible & (np.bincount(impacts, gain) > reading.gain)[impacts]
+        if np.array_equal(chosen, at):
+            break
+        at = chosen
+        mixed = _read(problem, reading, at)
+        x, after = search(
+            partial(_values_of, mixed), misfit, mixed.rows.value, theta[None],
+            problem.parameters.bounds(), free,
+        )  # fmt: skip
+        theta, residual = x[0], after[0]
+        sigma = misfit.sigma(residual)
+    return at, residual
+
+
+def _left(problem: Problem, theta: Array) -> Array:
+    """Residuals, large where there is no value."""
+    return np.asarray(np.nan_to_num(problem.rows.value - problem.predict(theta), nan=1e3))
+
+
+def _values_of(problem: Problem, theta: Array, _: Index) -> Array:
+    return problem.predict(theta)
