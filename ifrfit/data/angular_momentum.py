@@ -10,6 +10,7 @@ import numpy as np
 
 from ifrfit.data.cell_table import Cells
 from ifrfit.physics.angles import Array
+from ifrfit.physics.inertia import BODIES, is_plausible
 
 LIMIT = 0.05
 # A suggested inertia factor that closes no better than this share of the miss explains nothing.
@@ -18,7 +19,6 @@ _EXPLAINS = 0.5
 _SAME_BODY = 0.025
 # factors between a radius and a diameter, radians, revolutions per second and per minute
 _SPIN_UNITS = (2.0, 0.5, 2.0 * np.pi, 0.5 / np.pi, 30.0 / np.pi, np.pi / 30.0)
-_BODIES = {2 / 5: "homogeneous ball", 2 / 3: "thin hollow ball", 1 / 2: "disc on its edge"}
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class MomentumCheck:
 
 def _body(suggested: float) -> tuple[float, str]:
     """Return the factor to try and what it stands for: that of a known body where one is near."""
-    for factor, body in _BODIES.items():
+    for factor, body in BODIES.items():
         if abs(suggested / factor - 1.0) <= _SAME_BODY:
             return factor, f" ({body}; the velocities ask for {suggested:.3f})"
     return suggested, ""

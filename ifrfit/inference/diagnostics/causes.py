@@ -18,8 +18,11 @@ from ifrfit.inference.diagnostics.slips.messages import none_words, short_slip_w
 from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import OBLIQUE
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
+
+_OF_STICKING = "sticking-law"
 
 
 def slips_first(
@@ -75,6 +78,8 @@ def slips_first(
     top = max(slip.rank for slip in named)
     others = found.keys() - {slip.name for slip in named}
     alike = [name for name in found if name in others and found[name] >= top - ALIKE]
+    if _OF_STICKING in others and _OF_STICKING not in alike and _is_of_sticking(problem, named):
+        alike.append(_OF_STICKING)
     apart = ""
     if shared is not None and differ:
         more = top - _drop_of_series(problem, fit, shared, named[0])
@@ -104,6 +109,15 @@ def named_slips(slips: Sequence[Slip], of_effects: float) -> list[Slip]:
     decisive = sorted(every, key=lambda slip: -slip.rank)
     top = max([of_effects, *(slip.rank for slip in decisive)])
     return [slip for slip in decisive if slip.rank >= top - ALIKE]
+
+
+def _is_of_sticking(problem: Problem, named: Sequence[Slip]) -> bool:
+    """Whether an inertia factor is named that these rows hold in the law of sticking only.
+
+    Of that law the score has the first order, so that its own fall of -2 log likelihood tells too little.
+    """
+    of_spin = {each.numerator == "spin" for each in problem.rows.observables if each.kind in OBLIQUE}
+    return len(of_spin) == 1 and any(slip.name == "inertia-factor" for slip in named)
 
 
 def _key(slip: Slip) -> str:

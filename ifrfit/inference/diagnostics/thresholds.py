@@ -59,8 +59,9 @@ FACTS = {
     "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola "
     "in the angle and in the logarithm of the speed against one value; their mean against a fixed value or a "
     "prior, and against 1; no single reading 4 sd above 1",
-    "prior_conflict": f"stands where p < {REFUTED:g}, times the number of constants that were fixed or have "
-    "a prior: the constant without that describes the data better (F, or chi2 for known sigma)",
+    "prior_conflict": f"stands where p < {REFUTED:g}, times the number of constants that were fixed, have "
+    "a prior or lie on a bound of yours: the constant without that describes the data better (F, or chi2 for "
+    "known sigma)",
     "pooling": f"with several series: p >= {REFUTED:g}, times the number of constants, that one of each "
     "describes all series as well as one each (F, or chi2 for known sigma)",
     "unequal_noise": f"stands only where it fails: p < {REFUTED:g}, times the number of noises, of "

@@ -53,6 +53,8 @@ class Slip:
         Of a slip with a size; 0 else.
     usual : float
         Prior standard deviation of the size.
+    likely : tuple of float
+        Sizes that the prior is centred at.
     observable : str
         Whose values it is in; empty where it is in none.
     series : str
@@ -69,6 +71,7 @@ class Slip:
     size: float = 0.0
     sd: float = 0.0
     usual: float = math.inf
+    likely: tuple[float, ...] = (0.0,)
     observable: str = ""
     series: str = ""
     rows: tuple[int, ...] = ()
@@ -77,7 +80,7 @@ class Slip:
     @property
     def rank(self) -> float:
         """Fall of -2 log likelihood less what the prior of the size takes: by it causes compare."""
-        return self.drop - (self.size / self.usual) ** 2
+        return self.drop - min(((self.size - each) / self.usual) ** 2 for each in self.likely)
 
 
 @dataclass(frozen=True)
@@ -234,17 +237,26 @@ def _of_size(whole: Fitted, sized: list[tuple[Nuisance, Direction]], residual: A
     found = []
     for score, p in best.values():
         nuisance = next(each for each, direction in every if direction is score.direction)
-        slip = Slip(nuisance.name, score.drop, p, score.strength, score.sd, nuisance.usual)
+        slip = _slip(nuisance, score, p)
         found.append(_fitted(whole, nuisance, slip) if p < REFUTED else slip)
     return found
 
 
+def _slip(nuisance: Nuisance, score: Score, p: float, series: str = "") -> Slip:
+    """A slip as its score test has it."""
+    return Slip(
+        nuisance.name, score.drop, p, score.strength, score.sd, nuisance.usual, nuisance.likely, series=series
+    )
+
+
 def _fitted(whole: Fitted, nuisance: Nuisance, slip: Slip) -> Slip:
     """The slip with its size fitted beside the constants."""
-    drop, size = whole.with_size(nuisance.values, slip.size, (-nuisance.most, nuisance.most))
+    drop, size = whole.with_size(nuisance.values, slip.size, nuisance.limits)
     # the score may see what a constant explains that was fixed, and is free here
     p = max(slip.p, float(special.chdtrc(1, max(drop, 0.0))))
-    return replace(slip, drop=drop, p=p, size=size, is_least=abs(size) >= _LIMIT * nuisance.most)
+    low, high = nuisance.limits
+    is_least = size <= _LIMIT * low or size >= _LIMIT * high
+    return replace(slip, drop=drop, p=p, size=size, is_least=is_least)
 
 
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
@@ -308,10 +320,7 @@ def _in_series(
             t = score.strength / score.sd
             p = max(p, len(tested) * 2.0 * float(special.stdtr(max(dof, 1), -abs(t))))
         if p < REFUTED:
-            slip = Slip(
-                nuisance.name, score.drop, p, score.strength, score.sd, nuisance.usual,
-                series=problem.series[number],
-            )  # fmt: skip
+            slip = _slip(nuisance, score, p, problem.series[number])
             found.append(_fitted(whole, of_series(problem, nuisance, number), slip))
     differ = differ or _explains_little(problem, residual)
     for number in series:

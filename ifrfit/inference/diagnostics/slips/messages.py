@@ -12,6 +12,7 @@ from ifrfit.inference.diagnostics.slips.alternatives import SPIN_UNITS
 from ifrfit.inference.diagnostics.slips.evidence import Slip
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.physics.inertia import BODIES
 from ifrfit.text import joined, p_text, plus_minus
 
 _LONGEST = 4  # rows that are named
@@ -22,7 +23,6 @@ _KINDS = {
     "spin before": ("incoming-spin", "incoming-roll"),
     "drift of e_n": ("restitution-drift",),
 }
-_BODIES = ((0.4, "solid sphere"), (2.0 / 3.0, "thin hollow ball"), (0.5, "disc on its edge"))
 _NEAR = 0.02  # of an inertia factor, from that of a known body
 
 
@@ -132,7 +132,7 @@ def _rolled(problem: Problem, slip: Slip) -> tuple[str, str]:
 
 def _inertia(problem: Problem, slip: Slip) -> tuple[str, str]:
     factor, sd = (problem.inertia_factor * x for x in (1.0 + slip.size, slip.sd))
-    bodies = [(j, body) for j, body in _BODIES if abs(j - factor) < _NEAR + 2.0 * sd]
+    bodies = [(j, body) for j, body in BODIES.items() if abs(j - factor) < _NEAR + 2.0 * sd]
     j, body = min(bodies, key=lambda pair: abs(pair[0] - factor), default=(factor, ""))
     like = f" ({body} {j:.4g})" if body else ""
     return (
