@@ -49,7 +49,9 @@ class _Commands(TyperGroup):
 def _alone(shared: SharedCommand) -> typer.Typer:
     """One command as an application of its own."""
     made = typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=False)
-    made.command()(command(shared))
+    run: Any = command(shared)
+    run.__signature__ = shared.__signature__  # once: typer would make it of all registries four times
+    made.command()(run)
     return made
 
 

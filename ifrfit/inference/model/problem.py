@@ -215,6 +215,10 @@ class Problem:
 
     def groups(self) -> Mapping[str, Index]:
         """Rows of each "series/observable"."""
+        return self._groups
+
+    @cached_property
+    def _groups(self) -> Mapping[str, Index]:
         code = self.rows.series * len(self.rows.names) + self.rows.which
         found = {}
         for value in np.unique(code):

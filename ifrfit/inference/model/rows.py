@@ -101,9 +101,8 @@ class Rows:
     def by_observable(self) -> tuple[tuple[Observable, Index, Incidence], ...]:
         """The observables that occur, each with its rows and the incidence of those."""
         at = [self.rows_of(name) for name in self.names]
-        return tuple(
-            (o, rows, self.take(rows).incidence) for o, rows in zip(self.observables, at, strict=True)
-        )
+        parts = [self.incidence if rows.size == len(self) else self.incidence.take(rows) for rows in at]
+        return tuple(zip(self.observables, at, parts, strict=True))
 
     def linear_parts(self, inertia_factor: float) -> tuple[Array, Array]:
         """Offset and slope in the impulse factor of each tangential row, (n,); zero for the others."""

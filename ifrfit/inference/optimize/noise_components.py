@@ -1,11 +1,12 @@
 """Unknown noises that share no constant: parts of a problem whose likelihood is the product of theirs.
 
 What measures e_n and nothing else, and the rows of series that share nothing, are components of their own.
-Each is a piecewise problem.
+Each is a piecewise problem, but for e_n with one noise: there the minimum is a mean.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -22,6 +23,7 @@ from ifrfit.inference.optimize.parameter_group import (
     Array,
     ParameterGroup,
     is_separable,
+    restitution_optimum,
     without_normal_rows,
 )
 from ifrfit.inference.optimize.solve import independent_groups, whole_group
@@ -122,7 +124,7 @@ class SolvedComponent:
 class SplitProblem:
     """What measures e_n alone, and the rest with e_n fixed: it knows kappa only."""
 
-    restitution: list[NoiseComponent]
+    restitution: list[Component]
     rest: Problem
 
 
@@ -156,7 +158,7 @@ def without_restitution(problem: Problem) -> SplitProblem | None:
     return SplitProblem(components, problem.with_rows(rest).with_parameters([e_n]))
 
 
-def noise_components(problem: Problem) -> list[NoiseComponent] | None:
+def noise_components(problem: Problem) -> list[Component] | None:
     """Split a problem with unknown noises; None where it is not made of piecewise problems.
 
     Parameters
@@ -167,22 +169,28 @@ def noise_components(problem: Problem) -> list[NoiseComponent] | None:
     return None if parts is None else _components(problem, parts)
 
 
-def _components(
-    problem: Problem, parts: Sequence[tuple[ParameterGroup, Index]]
-) -> list[NoiseComponent] | None:
-    """The parts in linear form; None where one has none, or two share a noise."""
+def _components(problem: Problem, parts: Sequence[tuple[ParameterGroup, Index]]) -> list[Component] | None:
+    """The parts in linear form, or solved; None where one has no such form, or two share a noise."""
     names = list(problem.noise_groups().values())
     label = np.full(len(problem.rows), -1)
     for number, rows in enumerate(names):
         label[rows] = number
     scaled = problem.rows.value / problem.noise.base
     least = _SMALLEST * max(1.0, float(np.square(scaled[label >= 0]).max()))
-    made = []
+    made: list[Component] = []
     for part, at in parts:
+        groups = np.unique(label[at])
+        if (
+            groups.size == 1
+            and groups[0] >= 0
+            and part.e_n.prior is None
+            and part.rows.of_kind("normal").all()
+        ):
+            made.append(_mean_of(part, groups, least))
+            continue
         form = linear_form(part)
         if form is None:
             return None
-        groups = np.unique(label[at])
         groups = groups[groups >= 0]
         of_row = np.where(label[at] >= 0, np.searchsorted(groups, label[at]), -1)
         sizes = np.array([float(names[g].size) for g in groups])
@@ -190,6 +198,14 @@ def _components(
         made.append(NoiseComponent(form, groups, of_row, sizes, scatter, least))
     every = np.concatenate([each.groups for each in made])
     return made if np.unique(every).size == every.size else None
+
+
+def _mean_of(part: ParameterGroup, groups: Index, least: float) -> SolvedComponent:
+    """Rows of one noise that measure e_n alone: the weighted mean is their only minimum."""
+    n = float(len(part.rows))
+    variance = max(restitution_optimum(part)[1] / n, least)
+    value = n * math.log(variance)
+    return SolvedComponent(groups, [Minimum(value, np.array([variance]))], value)
 
 
 def _parts(problem: Problem) -> list[tuple[ParameterGroup, Index]] | None:

@@ -29,9 +29,14 @@ def _fits_exactly(problem: Problem, rows: Index) -> bool:
     """Whether the free constants could run through all points of some rows."""
     inputs = inputs_of_rows(problem, rows)
     values = np.column_stack((inputs, problem.rows.value[rows]))
-    points = np.unique(inputs, axis=0).shape[0]
-    scatter = np.unique(values, axis=0).shape[0] > points
-    return points <= n_parameters_seen(problem, rows) and not scatter
+    points = _n_different(inputs)
+    return points <= n_parameters_seen(problem, rows) and _n_different(values) == points
+
+
+def _n_different(rows: Array) -> int:
+    """How many different rows a table has; some ten times as fast as `np.unique` along an axis."""
+    ordered = rows[np.lexsort(rows.T)]
+    return 1 + int((ordered[1:] != ordered[:-1]).any(axis=1).sum())
 
 
 def n_parameters_seen(problem: Problem, rows: Index) -> int:

@@ -62,11 +62,14 @@ class Mode:
     ----------
     value : float
         Phi.
+    variance : ndarray, (groups,)
+        S_g/n_g of each group.
     optimum : Optimum
         Of the weighted fit whose weights are those of the mode itself.
     """
 
     value: float
+    variance: Array
     optimum: Optimum
 
     @property
@@ -127,8 +130,7 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
     search = _Search(problem)
     if search.is_monotone:
         optimum = solve(problem, search.base, start)
-        mode = Mode(search.value(optimum.theta), optimum)
-        return NoiseModes((mode,), optimum.gap, follows_squares=True)
+        return NoiseModes((search.mode(optimum),), optimum.gap, follows_squares=True)
     components = noise_components(problem)
     if components is not None:
         return search.over_components(components)
@@ -168,7 +170,7 @@ def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
     searched = not problem.closure.bilinear
     if search.is_monotone:
         optimum = solve(problem, search.base, thetas[0] if searched else None)
-        return Mode(search.value(optimum.theta), optimum)
+        return search.mode(optimum)
     for theta in thetas:
         search.descend(search.solve(search.variance(theta), theta if searched else None))
     return search.modes[0]
@@ -176,7 +178,7 @@ def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
 
 def phi(problem: Problem, theta: Array) -> float:
     """Phi at theta, eq. (12)."""
-    return _Search(problem).value(theta)
+    return _Search(problem).at(theta)[0]
 
 
 def noise_factors(problem: Problem, theta: Array) -> Array:
@@ -272,10 +274,9 @@ class _Search:
 
     def component(self, part: Problem, found: NoiseModes) -> SolvedComponent:
         """The modes of a part of the rows, whose noises are theirs alone."""
-        own = _Search(part)
         names = list(self.problem.noise_groups())
         groups = np.array([names.index(name) for name in part.noise_groups()], dtype=np.intp)
-        minima = [Minimum(mode.value, own.variance(mode.theta)) for mode in found.modes]
+        minima = [Minimum(mode.value, mode.variance) for mode in found.modes]
         return SolvedComponent(
             groups, minima, found.best.value - (np.inf if found.gap is None else found.gap)
         )
@@ -292,22 +293,18 @@ class _Search:
                 variance[each.groups] = minimum.variance
             optimum = solve(self.problem, self.sigma(variance), near, proven=False)
             near = optimum.theta if near is None else near
-            if not self._known(optimum.theta):
-                self.modes.append(Mode(self.value(optimum.theta), optimum))
-        self.modes.sort(key=lambda mode: mode.value)
+            self._add(self.mode(optimum))
         self._add_minima_of_known_rows()
         gap = max(0.0, self.modes[0].value - bound)
         return NoiseModes(tuple(self.modes), gap if np.isfinite(gap) else None)
 
     def _add_minima_of_known_rows(self) -> None:
         """Add minima of the best weighted fit that change no unknown noise: Phi is higher by their chi2."""
-        best = self.modes[0].optimum
-        here = self.variance(best.theta)
-        for _, theta in best.minima[1:] if self.known.size else ():
-            same_noise = bool((np.abs(self.variance(theta) / here - 1.0) <= _SAME_NOISE).all())
-            if same_noise and not self._known(theta):
-                self.modes.append(Mode(self.value(theta), replace(best, theta=theta)))
-        self.modes.sort(key=lambda mode: mode.value)
+        best = self.modes[0]
+        for _, theta in best.optimum.minima[1:] if self.known.size else ():
+            mode = self.mode(replace(best.optimum, theta=theta))
+            if (np.abs(mode.variance / best.variance - 1.0) <= _SAME_NOISE).all():
+                self._add(mode)
 
     def spread(self) -> Array:
         """Variance of the values of each group, in units of base: weights to begin with."""
@@ -322,38 +319,39 @@ class _Search:
         return sigma
 
     def variance(self, theta: Array) -> Array:
-        """S_g/n_g of each group, kept off zero."""
-        residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
-        return np.array(
-            [max(float(residual[rows] @ residual[rows]) / rows.size, self._least) for rows in self.groups]
-        )
+        """S_g/n_g of each group at theta, kept off zero."""
+        return self.at(theta)[1]
 
     @cached_property
     def _least(self) -> float:
         own = np.concatenate(self.groups)
         return _SMALLEST * max(1.0, float(np.square(self.problem.rows.value[own] / self.base[own]).max()))
 
-    def value(self, theta: Array) -> float:
-        """Phi at theta."""
-        prior = self.problem.parameters.prior_residuals(theta)
-        known = (self.problem.rows.value - self.problem.predict(theta))[self.known] / self.base[self.known]
-        return float(self.sizes @ np.log(self.variance(theta)) + known @ known + prior @ prior)
+    def at(self, theta: Array) -> tuple[float, Array]:
+        """Phi at theta, and S_g/n_g of each group, kept off zero."""
+        residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
+        squares = [float(residual[rows] @ residual[rows]) for rows in self.groups]
+        variance = np.array([max(s / n, self._least) for s, n in zip(squares, self.sizes, strict=True)])
+        known, prior = residual[self.known], self.problem.parameters.prior_residuals(theta)
+        return float(self.sizes @ np.log(variance) + known @ known + prior @ prior), variance
+
+    def mode(self, optimum: Optimum) -> Mode:
+        """What a weighted fit is as a mode."""
+        return Mode(*self.at(optimum.theta), optimum)
 
     def descend(self, optimum: Optimum) -> None:
         """Follow the tangents down from an optimum to a mode, and keep it if it is a new one."""
-        variance = self.variance(optimum.theta)
+        mode = self.mode(optimum)
         for _ in range(_DESCENTS):
-            optimum = solve(self.problem, self.sigma(variance), optimum.theta, proven=False)
-            before, variance = variance, self.variance(optimum.theta)
-            if np.abs(variance / before - 1.0).max() <= _AT_REST or self._known(optimum.theta):
+            before = mode.variance
+            mode = self.mode(solve(self.problem, self.sigma(before), mode.theta, proven=False))
+            if np.abs(mode.variance / before - 1.0).max() <= _AT_REST or self._is_known(mode):
                 break
-        if not self._known(optimum.theta):
-            self.modes.append(Mode(self.value(optimum.theta), optimum))
-            self.modes.sort(key=lambda mode: mode.value)
+        self._add(mode)
 
     def descend_from_groups(self) -> None:
         """Look for a mode from where each group alone would begin, the others counting next to nothing."""
-        for variance in self._each_alone(self.variance(self.modes[0].theta)):
+        for variance in self._each_alone(self.modes[0].variance):
             near = best_start(self.problem, self.sigma(variance))
             self.descend(self.solve(variance, near))
 
@@ -365,23 +363,27 @@ class _Search:
         has_known = bool(self.known.size) or any(c.prior is not None for c in self.problem.parameters)
         if len(self.groups) + has_known < 2:
             return []
-        made = np.tile(1e8 * self.variance(self.modes[0].theta), (len(self.groups) + has_known, 1))
+        made = np.tile(1e8 * self.modes[0].variance, (len(self.groups) + has_known, 1))
         np.fill_diagonal(made, own)
         return list(made)
 
-    def _known(self, theta: Array) -> bool:
-        def same(mode: Mode) -> bool:
-            both = np.isfinite(theta) & np.isfinite(mode.theta)
-            return bool((np.abs(theta - mode.theta)[both] <= _SAME * self.scale[both]).all())
+    def _add(self, mode: Mode) -> None:
+        """Keep a mode if it is a new one, in its order."""
+        if not self._is_known(mode):
+            self.modes.append(mode)
+            self.modes.sort(key=lambda mode: mode.value)
 
-        variance, value = self.variance(theta), self.value(theta)
+    def _is_known(self, mode: Mode) -> bool:
+        def same_theta(other: Mode) -> bool:
+            both = np.isfinite(mode.theta) & np.isfinite(other.theta)
+            return bool((np.abs(mode.theta - other.theta)[both] <= _SAME * self.scale[both]).all())
 
-        def equals(mode: Mode) -> bool:
-            noises = np.abs(variance / self.variance(mode.theta) - 1.0)
+        def same_noise(other: Mode) -> bool:
+            noises = np.abs(mode.variance / other.variance - 1.0)
             # where sigma of some rows is known, modes may differ by these alone
-            return bool((noises <= _SAME_NOISE).all()) and abs(value - mode.value) <= _SAME_PHI
+            return bool((noises <= _SAME_NOISE).all()) and abs(mode.value - other.value) <= _SAME_PHI
 
-        return any(same(mode) or equals(mode) for mode in self.modes)
+        return any(same_theta(other) or same_noise(other) for other in self.modes)
 
     def prove(self) -> float:
         """Cut boxes until their bounds meet the best mode; gives what is left between them."""
@@ -395,7 +397,7 @@ class _Search:
             if (queue[0].optimum.gap or 0.0) > NOISE_GAP:
                 break  # no box is bounded better than its own fit
             box = heapq.heappop(queue)
-            if self.value(box.optimum.theta) <= self.modes[0].value + 2.0 * NEAR:
+            if self.at(box.optimum.theta)[0] <= self.modes[0].value + 2.0 * NEAR:
                 self.descend(box.optimum)
             for low, high in self._cut(box):
                 high = np.minimum(high, self._top(low))

@@ -240,7 +240,7 @@ class Refinement:
         """Whether a separated kappa has mass where the bound of mu ties it to e_n, eq. (8)."""
         if not self.layout.separable:
             return False
-        kappas = kappa_marginals(self.layout, self.density)
+        kappas = self.marginals or kappa_marginals(self.layout, self.density)  # `log_evidence` asks for none
         for block, name in enumerate(self.layout.kappa_names):
             domain = self._integral.series[block].mu
             shared = self._integral.number_of("mu")

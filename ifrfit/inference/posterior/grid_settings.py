@@ -79,20 +79,25 @@ class GridSettings:
         name = self.problem.closure.constant if kind == "c" else kind
         return None if name is None else int(self.problem.parameters.positions[name][block])
 
+    def optimum(self, kind: str, block: int) -> float:
+        """e_n, c, mu or kappa of a block at the optimum."""
+        if kind == "kappa":
+            return self.optimum("mu", block) * (1.0 + self.optimum("e_n", block))
+        at = self.place(kind, block)
+        return 0.0 if at is None else float(self.start.optimum.theta[at])
+
     def spread(self, kind: str, block: int) -> tuple[float, float]:
         """Optimum and local standard deviation of e_n, c, mu or kappa in a block."""
-        local = self.start.gaussian
-        theta = self.start.optimum.theta
-        to_theta = local.to_theta
+        value, to_theta = self.optimum(kind, block), self.start.gaussian.to_theta
         if kind == "kappa":
-            e, mu = (int(self.problem.parameters.positions[name][block]) for name in ("e_n", "mu"))
-            functional = (1.0 + theta[e]) * to_theta[mu] + theta[mu] * to_theta[e]
-            value, prior_sd = float(theta[mu] * (1.0 + theta[e])), 1.0
+            by_mu, by_e_n = (to_theta[self.place(name, block)] for name in ("mu", "e_n"))
+            functional = (1.0 + self.optimum("e_n", block)) * by_mu + self.optimum("mu", block) * by_e_n
+            prior_sd = 1.0
         else:
             at = self.place(kind, block)
             if at is None:
                 return 0.0, 0.0
-            functional, value = to_theta[at], float(theta[at])
+            functional = to_theta[at]
             prior_sd = self.parameter(kind).prior_sd
         sd = math.sqrt(max(float(functional @ self.covariance @ functional), 0.0))
         return value, min(max(sd, 1e-9 * max(abs(value), 1.0)), prior_sd)

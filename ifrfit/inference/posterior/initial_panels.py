@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.row_likelihood import RowLaw
-from ifrfit.inference.model.rows import Index, Rows
+from ifrfit.inference.model.rows import Index
 from ifrfit.inference.posterior.grid_settings import LADDER, GridSettings, ladder
 from ifrfit.inference.posterior.kink_minima import local_minima
 from ifrfit.inference.posterior.noise_scale import KnownScale, NoiseScale, Scale
@@ -57,13 +56,14 @@ def make_series(
         Of the noises integrated inside, "" for a common factor.
     """
     problem = settings.problem
-    rows = _one_series(problem.rows, at)
-    optimum = {kind: settings.spread(kind, block) for kind in ("e_n", "c", "mu", "kappa")}
+    rows = problem.rows.take(at)
     is_kappa = known["e_n"] == 0.0 and settings.parameter("e_n").fixed is None  # in the place of mu
-    friction = optimum["kappa"] if is_kappa else optimum["mu"]
-    reference = Reference(0.0 if is_kappa else optimum["e_n"][0], optimum["c"][0], friction[0])
-    if friction_count:
-        reference = Reference(optimum["e_n"][0], 0.0, 0.0)
+    optimum = {kind: settings.optimum(kind, block) for kind in ("e_n", "c", "mu", "kappa")}
+    reference = Reference(optimum["e_n"], optimum["c"], optimum["mu"])
+    if is_kappa:
+        reference = Reference(0.0, optimum["c"], optimum["kappa"])
+    elif friction_count:
+        reference = Reference(optimum["e_n"], 0.0, 0.0)
     names, groups, noise, weight, sigma = _noise(settings, at, holds_all_rows)
     squares = SumOfSquares(rows, weight, groups, problem.closure, problem.inertia_factor, reference)
     plain = problem.error_model.is_plain or at.size == 0
@@ -75,11 +75,12 @@ def make_series(
         # the density of c given curved rows is uneven where the bound of mu runs with c
         series.c_order += 2 * (settings.c_order // 4)
     if series.integrates_e_n and isinstance(e_n, FreeParameter):
-        center, sd = optimum["e_n"]
+        center, sd = settings.spread("e_n", block)
         series.e_axis = QuadratureAxis.of(ladder(center, sd, e_n.lower, e_n.upper), settings.order)
     if series.role.has_axis:
-        b = max(float(squares.b(optimum["c"][0])), 1e-6)
-        center, sd = optimum["kappa"][0] / b, max(optimum["kappa"][1] / b, 1e-12)
+        b = max(float(squares.b(optimum["c"])), 1e-6)
+        kappa, kappa_sd = settings.spread("kappa", block)
+        center, sd = kappa / b, max(kappa_sd / b, 1e-12)
         series.unit = max(center, 1e-3)
         edges = _x_edges(series, center, sd, known, settings.kink_distance)
         series.x_axis = QuadratureAxis.of(edges, settings.order)
@@ -121,12 +122,6 @@ def _noise(
     if holds_all_rows:
         return ("",), everything, (NoiseScale(at.size, *settings.bounds[""]),), weight, factor
     return (), everything, None, weight, np.ones(1)  # the factor is shared
-
-
-def _one_series(rows: Rows, at: Index) -> Rows:
-    """Some of the rows, as those of a single series."""
-    part = rows.take(at)
-    return replace(part, series=np.zeros(at.size, dtype=np.intp))
 
 
 def _x_edges(series: SeriesIntegral, center: float, sd: float, known: Known, kink_distance: float) -> Array:

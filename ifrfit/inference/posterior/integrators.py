@@ -40,8 +40,9 @@ def exact_posterior(
 ) -> ExactPosterior:
     """The posterior of a problem, with the error that was reached.
 
-    By quadrature as long as its grids stay small, or end with an error below 0.005 sd that fell to there;
-    else by importance sampling, and where that does not converge either by whichever has the smaller error.
+    By quadrature as long as its grids stay small, or end with an error below 0.001 sd, or below 0.005 sd if
+    it was seen to fall; else by importance sampling, and where that does not converge either by whichever
+    has the smaller error.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def exact_posterior(
     if found.converged:
         return found
     reached = max(found.error, found.error_evidence)
-    if reached <= _COARSER[-1] and found.is_falling:
+    if reached <= (_COARSER[-1] if found.is_falling else _COARSER[0]):
         return replace(found, tolerance=next(each for each in _COARSER if reached <= each))
     sampled = sample_by_importance(problem, start, seed)
     return sampled if sampled.converged or sampled.error <= found.error else found

@@ -100,11 +100,11 @@ class JointIntegral:
 
     def _sizes(self) -> list[int]:
         """Values of the density of each series."""
-        outer = math.prod(one.axis.nodes().size for one in self.shared)
+        outer = math.prod(one.axis.size for one in self.shared)
         sizes = []
         for series in self.series:
             axes = (series.e_axis, series.x_axis)
-            shape = [outer, *(1 if axis is None else axis.nodes().size for axis in axes)]
+            shape = [outer, *(1 if axis is None else axis.size for axis in axes)]
             # two panels about the mode of c, whose density does not depend on every axis
             of_c = 2 * (series.c_order + 1) if series.integrates_c else 1
             seen = math.prod(n for axis, n in enumerate(shape) if axis not in series.c_independent_axes)
@@ -216,7 +216,10 @@ class JointIntegral:
 
 def _crossed(parts: Iterable[Array]) -> list[Array]:
     """Values along several axes, each at the nodes of their product, (m,)."""
-    return [part.reshape(-1) for part in np.meshgrid(*parts, indexing="ij")]
+    along = list(parts)
+    if len(along) < 2:  # most integrals: one series, which shares nothing
+        return along
+    return [part.reshape(-1) for part in np.meshgrid(*along, indexing="ij")]
 
 
 @dataclass
@@ -247,7 +250,7 @@ class JointDensity:
 
     def shape(self) -> list[int]:
         """Nodes along each shared parameter."""
-        return [one.axis.nodes().size for one in self.integral.shared]
+        return [one.axis.size for one in self.integral.shared]
 
     def size(self) -> int:
         """Values of the density that were worked out."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,11 @@ class QuadratureAxis:
     def shape(self) -> tuple[int, int]:
         """Panels, and nodes on each."""
         return self.panels.shape[0], self.order + 1
+
+    @property
+    def size(self) -> int:
+        """Nodes on all panels."""
+        return math.prod(self.shape)
 
     def errors(self, density: Array) -> Array:
         """Largest difference between the rules in each panel, up to its end or inside.

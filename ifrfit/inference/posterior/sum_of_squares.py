@@ -104,18 +104,22 @@ class SumOfSquares:
         """Bound of the frictional part of the impulse factor in sticking."""
         return self.coefficients.b0 + self.coefficients.b1 * c
 
+    @cached_property
+    def _linear_parts(self) -> tuple[Array, Array]:
+        return self.rows.linear_parts(self.inertia_factor)
+
     def _tangential(self, at: Index) -> list[PrefixSums]:
         by_scale = {scale: at[self.rows.of_scale(scale)[at]] for scale in ("one", "impulse", "rebound")}
         return [self._summed(rows, scale) for scale, rows in by_scale.items() if rows.size]
 
     def _summed(self, at: Index, scale: str) -> PrefixSums:
         at = at[np.argsort(self.rows.tau[at], kind="stable")]
-        part = self.rows.take(at)
-        offset, slope = part.linear_parts(self.inertia_factor)
+        tau, measured = self.rows.tau[at], self.rows.value[at]
+        offset, slope = (part[at] for part in self._linear_parts)
         k, ref, w = self.coefficients, self.reference, self.weight[at]
         kappa = ref.mu * (1.0 + ref.e_n)
         with np.errstate(divide="ignore", invalid="ignore"):
-            over_tau = np.where(slope == 0.0, 0.0, slope / part.tau)
+            over_tau = np.where(slope == 0.0, 0.0, slope / tau)
         a = k.a0 + k.a1 * ref.c
         factor = float(scale_factor(scale, np.asarray(ref.e_n)))
         regimes = []
@@ -125,13 +129,13 @@ class SumOfSquares:
             value = offset + slope * a + fall
             by_c = slope * (k.a1 + k.b1) if sticking else slope * k.a1
             by_kappa = np.zeros(at.size) if sticking else np.where(np.isfinite(over_tau), over_tau, 0.0)
-            columns = [part.value - factor * value, value, by_c, by_kappa]
+            columns = [measured - factor * value, value, by_c, by_kappa]
             regimes.append(w * np.array(columns))
         stick, slide = (np.array([columns[i] * columns[j] for i, j in PAIRS]) for columns in regimes)
         products = np.zeros((len(PAIRS), at.size + 1))
         np.cumsum(stick, axis=1, out=products[:, 1:])
         products[:, :-1] += np.cumsum(slide[:, ::-1], axis=1)[:, ::-1]
-        return PrefixSums(scale, part.tau, products)
+        return PrefixSums(scale, tau, products)
 
     def _normal_rows(self, at: Index) -> Quadratic:
         """Sum of squares of rows of e_n by its distance from the reference."""

@@ -103,7 +103,7 @@ class FrictionFree(TransitionRole):
     def log_prior(self, values: Values, x: Array, c: Array, mu: Array) -> tuple[Array | float, Array | float]:
         """Log prior of mu, with d mu/dx = b(c)/(1 + e_n)."""
         with np.errstate(divide="ignore"):
-            with_c = np.log(np.maximum(sticking_bound(self.k, c), 0.0))
+            with_c = np.log(np.maximum(sticking_bound(self.k, c if self.k.b1 else 0.0), 0.0))
         rest = -np.log1p(values.e_n)
         if self.k.b1 and self.mu.prior is not None:
             return with_c + self.mu.log_prior(mu), rest

@@ -91,7 +91,7 @@ class TwoSidedIntegrals:
         found = np.empty((levels, *side.shape))
         for level in range(levels):
             amount = self.total[level][side, node].reshape(-1)  # beyond u_max all of a side
-            amount[inside] = integral_up_to(self.coefficients[level][:, column].T, at)
+            amount[inside] = integral_up_to(self.coefficients[level].take(column, axis=1).T, at)
             amount = amount.reshape(side.shape)
             found[level] = self.total[level, 0, node] + np.where(side == 1, amount, -amount)
         return found
