@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.posterior import TOLERANCE, integrate
+from ifrfit.inference.posterior import TOLERANCE, exact_posterior
 from ifrfit.inference.profile.least_squares_estimates import estimates_of_optimum
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.result.types import Estimate, Interval
@@ -77,7 +77,7 @@ def score_exact(
 ) -> tuple[dict[str, dict[str, Score]], float]:
     """Scores of the exact posterior and of its intervals narrowed, and the error that it states."""
     plain = experiment.problem.error_model.is_plain
-    post = integrate(experiment.problem, start=fit, tolerance=TOLERANCE if plain else COARSE)
+    post = exact_posterior(experiment.problem, TOLERANCE if plain else COARSE, fit)
     scores = {
         EXACT: score_marginals(post, experiment.truth),
         NARROW: score_marginals(post, experiment.truth, NARROWED),
@@ -95,7 +95,7 @@ WRONG: dict[str, Callable[[Experiment], Experiment]] = {
 def score_wrong(experiment: Experiment, control: str) -> dict[str, Score]:
     """Scores of the exact posterior of a wrong likelihood, one of `WRONG`: the test must not let it pass."""
     seen = WRONG[control](experiment)
-    return score_marginals(integrate(seen.problem, tolerance=COARSE), seen.truth)
+    return score_marginals(exact_posterior(seen.problem, COARSE), seen.truth)
 
 
 def score_covariance(experiment: Experiment, fit: LeastSquaresFit) -> dict[str, Score]:

@@ -28,6 +28,7 @@ HEADLINES = {
     "normal_restitution": "the readings of e_n contradict what is taken of them",
     "prior_conflict": "the data contradict a value that was taken for known",
     "slips": "the table looks as if it had a slip in it",
+    "repeated_number": "one reading of e_n stands in every row",
     "duplicates": "impacts stand in the table twice",
     "effects": "the residuals call for a further effect",
     "outliers": "outliers",

@@ -20,7 +20,7 @@ _ON = 1e-6  # share of the domain within which a constant lies on a bound
 
 
 def prior_conflict(problem: Problem, found: LeastSquaresFit) -> Fact | None:
-    """Set free each constant that was fixed, has a prior or lies on a bound of the user; test what that gains.
+    """Set free each constant that was fixed, has a prior, or lies on a bound of the user, and test the gain.
 
     Tested is the fall of the weighted sum of squares, with the prior's part, at the noise of the wider model:
     by F, or by chi2 where sigma is known. p values are multiplied by the number of constants (Bonferroni).

@@ -18,6 +18,7 @@ ESS = 2000
 LENGTH = 50
 STABLE = 0.2
 PULL = 3.0
+FEWEST_ALIKE = 5
 
 STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
@@ -89,6 +90,8 @@ FACTS = {
     f"series explain {ALIKE:g} less; what explains as much is named beside it",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
     "every decimal, by noise and rounding (Poisson)",
+    "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
+    "more, not simulated, all the same in every decimal",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",

@@ -47,7 +47,9 @@ def test_a_bound_says_what_the_data_say_without_it(path):
     assert "without --bounds mu they say 0.1" in says
 
 
-@pytest.mark.parametrize("bounds", [{"e_t": (-1.0, -0.5)}, {"e_t": (-0.99, -0.5)}, {"mu": (0.05, 0.5)}], ids=str)
+@pytest.mark.parametrize(
+    "bounds", [{"e_t": (-1.0, -0.5)}, {"e_t": (-0.99, -0.5)}, {"mu": (0.05, 0.5)}], ids=str
+)
 def test_bounds_that_hold_the_truth_are_not_contradicted(path, bounds):
     assert "prior_conflict" not in fit(path, method="lsq", fix={"e_n": 0.94}, bounds=bounds).facts
 

@@ -1,4 +1,4 @@
-"""What a slip is not told apart from is named beside it: inertia, spin before, laws of sticking and friction."""
+"""What a slip is not told apart from is named beside it: inertia, spin before, a law of sticking."""
 
 from __future__ import annotations
 

@@ -19,7 +19,8 @@ _LONGEST = 4  # rows that are named
 # of what is looked for, for the sentence that nothing was found
 _KINDS = {
     "angles": ("angle-offset", "camera-turn"),
-    "scales": ("speed-scale", "spin-scale", "inertia-factor"),
+    "scales": ("speed-scale", "spin-scale"),
+    "inertia factor": ("inertia-factor",),
     "spin before": ("incoming-spin", "incoming-roll"),
     "drift of e_n": ("restitution-drift",),
 }
