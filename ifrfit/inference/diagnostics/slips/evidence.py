@@ -13,6 +13,7 @@ from scipy import special
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables, alternatives
+from ifrfit.inference.diagnostics.slips.flawed_readings import Flaw, readings
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, directions_of, nuisances, of_series
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
 from ifrfit.inference.diagnostics.thresholds import DECISIVE, REFUTED
@@ -63,6 +64,8 @@ class Slip:
         Single rows that it is in.
     is_least : bool
         Whether the size ended on the limit of what is searched.
+    e_n : float
+        Of the first series, with a slip that was fitted; nan else.
     """
 
     name: str
@@ -76,11 +79,41 @@ class Slip:
     series: str = ""
     rows: tuple[int, ...] = ()
     is_least: bool = False
+    e_n: float = math.nan
 
     @property
     def rank(self) -> float:
         """Fall of -2 log likelihood less what the prior of the size takes: by it causes compare."""
-        return self.drop - min(((self.size - each) / self.usual) ** 2 for each in self.likely)
+        return self.drop - self.unlikely**2 / (self.usual**2 + self.sd**2)
+
+    @property
+    def unlikely(self) -> float:
+        """Distance of the size from the nearest likely one."""
+        return min(abs(self.size - each) for each in self.likely)
+
+
+@dataclass(frozen=True)
+class Offsets:
+    """Offsets of the angles of each series, beside constants that all share.
+
+    Attributes
+    ----------
+    drop : float
+        Fall of -2 log likelihood with them.
+    size : ndarray, (n_series,)
+        Degrees by which the true angles exceed the given ones.
+    usual : float
+        Prior standard deviation of a size.
+    """
+
+    drop: float
+    size: Array
+    usual: float
+
+    @property
+    def rank(self) -> float:
+        """As that of a slip."""
+        return self.drop - float(((self.size / self.usual) ** 2).sum())
 
 
 @dataclass(frozen=True)
@@ -124,12 +157,16 @@ class Fitted:
         """Minus twice the log likelihood of `before`."""
         return float(self.misfit.likelihood(self.before))
 
-    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, float]:
-        """Fall of -2 log likelihood with a size beside the constants, and the size."""
+    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, float, Array]:
+        """Fall of -2 log likelihood with a size beside the constants, the size, and the constants.
+
+        What it moves away from priors of the user counts against it.
+        """
         problem, theta = self.problem, self.fit.optimum.theta
+        known = problem.parameters.prior_residuals
         lower, upper = problem.parameters.bounds()
         bounds = (np.append(lower, limits[0]), np.append(upper, limits[1]))
-        drop, found = -math.inf, 0.0
+        drop, found, constants = -math.inf, 0.0, theta
         # a start of first order may lead astray
         for start in (float(np.clip(size, *limits)), 0.0):
             if drop >= 0.0:
@@ -143,7 +180,9 @@ class Fitted:
                 np.ones(theta.size + 1, dtype=bool),
             )
             drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), float(x[0, -1])
-        return drop, found
+            constants = x[0, :-1]
+            drop -= max(float((known(constants) ** 2).sum() - (known(theta) ** 2).sum()), 0.0)
+        return drop, found, constants
 
     def of_alternatives(self, every: Sequence[Alternative]) -> Iterator[tuple[Alternative, Array]]:
         """Each with its residuals, in the unit of the given values."""
@@ -169,6 +208,34 @@ class Fitted:
                 target=self.likelihood - DECISIVE + _ROOM,
             )
             yield from zip(tables.every, after, strict=True)
+
+
+def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
+    """Fit an offset of the angles of each series; None where there are no angles, or many series."""
+    count = len(problem.series)
+    named = [each for each in nuisances(problem) if each.name == "angle-offset"]
+    plain = problem.error_model.is_plain and fit.angle_offset is None
+    if not named or not plain or not 1 < count <= _MOST_SERIES:
+        return None
+    whole, offset = Fitted(problem, fit, Misfit.of(problem)), named[0]
+    lower, upper = problem.parameters.bounds()
+    ends = (np.full(count, end) for end in offset.limits)
+    bounds = tuple(np.append(*both) for both in zip((lower, upper), ends, strict=True))
+
+    def values(x: Array, _: Index) -> Array:
+        by_row = x[0, :, lower.size :][:, problem.rows.series]
+        return readings(problem, x[0, :, : lower.size], Flaw(offset=by_row))[None]
+
+    x, after = search(
+        values,
+        whole.misfit,
+        problem.rows.value,
+        np.append(fit.optimum.theta, np.zeros(count))[None],
+        (bounds[0], bounds[1]),
+        np.ones(lower.size + count, dtype=bool),
+    )
+    drop = whole.likelihood - float(whole.misfit.likelihood(after[0]))
+    return Offsets(drop, x[0, lower.size :], offset.usual)
 
 
 def degrees_of_freedom(problem: Problem, fit: LeastSquaresFit) -> int:
@@ -201,7 +268,7 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
 
 def is_decisive(slip: Slip) -> bool:
     """Whether the evidence suffices to name a slip, and its size is one that a slip has."""
-    if abs(slip.size) > _LARGEST * slip.usual:
+    if slip.unlikely > _LARGEST * math.hypot(slip.usual, slip.sd):
         return False
     return slip.p < (REFUTED if slip.sd or slip.rows else math.exp(-0.5 * DECISIVE))
 
@@ -251,12 +318,19 @@ def _slip(nuisance: Nuisance, score: Score, p: float, series: str = "") -> Slip:
 
 def _fitted(whole: Fitted, nuisance: Nuisance, slip: Slip) -> Slip:
     """The slip with its size fitted beside the constants."""
-    drop, size = whole.with_size(nuisance.values, slip.size, nuisance.limits)
+    drop, size, theta = whole.with_size(nuisance.values, slip.size, nuisance.limits)
     # the score may see what a constant explains that was fixed, and is free here
     p = max(slip.p, float(special.chdtrc(1, max(drop, 0.0))))
     low, high = nuisance.limits
     is_least = size <= _LIMIT * low or size >= _LIMIT * high
-    return replace(slip, drop=drop, p=p, size=size, is_least=is_least)
+    return replace(
+        slip,
+        drop=drop,
+        p=p,
+        size=size,
+        is_least=is_least,
+        e_n=float(theta[whole.problem.parameters.positions["e_n"][0]]),
+    )
 
 
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
@@ -264,9 +338,10 @@ def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> floa
     change, least = score.direction.change * fit.sigma, -math.inf if score.direction.two_sided else 0.0
     misfit = Misfit.of(problem) if problem.error_model.is_plain else Misfit(fit.sigma, ())
 
-    def values(theta: Array, size: Array) -> Array:
+    def along(theta: Array, size: Array) -> Array:
         return problem.predict(theta) + size[:, None] * change
 
+    values = score.direction.values or along
     return Fitted(problem, fit, misfit).with_size(values, score.strength, (least, math.inf))[0]
 
 

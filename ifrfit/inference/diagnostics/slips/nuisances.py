@@ -68,7 +68,7 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         yield read("angle-offset", 10.0, 2.0, lambda x: Flaw(offset=x))
         yield read("camera-turn", 10.0, 2.0, lambda x: Flaw(turn=x))
     if "velocity" in measured or any(not each.numerator for each in oblique):
-        yield read("speed-scale", 0.5, 0.1, lambda x: Flaw(speed=x))
+        yield read("speed-scale", 0.5, 0.05, lambda x: Flaw(speed=x))
     if "spin" in measured or problem.rows.incidence.spin_y.any():
         yield read("spin-scale", 0.5, 0.2, lambda x: Flaw(spin=x))
     # who knows the velocity of the contact point before impact knows its spin
@@ -78,11 +78,13 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         yield read("incoming-roll", 1.5, 0.5, lambda x: Flaw(rolled=x))
     if oblique:
         j = problem.inertia_factor
+        # spins beside velocities show it by themselves; without, any law of sticking looks like one
+        shown = {each.numerator == "spin" for each in oblique} == {True, False}
         yield Nuisance(
             "inertia-factor",
             lambda theta, size: of_inertia(problem, theta, size),
             (LEAST / j - 1.0, GREATEST / j - 1.0),
-            0.3,
+            0.3 if shown else 0.05,
             likely=(0.0, *(body / j - 1.0 for body in BALLS)),
         )
     yield from _drifts(problem)
