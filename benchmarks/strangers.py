@@ -4,8 +4,12 @@
     python benchmarks/strangers.py --seed 0 --only 17   # one table again, with its CSV and its commands
 
 A table has 10 to 300 rows, 1 to 5 series, up to 10 groups of noise, any observables, any closure (the one
-that made it or another), sigma stated or not, constants that the series share or not, e_n fixed, known before
+that made it or another), sigma stated for all rows, for none, or for some observables or series alone, each
+policy of the noise that such a table allows, constants that the series share or not, e_n fixed, known before
 or open. Each command runs in a process of its own, start of the interpreter included.
+
+The same seed and number give the same table, as long as `draw` stays as it is: since it draws tables with
+sigma in part, and --noise=mixed, those of a number are others than in the pages written before.
 """
 
 from __future__ import annotations
@@ -46,6 +50,11 @@ HEADER = "series,observable,gamma_deg,spin_x,spin_y,value,sigma"
 LIMIT = 120  # seconds after which a command counts as one that did not end
 MEMORY_LIMIT = 6 * 2**30  # bytes of address space, so that a runaway does not take the machine down
 GIB = 2**30
+POLICIES = {  # by the rows whose sigma is stated
+    "all": ("known", "scaled", "unknown", "mixed"),
+    "none": ("unknown", "mixed"),
+    "some": ("mixed", "mixed", "unknown"),
+}
 GOALS = {"fit": 2.0, "compare": 10.0, "fit --out": 5.0}  # CPU seconds
 LEAST_DRAWS = 400.0  # effective draws below which importance sampling is no reference
 
@@ -69,6 +78,8 @@ class Stranger:
         Its size.
     contradicts : bool
         Whether the series have a friction each.
+    sigma : str
+        For which rows sigma is stated: "all", "none", or "observables" or "series", for some of them.
     """
 
     seed: tuple[int, int]
@@ -83,6 +94,7 @@ class Stranger:
     series: int
     groups: int
     contradicts: bool
+    sigma: str
 
     @property
     def options(self) -> list[str]:
@@ -94,7 +106,7 @@ class Stranger:
     @property
     def says(self) -> str:
         """In a line."""
-        return f"{self.closure} on {self.made_by}; {' '.join(self.options)}"
+        return f"{self.closure} on {self.made_by}; sigma of {self.sigma}; {' '.join(self.options)}"
 
     def problem(self, path: Path) -> Problem:
         """The question in memory, of the table written to a file."""
@@ -121,12 +133,12 @@ def draw(seed: int, number: int) -> Stranger:
     n_rows = round(10.0 ** rng.uniform(*np.log10(ROWS)))
     n_each = max(1, n_rows // (n_series * names.size))
     contradicts = n_series > 1 and bool(rng.uniform() < 0.3)
-    states_sigma = bool(rng.uniform() < 0.6)
+    stated = _stated(rng, n_series, names.size)
     spins = bool(rng.uniform() < 0.4)
     lines = [HEADER]
     for number_of_series in range(n_series):
         friction = mu * (2.0 ** rng.uniform(-1.0, 1.0) if contradicts else 1.0)
-        for name in names:
+        for which, name in enumerate(names):
             gamma = np.sort(rng.uniform(2.0, 86.0, n_each))
             spin_x = rng.normal(0.0, 0.5, n_each) if spins else np.zeros(n_each)
             spin_y = rng.normal(0.0, 0.3, n_each) if spins else np.zeros(n_each)
@@ -137,14 +149,14 @@ def draw(seed: int, number: int) -> Stranger:
             value = np.broadcast_to(OBSERVABLES[str(name)].value(state, np.asarray(friction)), gamma.shape)
             size = 10.0 ** rng.uniform(-2.5, -1.0) * max(float(np.nanstd(value)), 0.1)
             value = value + size * rng.standard_normal(n_each)
-            sigma = f"{size:.3g}" if states_sigma else ""
+            sigma = f"{size:.3g}" if stated.of[number_of_series, which] else ""
             lines += [
                 f"s{number_of_series},{name},{g:.3f},{x:.4f},{y:.4f},{v:.6g},{sigma}"
                 for g, x, y, v in zip(gamma, spin_x, spin_y, value, strict=True)
             ]
-    policy = str(rng.choice(["known", "scaled", "unknown"])) if states_sigma else "unknown"
+    policy = str(rng.choice(POLICIES[stated.words if stated.words in POLICIES else "some"]))
     separate = [name for name in ("mu",) if n_series > 1 and rng.uniform() < 0.25]
-    if policy == "unknown" and n_series > 1 and rng.uniform() < 0.3:
+    if policy in ("unknown", "mixed") and n_series > 1 and rng.uniform() < 0.3:
         separate.append("noise")
     way = rng.uniform()
     return Stranger(
@@ -160,7 +172,31 @@ def draw(seed: int, number: int) -> Stranger:
         series=n_series,
         groups=n_series * names.size,
         contradicts=contradicts,
+        sigma=stated.words,
     )
+
+
+@dataclass(frozen=True)
+class _Stated:
+    """For which groups of rows sigma is stated: in words, and for each series and observable."""
+
+    words: str
+    of: NDArray[np.bool_]
+
+
+def _stated(rng: np.random.Generator, n_series: int, n_observables: int) -> _Stated:
+    """Sigma of all rows in four tables of ten, of none in three, else of some observables or series."""
+    shape = (n_series, n_observables)
+    way, by_series = rng.uniform(), bool(rng.uniform() < 0.5)
+    several = [word for word, n in zip(("series", "observables"), shape, strict=True) if n > 1]
+    if way < 0.4 or (way < 0.7 and not several):
+        return _Stated("all", np.ones(shape, dtype=bool))
+    if way >= 0.7:
+        return _Stated("none", np.zeros(shape, dtype=bool))
+    word = several[0] if by_series else several[-1]
+    n = n_series if word == "series" else n_observables
+    own = rng.permutation(n) < int(rng.integers(1, n))
+    return _Stated(word, np.broadcast_to(own[:, None] if word == "series" else own, shape))
 
 
 @dataclass(frozen=True)

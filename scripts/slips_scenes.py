@@ -15,6 +15,7 @@ from ifrfit.physics.observables import OBSERVABLES
 
 Array = NDArray[np.float64]
 VELOCITIES = ("v_x", "v_n", "spin_y_after")
+MISSTATED = 1.5  # times sigma that is written where the fit scales it
 _GLASS = {"density": 2563.0, "modulus": 38.3e9, "stiffness_ratio": 0.875}
 _UNITS = {
     "spins-doubled": 2.0,
@@ -41,17 +42,24 @@ class Scene:
         Impacts.
     noise : float
         Of every value; of angles that many radians.
-    known : bool
-        Whether the table gives sigma.
+    policy : {"known", "scaled", "unknown", "mixed"}
+        What the table says of sigma, and what the fit makes of it. scaled: all of them half as large again as
+        they should be. mixed: none for the last observable; of a single one, none in the last series.
     spins : bool
         Whether the sphere spins before impact.
+    lateral : bool
+        Whether it spins across the plane of incidence, too.
     closure : str
     fixed : mapping
         What the fit fixes.
+    prior : mapping
+        Constant to the mean and sd of its truth, which the fit takes for a prior.
+    separate : tuple of str
+        Constants that the fit lets each series have.
     ordered : bool
         Whether the angles rise through the table.
     series : int
-        1 or 2: every other impact is of series B.
+        The first, "run", takes every impact that no other takes in turn: "B", "C" and so on.
     repeats : int
         Impacts at each angle.
     """
@@ -59,10 +67,13 @@ class Scene:
     observables: tuple[str, ...] = VELOCITIES
     n: int = 60
     noise: float = 0.01
-    known: bool = True
+    policy: str = "known"
     spins: bool = False
+    lateral: bool = False
     closure: str = "ifr"
     fixed: dict[str, float] = field(default_factory=dict)
+    prior: dict[str, tuple[float, float]] = field(default_factory=dict)
+    separate: tuple[str, ...] = ()
     ordered: bool = True
     series: int = 1
     repeats: int = 1
@@ -85,7 +96,7 @@ class Cause:
     Attributes
     ----------
     name : str
-        As the facts call it; empty for none.
+        As the facts call it; empty for none; "no-errors" for a table without a slip and without errors.
     size : float
     in_b : bool
         Whether it is in series B alone.
@@ -105,18 +116,30 @@ def experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
     cause : Cause
     seed : int
     """
-    found = _experiment(scene, cause, seed)
-    if scene.series == 1:
-        return found
-    table = (_experiment(scene, Cause(), seed) if cause.in_b else found).table.copy()
-    of_b = table["impact_id"].astype(int) % 2 == 1
-    table[of_b] = found.table[of_b]
-    table.loc[of_b, "series"] = "B"
+    found, _ = _experiment(scene, cause, seed)
+    table = (_experiment(scene, Cause(), seed)[0] if cause.in_b else found).table.copy()
+    turn = table["impact_id"].astype(int) % scene.series
+    table[turn == 1] = found.table[turn == 1]
+    for number in range(1, scene.series):
+        table.loc[turn == number, "series"] = chr(ord("A") + number)
+    if scene.policy == "unknown":
+        table["sigma"] = np.nan
+    elif scene.policy == "scaled":
+        table["sigma"] *= MISSTATED
+    elif scene.policy == "mixed":
+        several = len(scene.observables) > 1
+        unstated = table["observable"] == scene.observables[-1] if several else turn == scene.series - 1
+        table.loc[unstated, "sigma"] = np.nan
     return Observations(table)
 
 
-def _experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
-    """The table with the cause in every row."""
+def truth(scene: Scene, seed: int) -> dict[str, float]:
+    """The constants of an experiment without a cause, by the closure's names."""
+    return _experiment(scene, Cause("no-errors"), seed)[1]
+
+
+def _experiment(scene: Scene, cause: Cause, seed: int) -> tuple[Observations, dict[str, float]]:
+    """The table with the cause in every row, and the constants that made it."""
     rng = np.random.default_rng([seed, 13])
     gamma = rng.uniform(3.0, 80.0, scene.n)
     if scene.repeats > 1:
@@ -126,11 +149,12 @@ def _experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
     given_spin = np.resize([0.0, 0.3, -0.15], scene.n) if scene.spins else np.zeros(scene.n)
     speed = np.exp(rng.uniform(np.log(0.5), np.log(3.0), scene.n))
     constants = {"e_n": rng.uniform(0.6, 0.95), "mu": rng.uniform(0.08, 0.25)} | scene.fixed
+    constants |= {name: mean + sd * rng.standard_normal() for name, (mean, sd) in scene.prior.items()}
     own = get_closure(scene.closure)
     c = 0.0
     if own.constant:
         low, high = own.domain(0.4)
-        c = rng.uniform(low + 0.02 * (high - low), low + 0.5 * (high - low))
+        c = constants[own.constant] = rng.uniform(low + 0.02 * (high - low), low + 0.5 * (high - low))
     e_n = np.full(scene.n, constants["e_n"])
     body = {"restitution": e_n, "c": c, "mu": constants["mu"]}
     true_gamma, true_spin, j = gamma, given_spin, 0.4
@@ -152,14 +176,15 @@ def _experiment(scene: Scene, cause: Cause, seed: int) -> Observations:
         body["mu"] = 1.4 * constants["mu"]
     elif cause.name == "spin-scale":
         true_spin = given_spin / (1.0 + cause.size)
-    state = _rebound(scene, cause, true_gamma, true_spin, speed, j, body)
+    lateral = np.resize([0.2, -0.4, 0.1, 0.3], scene.n) if scene.lateral else np.zeros(scene.n)
+    incidence = Incidence.of(true_gamma, lateral, true_spin, degrees=True)
+    state = _rebound(scene, cause, incidence, speed, j, body)
     values = _read(scene, cause, state, true_gamma, gamma, given_spin, body["mu"])
-    return _written(scene, cause, gamma, given_spin, speed, values, rng)
+    return _written(scene, cause, gamma, given_spin, lateral, speed, values, rng), constants
 
 
-def _rebound(scene, cause, gamma, spin, speed, j, body):
+def _rebound(scene, cause, incidence, speed, j, body):
     one = np.ones(scene.n)
-    incidence = Incidence.of(gamma, 0.0, spin, degrees=True)
     impacts = Impacts(
         incidence, speed, 2.5e-3 * one, get_closure(scene.closure),
         body["restitution"], body["c"] * one, body["mu"] * one,
@@ -168,7 +193,7 @@ def _rebound(scene, cause, gamma, spin, speed, j, body):
     if cause.name == "plasticity":
         numbers = {"limiting_pressure": 0.5e9 / max(cause.size, 1e-9)}
     contact = Contact(**_GLASS, inertia_factor=j).with_numbers(**numbers)
-    return compose(contact, impacts, (cause.name,) if cause.name in _EFFECTS else ())
+    return compose(contact, impacts, ("lateral-spin", *((cause.name,) if cause.name in _EFFECTS else ())))
 
 
 def _read(scene, cause, state, true_gamma, gamma, spin, mu):
@@ -185,6 +210,8 @@ def _read(scene, cause, state, true_gamma, gamma, spin, mu):
     sine, cosine = np.sin(np.radians(by_angle)), np.cos(np.radians(by_angle))
     slip = sine + spin
     with np.errstate(divide="ignore", invalid="ignore"):
+        if cause.name in ("", "no-errors"):
+            return {name: OBSERVABLES[name].value(state, mu) * np.ones(scene.n) for name in scene.observables}
         return {
             "v_x": v_x,
             "v_n": v_n,
@@ -205,7 +232,7 @@ def _correlated(errors, correlation):
     return found
 
 
-def _written(scene, cause, gamma, spin, speed, values, rng):
+def _written(scene, cause, gamma, spin, lateral, speed, values, rng):
     """The table, with noise, and with what is wrong in the writing of it."""
     n, names = scene.n, scene.observables
     rows, sigmas = [], []
@@ -214,8 +241,12 @@ def _written(scene, cause, gamma, spin, speed, values, rng):
         errors = rng.standard_normal(n)
         if cause.name == "correlated":
             errors = _correlated(errors, cause.size)
+        elif cause.name == "no-errors":
+            errors[:] = 0.0
+        elif cause.name == "outlier" and name == names[0]:
+            errors[n // 2] = cause.size
         rows.append(values[name] + sigma * errors)
-        sigmas.append(np.full(n, sigma if scene.known else np.nan))
+        sigmas.append(np.full(n, sigma))
     written = dict(zip(names, rows, strict=True))
     kind, _, of = cause.name.partition(" ")
     names = list(names)
@@ -256,6 +287,7 @@ def _written(scene, cause, gamma, spin, speed, values, rng):
         "observable": np.repeat(names, n),
         "gamma_deg": np.tile(gamma, len(names)),
         "spin_y": np.tile(spin, len(names)),
+        "spin_x": np.tile(lateral, len(names)),
         "speed_m_s": np.tile(speed, len(names)),
         "value": np.concatenate([written[name] for name in names]),
         "sigma": np.concatenate(sigmas),

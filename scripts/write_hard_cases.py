@@ -16,6 +16,8 @@ TITLES = {
     "data refused": "Data refused or skipped",
     "identifiability": "What the data can say",
     "strangers": "Tables that contradict themselves or mislead",
+    "slips": "Slips of the hand",
+    "ordinary": "Ordinary tables that were too much",
     "numerics": "Numerics",
 }
 

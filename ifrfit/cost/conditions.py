@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.estimations import least_squares_estimation
 from ifrfit.inference.fit import Question
-from ifrfit.inference.model.apply_error_model import tied_to_e_n
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.options import Model
+from ifrfit.inference.posterior.integral_layout import no_grid
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.physics.closures import get_closure
@@ -52,13 +52,12 @@ def beginning(
     problem = question.problem(get_closure(model.closure), model.parameters(question.inertia_factor))
     if problem.offset is not None:
         raise UsageError("ifrfit cost measures no fit of an angle offset: leave --angle-offset out.")
-    error_model = problem.error_model
-    tied = tied_to_e_n(problem, error_model) if posterior else []
-    if tied:
+    reason = no_grid(problem) if posterior else ""
+    if reason:
+        about = reason.partition(". ")[0]
         raise UsageError(
-            f"--angle-errors {error_model.angles} with {', '.join(tied)}: the true angle ties e_n to the "
-            "tangential constants, so there is no exact posterior to measure errors against. Fix e_n, or "
-            "choose --kind physics or arithmetic."
+            f"{about}, so there is no quadrature to measure errors against. Fix e_n, or choose "
+            "--kind physics or arithmetic."
         )
     optimum = least_squares(problem)
     estimation = least_squares_estimation(optimum)

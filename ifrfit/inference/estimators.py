@@ -188,16 +188,12 @@ class Exact(Method):
             raise UsageError(_picked("integrator"))
 
     def refuses(self, problem: Problem) -> str:
-        """Why not: true angles that tie e_n to the tangential constants."""
-        from ifrfit.inference.model.apply_error_model import tied_to_e_n
-
-        tied = tied_to_e_n(problem, problem.error_model)
-        if not tied:
+        """Why not: what quadrature alone is asked for, and does not take on."""
+        if self.integrator != "quadrature":
             return ""
-        return (
-            f"--angle-errors {problem.error_model.angles} with {', '.join(tied)}: the true angle ties e_n to "
-            "the tangential constants, which the quadrature does not take on. Use --method mcmc, or fix e_n."
-        )
+        from ifrfit.inference.posterior.integral_layout import no_grid
+
+        return no_grid(problem)
 
     def run(self, problem: Problem, optimum: LeastSquaresFit, **asked: Unpack[RunKeywords]) -> Estimation:
         """Integrate the posterior."""
@@ -416,7 +412,6 @@ class Automatic(Method):
             problem,
             optimum,
             make_request(self.accuracy, self.budget, asked.get("started")),
-            unsuitable=Exact().refuses(problem),
             seed=asked.get("seed", 0),
             workers=self.workers,
             progress=asked.get("progress"),

@@ -15,7 +15,7 @@ from ifrfit.text import fixed, joined, p_text
 HEADLINES = {
     "beyond_closure": "readings lie beyond what the closure can give",
     "converged": "the estimator did not converge",
-    "global_optimum": "the optimum is not proven to be the best",
+    "global_optimum": "several sets of constants are equally good",
     "angle_offset": "the angle offset is not credible",
     "noise_modes": "several sets of constants explain the data",
     "identifiable": "the data do not determine every constant",
@@ -48,8 +48,8 @@ QUIET_FACTS = ("at_bound",)
 
 
 def is_quiet(name: str, fact: Fact) -> bool:
-    """Whether a failing fact is a note: a status tells it, or no user can act on it (no proof is known)."""
-    return name in QUIET_FACTS or (name == "global_optimum" and fact.figures.get("gap") is None)
+    """Whether a failing fact is a note: a status tells it, or no user can act on it (a proof is missing)."""
+    return name in QUIET_FACTS or (name == "global_optimum" and fact.figures.get("n_optima_same", 1) == 1)
 
 
 _ABSENT = 0.05  # p above which the residuals show nothing of an effect

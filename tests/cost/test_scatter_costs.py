@@ -82,9 +82,7 @@ def test_the_noise_of_an_integrated_scatter_is_as_in_a_fit(impacts):
 def test_angles_that_tie_e_n_leave_no_reference(impacts):
     path = impacts(gamma=np.linspace(5.0, 80.0, 12), observables=("mu_app",), sigma=0.05, noise=0.05)
     error_model = {"angle_errors": "set", "sigma_gamma": 1.0}
-    with pytest.raises(
-        UsageError, match=r"so there is no exact posterior to measure errors against\. Fix e_n"
-    ):
+    with pytest.raises(UsageError, match=r"so there is no quadrature to measure errors against\. Fix e_n"):
         start_of(path, **error_model)
     assert start_of(path, posterior=False, **error_model).method == "lsq"
     assert start_of(path, fix=FIX, **error_model).problem.error_model.integrates

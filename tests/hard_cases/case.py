@@ -16,7 +16,16 @@ from typer.testing import CliRunner
 FILE = "impacts.csv"
 OUT = "results"
 METHODS = ("lsq", "profile", "exact", "mcmc")
-GROUPS = ("rebound", "scenes", "data refused", "identifiability", "strangers", "numerics")
+GROUPS = (
+    "rebound",
+    "scenes",
+    "data refused",
+    "identifiability",
+    "strangers",
+    "slips",
+    "ordinary",
+    "numerics",
+)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hard_cases import identifiable, numerics, rebounds, refusals, scenes, strangers
+from hard_cases import identifiable, numerics, ordinary, rebounds, refusals, scenes, slips, strangers
 from hard_cases.case import HardCase
 
 CASES: tuple[HardCase, ...] = (
@@ -11,5 +11,7 @@ CASES: tuple[HardCase, ...] = (
     *refusals.CASES,
     *identifiable.CASES,
     *strangers.CASES,
+    *slips.CASES,
+    *ordinary.CASES,
     *numerics.CASES,
 )

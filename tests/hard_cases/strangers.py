@@ -46,6 +46,30 @@ def _looks(name: str, *words: str) -> Callable[[FitResult], None]:
     return check
 
 
+def _methods_agree(result: FitResult) -> None:
+    """Two noises that let the optimum lie at either series: the first line says so, whatever the method."""
+    _looks("pooling", "the series do not share mu", "--separate mu --separate e_t")(result)
+    for name, of_first, of_second in (("mu", 0.14, 0.25), ("e_t", -0.85, -0.70)):
+        low, high = result.constants[name].interval95
+        assert low - 0.01 <= of_first <= high + 0.01 or low - 0.01 <= of_second <= high + 0.01
+
+
+def _nothing_hidden(result: FitResult) -> None:
+    said = " ".join(result.assumed)
+    for words in (
+        "inertia factor 0.4 (solid sphere)",
+        "no spin before impact",
+        "errors as large as the scatter",
+    ):
+        assert words in said, said
+
+
+def _run_through(result: FitResult) -> None:
+    """No row is an outlier because the constants run through it."""
+    assert result.facts["outliers"].ok
+    assert float(result.points["standardised"].abs().max()) < 5.0
+
+
 def _apart(result: FitResult) -> None:
     _looks("pooling", "the series do not share mu", "--separate mu")(result)
     assert "effects" not in result.facts
@@ -105,6 +129,17 @@ def _never_offered(told: Told) -> None:
     assert "beta_cm" not in told.err
 
 
+def _uncertainties(folder: Path) -> list[Told]:
+    names = ("beta_error", "u_beta", "unc_beta", "dbeta", "Delta_beta", "std_beta", "beta_se")
+    return [_command(f"{WIDE}{name}\n30,0.1,0.02\n60,-0.4,0.02\n")(folder) for name in names]
+
+
+def _all_never_offered(every: list[Told]) -> None:
+    for told in every:
+        refused("looks like an uncertainty", "sigma_beta")(told)
+        assert "beta_cm" not in told.err
+
+
 def _in_one_series(value: np.ndarray, gamma: np.ndarray | None = None) -> str:
     """A table of two series, the second of which is read as given."""
     angles = np.array(FAN, dtype=float) if gamma is None else gamma
@@ -152,6 +187,41 @@ CASES = (
         "--separate mu; no effect is blamed.",
         fitted(_two_series(None, 0.02, mu=0.20)),
         _apart,
+    ),
+    _case(
+        "two series that differ a little",
+        "Two series made with mu of 0.14 and 0.16, noise 0.02, without a sigma.",
+        "The first line says that the series do not share their constants, with --separate mu.",
+        fitted(_two_series(None, 0.02, mu=0.16)),
+        _looks("pooling", "the series do not share mu", "--separate mu"),
+    ),
+    HardCase(
+        "two noises, an optimum at either series",
+        "strangers",
+        "Two series of mu 0.14 and 0.25, e_t -0.85 and -0.70, with --separate noise.",
+        "Every method says in its first line that the series do not share their constants.",
+        fitted(
+            HEADER
+            + rows(FAN, values(FAN, "beta", mu=0.14, e_t=-0.85) + noise(17, 0.02, 41), None, series="A")
+            + rows(FAN, values(FAN, "beta", mu=0.25, e_t=-0.70) + noise(17, 0.02, 42), None, series="B"),
+            separate="noise",
+        ),
+        _methods_agree,
+        ("lsq", "profile", "exact", "mcmc"),
+    ),
+    _case(
+        "what nobody said",
+        "beta without a sigma, a spin or an inertia factor.",
+        "The output says that J = 0.4, no spin and errors as large as the scatter are assumed.",
+        fitted(table(sigma=None, true_sigma=0.02, seed=8)),
+        _nothing_hidden,
+    ),
+    _case(
+        "one row that alone knows a constant",
+        "Ten sliding impacts and a single sticking one, without a sigma: its residual is nothing.",
+        "It is no outlier.",
+        fitted(table((10.0, *range(40, 86, 5)), true_sigma=0.02, seed=9, e_t=-0.85)),
+        _run_through,
     ),
     _case(
         "series of different noise",
@@ -278,6 +348,14 @@ CASES = (
         "Refused with exit status 3, nothing written: an uncertainty is meant, sigma_beta, never beta_cm.",
         _command(WIDE + "beta_err\n30,0.1,0.02\n60,-0.4,0.02\n"),
         _never_offered,
+        fits=False,
+    ),
+    _case(
+        "other words for an uncertainty",
+        "Columns such as beta_error, u_beta, unc_beta, dbeta, Delta_beta, std_beta, beta_se beside beta.",
+        "Refused with exit status 3, nothing written: sigma_beta is offered for each, never beta_cm.",
+        _uncertainties,
+        _all_never_offered,
         fits=False,
     ),
     _case(

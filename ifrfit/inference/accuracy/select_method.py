@@ -12,10 +12,11 @@ from ifrfit.inference.accuracy.request import Request
 from ifrfit.inference.accuracy.tolerance_ladder import refine
 from ifrfit.inference.estimations import least_squares_estimation, posterior_estimation, sample_estimation
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.posterior import ExactPosterior, QuadraturePosterior, exact_posterior, integrate
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.posterior import ExactPosterior, exact_posterior, integrate
 from ifrfit.inference.posterior.adaptive_quadrature import GridTooLargeError
-from ifrfit.inference.posterior.importance_sampling import sample_by_importance
+from ifrfit.inference.posterior.integral_layout import no_grid
+from ifrfit.inference.posterior.integrators import sampled_posterior
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact
 
@@ -31,7 +32,6 @@ def as_requested(
     optimum: LeastSquaresFit,
     request: Request,
     methods: Collection[str] = ("exact", "mcmc"),
-    unsuitable: str = "",
     *,
     seed: int = 0,
     workers: int = 1,
@@ -39,7 +39,8 @@ def as_requested(
 ) -> Estimation:
     """The posterior by quadrature where it can do the problem, else by chains.
 
-    Where a grid would fill the memory and chains are not asked for, importance sampling takes its place.
+    Where there is no grid, or one that would fill the memory, and chains are not asked for, importance
+    sampling takes its place.
     Where there are both, and time is too short for either, least squares stand as they are; but not where
     true angles are integrated out, which least squares do not know. Else the coarsest tolerance, or a few
     steps, are worked out however long they take.
@@ -51,8 +52,6 @@ def as_requested(
     request : Request
     methods : collection of str
         exact, mcmc, or both.
-    unsuitable : str
-        Why not by quadrature, where that is known already.
     seed, workers, progress
         Of chains.
 
@@ -62,12 +61,15 @@ def as_requested(
         For an accuracy that chains do not come to; where quadrature alone is asked for, and cannot.
     """
     must = len(methods) == 1 or problem.error_model.integrates
+    unsuitable = no_grid(problem) if "exact" in methods else ""
+    if unsuitable and "mcmc" not in methods:
+        return _exact(problem, optimum, sampled_posterior(problem, optimum, seed), request)
     if "exact" in methods and not unsuitable:
         try:
             posterior = refine(problem, optimum, request, must=must)
         except GridTooLargeError as refusal:
             if "mcmc" not in methods:
-                return _exact(problem, optimum, sample_by_importance(problem, optimum, seed), request)
+                return _exact(problem, optimum, sampled_posterior(problem, optimum, seed), request)
             unsuitable = str(refusal)
         except UsageError as refusal:
             if "mcmc" not in methods:
@@ -120,7 +122,7 @@ def _exact(
     return _with_effort(found, request, "", tolerance=posterior.tolerance, reached=posterior.error)
 
 
-def _evidence(problem: Problem, request: Request) -> QuadraturePosterior:
+def _evidence(problem: Problem, request: Request) -> ExactPosterior:
     """The posterior of another question, as exactly as its evidence needs.
 
     Raises
@@ -130,6 +132,8 @@ def _evidence(problem: Problem, request: Request) -> QuadraturePosterior:
     """
     if request.over:
         raise TimeoutError
+    if no_grid(problem):
+        return sampled_posterior(problem, least_squares(problem))
     found = integrate(problem, _OTHERS, over=lambda: request.over)
     if found.error_evidence > _OTHERS:
         raise TimeoutError

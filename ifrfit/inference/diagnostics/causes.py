@@ -99,7 +99,7 @@ def slips_first(
 def _beside_offsets(problem: Problem, fit: LeastSquaresFit, shared: Pooling) -> Pooling:
     """The fact with an offset of the angles in each series, where that explains as much as constants do."""
     offsets = offsets_by_series(problem, fit)
-    if offsets is None or offsets.rank < _drop_of_series(problem, fit, shared) - ALIKE:
+    if offsets is None or offsets.drop < _drop_of_series(problem, fit, shared) - ALIKE:
         return shared
     return shared.or_slip(offset_words(problem, offsets))
 

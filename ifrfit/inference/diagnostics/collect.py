@@ -66,7 +66,7 @@ def misfit_facts(
     double = None if brief else duplicates(problem, found)
     copied = None if brief else repeated_number(problem)
     # microslip is no remedy where something else is called for
-    remedy = not brief and (not called or "compliance" in called)
+    remedy = not brief and (not called or "compliance" in called) and (restitution is None or restitution.ok)
     fitting = lack_of_fit(problem, found, residuals, remedy=remedy)
     alike = None
     if not brief:

@@ -260,8 +260,9 @@ def _above_one(readings: _Readings) -> Iterator[_Finding]:
             readings.value.size * 0.5 * _two_sided(float(((readings.value - 1.0) / sd).max()), readings.dof),
         )
         says = (
-            f"{int(far.sum())} of {far.size} readings of e_n{readings.of} lie above 1, up to "
-            f"{float(readings.value.max()):.4g}: no impact gains energy; look at the scale of the velocities"
+            f"{int(far.sum())} of {far.size} readings of e_n{readings.of} lie more than {_ABOVE:g} sd "
+            f"above 1, up to {float(readings.value.max()):.4g}: no impact gains energy; look at the scale of "
+            "the velocities"
         )
     yield _Finding(p, says)
 

@@ -19,27 +19,30 @@ _FEW = 0.25  # share of all rows that may be outliers and be left out
 
 
 def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fact:
-    """Rows beyond the Bonferroni limit at 1 %, found one by one.
+    """Rows beyond the Bonferroni limit, found one by one.
 
     The worst row is left out and the rest fitted again before the next one is judged: an outlier drags good
-    rows along. A row whose sigma is known has the limit of the normal law, any other that of Student's
-    t. Where only a search finds an optimum, it goes on from the last one.
+    rows along. A row whose sigma is known has the limit of the normal law, any other that of Student's t with
+    the degrees of freedom of its own noise. Where only a search finds an optimum, it goes on from the last
+    one.
     """
     found: list[tuple[int, float]] = []  # place in the problem, distance in sigma
     places = np.arange(problem.rows.value.size)
     limit: float | None = None
     kept_problem = problem
     while len(found) < _MOST and places.size > 2:
-        limits = np.array([_limit(fit, places.size, known=known) for known in (False, True)])
-        of_row = np.where(residuals.is_given, limits[1], limits[0])
-        if np.isinf(of_row).all():
+        limit = _limit(float(residuals.dof.max()), places.size)
+        if math.isinf(limit):
             limit = None
             break
-        limit = float(of_row.min())
-        worst = int(np.argmax(np.abs(residuals.studentised) / of_row))
-        if abs(residuals.studentised[worst]) <= of_row[worst]:
+        size = np.abs(residuals.studentised)
+        beyond = np.flatnonzero(size > limit)  # the least of the limits
+        of_row = np.array([_limit(dof, places.size) for dof in residuals.dof[beyond].tolist()])
+        beyond, of_row = beyond[size[beyond] > of_row], of_row[size[beyond] > of_row]
+        if beyond.size == 0:
             break
-        limit = float(of_row[worst])
+        first = int(np.argmax(size[beyond] / of_row))
+        worst, limit = int(beyond[first]), float(of_row[first])
         found.append((int(places[worst]), float(residuals.studentised[worst])))
         kept = np.delete(np.arange(places.size), worst)
         places, kept_problem = places[kept], kept_problem.with_rows(kept)
@@ -51,12 +54,12 @@ def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fa
     return _fact(problem, found, limit)
 
 
-def _limit(fit: LeastSquaresFit, n: int, *, known: bool) -> float:
-    """The Bonferroni limit; infinite where the noise rests on too few rows."""
+def _limit(dof: float, n: int) -> float:
+    """The Bonferroni limit of n rows; infinite where the noise rests on too few of them."""
     p = 1.0 - 0.5 * OUTLIER / n
-    if known or math.isinf(fit.noise_dof):
+    if math.isinf(dof):
         return float(special.ndtri(p))
-    return float(special.stdtrit(fit.noise_dof - 1.0, p)) if fit.noise_dof > 2.0 else math.inf
+    return float(special.stdtrit(dof, p)) if dof > 1.0 else math.inf
 
 
 def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None) -> Fact:

@@ -128,6 +128,23 @@ class Density:
                 found[:, impact] += own
         return found
 
+    def series(self, points: Array, number: int) -> Array:
+        """Log likelihood of the rows of one series, (m,), where angles or tails make the scatter not plain.
+
+        For problems with constants of each series.
+
+        Parameters
+        ----------
+        points : ndarray, (m, d)
+            Constants of other series do not count.
+        number : int
+            Of the series.
+        """
+        total = np.zeros(points.shape[0])
+        for law, at in self._laws_at(points, number):
+            total = total + law.log_units(at)[:, 0].sum(axis=1)
+        return total
+
     def below(self, points: Array) -> Array:
         """Probability of a value below the measured one, row by row, (m, n)."""
         found = np.empty((points.shape[0], self.impact.size))
@@ -135,13 +152,14 @@ class Density:
             found[:, law.order] = law.below(at)[:, 0]
         return found
 
-    def _laws_at(self, points: Array) -> Iterator[tuple[RowLaw, At]]:
+    def _laws_at(self, points: Array, only: int | None = None) -> Iterator[tuple[RowLaw, At]]:
         """Law of each series with the constants at the points; its `order` counts the problem's rows."""
         theta = self.theta(points)
         scaled = self.problem.noise.is_scaled
         factor: Array | float = np.exp(points[:, len(self.unknowns)]) if scaled else 1.0
         for series, law in self._laws:
-            yield law, at_theta(self.problem, theta, factor, series)
+            if only in (None, series):
+                yield law, at_theta(self.problem, theta, factor, series)
 
     @cached_property
     def _laws(self) -> list[tuple[int, RowLaw]]:

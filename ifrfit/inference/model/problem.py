@@ -127,10 +127,19 @@ class Problem:
         return out
 
     def jacobian(self, theta: Array) -> Array:
-        """Derivative of each row's value by each entry of theta, in the regimes at theta, (n, p)."""
+        """Derivative of each row's value by each entry of theta, in the regimes at theta.
+
+        Parameters
+        ----------
+        theta : ndarray, (..., p)
+
+        Returns
+        -------
+        ndarray, (..., n, p)
+        """
         e_n, c, mu = self.per_row(theta)
         k, _ = self.impulse(e_n, c, mu)
-        shift = _STEP * np.array([[1.0], [-1.0]])
+        shift = _STEP * np.array([1.0, -1.0]).reshape(2, *(1,) * k.ndim)
         up_k, down_k, up_e, down_e = self.values_with(
             np.concatenate((k + shift, np.stack((k, k)))),
             np.concatenate((np.stack((e_n, e_n)), e_n + shift)),
@@ -145,9 +154,9 @@ class Problem:
         }
         if self.closure.constant:
             columns[self.closure.constant] = by_k * by_c
-        out = np.zeros((k.size, len(self.parameters.names)))
+        out = np.zeros((*k.shape, len(self.parameters.names)))
         for name, places in self.parameters.positions.items():
-            out[np.arange(k.size), places[self.rows.series]] += columns[name]
+            out[..., np.arange(k.shape[-1]), places[self.rows.series]] += columns[name]
         return out
 
     @cached_property

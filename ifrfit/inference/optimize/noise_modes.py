@@ -23,9 +23,10 @@ import numpy as np
 from ifrfit.inference.diagnostics.thresholds import NOISE_GAP
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.batched_search import BatchedSearch
 from ifrfit.inference.optimize.concentrated_likelihood import Minimum
 from ifrfit.inference.optimize.laplace import gaussian_approximation
-from ifrfit.inference.optimize.multistart import best_start
+from ifrfit.inference.optimize.multistart import best_start, starts
 from ifrfit.inference.optimize.noise_components import (
     Component,
     SolvedComponent,
@@ -38,6 +39,8 @@ from ifrfit.inference.optimize.solve import solve
 
 _DESCENTS = 30  # weighted fits of one descent, at the most
 _AT_REST = 1e-6  # relative change of every S_g; it enters Phi in the second order
+_WIDELY = 12  # places all over the domain that are followed to a mode, the lowest after a few steps
+_ROUGH_STEPS = 4
 _DEGREES_OF_FREEDOM = 200  # iterations of leverage and noise, at the most
 _LAST_CHANGE = 1e-10
 _CUTS = 60  # boxes that are cut, at the most
@@ -143,10 +146,14 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
         rest = noise_modes(split.rest, start)
         return search.over_components([*split.restitution, search.component(split.rest, rest)])
     first = search.solve(search.spread(), start)
+    if first.gap is None:
+        if start is None:
+            search.descend_together([first.theta, *search.optima_of_groups(first.theta)], widely=True)
+        else:
+            search.descend_together([first.theta])
+        return NoiseModes(tuple(search.modes), None)
     search.descend(first)
-    if first.gap is None and start is None:
-        search.descend_from_groups()
-    gap = None if first.gap is None else search.prove()
+    gap = search.prove()
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
 
 
@@ -171,8 +178,11 @@ def best_mode_from(problem: Problem, thetas: Sequence[Array]) -> Mode:
     if search.is_monotone:
         optimum = solve(problem, search.base, thetas[0] if searched else None)
         return search.mode(optimum)
+    if searched:
+        search.descend_together(thetas)
+        return search.modes[0]
     for theta in thetas:
-        search.descend(search.solve(search.variance(theta), theta if searched else None))
+        search.descend(search.solve(search.variance(theta)))
     return search.modes[0]
 
 
@@ -345,43 +355,69 @@ class _Search:
         for _ in range(_DESCENTS):
             before = mode.variance
             mode = self.mode(solve(self.problem, self.sigma(before), mode.theta, proven=False))
-            if np.abs(mode.variance / before - 1.0).max() <= _AT_REST or self._is_known(mode):
+            if np.abs(mode.variance / before - 1.0).max() <= _AT_REST:
+                break
+            if self._is_known(mode.theta, mode.value, mode.variance):
                 break
         self._add(mode)
 
-    def descend_from_groups(self) -> None:
-        """Look for a mode from where each group alone would begin, the others counting next to nothing."""
-        for variance in self._each_alone(self.modes[0].variance):
-            near = best_start(self.problem, self.sigma(variance))
-            self.descend(self.solve(variance, near))
+    def descend_together(self, thetas: Sequence[Array], *, widely: bool = False) -> None:
+        """Search for the modes downhill from several places, where only a search can find an optimum.
 
-    def _each_alone(self, own: Array) -> list[Array]:
-        """Variances at which one group counts with its own, and all others next to nothing.
+        `widely` begins from places all over the domain as well; of these ends only one that is better than
+        all others counts.
+        """
+        batch = BatchedSearch.of(self.problem, self.base, self.groups)
+        found = batch.run(np.array(thetas), self.sizes)
+        ends = list(found.theta[np.argsort(found.value, kind="stable")])
+        if widely:
+            places = np.array(starts(self.problem))
+            rough = batch.run(batch.lowest(places, self.sizes, len(places)), self.sizes, steps=_ROUGH_STEPS)
+            lowest = np.argsort(rough.value, kind="stable")[:_WIDELY]
+            others = batch.run(rough.theta[lowest], self.sizes)
+            if others.value.min() < found.value.min() - _SAME_PHI:
+                ends.insert(0, others.theta[int(others.value.argmin())])
+        for theta in ends:
+            value, variance = self.at(theta)
+            if not self._is_known(theta, value, variance):
+                self._add(self.mode(self.solve(variance, theta)))
+
+    def optima_of_groups(self, theta: Array) -> list[Array]:
+        """The best constants for each group alone, the others counting next to nothing."""
+        found, own = [], self.variance(theta)
+        for variance in self._each_alone(own, own):
+            sigma = self.sigma(variance)
+            near = best_start(self.problem, sigma)
+            found.append(BatchedSearch.of(self.problem, sigma).run(near[None], np.empty(0)).theta[0])
+        return found
+
+    def _each_alone(self, variance: Array, own: Array) -> list[Array]:
+        """Variances at which one group counts with its own, and all others, far above theirs, hardly.
 
         Where sigma of some rows is known, or constants have priors, these count alone in the last.
         """
         has_known = bool(self.known.size) or any(c.prior is not None for c in self.problem.parameters)
         if len(self.groups) + has_known < 2:
             return []
-        made = np.tile(1e8 * self.modes[0].variance, (len(self.groups) + has_known, 1))
+        made = np.tile(1e8 * variance, (len(self.groups) + has_known, 1))
         np.fill_diagonal(made, own)
         return list(made)
 
     def _add(self, mode: Mode) -> None:
         """Keep a mode if it is a new one, in its order."""
-        if not self._is_known(mode):
+        if not self._is_known(mode.theta, mode.value, mode.variance):
             self.modes.append(mode)
             self.modes.sort(key=lambda mode: mode.value)
 
-    def _is_known(self, mode: Mode) -> bool:
+    def _is_known(self, theta: Array, value: float, variance: Array) -> bool:
         def same_theta(other: Mode) -> bool:
-            both = np.isfinite(mode.theta) & np.isfinite(other.theta)
-            return bool((np.abs(mode.theta - other.theta)[both] <= _SAME * self.scale[both]).all())
+            both = np.isfinite(theta) & np.isfinite(other.theta)
+            return bool((np.abs(theta - other.theta)[both] <= _SAME * self.scale[both]).all())
 
         def same_noise(other: Mode) -> bool:
-            noises = np.abs(mode.variance / other.variance - 1.0)
+            noises = np.abs(variance / other.variance - 1.0)
             # where sigma of some rows is known, modes may differ by these alone
-            return bool((noises <= _SAME_NOISE).all()) and abs(mode.value - other.value) <= _SAME_PHI
+            return bool((noises <= _SAME_NOISE).all()) and abs(value - other.value) <= _SAME_PHI
 
         return any(same_theta(other) or same_noise(other) for other in self.modes)
 
@@ -419,7 +455,7 @@ class _Search:
             alone = solve(plain.with_rows(rows), self.base[rows])
             self.all_proven &= alone.gap is not None
             found[number] = max((alone.objective - (alone.gap or 0.0)) / rows.size, self._least)
-        for variance in self._each_alone(np.maximum(found, 1e-12)):
+        for variance in self._each_alone(self.modes[0].variance, np.maximum(found, 1e-12)):
             self.descend(self.solve(variance))
         return found
 

@@ -6,6 +6,7 @@ Eq. (13) and (14) of ``docs/theory/posterior.md``.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,12 +21,13 @@ from ifrfit.inference.optimize.linear_families import LOWEST
 from ifrfit.inference.posterior.lattice_rule import Array
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 
+_LATENT = 40  # nodes over a true angle, roughly
 _AT_ONCE = 200_000  # predicted values held at once
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 
 
 @dataclass(frozen=True)
-class _Coordinate:
+class Coordinate:
     """One coordinate: its domain, and the e_n that a kappa needs.
 
     Attributes
@@ -45,25 +47,49 @@ class _Coordinate:
             return 1.0
         return 1.0 + (at[:, self.e_n] if isinstance(self.e_n, int) else self.e_n)
 
+    def ends(self, at: Array) -> tuple[Array, Array]:
+        """Ends, (m,) each, where the coordinates before it are those of points (m, d)."""
+        factor = self.factor(at) + np.zeros(at.shape[0])
+        return self.domain.lower * factor, self.domain.upper * factor
+
+
+def values_of(coordinates: Sequence[Coordinate], at: Array) -> Array:
+    """The parameters behind coordinates, (m, d)."""
+    found = np.empty(at.shape)
+    for place, own in enumerate(coordinates):
+        found[:, place] = at[:, place] / own.factor(at)
+    return found
+
+
+def log_prior(coordinates: Sequence[Coordinate], at: Array, first: int = 0) -> Array:
+    """Log of the prior density over coordinates (m, d), the first ones of which are given, (m,)."""
+    total = np.zeros(at.shape[0])
+    for value, own in list(zip(values_of(coordinates, at).T, coordinates, strict=True))[first:]:
+        total = total + own.domain.log_prior(value) - np.log(own.factor(at))
+    return total
+
 
 @dataclass(frozen=True)
 class ConstantsDensity:
     """Prior times likelihood of a problem over its free constants, unknown noises integrated out.
 
     A point holds the free entries of theta in their order, with kappa = mu (1 + e_n) in the place of mu where
-    that is one to one, then the unknown offset of the set angles. Where errors are not plain a common factor
-    of the noise has no closed form: its logarithm is a coordinate, before the offset. The ends of a
-    coordinate depend on no more than those before it.
+    that is one to one, then the logarithms of noises that are not integrated out, then the unknown offset of
+    the set angles. The ends of a coordinate depend on no more than those before it.
 
     Attributes
     ----------
     problem : Problem
+    sampled : tuple of str
+        Noise groups whose logarithms are coordinates although errors are plain. Where errors are not plain a
+        common factor of the noise has no closed form, and is a coordinate in any case.
     """
 
     problem: Problem
+    sampled: tuple[str, ...] = ()
 
     @cached_property
-    def coordinates(self) -> tuple[_Coordinate, ...]:
+    def coordinates(self) -> tuple[Coordinate, ...]:
         """What the coordinates stand for."""
         parameters = self.problem.parameters
         place = np.cumsum(parameters.free) - 1  # among the free entries
@@ -80,15 +106,20 @@ class ConstantsDensity:
                 unknown = FreeParameter(
                     unknown.name, max(unknown.lower, LOWEST), unknown.upper, unknown.prior, unknown.log_scale
                 )
-            found.append(_Coordinate(unknown, e_n))
-        if not self.problem.error_model.is_plain:
-            for name, (low, high) in self.problem.noise_bounds().items():
-                log_low, log_high = math.log(low), math.log(high)
-                scale = -math.log(log_high - log_low)
-                found.append(_Coordinate(FreeParameter(noise_name(name), log_low, log_high, None, scale)))
+            found.append(Coordinate(unknown, e_n))
+        bounds = self.problem.noise_bounds() if self.sampled_noises else {}
+        for name in self.sampled_noises:
+            log_low, log_high = map(math.log, bounds[name])
+            scale = -math.log(log_high - log_low)
+            found.append(Coordinate(FreeParameter(noise_name(name), log_low, log_high, None, scale)))
         if self.problem.offset is not None:
-            found.append(_Coordinate(self.problem.offset))
+            found.append(Coordinate(self.problem.offset))
         return tuple(found)
+
+    @cached_property
+    def sampled_noises(self) -> tuple[str, ...]:
+        """Groups of noises whose logarithms are coordinates."""
+        return self.sampled if self.problem.error_model.is_plain else tuple(self.problem.noise_groups())
 
     @property
     def dimensions(self) -> int:
@@ -98,24 +129,25 @@ class ConstantsDensity:
     @cached_property
     def noises(self) -> dict[str, NoiseScale]:
         """The noises that are integrated out, by the name of their group."""
-        if not self.problem.error_model.is_plain:
-            return {}
         bounds = self.problem.noise_bounds()
         return {
-            name: NoiseScale(rows.size, *bounds[name]) for name, rows in self.problem.noise_groups().items()
+            name: NoiseScale(rows.size, *bounds[name])
+            for name, rows in self.problem.noise_groups().items()
+            if name not in self.sampled_noises
         }
+
+    @property
+    def cost_of_row(self) -> int:
+        """How many rows of exact incidence a row takes as long as."""
+        return _LATENT if self.problem.error_model.integrates else 1
 
     def ends(self, place: int, at: Array) -> tuple[Array, Array]:
         """Ends of a coordinate, (m,) each, where the ones before it are those of points (m, d)."""
-        own = self.coordinates[place]
-        factor = own.factor(at) + np.zeros(at.shape[0])
-        return own.domain.lower * factor, own.domain.upper * factor
+        return self.coordinates[place].ends(at)
 
     def values(self, at: Array) -> Array:
         """The parameters behind the coordinates, (m, d)."""
-        return np.stack(
-            [x / c.factor(at) for x, c in zip(at.T, self.coordinates, strict=True)], axis=1
-        ).reshape(at.shape)
+        return values_of(self.coordinates, at)
 
     def at(self, values: Array) -> Array:
         """Coordinates, (m, d), of parameters (m, d)."""
@@ -127,8 +159,13 @@ class ConstantsDensity:
         free = self.problem.parameters.free
         fixed = [0.0 if each.fixed is None else each.fixed for each in self.problem.parameters.entries]
         theta = np.tile(fixed, (values.shape[0], 1))
-        theta[:, free] = values[:, : int(free.sum())]
+        theta[:, free] = values[:, : self.free]
         return theta
+
+    @cached_property
+    def free(self) -> int:
+        """Number of free constants."""
+        return int(self.problem.parameters.free.sum())
 
     def __call__(self, at: Array) -> tuple[Array, Array]:
         """Log density over the coordinates, (m,), and the sum of squares of each noise group, (m, groups).
@@ -139,17 +176,32 @@ class ConstantsDensity:
             Inside the domain.
         """
         values = self.values(at)
-        total = np.zeros(at.shape[0])
-        for own, value in zip(self.coordinates, values.T, strict=True):
-            total = total + own.domain.log_prior(value) - np.log(own.factor(at))
+        likelihood, squares = self.log_likelihood(values)
+        return likelihood + log_prior(self.coordinates, at), squares
+
+    def log_likelihood(self, values: Array) -> tuple[Array, Array]:
+        """Log likelihood, (m,), and the sum of squares of each noise that is integrated out, (m, groups).
+
+        Parameters
+        ----------
+        values : ndarray, (m, d)
+            The parameters behind the coordinates.
+        """
+        total = np.zeros(values.shape[0])
         if not self.problem.error_model.is_plain:
-            return total + self._scattered(values), np.empty((at.shape[0], 0))
-        squares = self._squares(values)
-        for square, scale in zip(squares.T, self.noises.values(), strict=False):
-            total = total + scale.log_likelihood(square)
+            return total + self._scattered(values), np.empty((values.shape[0], 0))
+        squares, found = self._squares(values), []
+        for square, (name, rows) in zip(squares.T, self.problem.noise_groups().items(), strict=False):
+            if name in self.noises:
+                total = total + self.noises[name].log_likelihood(square)
+                found.append(square)
+                continue
+            log_sigma = values[:, self.free + self.sampled_noises.index(name)]
+            total = total - 0.5 * square * np.exp(-2.0 * log_sigma) - rows.size * (log_sigma + _HALF_LOG_2PI)
         total = total - float(np.log(self.problem.noise.base).sum())
         total = total - 0.5 * squares[:, -1] - self._known.size * _HALF_LOG_2PI
-        return np.where(np.isnan(total), -np.inf, total), squares[:, :-1]
+        integrated = np.array(found).reshape(len(found), values.shape[0]).T
+        return np.where(np.isnan(total), -np.inf, total), integrated
 
     def _squares(self, values: Array) -> Array:
         """Sum of squared residuals, in units of the base, of each noise group and of the rows in none."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,22 +29,24 @@ from ifrfit.inference.posterior.lattice_rule import lattice
 from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.mixture_proposal import MixtureProposal
 from ifrfit.inference.posterior.noise_marginal import noise_over_squares
+from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.proposal_adaptation import Gaussian, adapted_proposal, refitted
 
 Array = NDArray[np.float64]
 
-_TARGET = 0.02  # standard error at which sampling ends
-_REPLICATES = 16  # lattices with shifts of their own
-_FIRST = 512  # points of each to begin with
+TARGET = 0.02  # standard error at which sampling ends
+REPLICATES = 16  # lattices with shifts of their own
+_FIRST, _FEW = 512, 128  # points of each to begin with; where true angles are integrated out
 # Points times what one costs, in rows, after which no finer lattice is begun: where errors are small enough
 # to count as converged, and in any case
-_WORK, _MOST_WORK = 6_000_000, 18_000_000
+WORK, MOST_WORK = 6_000_000, 18_000_000
 _OF_A_POINT = 20  # rows that a point costs beside its own and those of the law that it is drawn from
 _REFITS = 4  # of the law to draw from
 _EVEN = 0.15  # effective share of the points at which the law is not fitted again
 _RISE = 25.0  # of minus twice the log likelihood to other modes: beyond, they have no weight
 _MODES = 8
 _NEGLIGIBLE = 1e-12  # probability of sums of squares that noises leave out
+_NORMAL = np.exp(-0.5 * special.ndtri(np.array(LEVELS)) ** 2) / math.sqrt(2.0 * math.pi)  # its density there
 _ROUGHLY = 1e-2  # accuracy of quantiles of noises: a hundredth of a standard error
 
 
@@ -67,6 +70,9 @@ class ImportancePosterior(WeightedDraws):
         Of a draw.
     noises : mapping
         Marginal of each noise that is integrated out given the constants, by its name.
+    parts : tuple of WeightedDraws
+        Draws of some of the quantities with weights of their own, which are more even than those of all
+        together: of what series share, and of each series.
     """
 
     problem: Problem = field(repr=False)
@@ -76,17 +82,34 @@ class ImportancePosterior(WeightedDraws):
     tolerance: float
     largest_weight: float
     noises: Mapping[str, Marginal] = field(repr=False)
+    parts: tuple[WeightedDraws, ...] = field(default=(), repr=False)
+
+    @cached_property
+    def n_draws(self) -> float:
+        """Number of draws of equal weight that tell as much, of the part that has fewest."""
+        return min((part.n_draws for part in self.parts), default=super().n_draws)
+
+    @cached_property
+    def _part_of(self) -> Mapping[str, WeightedDraws]:
+        """The part that knows a quantity, by name."""
+        return {name: part for part in self.parts for name in (*part.values, *part.transitions)}
 
     def mean(self, name: str) -> float:
         """Mean."""
-        return self.noises[name].moments(0)[0] if name in self.noises else super().mean(name)
+        if name in self.noises:
+            return self.noises[name].moments(0)[0]
+        return self._part_of[name].mean(name) if name in self._part_of else super().mean(name)
 
     def sd(self, name: str) -> float:
         """Standard deviation."""
-        return self.noises[name].moments(0)[1] if name in self.noises else super().sd(name)
+        if name in self.noises:
+            return self.noises[name].moments(0)[1]
+        return self._part_of[name].sd(name) if name in self._part_of else super().sd(name)
 
     def quantile(self, name: str, p: ArrayLike) -> Array | float:
         """Quantiles; p scalar or array, 0 to 1."""
+        if name in self._part_of:
+            return self._part_of[name].quantile(name, p)
         if name not in self.noises:
             return super().quantile(name, p)
         found = quantiles_of(self.noises[name], np.atleast_1d(np.asarray(p, dtype=float)), _ROUGHLY)
@@ -94,6 +117,8 @@ class ImportancePosterior(WeightedDraws):
 
     def cdf(self, name: str, value: ArrayLike) -> Array | float:
         """Probability below a value."""
+        if name in self._part_of:
+            return self._part_of[name].cdf(name, value)
         if name not in self.noises:
             return super().cdf(name, value)
         own = self.noises[name]
@@ -138,9 +163,9 @@ def sample_by_importance(
     while True:
         found = best.posterior()
         work = 2 * best.at.shape[0] * best.cost
-        if work > (_WORK if found.converged else _MOST_WORK):
+        if work > (WORK if found.converged else MOST_WORK):
             return found
-        if max(found.error, found.error_evidence) <= _TARGET:
+        if max(found.error, found.error_evidence) <= TARGET:
             return found
         best.refine()
 
@@ -169,10 +194,11 @@ def _in_coordinates(
     n, d = constants.size, density.dimensions
     values, whole = np.zeros(d), np.zeros((d, d))
     values[:n], whole[:n, :n] = constants, covariance
-    if not density.problem.error_model.is_plain:
-        for place, rows in enumerate(density.problem.noise_groups().values(), start=n):
-            factor = float(np.median(sigma[rows] / density.problem.noise.base[rows]))
-            values[place], whole[place, place] = math.log(factor), 0.5 / max(rows.size - 1, 1)
+    groups = density.problem.noise_groups()
+    for place, name in enumerate(density.sampled_noises, start=n):
+        rows = groups[name]
+        factor = float(np.median(sigma[rows] / density.problem.noise.base[rows]))
+        values[place], whole[place, place] = math.log(factor), 0.5 / max(rows.size - 1, 1)
     offset = start.angle_offset
     if offset is not None:  # the constants go along with it
         carried = np.append(offset.carried[density.problem.parameters.free], 1.0) * offset.sd
@@ -189,8 +215,8 @@ class _Replicates:
         self, density: ConstantsDensity, proposal: MixtureProposal, rng: np.random.Generator
     ) -> None:
         self._density, self.proposal, self._rng = density, proposal, rng
-        self._shifts = rng.random((_REPLICATES, 1 + density.dimensions))
-        self._points = _FIRST  # of each
+        self._shifts = rng.random((REPLICATES, 1 + density.dimensions))
+        self._points = _FIRST if density.cost_of_row == 1 else _FEW  # of each
         self._parts = [self._drawn(finer=False)]
         self._join()
 
@@ -199,7 +225,7 @@ class _Replicates:
         u = np.concatenate([lattice(self._points, shift, finer=finer) for shift in self._shifts])
         at = self.proposal.draw(u)
         log_p, squares = self._density(at)
-        shape = (_REPLICATES, self._points)
+        shape = (REPLICATES, self._points)
         return (
             at.reshape(*shape, at.shape[1]),
             (log_p - self.proposal.log_density(at)).reshape(shape),
@@ -227,7 +253,8 @@ class _Replicates:
     def cost(self) -> float:
         """Of a point, in rows."""
         of_the_law = self._density.dimensions * len(self.proposal.components)
-        return len(self._density.problem.rows) + of_the_law + _OF_A_POINT
+        rows = len(self._density.problem.rows) * self._density.cost_of_row
+        return rows + of_the_law + _OF_A_POINT
 
     @property
     def effective_share(self) -> float:
@@ -240,8 +267,8 @@ class _Replicates:
         density = self._density
         drawn = Draws.of(density.problem, self._draws())
         weights = special.softmax(self.log_weights)
-        noises = self._noises(weights, self._squares)
-        each = self.log_weights.reshape(_REPLICATES, -1)
+        noises = noise_marginals(density.noises, weights, self._squares)
+        each = self.log_weights.reshape(REPLICATES, -1)
         log_z = special.logsumexp(each, axis=1) - math.log(each.shape[1])
         relative = np.exp(log_z - log_z.max())
         return ImportancePosterior(
@@ -249,9 +276,9 @@ class _Replicates:
             drawn.transitions,
             weights,
             density.problem,
-            float(special.logsumexp(log_z) - math.log(_REPLICATES)),
-            self._error(drawn.values, weights, noises),
-            float(relative.std(ddof=1) / relative.mean()) / math.sqrt(_REPLICATES),
+            float(special.logsumexp(log_z) - math.log(REPLICATES)),
+            standard_error(drawn.values, weights, noises, density.noises, self._squares),
+            float(relative.std(ddof=1) / relative.mean()) / math.sqrt(REPLICATES),
             SAMPLING_ERROR,
             float(weights.max()),
             noises,
@@ -270,36 +297,88 @@ class _Replicates:
             found[noise_name(name)] = scale.draw(square, self._rng)
         return found
 
-    def _noises(self, weights: Array, squares: Array) -> dict[str, Marginal]:
-        """Marginal of each noise that is integrated out, by its name, eq. (11)."""
-        both = np.stack((weights, weights))
-        return {
-            noise_name(name): noise_over_squares(scale, square, both, _NEGLIGIBLE, noise_name(name))
-            for (name, scale), square in zip(self._density.noises.items(), squares.T, strict=True)
-        }
 
-    def _error(self, values: Mapping[str, Array], weights: Array, noises: Mapping[str, Marginal]) -> float:
-        """Largest standard error of a mean, sd or quantile, in sd, from the scatter of the replicates."""
-        shares = weights.reshape(_REPLICATES, -1)
-        shares = shares / np.maximum(shares.sum(axis=1, keepdims=True), np.finfo(float).tiny)
-        squares = self._squares.reshape(*shares.shape, self._squares.shape[1])
-        of_noises = [self._noises(*each) for each in zip(shares, squares, strict=True)]
-        worst = 0.0
-        for name, value in values.items():
-            if name in noises:
-                found = np.array([_of_marginal(each[name]) for each in of_noises])
-                sd = noises[name].moments(0)[1]
-            else:
-                parts = zip(value.reshape(shares.shape), shares, strict=True)
-                found = np.array([_of_draws(WeightedDraws({"": own}, {}, share)) for own, share in parts])
-                whole = WeightedDraws({"": value}, {}, weights)
-                sd = whole.sd("")
-                # one draw that carries a share of the variance is a share that another one may as well lack
-                square = weights * (value - whole.mean("")) ** 2
-                worst = max(worst, 0.5 * float(square.max()) / max(sd * sd, np.finfo(float).tiny))
-            if sd > 0.0:
-                worst = max(worst, float(found.std(axis=0, ddof=1).max()) / sd / math.sqrt(_REPLICATES))
-        return worst
+def noise_marginals(scales: Mapping[str, NoiseScale], weights: Array, squares: Array) -> dict[str, Marginal]:
+    """Marginal of each noise that is integrated out, by its name, eq. (11).
+
+    Parameters
+    ----------
+    scales : mapping of str to NoiseScale
+        By the name of the group.
+    weights : ndarray, (m,)
+    squares : ndarray, (m, groups)
+    """
+    both = np.stack((weights, weights))
+    return {
+        noise_name(name): noise_over_squares(scale, square, both, _NEGLIGIBLE, noise_name(name))
+        for (name, scale), square in zip(scales.items(), squares.T, strict=True)
+    }
+
+
+def standard_error(
+    values: Mapping[str, Array],
+    weights: Array,
+    noises: Mapping[str, Marginal],
+    scales: Mapping[str, NoiseScale],
+    squares: Array,
+) -> float:
+    """Largest standard error of a mean, sd or quantile, in sd, from the scatter of the replicates, eq. (18).
+
+    Parameters
+    ----------
+    values : mapping of str to ndarray, (m,)
+        Draws by name, replicate by replicate.
+    weights : ndarray, (m,)
+    noises : mapping of str to Marginal
+        Of noises that are integrated out, by their names.
+    scales : mapping of str to NoiseScale
+        Of the same, by the names of their groups.
+    squares : ndarray, (m, groups)
+    """
+    shares = weights.reshape(REPLICATES, -1)
+    shares = shares / np.maximum(shares.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+    parts = squares.reshape(*shares.shape, squares.shape[1])
+    of_noises = [noise_marginals(scales, *each) for each in zip(shares, parts, strict=True)] if scales else []
+    worst = 0.0
+    for name, marginal in noises.items():
+        at = quantiles_of(marginal, np.array(LEVELS), _ROUGHLY)
+        found = np.array([_of_marginal(each[name]) for each in of_noises])
+        below = np.array([each[name].cdf(at, 1)[0] for each in of_noises])
+        worst = max(worst, _scatter(found, below, marginal.moments(0)[1]))
+    for name, value in values.items():
+        if name in noises:
+            continue
+        pairs = zip(value.reshape(shares.shape), shares, strict=True)
+        each = [WeightedDraws({"": own}, {}, share) for own, share in pairs]
+        whole = WeightedDraws({"": value}, {}, weights)
+        sd = whole.sd("")
+        # one draw that carries a share of the variance is a share that another one may as well lack
+        square = weights * (value - whole.mean("")) ** 2
+        single = 0.5 * float(square.max()) / max(sd * sd, np.finfo(float).tiny)
+        worst = max(worst, single)
+        if sd > 0.0:
+            below = np.array([part.cdf("", whole.quantile("", LEVELS)) for part in each])
+            worst = max(worst, _scatter(np.array([_of_draws(part) for part in each]), below, sd))
+    return worst
+
+
+def _scatter(found: Array, below: Array, sd: float) -> float:
+    """Largest standard error, in sd, of mean, sd and quantiles, from the scatter of the replicates.
+
+    A quantile that moves by more than counts as converged errs by the probability below it, in the units of a
+    normal law: between two modes nothing but that probability is certain.
+
+    Parameters
+    ----------
+    found : ndarray, (replicates, 2 + levels)
+    below : ndarray, (replicates, levels)
+        Probability below the quantiles of all replicates together.
+    sd : float
+    """
+    moved = found.std(axis=0, ddof=1) / sd / math.sqrt(REPLICATES)
+    missed = below.std(axis=0, ddof=1) / _NORMAL / math.sqrt(REPLICATES)
+    of_quantiles = np.where(moved[2:] > SAMPLING_ERROR, np.minimum(moved[2:], missed), moved[2:])
+    return float(max(moved[:2].max(), of_quantiles.max()))
 
 
 def _of_draws(part: WeightedDraws) -> list[float]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.model.apply_error_model import tied_to_e_n
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
@@ -60,6 +61,24 @@ class IntegralLayout:
         return bool(self.restitution_series)
 
 
+def no_grid(problem: Problem) -> str:
+    """Why quadrature does not take a problem on, which importance sampling does; empty where it does."""
+    tied = tied_to_e_n(problem, problem.error_model)
+    if tied:
+        return (
+            f"--angle-errors {problem.error_model.angles} with {', '.join(tied)}: the true angle ties e_n to "
+            "the tangential constants, which the quadrature does not take on. Leave --integrator out, or fix "
+            "e_n."
+        )
+    has_separate = any(c.separate for c in problem.parameters) and len(problem.series) > 1
+    if has_separate and problem.noise.has_unknown and not problem.noise.separate:
+        return (
+            "With constants of each series the quadrature wants unknown noises of each series, too. Leave "
+            "--integrator out."
+        )
+    return ""
+
+
 def make_layout(
     problem: Problem, start: LeastSquaresFit, tolerance: float, *, separate_e_n: bool
 ) -> IntegralLayout:
@@ -76,10 +95,9 @@ def make_layout(
     """
     settings = GridSettings(problem, start, tolerance)
     has_separate = any(c.separate for c in problem.parameters) and len(problem.series) > 1
-    if has_separate and problem.noise.has_unknown and not problem.noise.separate:
-        raise UsageError(
-            "--method exact: with constants of each series, unknown noises are those of each series, too."
-        )
+    reason = no_grid(problem)
+    if reason:
+        raise UsageError(reason)
     if has_separate:
         blocks = tuple(np.flatnonzero(problem.rows.series == i) for i in range(len(problem.series)))
     else:

@@ -18,10 +18,13 @@ from ifrfit.inference.posterior.adaptive_quadrature import (
     integrate,
 )
 from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_by_quadrature
+from ifrfit.inference.posterior.factorised_sampling import sample_by_series
 from ifrfit.inference.posterior.importance_sampling import ImportancePosterior, sample_by_importance
+from ifrfit.inference.posterior.integral_layout import no_grid
 from ifrfit.inference.posterior.offset_mixture import integrate_over_offset
 from ifrfit.inference.posterior.offset_mixture import log_evidence as evidence_over_offset
 from ifrfit.inference.posterior.quadrature_posterior import QuadraturePosterior
+from ifrfit.inference.posterior.series_factors import factorises
 
 ExactPosterior = QuadraturePosterior | ImportancePosterior | Mixture
 
@@ -62,26 +65,40 @@ def exact_posterior(
         Where the noise is unknown and the data cannot tell it from the constants.
     UsageError
         For a domain that reaches where sticking has no meaning; by quadrature alone, where the grid would
-        fill the memory.
+        fill the memory, or is none (`no_grid`).
     """
     start = least_squares(problem) if start is None else start
     is_certain = not problem.free_parameters and problem.offset is None
     if integrator == "quadrature" or is_certain:
         over_offset = problem.offset is not None
         return (integrate_over_offset if over_offset else integrate)(problem, tolerance, start)
-    if integrator == "sampling":
-        return sample_by_importance(problem, start, seed)
+    if integrator == "sampling" or no_grid(problem):
+        return sampled_posterior(problem, start, seed)
     try:
         found = _small_grid(problem, tolerance, start)
     except GridTooLargeError:
-        return sample_by_importance(problem, start, seed)
+        return sampled_posterior(problem, start, seed)
     if found.converged:
         return found
     reached = max(found.error, found.error_evidence)
     if reached <= (_COARSER[-1] if found.is_falling else _COARSER[0]):
         return replace(found, tolerance=next(each for each in _COARSER if reached <= each))
-    sampled = sample_by_importance(problem, start, seed)
+    sampled = sampled_posterior(problem, start, seed)
     return sampled if sampled.converged or sampled.error <= found.error else found
+
+
+def sampled_posterior(problem: Problem, start: LeastSquaresFit, seed: int = 0) -> ImportancePosterior:
+    """The posterior by importance sampling; series by series where each has constants of its own.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a free constant at least.
+    start : LeastSquaresFit
+    seed : int
+    """
+    sample = sample_by_series if factorises(problem) else sample_by_importance
+    return sample(problem, start, seed)
 
 
 def log_evidence(
@@ -104,19 +121,25 @@ def log_evidence(
         As `exact_posterior`; where neither integrator converges.
     """
     start = least_squares(problem) if start is None else start
+    found = None if no_grid(problem) else _evidence_of_small_grid(problem, tolerance, start)
+    if found is not None:
+        return found
+    sampled = sampled_posterior(problem, start)
+    if not sampled.converged:
+        raise UsageError("The log evidence did not converge: too few effective draws.")
+    return sampled.log_evidence
+
+
+def _evidence_of_small_grid(problem: Problem, tolerance: float, start: LeastSquaresFit) -> float | None:
+    """Log of the evidence by quadrature; None where the grid would be large, or does not converge."""
     try:
         if problem.offset is not None:
             _refuse_many_offsets(problem, tolerance, start)
             return evidence_over_offset(problem, tolerance, start)
         found, error = evidence_by_quadrature(problem, tolerance, start, _MOST_WORK)
-        if error <= max(_COARSER[-1], tolerance):
-            return found
     except GridTooLargeError:
-        pass
-    sampled = sample_by_importance(problem, start)
-    if not sampled.converged:
-        raise UsageError("The log evidence did not converge: too few effective draws.")
-    return sampled.log_evidence
+        return None
+    return found if error <= max(_COARSER[-1], tolerance) else None
 
 
 def _small_grid(problem: Problem, tolerance: float, start: LeastSquaresFit) -> QuadraturePosterior | Mixture:

@@ -53,7 +53,7 @@ class Component:
         """Points (m, d) from uniform numbers (m, d)."""
         at, z = np.zeros(u.shape), np.zeros(u.shape)
         for j, centre, size, low, high in self._conditionals(domain, at, z):
-            z[:, j] = _cut_quantile(low, high, u[:, j])
+            z[:, j] = cut_quantile(low, high, u[:, j])
             ends = domain.ends(j, at)
             at[:, j] = np.clip(centre + size * z[:, j], *ends)
         return at
@@ -64,8 +64,20 @@ class Component:
         for j, centre, size, low, high in self._conditionals(domain, at, z):
             z[:, j] = (at[:, j] - centre) / size
             # the logarithm of a product is cheaper than the logarithms of both
-            total -= np.log((1.0 + 0.25 * z[:, j] ** 2) ** 2.5 * np.maximum(_between(low, high), _TINY))
+            total -= np.log((1.0 + 0.25 * z[:, j] ** 2) ** 2.5 * np.maximum(between(low, high), _TINY))
         return total
+
+    def log_density_of_first(self, domain: Domain, at: Array, first: int) -> tuple[Array, Array]:
+        """Log density of the first coordinates alone, (m,), and their z, (m, first), at points (m, first)."""
+        z, total = np.empty((at.shape[0], first)), np.zeros(at.shape[0])
+        for j in range(first):
+            size = float(self.root[j, j])
+            centre = self.centre[j] + z[:, :j] @ self.root[j, :j]
+            low, high = domain.ends(j, at)
+            z[:, j] = (at[:, j] - centre) / size
+            inside = np.maximum(between((low - centre) / size, (high - centre) / size), _TINY)
+            total -= np.log((1.0 + 0.25 * z[:, j] ** 2) ** 2.5 * inside * (size / 0.375))
+        return total, z
 
     @property
     def _log_scale(self) -> float:
@@ -160,13 +172,13 @@ def _flipped(low: Array, high: Array) -> tuple[NDArray[np.bool_], Array, Array]:
     return flip, np.where(flip, -high, low), np.where(flip, -low, high)
 
 
-def _between(low: Array, high: Array) -> Array:
+def between(low: Array, high: Array) -> Array:
     """Probability between two ends."""
     _, a, b = _flipped(low, high)
     return np.asarray(_below(b) - _below(a))
 
 
-def _cut_quantile(low: Array, high: Array, p: Array) -> Array:
+def cut_quantile(low: Array, high: Array, p: Array) -> Array:
     """Quantile p of the law cut at two ends."""
     flip, a, b = _flipped(low, high)
     below, above = _below(a), _below(b)

@@ -17,7 +17,7 @@ from scipy import special
 
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.lattice_rule import lattice
-from ifrfit.inference.posterior.mixture_proposal import Component, MixtureProposal, Uniform
+from ifrfit.inference.posterior.mixture_proposal import Component, Domain, MixtureProposal, Uniform
 
 Array = NDArray[np.float64]
 
@@ -28,11 +28,11 @@ _UNIFORM, _BY_MODES, _EACH = 2048, 2048, 512  # points of the first laws, and of
 _MOST = 24  # components that are added
 _EVEN = 0.4  # effective share of the points at which the weights are even enough
 _NEAR = 256  # points that give a component its covariance
-_RESAMPLED = 4096  # points that the components are fitted to
-_STEPS = 20  # of expectation and maximisation
+RESAMPLED = 4096  # points that the components are fitted to
+STEPS = 20  # of expectation and maximisation
 _LEAST = 0.01  # share of a component that is kept
 _POINTS = 3.0  # effective points of a component for each of its dimensions
-_KEPT = 10  # components at most
+KEPT = 10  # components at most
 _SEEDS = 8  # components to begin with at points of much weight, where a law is fitted again
 _FLAT = 1e-5  # of the domain's width: least sd of a component
 
@@ -54,7 +54,8 @@ def adapted_proposal(
     population = _Population(density, rng)
     population.add(Uniform(), _UNIFORM)
     for centre, covariance in modes:
-        population.add(_component(density, centre, covariance), 2 ** round(math.log2(_BY_MODES / len(modes))))
+        n = 2 ** round(math.log2(_BY_MODES / len(modes)))
+        population.add(component_about(density, centre, covariance), n)
     for _ in range(_MOST):
         if population.effective_share >= _EVEN:
             break
@@ -79,64 +80,107 @@ def refitted(
     log_weights : ndarray, (m,)
     rng : numpy.random.Generator
     """
-    known = [each for each in proposal.components if isinstance(each, Component)]
-    gaussians = [(each.centre, each.root @ each.root.T) for each in known]
-    weights = special.softmax(log_weights)
-    centres = at[rng.choice(weights.size, _SEEDS, p=weights)]
-    centre = weights @ at
-    covariance = ((at - centre) * weights[:, None]).T @ (at - centre) / _SEEDS
-    gaussians += [(each, covariance) for each in centres]
+    gaussians = further_seeds(proposal.components, at, log_weights, rng)
     return fitted_proposal(density, at, log_weights, rng, gaussians)
 
 
 def fitted_proposal(
-    density: ConstantsDensity,
+    domain: Domain,
     at: Array,
     log_weights: Array,
     rng: np.random.Generator,
     start: Sequence[Gaussian],
+    *,
+    long: float = LONG,
+    resampled: int = RESAMPLED,
+    steps: int = STEPS,
 ) -> MixtureProposal:
     """Components fitted to weighted points, and the uniform law beside them.
 
     Parameters
     ----------
-    density : ConstantsDensity
+    domain : Domain
     at : ndarray, (m, d)
     log_weights : ndarray, (m,)
     rng : numpy.random.Generator
     start : sequence of (ndarray, ndarray)
         Centre and covariance of each component to begin with.
+    long : float
+        Share of the components that are as long as the domain.
+    resampled, steps : int
+        Points that are fitted to; of expectation and maximisation.
     """
-    weights = special.softmax(log_weights)
-    places = (np.arange(_RESAMPLED) + rng.random()) / _RESAMPLED
-    drawn = at[np.minimum(np.searchsorted(np.cumsum(weights), places), weights.size - 1)]
-    effective = float(1.0 / np.sum(weights**2))
-    # fewer points tell no covariance
-    least = max(_LEAST, _POINTS * (density.dimensions + 1.0) / min(effective, _RESAMPLED))
-    shares, fitted = _gaussian_mixture(drawn, start, _least_sd(density, at), least)
-    near = [_component(density, *each) for each in fitted]
+    shares, near = fitted_components(domain, at, log_weights, rng, start, resampled=resampled, steps=steps)
     wide = [Component(each.centre, WIDER * each.root) for each in near]
-    long = _along_each_coordinate(density, near[int(shares.argmax())])
+    lengthened = _along_each_coordinate(domain, near[int(shares.argmax())])
     weights = np.concatenate(
         (
-            (1.0 - DEFENSIVE - TAILS - LONG) * shares,
+            (1.0 - DEFENSIVE - TAILS - long) * shares,
             TAILS * shares,
-            np.full(len(long), LONG / len(long)),
+            np.full(len(lengthened), long / len(lengthened)),
             [DEFENSIVE],
         )
     )
-    return MixtureProposal(density, (*near, *wide, *long, Uniform()), weights)
+    return MixtureProposal(domain, (*near, *wide, *lengthened, Uniform()), weights)
 
 
-def _along_each_coordinate(density: ConstantsDensity, component: Component) -> list[Component]:
+def fitted_components(
+    domain: Domain,
+    at: Array,
+    log_weights: Array,
+    rng: np.random.Generator,
+    start: Sequence[Gaussian],
+    *,
+    resampled: int = RESAMPLED,
+    steps: int = STEPS,
+    most: int = KEPT,
+) -> tuple[Array, list[Component]]:
+    """Shares, and components, fitted to weighted points by expectation and maximisation.
+
+    Parameters
+    ----------
+    domain : Domain
+    at : ndarray, (m, d)
+    log_weights : ndarray, (m,)
+    rng : numpy.random.Generator
+    start : sequence of (ndarray, ndarray)
+        Centre and covariance of each component to begin with.
+    resampled, steps, most : int
+        Points that are fitted to; of expectation and maximisation; components.
+    """
+    weights = special.softmax(log_weights)
+    places = (np.arange(resampled) + rng.random()) / resampled
+    drawn = at[np.minimum(np.searchsorted(np.cumsum(weights), places), weights.size - 1)]
+    effective = float(1.0 / np.sum(weights**2))
+    # fewer points tell no covariance
+    least = max(_LEAST, _POINTS * (domain.dimensions + 1.0) / min(effective, resampled))
+    shares, fitted = _gaussian_mixture(drawn, start, _least_sd(domain, at), least, steps, most)
+    return shares, [component_about(domain, *each) for each in fitted]
+
+
+def further_seeds(
+    components: Sequence[Component | Uniform], at: Array, log_weights: Array, rng: np.random.Generator
+) -> list[Gaussian]:
+    """Components that a fit begins with: those of a law before it, and some at points of much weight."""
+    known = [each for each in components if isinstance(each, Component)]
+    weights = special.softmax(log_weights)
+    centres = at[rng.choice(weights.size, _SEEDS, p=weights)]
+    centre = weights @ at
+    covariance = ((at - centre) * weights[:, None]).T @ (at - centre) / _SEEDS
+    return [(each.centre, each.root @ each.root.T) for each in known] + [
+        (each, covariance) for each in centres
+    ]
+
+
+def _along_each_coordinate(domain: Domain, component: Component) -> list[Component]:
     """The component as long as the domain along one coordinate, the later ones following it; d of them.
 
     A posterior given few rows with an unknown noise has tails that no normal law has, along a constant that
     the others hardly depend on: points that are uniform in all of them miss it.
     """
     found = []
-    for j in range(density.dimensions):
-        low, high = density.ends(j, component.centre[None])
+    for j in range(domain.dimensions):
+        low, high = domain.ends(j, component.centre[None])
         root = component.root.copy()
         root[:, j] *= max(1.0, 0.25 * float((high - low)[0]) / float(root[j, j]))
         found.append(Component(component.centre, root))
@@ -193,16 +237,16 @@ class _Population:
         share = weights[near] + 1.0 / weights.size
         share /= share.sum()
         away = self.at[near] - centre
-        return _component(self._density, centre, (away * share[:, None]).T @ away)
+        return component_about(self._density, centre, (away * share[:, None]).T @ away)
 
 
-def _component(density: ConstantsDensity, centre: Array, covariance: Array) -> Component:
+def component_about(domain: Domain, centre: Array, covariance: Array) -> Component:
     """A component with a centre inside the domain, and a covariance that is positive definite."""
     inside = centre[None].copy()
     for j in range(centre.size):
-        low, high = density.ends(j, inside)
+        low, high = domain.ends(j, inside)
         inside[:, j] = np.clip(inside[:, j], low, high)
-    return Component(inside[0], _root(covariance, _least_sd(density, inside)))
+    return Component(inside[0], _root(covariance, _least_sd(domain, inside)))
 
 
 def _root(covariance: Array, least_sd: Array) -> Array:
@@ -213,27 +257,27 @@ def _root(covariance: Array, least_sd: Array) -> Array:
     return np.asarray(size[:, None] * np.linalg.cholesky(repaired))
 
 
-def _least_sd(density: ConstantsDensity, at: Array) -> Array:
+def _least_sd(domain: Domain, at: Array) -> Array:
     """Least sd of components along each coordinate, (d,)."""
-    ends = [density.ends(j, at) for j in range(density.dimensions)]
+    ends = [domain.ends(j, at) for j in range(domain.dimensions)]
     return np.array([_FLAT * float((high - low).max()) for low, high in ends])
 
 
 def _gaussian_mixture(
-    at: Array, start: Sequence[Gaussian], least_sd: Array, least: float
+    at: Array, start: Sequence[Gaussian], least_sd: Array, least: float, steps: int, most: int
 ) -> tuple[Array, list[Gaussian]]:
     """Shares, centres and covariances of normal components, by expectation and maximisation.
 
     Those with less than the `least` share are dropped, but for the largest.
     """
     shares, fitted = np.full(len(start), 1.0 / len(start)), list(start)
-    for step in range(_STEPS):
+    for step in range(steps):
         log_q = np.stack([_log_normal(at, *each, least_sd) for each in fitted]) + np.log(shares)[:, None]
         share_of = special.softmax(log_q, axis=0)
         shares = share_of.mean(axis=1)
         kept = shares >= min(least, float(shares.max()))
-        if step > _STEPS // 2 and kept.sum() > _KEPT:
-            kept &= shares >= np.sort(shares)[-_KEPT]
+        if step > steps // 2 and kept.sum() > most:
+            kept &= shares >= np.sort(shares)[-most]
         shares, share_of = shares[kept] / shares[kept].sum(), share_of[kept]
         fitted = []
         for own in share_of:

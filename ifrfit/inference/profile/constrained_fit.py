@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -23,9 +23,6 @@ LOWEST = 1e-3
 _SHARE = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
 _GRID = 7  # values over the whole range that are looked at where it is not there
 _XATOL = 1e-7
-_STARTS = 3  # of a local search
-
-MuFunction = Callable[[float, float], float]  # of e_n and c
 
 
 def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Array) -> Array:
@@ -129,60 +126,6 @@ def best_at_kappa(
 def lowest_e_n(problem: Problem) -> float:
     """The e_n below which a value over the outgoing normal velocity is not meant seriously; else 0."""
     return LOWEST if problem.rows.has_rebound_scale else 0.0
-
-
-def local_optimum_with_mu(
-    problem: Problem,
-    sigma: Array,
-    series: int,
-    mu: MuFunction,
-    e_range: tuple[float, float],
-    starts: Sequence[Array],
-) -> Array:
-    """theta with mu of a series a function of e_n and c, the rest at its best: the best of local searches.
-
-    A mu that fixes the transition leaves every row of the series in its regime, so that nothing bends.
-    """
-    from scipy.optimize import least_squares
-
-    places = {name: int(own[series]) for name, own in problem.parameters.positions.items()}
-    i_mu, i_e, i_c = places["mu"], places["e_n"], places.get(problem.closure.constant or "", -1)
-    free = problem.parameters.free.copy()
-    free[i_mu] = False
-    lower, upper = problem.parameters.bounds()
-    lower[i_e], upper[i_e] = max(lower[i_e], e_range[0]), min(upper[i_e], e_range[1])
-    if free[i_e] and upper[i_e] - lower[i_e] < 1e-9:
-        free[i_e] = False
-
-    def full(x: Array, start: Array) -> Array:
-        theta = start.copy()
-        theta[i_e] = min(max(theta[i_e], lower[i_e]), upper[i_e])
-        theta[free] = x
-        theta[i_mu] = mu(theta[i_e], theta[i_c] if i_c >= 0 else 0.0)
-        return theta
-
-    best: tuple[float, Array] | None = None
-    for start in starts[:_STARTS]:
-
-        def residuals(x: Array, start: Array = start) -> Array:
-            theta = full(x, start)
-            data = (problem.rows.value - problem.predict(theta)) / sigma
-            return np.concatenate((data, problem.parameters.prior_residuals(theta)))
-
-        if free.any():
-            ends = lower[free], np.minimum(upper[free], 1e9)
-            inset = 1e-9 * np.minimum(1.0, ends[1] - ends[0])
-            x0 = np.clip(start[free], ends[0] + inset, ends[1] - inset)
-            found = least_squares(residuals, x0, bounds=ends, xtol=1e-10, ftol=1e-10, gtol=1e-10)
-            pair = float(2.0 * found.cost), full(found.x, start)
-        else:
-            left = residuals(np.empty(0))
-            pair = float(left @ left), full(np.empty(0), start)
-        if best is None or pair[0] < best[0]:
-            best = pair
-    if best is None:
-        raise ValueError("a search needs a start")
-    return best[1]
 
 
 def kappa_range(kappa: float, mu: Parameter) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,9 @@ _FEWEST, _POINTS, _MOST = 25, 60, 100  # of places: on a flat profile, on any ot
 _STRAIGHT = 1e-3  # bend below which a straight line shows the profile as well
 _BETTER = 1e-6  # fall below the fit's optimum that is not rounding
 _NARROW = 1e-4  # of the window, below which no interval is split
+_DOUBLED = 10  # steps, each twice the last, that are looked at together where the domain has no end
+_SPLIT = 8  # intervals of a window that are split together
+_ROOT_STEPS = 60
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,9 @@ class ProfileCurve:
         Place from which on the profile is level, where the domain has no end.
     resolution : Resolution
         How closely it is looked at.
+    of_many : callable, optional
+        Several places to their rises, where that costs little more than one: then places are looked at
+        together.
 
     Attributes
     ----------
@@ -70,8 +76,11 @@ class ProfileCurve:
         upper: float,
         far: float | None = None,
         resolution: Resolution = FINE,
+        of_many: Callable[[Array], Array] | None = None,
     ) -> None:
         self._function = function
+        self._of_many = of_many
+        self._pieces: dict[float, tuple[Interval, ...]] = {}
         self._resolution = resolution
         self.lower, self.upper = lower, upper
         self._far = far
@@ -87,6 +96,14 @@ class ProfileCurve:
             self._known[x] = self._function(x)
         return self._known[x] - self._base
 
+    def _look(self, places: Iterable[float]) -> None:
+        """Look at several places together, where that is cheaper than one by one as they are needed."""
+        if self._of_many is None:
+            return
+        new = sorted({x for x in places if x not in self._known and self.lower <= x <= self.upper})
+        if new:
+            self._known.update(zip(new, self._of_many(np.array(new)).tolist(), strict=True))
+
     @property
     def n_evaluations(self) -> int:
         """Places looked at so far."""
@@ -98,7 +115,8 @@ class ProfileCurve:
         if self._endless:
             return f"it does not close up to {self._last:.0e}"
         if self.unconverged:
-            return f"the noise has not settled at {len(self.unconverged)} of its {self.n_evaluations} places"
+            what = "noise" if self._of_many is None else "search"
+            return f"the {what} has not settled at {len(self.unconverged)} of its {self.n_evaluations} places"
         return ""
 
     def best_place(self, value: float) -> float:
@@ -124,6 +142,7 @@ class ProfileCurve:
     def explore(self, optima: Sequence[float], step: float, limit: float) -> None:
         """Go out from each optimum until the profile has risen over the limit, then scan the domain."""
         inside = sorted({min(max(x, self.lower), self.upper) for x in optima if math.isfinite(x)})
+        self._look(self._places_of(inside, step))
         for x in inside:
             self(x)
         self._last = self.upper if math.isfinite(self.upper) else self._finite_end(inside[-1], step, limit)
@@ -134,6 +153,20 @@ class ProfileCurve:
             self._outward(x, step, limit)
         for x in np.linspace(self.lower, self._last, self._resolution.scan + 2)[1:-1].tolist():
             self(x)
+
+    def _places_of(self, inside: Sequence[float], step: float) -> list[float]:
+        """Places that an exploration is likely to look at."""
+        steps = [x + sign * i * step for x in inside for sign in (-1.0, 1.0) for i in _STEPS]
+        if math.isfinite(self.upper):
+            last = self.upper
+        elif self._far is not None:
+            last = max(self._far, 1.05 * inside[-1])
+        else:
+            last = math.inf
+            steps += [inside[-1] + (2.0**i - 1.0) * step for i in range(_DOUBLED)]
+        ends = [x for x in (self.lower, last) if math.isfinite(x)]
+        scan = [] if math.isinf(last) else np.linspace(self.lower, last, self._resolution.scan + 2).tolist()
+        return [*inside, *ends, *(x for x in steps if self.lower < x < last), *scan]
 
     def _finite_end(self, start: float, step: float, limit: float) -> float:
         if self._far is not None:
@@ -152,19 +185,35 @@ class ProfileCurve:
             if not self.lower < place < self._last or self(place) > limit:
                 return
 
+    def cross(self, limits: Iterable[float]) -> None:
+        """Find the pieces below several limits together, where places are looked at together."""
+        if self._of_many is None:
+            return
+        brackets = {limit: self._brackets(limit) for limit in limits}
+        every = [(*pair, limit) for limit, found in brackets.items() for pair in found if pair[0] != pair[1]]
+        ends = dict(zip(every, self._crossings(every), strict=True))
+        for limit, found in brackets.items():
+            each = [ends.get((*pair, limit), pair[0]) for pair in found]
+            self._pieces[limit] = tuple(zip(each[::2], each[1::2], strict=True))
+
     def pieces(self, limit: float) -> tuple[Interval, ...]:
         """Intervals in which the profile stays below the limit, ascending."""
+        if limit in self._pieces:
+            return self._pieces[limit]
+        found = self._brackets(limit)
+        ends = [a if a == b else self._crossing(a, b, limit) for a, b in found]
+        return tuple(zip(ends[::2], ends[1::2], strict=True))
+
+    def _brackets(self, limit: float) -> list[tuple[float, float]]:
+        """A place inside and one outside at each end of each piece below the limit; the same at a bound."""
         x, rise = self.curve()
         inside = rise <= limit
         edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(int)))
         found = []
         for first, after in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            low = self.lower if first == 0 else self._crossing(float(x[first]), float(x[first - 1]), limit)
-            high = (
-                self.upper if after == x.size else self._crossing(float(x[after - 1]), float(x[after]), limit)
-            )
-            found.append((low, high))
-        return tuple(found)
+            found.append((self.lower,) * 2 if first == 0 else (float(x[first]), float(x[first - 1])))
+            found.append((self.upper,) * 2 if after == x.size else (float(x[after - 1]), float(x[after])))
+        return found
 
     def _crossing(self, inside: float, outside: float, limit: float) -> float:
         """Where the rise is the limit; its root is nearly straight, which needs few steps."""
@@ -179,6 +228,44 @@ class ProfileCurve:
             return inside
         fine = self._resolution.crossing
         return float(brentq(over, inside, outside, xtol=fine * abs(outside - inside) + 1e-15, rtol=1e-13))
+
+    def _crossings(self, brackets: Sequence[tuple[float, float, float]]) -> list[float]:
+        """Where the rise is the limit, between a place inside and one outside, for several of them.
+
+        The method of Chandrupatla (1997), Adv. Eng. Softw. 28, 145, on all brackets together.
+        """
+        if not brackets:
+            return []
+        inside, outside, limits = np.array(brackets).T
+        root = np.sqrt(limits)
+
+        def over(x: Array) -> Array:
+            self._look(x.tolist())
+            return np.asarray(np.sqrt(np.maximum([self(place) for place in x.tolist()], 0.0)) - root)
+
+        tolerance = 0.5 * (self._resolution.crossing * np.abs(outside - inside) + 1e-15)
+        x1, x2, f1, f2 = inside, outside, over(inside), over(outside)
+        best = np.where(np.abs(f1) < np.abs(f2), x1, x2)
+        with np.errstate(all="ignore"):
+            share = np.nan_to_num(f1 / (f1 - f2), nan=0.5)
+            for _ in range(_ROOT_STEPS):
+                least = tolerance / np.abs(x2 - x1)
+                active = (least < 0.5) & (np.minimum(np.abs(f1), np.abs(f2)) > 0.0)
+                if not active.any():
+                    break
+                x = np.where(active, x1 + np.clip(share, least, 1.0 - least) * (x2 - x1), x1)
+                f = over(x)
+                same = np.sign(f) == np.sign(f1)
+                x3, f3 = np.where(same, x1, x2), np.where(same, f1, f2)
+                x2, f2 = np.where(same, x2, x1), np.where(same, f2, f1)
+                x1, f1 = x, f
+                best = np.where(active, np.where(np.abs(f1) < np.abs(f2), x1, x2), best)
+                xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
+                share = f1 / (f2 - f1) * f3 / (f2 - f3)
+                share += (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
+                smooth = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
+                share = np.where(smooth & np.isfinite(share), share, 0.5)
+        return [float(x) for x in best]
 
     def curve(self) -> tuple[Array, Array]:
         """Places looked at, ascending, and the rises there."""
@@ -207,8 +294,12 @@ class ProfileCurve:
             score = score + limit / _FEWEST * (width / (high - low)) * (width > _NARROW * (high - low))
             if score.max() == 0.0:
                 return x, rise
-            i = int(score.argmax())
-            self(float(0.5 * (x[i] + x[i + 1])))
+            most = 1 if self._of_many is None else _SPLIT
+            worst = np.argsort(-score, kind="stable")[:most]
+            places = 0.5 * (x[worst] + x[worst + 1])[score[worst] > 0.0]
+            self._look(places.tolist())
+            for place in places.tolist():
+                self(place)
 
 
 def _bends(x: Array, rise: Array) -> Array:

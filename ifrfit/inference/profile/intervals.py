@@ -33,6 +33,8 @@ def profile_of(
     fill : bool
         Whether to add places until the curve can be drawn.
     """
+    two_sided = [limit(level, dof) for level in (0.68, 0.95, *((_COVERED,) if fill else ()))]
+    curve.cross([*two_sided, *(limit(level, dof, one_sided=True) for level in (0.68, 0.95))])
     pieces68, pieces = curve.pieces(limit(0.68, dof)), curve.pieces(limit(0.95, dof))
     marginal = _marginal(curve, value, dof, hull(pieces68), hull(pieces), len(pieces))
     domain = replace(quantity.domain, lower=curve.lower, upper=curve.upper)

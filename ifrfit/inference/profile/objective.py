@@ -86,6 +86,42 @@ class Misfit:
         change = self._prior(theta) - self._prior(mode.theta) + self._chi2(theta) - self._chi2(mode.theta)
         return mode.rise + float(mode.dof @ np.log(squares / mode.squares)) + change
 
+    def rises(self, theta: Array) -> Array:
+        """`rise` at several theta, (m, p) to (m,); infinite where a value is undefined."""
+        with np.errstate(all="ignore"):
+            residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
+            prior = np.array([self._prior(each) for each in theta])
+            total = np.square(residual[:, self._known]).sum(axis=1) + prior
+            if not self.groups:
+                found = total - self._chi2(self.fit.optimum.theta) - self._prior(self.fit.optimum.theta)
+            else:
+                log = np.log(self._squares_of(residual))
+                every = [
+                    mode.rise + (log - np.log(mode.squares)) @ mode.dof + total - at
+                    for mode, at in zip(self.modes, self._totals, strict=True)
+                ]
+                found = np.array(every)[self.nearest(log), np.arange(len(theta))]
+        return np.where(np.isnan(found), np.inf, found)
+
+    def dof_at(self, theta: Array) -> Array:
+        """Degrees of freedom of each group in the mode nearest to each theta, (m, p) to (m, groups)."""
+        if not self.groups:
+            return np.zeros((len(theta), 0))
+        with np.errstate(all="ignore"):
+            residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
+            log = np.log(self._squares_of(np.nan_to_num(residual)))
+        return np.array([mode.dof for mode in self.modes])[self.nearest(log)]
+
+    def nearest(self, log_squares: Array) -> Index:
+        """Number of the mode whose sums of squares are nearest, by their logarithms, (m, groups) to (m,)."""
+        modes = np.array([np.log(mode.squares) for mode in self.modes])
+        return np.asarray(np.abs(log_squares[:, None] - modes).sum(axis=2).argmin(axis=1))
+
+    @cached_property
+    def _totals(self) -> tuple[float, ...]:
+        """chi2 of rows with a known sigma and of the priors at each mode."""
+        return tuple(self._prior(mode.theta) + self._chi2(mode.theta) for mode in self.modes)
+
     def minimum(self, constrained: ConstrainedOptimum, near: Array) -> Minimum:
         """Least rise, and where, over what `constrained` leaves free.
 
@@ -119,9 +155,7 @@ class Misfit:
 
     def _nearest(self, squares: Array) -> NoiseAtMode:
         """The mode whose sums of squares are nearest, by their logarithms."""
-        if len(self.modes) == 1:
-            return self.modes[0]
-        return min(self.modes, key=lambda mode: float(np.abs(np.log(squares / mode.squares)).sum()))
+        return self.modes[int(self.nearest(np.log(squares)[None])[0])]
 
     def dof_of(self, functional: Array) -> float:
         """Degrees of freedom behind the sd of functional @ phi, after Satterthwaite.
@@ -155,12 +189,17 @@ class Misfit:
 
     def _squares(self, theta: Array) -> Array:
         residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
+        return np.asarray(self._squares_of(residual[None])[0])
+
+    def _squares_of(self, residual: Array) -> Array:
+        """Sum of squares of each group, (m, n) to (m, groups)."""
         value = self.problem.rows.value / self.base
-        found = np.empty(len(self.groups))
+        found = np.empty((len(residual), len(self.groups)))
         for i, rows in enumerate(self.groups):
             # what is below rounding says nothing of the noise
             least = (1e-13 * (float(np.abs(value[rows]).max()) + 1.0)) ** 2 * rows.size
-            found[i] = max(float(residual[rows] @ residual[rows]), least)
+            square = (residual[:, None, rows] @ residual[:, rows, None])[:, 0, 0]
+            found[:, i] = np.maximum(square, least)
         return found
 
     def _sigma(self, theta: Array) -> Array:

@@ -77,8 +77,14 @@ def profile_all(
         for name in [name for name in found if quantity_of(name) == own]:
             label = meaning.name + name.removeprefix(own)
             found[label] = found[name].mapped(label, partial(_meant, meaning, problem.inertia_factor))
+    taus: dict[tuple[int, ...], ProfileLikelihood | None] = {}
     for number, series in enumerate(problem.series):
-        found |= _transitions(misfit, number, series, found, curves)
+        places = tuple(int(own[number]) for own in problem.parameters.positions.values())
+        if places not in taus:
+            taus[places] = _transition_tau(misfit, number, found, curves)
+        tau = taus[places]
+        if tau is not None:
+            found |= _transitions(problem, number, series, tau)
     return found
 
 
@@ -93,22 +99,25 @@ def _meant(meaning: Meaning, inertia_factor: float, c: float) -> float:
     return meaning.value(c, inertia_factor)
 
 
-def _transitions(
-    misfit: Misfit, number: int, series: str, found: Mapping[str, ProfileLikelihood], curves: bool
-) -> dict[str, ProfileLikelihood]:
-    """Transition angle(s) of a series: what its slip ratio at the transition becomes at its median spin."""
+def _transition_tau(
+    misfit: Misfit, number: int, found: Mapping[str, ProfileLikelihood], curves: bool
+) -> ProfileLikelihood | None:
+    """Slip ratio at the transition of a series, and of all that share its constants; None where none is."""
     problem, fit = misfit.problem, misfit.fit
     b = constant_bound(problem)
     kappa = found.get(problem.parameters.kappas[number].name)
     if kappa is None:
-        return {}
+        return None
     if b is not None:
-        tau = kappa.mapped("transition_tau", lambda x: x / b)
-    else:
-        quantity = transition_tau(problem, fit, number)
-        if quantity is None:
-            return {}
-        tau = _profile(misfit, quantity, Known(kappa.has_value), curves)
+        return kappa.mapped("transition_tau", lambda x: x / b)
+    quantity = transition_tau(problem, fit, number)
+    return None if quantity is None else _profile(misfit, quantity, Known(kappa.has_value), curves)
+
+
+def _transitions(
+    problem: Problem, number: int, series: str, tau: ProfileLikelihood
+) -> dict[str, ProfileLikelihood]:
+    """Transition angle(s) of a series: what its slip ratio at the transition becomes at its median spin."""
     spin_x, spin_y = median_spin(problem, number)
     angles = transition_angles(tau.value, spin_x, spin_y)
     out = {}

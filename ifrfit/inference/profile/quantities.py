@@ -10,18 +10,21 @@ import numpy as np
 
 from ifrfit.inference.model.parameters import Domain, Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Index
+from ifrfit.inference.optimize.batched_search import FollowingMu
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.profile.constrained_fit import (
     best_at_kappa,
     best_with,
     kappa_range,
-    local_optimum_with_mu,
     lowest_e_n,
     separable_e_n,
 )
+from ifrfit.inference.profile.constrained_series import best_of_series
 from ifrfit.inference.profile.curve import FINE, ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
+from ifrfit.inference.profile.searched_profile import Constraint, SearchedProfile
 from ifrfit.inference.summary.gaussian import kappa_at
 from ifrfit.physics.observables import OBSERVABLES
 
@@ -41,21 +44,37 @@ class Quantity:
     name : str
     of : callable
         theta to its value.
-    constrained : callable
-        Best theta with the quantity held at a value.
+    constrained : callable or None
+        Best theta with the quantity held at a value; None where `constraint` says it.
     domain : Domain
     functional : ndarray
         Its derivative by the coordinates of the local picture.
     far : float or None
         Value from which on the profile is level.
+    constraint : Constraint or None
+        The same for a batched search, where only a search can find the rest; then it takes the place of
+        `constrained`.
     """
 
     name: str
     of: Callable[[Array], float]
-    constrained: ConstrainedOptimum
+    constrained: ConstrainedOptimum | None
     domain: Domain
     functional: Array
     far: float | None = None
+    constraint: Constraint | None = None
+
+
+def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
+    """Whether no certified method finds the optimum with an entry of theta fixed."""
+    if problem.rows.has_kind("curved") or (problem.has_oblique and not problem.closure.bilinear):
+        return True
+    if not problem.parameters.differ_by_series:
+        return False
+    if all(c.separate or c.fixed is not None for c in problem.parameters):
+        return False
+    theta = fit.optimum.theta
+    return best_of_series(problem, fit.sigma, {place: float(theta[place])}, theta) is None
 
 
 def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
@@ -74,6 +93,7 @@ def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
         replace(constant.domain, lower=lower),
         fit.gaussian.to_theta[place],
         far,
+        Constraint(place) if needs_search(problem, fit, place) else None,
     )
 
 
@@ -91,12 +111,23 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
             at = {i_mu: x / (1.0 + best_e_n)} | ({} if e_n.fixed is not None else {i_e: best_e_n})
             return best_with(problem, sigma, at, near)
         found = best_at_kappa(problem, sigma, x, kappa_range(x, mu), near)
-        if found is not None:
-            return found
-        starts = [near, *(theta for _, theta in fit.optimum.minima)]
-        return local_optimum_with_mu(
-            problem, sigma, series, lambda e, c: x / (1.0 + e), kappa_range(x, mu), _distinct(starts)
-        )
+        if found is None:
+            raise ValueError("no certified method knows this kappa: it takes a search")
+        return found
+
+    def of_e_n(x: Array) -> Array:
+        of_mu = x / mu.fixed - 1.0 if mu.fixed else np.full(x.size, e_n.lower)
+        return np.clip(of_mu, e_n.lower, e_n.upper)
+
+    constraint = None
+    if mu.fixed is not None:
+        if needs_search(problem, fit, i_e):
+            constraint = Constraint(i_e, value_at=of_e_n)
+    elif needs_search(problem, fit, i_mu) or (
+        any(c.separate for c in problem.parameters) and separable_e_n(problem, fit.sigma, series) is None
+    ):
+        law = problem.closure.law(problem.inertia_factor)
+        constraint = Constraint(mu=FollowingMu(i_mu, i_e, None, law, (mu.lower, mu.upper)))
 
     high_e = e_n.upper if e_n.fixed is None else e_n.fixed
     lowest = max(e_n.lower, min(lowest_e_n(problem), e_n.upper))
@@ -108,6 +139,7 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
         replace(own, e_n=replace(e_n, lower=lowest)).domain,
         kappa_at(problem, fit, series)[1],
         None if far is None else far * (1.0 + high_e),
+        constraint,
     )
 
 
@@ -129,21 +161,27 @@ def transition_tau(problem: Problem, fit: LeastSquaresFit, series: int) -> Quant
         b = float(law.bound(theta[i_c]))
         return float(theta[i_mu] * (1.0 + theta[i_e]) / b) if b > 0.0 else math.inf
 
-    def constrained(x: float, sigma: Array, near: Array) -> Array:
-        starts = [near, *(theta for _, theta in fit.optimum.minima)]
-
-        def mu(e: float, c: float) -> float:
-            return x * float(law.bound(c)) / (1.0 + e)
-
-        return local_optimum_with_mu(problem, sigma, series, mu, (-math.inf, math.inf), _distinct(starts))
-
     functional = kappa_at(problem, fit, series)[1] / bound
     slope = float(law.bound_slope(theta[i_c])) / bound
     functional = functional - of(theta) * slope * fit.gaussian.to_theta[i_c]
-    at = problem.rows.series == series
-    tau = problem.rows.tau[at & np.isfinite(problem.rows.tau)]
+    same = np.isin(problem.rows.series, _series_with(problem, series))
+    tau = problem.rows.tau[same & np.isfinite(problem.rows.tau)]
     far = 1.05 * float(tau.max(initial=0.1)) if _level(problem, i_mu) is not None else None
-    return Quantity("transition_tau", of, constrained, Domain(0.0, math.inf, _PRIOR_TAU), functional, far)
+    return Quantity(
+        "transition_tau",
+        of,
+        None,
+        Domain(0.0, math.inf, _PRIOR_TAU),
+        functional,
+        far,
+        Constraint(mu=FollowingMu(i_mu, i_e, i_c, law)),
+    )
+
+
+def _series_with(problem: Problem, series: int) -> Index:
+    """Series that have all constants of one of them."""
+    places = np.array(list(problem.parameters.positions.values()))
+    return np.flatnonzero((places == places[:, series, None]).all(axis=0))
 
 
 def _level(problem: Problem, place: int) -> float | None:
@@ -165,14 +203,6 @@ def _ends(constant: Parameter) -> tuple[float, ...]:
     return (constant.lower, constant.upper) if constant.fixed is None else (constant.fixed,)
 
 
-def _distinct(starts: list[Array]) -> list[Array]:
-    kept: list[Array] = []
-    for theta in starts:
-        if np.isfinite(theta).all() and all(np.abs(theta - other).max() > 1e-6 for other in kept):
-            kept.append(theta)
-    return kept
-
-
 def outlying(optimum: Optimum) -> list[Array]:
     """Constants elsewhere that describe the data nearly as well as the optimum does."""
     return [theta for _, theta in optimum.minima[1:]] + list(optimum.extremes)
@@ -183,24 +213,46 @@ def profile_curve(
 ) -> ProfileCurve:
     """Trace the profile of a quantity from all optima of the fit."""
     fit = misfit.fit
-    thetas: dict[float, Array] = {}
     value = quantity.of(fit.optimum.theta)
-    thetas[value] = fit.optimum.theta
+    constrained = quantity.constrained
+    if quantity.constraint is not None:
+        searched = SearchedProfile(misfit, quantity.constraint, value)
+
+        def of_one(x: float) -> float:
+            return float(searched(np.array([x]))[0])
+
+        curve = ProfileCurve(
+            of_one, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution, searched
+        )
+        curve.unconverged = searched.unconverged
+    elif constrained is not None:
+        curve = _solved_curve(misfit, quantity, constrained, resolution)
+    else:
+        raise ValueError(f"{quantity.name} has no constraint")
+    variance = fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd)
+    sd = math.sqrt(variance)
+    step = sd if 0.0 < sd < 0.2 * quantity.domain.prior_sd else 0.05 * quantity.domain.prior_sd
+    rivals = [quantity.of(theta) for theta in outlying(fit.optimum) if np.isfinite(theta).all()]
+    curve.explore([value, *rivals], step, limit(_COVERED, dof))
+    return curve
+
+
+def _solved_curve(
+    misfit: Misfit, quantity: Quantity, constrained: ConstrainedOptimum, resolution: Resolution
+) -> ProfileCurve:
+    """A profile of which each value is solved in turn, beginning from the nearest one."""
+    optimum = misfit.fit.optimum.theta
+    thetas = {quantity.of(optimum): optimum}
 
     def rise(x: float) -> float:
         near = thetas[min(thetas, key=lambda place: abs(place - x))]
-        found = misfit.minimum(lambda sigma, near: quantity.constrained(x, sigma, near), near)
+        found = misfit.minimum(lambda sigma, near: constrained(x, sigma, near), near)
         thetas[x] = found.theta
         if not found.fall <= _UNCONVERGED * max(1.0, found.rise):
             curve.unconverged.append(x)
         return found.rise
 
-    variance = fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd)
-    sd = math.sqrt(variance)
-    step = sd if 0.0 < sd < 0.2 * quantity.domain.prior_sd else 0.05 * quantity.domain.prior_sd
     curve = ProfileCurve(rise, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution)
-    rivals = [quantity.of(theta) for theta in outlying(fit.optimum) if np.isfinite(theta).all()]
-    curve.explore([value, *rivals], step, limit(_COVERED, dof))
     return curve
 
 

@@ -13,6 +13,7 @@ from json_schemas import validator
 import ifrfit
 from ifrfit import AngleErrors, Automatic, Exact, Model, Noise
 from ifrfit.errors import UsageError
+from ifrfit.inference.accuracy import select_method
 from ifrfit.inference.accuracy.effort import Effort
 from ifrfit.inference.accuracy.mcmc_accuracy import END, check_reachable, halting, reachable, standard_error
 from ifrfit.inference.accuracy.request import make_request
@@ -133,8 +134,9 @@ def test_what_exact_refuses_stays_refused_where_the_user_insists():
         ifrfit.fit("cross-2019", closure="fr", bounds={"beta0": (-1.5, 1.0)}, method=Exact(0.1), **CROSS)
 
 
-def test_a_budget_too_short_for_chains_leaves_least_squares(lsq):
-    found = reached(lsq, budget=1.0, step=0.01, unsuitable="Exact cannot.")
+def test_a_budget_too_short_for_chains_leaves_least_squares(lsq, monkeypatch):
+    monkeypatch.setattr(select_method, "no_grid", lambda problem: "Exact cannot.")
+    found = reached(lsq, budget=1.0, step=0.01)
     assert found.effort.method == "lsq"
     assert found.effort.why == "exact is out of the question: Exact cannot, and too short for chains"
 

@@ -36,7 +36,7 @@ def test_copied_impacts_are_named_by_their_lines():
 @pytest.mark.parametrize(("decimals", "found"), [(5, True), (1, False)])
 def test_rounding_decides(tmp_path, decimals, found):
     """A table of single readings of different angles, copied: it is seen where beta has enough decimals."""
-    data = experiment(Scene(("beta",), 20, 0.02, known=False), Cause(), 2).table
+    data = experiment(Scene(("beta",), 20, 0.02, policy="unknown"), Cause(), 2).table
     rows = [f"{g:.1f},{b:.{decimals}f}" for g, b in zip(data["gamma_deg"], data["value"], strict=True)]
     path = tmp_path / "t.csv"
     path.write_text("\n".join(["gamma_deg,beta", *rows, *rows]) + "\n", encoding="utf-8")

@@ -14,7 +14,7 @@ from ifrfit.inference.diagnostics.independence import neighbours_alike
 from ifrfit.inference.fit import fit
 
 E_N = {"e_n": 0.8}
-BETA = Scene(("beta",), 40, 0.03, known=False, fixed=E_N)
+BETA = Scene(("beta",), 40, 0.03, policy="unknown", fixed=E_N)
 
 
 def fitted(scene, cause, seed):
@@ -43,7 +43,10 @@ def test_p_values_of_independent_errors_are_uniform_in_their_tail():
 
 @pytest.mark.parametrize("known", [True, False])
 def test_errors_that_drift_are_a_finding(known):
-    every = [fitted(replace(BETA, known=known), Cause("correlated", 0.9), seed).facts for seed in range(8)]
+    every = [
+        fitted(replace(BETA, policy="known" if known else "unknown"), Cause("correlated", 0.9), seed).facts
+        for seed in range(8)
+    ]
     # the rest is a misfit, or an effect that they feign
     quiet = ("at_bound", "identifiable")
     assert sum(any(not fact.ok for name, fact in facts.items() if name not in quiet) for facts in every) >= 7
@@ -97,7 +100,7 @@ def test_a_law_that_does_not_hold_is_no_reason(repeats):
 def test_repeats_tell_errors_from_the_law():
     """Ten readings at each of six angles; the law does not hold, and errors are alike all the same."""
     rng = np.random.default_rng(5)
-    scene = Scene(("beta",), 60, 0.01, known=False, fixed=E_N, closure="fr", repeats=10)
+    scene = Scene(("beta",), 60, 0.01, policy="unknown", fixed=E_N, closure="fr", repeats=10)
     table = experiment(scene, Cause("correlated", 0.8), int(rng.integers(100))).table
     facts = fit(Observations(table), method="lsq", independent=True, fix=E_N, closure="ifr").facts
     assert not facts["lack_of_fit"].ok

@@ -12,7 +12,7 @@ from ifrfit.data.observations import Observations
 from ifrfit.inference.fit import fit
 
 E_N = {"e_n": 0.8}
-BETA, RAW = Scene(("beta",), 34, 0.03, known=False, fixed=E_N), Scene(n=34, known=False, spins=True)
+BETA, RAW = Scene(("beta",), 34, 0.03, policy="unknown", fixed=E_N), Scene(n=34, policy="unknown", spins=True)
 
 
 def facts_of(scene, cause, seed):
@@ -23,7 +23,10 @@ def facts_of(scene, cause, seed):
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("scene", [BETA, RAW], ids=["beta", "raw"])
 def test_two_kinds_are_never_all_well(scene, known):
-    every = [facts_of(replace(scene, known=known), Cause("two-kinds", 0.8), seed) for seed in (0, 1, 3, 4)]
+    every = [
+        facts_of(replace(scene, policy="known" if known else "unknown"), Cause("two-kinds", 0.8), seed)
+        for seed in (0, 1, 3, 4)
+    ]
     for facts in every:
         assert any(not fact.ok for name, fact in facts.items() if name not in ("at_bound", "identifiable"))
     assert sum("mixture" in facts for facts in every) >= (0 if known else 3)

@@ -13,8 +13,8 @@ from ifrfit.inference.fit import fit
 from ifrfit.inference.result.types import Fact
 
 E_N = {"e_n": 0.8}
-RAW = Scene(spins=True, known=False, series=2)
-BETA = Scene(("beta",), 34, 0.03, known=False, fixed=E_N, series=2)
+RAW = Scene(spins=True, policy="unknown", series=2)
+BETA = Scene(("beta",), 34, 0.03, policy="unknown", fixed=E_N, series=2)
 
 
 def facts_of(scene, cause, seed=1):
@@ -67,8 +67,10 @@ def test_what_is_advised_mends_it(tmp_path):
 def test_series_of_another_constant_have_no_slip(scene, known):
     """mu differs: constants of each are advised."""
     for seed in range(3):
-        one = experiment(replace(scene, known=known), Cause(), seed).table
-        other = experiment(replace(scene, known=known), Cause("another-mu"), seed).table
+        one = experiment(replace(scene, policy="known" if known else "unknown"), Cause(), seed).table
+        other = experiment(
+            replace(scene, policy="known" if known else "unknown"), Cause("another-mu"), seed
+        ).table
         table = one.copy()
         table[one["series"] == "B"] = other[one["series"] == "B"]
         facts = fit(Observations(table), method="lsq", independent=True, fix=scene.fixed).facts
@@ -90,7 +92,7 @@ def test_a_noisy_series_has_no_slip():
 
 def scaled(seed=3):
     """v_n of series B is 7 % too small, beside spins: the scale of its speeds, or an e_n of its own."""
-    scene = Scene(("v_n", "spin_y_after"), 40, known=False, series=2, ordered=False)
+    scene = Scene(("v_n", "spin_y_after"), 40, policy="unknown", series=2, ordered=False)
     table = experiment(scene, Cause(), seed).table.copy()
     table.loc[(table["series"] == "B") & (table["observable"] == "v_n"), "value"] *= 0.93
     return fit(Observations(table), method="lsq", independent=True).facts

@@ -176,11 +176,29 @@ def test_angles_outside_their_population_are_refused(tmp_path):
     assert "line 2: the angle 10 lies more than five of its standard uncertainties outside" in words
 
 
-def test_angles_that_tie_e_n_are_left_to_mcmc(tmp_path):
+def test_angles_that_tie_e_n_are_left_to_sampling(tmp_path):
     path = table_of(tmp_path, ("mu_app",))
-    words = said(lambda: ifrfit.fit(path, noise=SET))
+    found = ifrfit.fit(path, noise=SET)
+    assert found.facts["converged"].figures["integrator"] == "importance sampling"
+    words = said(lambda: ifrfit.fit(path, noise=SET, method=ifrfit.Exact(integrator="quadrature")))
     assert "--angle-errors set with mu_app: the true angle ties e_n" in words
-    assert ifrfit.fit(path, noise=SET, fix={"e_n": 0.9}).method == "exact"
+    by_grid = ifrfit.fit(path, noise=SET, fix={"e_n": 0.9})
+    assert "integrator" not in by_grid.facts["converged"].figures
+
+
+def test_sampled_true_angles_agree_with_the_grid_where_there_is_one(tmp_path):
+    path = table_of(tmp_path, ("mu_app",))
+    by_grid, sampled = (
+        ifrfit.fit(path, noise=SET, fix={"e_n": 0.9}, method=ifrfit.Exact(integrator=each))
+        for each in ("quadrature", "sampling")
+    )
+    error = sampled.distribution.error
+    for name in ("e_t", "mu"):
+        sd = by_grid.distribution.sd(name)
+        assert abs(sampled.distribution.mean(name) - by_grid.distribution.mean(name)) <= 4.0 * error * sd
+        assert abs(sampled.distribution.sd(name) - sd) <= 4.0 * error * sd
+    gap = abs(sampled.distribution.log_evidence - by_grid.distribution.log_evidence)
+    assert gap <= 4.0 * sampled.distribution.error_evidence + 1e-3
 
 
 def test_errors_propagate_from_velocities(tmp_path):

@@ -127,13 +127,13 @@ def _never_converges(monkeypatch) -> None:
     """Every grid is too large, and no sample of it is to be believed."""
     from ifrfit.inference.posterior import integrators
 
-    sampled = integrators.sample_by_importance
+    sampled = integrators.sampled_posterior
 
     def doubtful(*arguments, **choices):
         return replace(sampled(*arguments, **choices), error=1.0)
 
     monkeypatch.setattr(integrators, "_MOST_WORK", 1.0)
-    monkeypatch.setattr(integrators, "sample_by_importance", doubtful)
+    monkeypatch.setattr(integrators, "sampled_posterior", doubtful)
 
 
 def test_an_evidence_that_did_not_converge_is_not_told(tmp_path: Path, monkeypatch) -> None:

@@ -35,6 +35,7 @@ _WORTH_A_TRY = 0.05  # p of the scale of spins below which other units of them a
 _NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
 _LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
 _AT_ONCE = 2_000_000  # numbers of values that are held for several tables
+_PLACES = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 
 
@@ -102,18 +103,10 @@ class Offsets:
         Fall of -2 log likelihood with them.
     size : ndarray, (n_series,)
         Degrees by which the true angles exceed the given ones.
-    usual : float
-        Prior standard deviation of a size.
     """
 
     drop: float
     size: Array
-    usual: float
-
-    @property
-    def rank(self) -> float:
-        """As that of a slip."""
-        return self.drop - float(((self.size / self.usual) ** 2).sum())
 
 
 @dataclass(frozen=True)
@@ -211,7 +204,7 @@ class Fitted:
 
 
 def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
-    """Fit an offset of the angles of each series; None where there are no angles, or many series."""
+    """Fit an offset of the angles of each series; None without angles, or where one is no slip."""
     count = len(problem.series)
     named = [each for each in nuisances(problem) if each.name == "angle-offset"]
     plain = problem.error_model.is_plain and fit.angle_offset is None
@@ -230,12 +223,22 @@ def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
         values,
         whole.misfit,
         problem.rows.value,
-        np.append(fit.optimum.theta, np.zeros(count))[None],
+        np.append(fit.optimum.theta, _nearest_offsets(problem, fit))[None],
         (bounds[0], bounds[1]),
         np.ones(lower.size + count, dtype=bool),
     )
     drop = whole.likelihood - float(whole.misfit.likelihood(after[0]))
-    return Offsets(drop, x[0, lower.size :], offset.usual)
+    size = x[0, lower.size :]
+    return Offsets(drop, size) if np.abs(size).max() <= _LARGEST * offset.usual else None
+
+
+def _nearest_offsets(problem: Problem, fit: LeastSquaresFit) -> Array:
+    """Of a few offsets of the angles the best of each series, at the constants of a fit."""
+    theta = np.tile(fit.optimum.theta, (_PLACES.size, 1))
+    residual = problem.rows.value - readings(problem, theta, Flaw(offset=_PLACES[:, None]))
+    square = np.nan_to_num((residual / fit.sigma) ** 2, nan=np.inf)
+    owners = problem.rows.series == np.arange(len(problem.series))[:, None]
+    return np.asarray(_PLACES[np.argmin(square @ owners.T, axis=0)])
 
 
 def degrees_of_freedom(problem: Problem, fit: LeastSquaresFit) -> int:

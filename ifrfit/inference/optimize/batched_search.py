@@ -1,0 +1,537 @@
+"""Bounded search from many places at once, for problems that no certified method covers.
+
+The objective is that of least squares with each unknown noise at its best,
+
+    sum over groups of d_g log S_g + chi2 of rows with a known sigma + chi2 of the priors,
+
+with S_g the sum of squares of group g in units of its base. A step is Newton's with the Hessian of Gauss and
+Newton, less what the logarithm takes from it where it stays positive; it is damped after Levenberg and
+Marquardt where it does not lead down. Values have kinks where an impact passes from sticking to sliding, and
+optima lie on these: a step that would cross the first kink on its way is tried along the kink as well.
+Derivations stand in docs/theory/search.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array, Index
+from ifrfit.physics.impulse_laws import Law
+
+Bool = NDArray[np.bool_]
+
+_STEPS = 60
+_AT_REST = 1e-9  # fall of the objective that a step promises, below which a search has converged
+_ROUNDING = 1e-13  # of the objective
+_TRUSTED = 0.25  # share of the promised fall that a step must keep for no other to be tried
+_DAMPING = (1e-4, 1e-2, 1e10)  # least, first, last: relative to the diagonal of the Hessian
+_DAMPED = (1.0, 8.0, 64.0)  # times the damping of the last step
+_LOOSE = 1e-11  # eigenvalue, relative, of a direction that the data do not see: it stays where it is
+_CONVEX = 0.05  # least eigenvalue with which the logarithm's part of the Hessian is kept
+_ROOM = 1e-12  # from a bound, relative to the range, within which a constant lies on it
+_FAR = 1e9  # where a constant without an upper bound ends
+_ON_KINK = 1e-3  # distance from a kink, in standard deviations
+_POLISHES = 20
+_NOTHING = 1e-20  # fall of the objective that leaves no digit of theta in doubt
+_ENTRIES = 2_000_000  # of a Jacobian, by which batches are divided
+
+
+class Found(NamedTuple):
+    """Where searches ended.
+
+    Attributes
+    ----------
+    theta : ndarray, (m, p)
+    value : ndarray, (m,)
+        Of the objective.
+    converged : ndarray of bool, (m,)
+        Whether no step promises a fall any more; on a kink, none along it.
+    """
+
+    theta: Array
+    value: Array
+    converged: Bool
+
+    def take(self, which: Index | Bool) -> Found:
+        """Some of them."""
+        return Found(self.theta[which], self.value[which], self.converged[which])
+
+
+@dataclass(frozen=True)
+class FollowingMu:
+    """mu of a series as a function of its e_n and closure constant: mu = x b(c)/(1 + e_n).
+
+    Attributes
+    ----------
+    i_mu, i_e_n : int
+        Places in theta.
+    i_c : int or None
+        That of the closure constant; None where b is 1, so that x is kappa. Else x is the slip ratio at the
+        transition.
+    law : Law
+    limits : (float, float)
+        Of mu: they limit e_n.
+    """
+
+    i_mu: int
+    i_e_n: int
+    i_c: int | None
+    law: Law
+    limits: tuple[float, float] = (0.0, np.inf)
+
+    def value(self, theta: Array, x: Array) -> Array:
+        """mu at theta, (m, p), for x, (m,)."""
+        bound = 1.0 if self.i_c is None else self.law.bound(theta[:, self.i_c])
+        return np.asarray(x * bound / (1.0 + theta[:, self.i_e_n]))
+
+    def slopes(self, theta: Array, x: Array) -> list[tuple[int, Array]]:
+        """Places in theta, and the derivative of mu by what stands there."""
+        up = 1.0 + theta[:, self.i_e_n]
+        found = [(self.i_e_n, -self.value(theta, x) / up)]
+        if self.i_c is not None:
+            found.append((self.i_c, x * self.law.bound_slope(theta[:, self.i_c]) / up))
+        return found
+
+
+@dataclass(frozen=True)
+class BatchedSearch:
+    """A problem with some entries of theta free within bounds.
+
+    Attributes
+    ----------
+    problem : Problem
+    base : ndarray, (n,)
+        Sigma of each row up to the factor of its group.
+    groups : tuple of ndarray of int
+        Rows that share one unknown noise.
+    free : ndarray of bool, (p,)
+        What the search may move.
+    lower, upper : ndarray, (p,)
+    mu : FollowingMu or None
+        A mu that follows; it is not free itself.
+    """
+
+    problem: Problem
+    base: Array
+    groups: tuple[Index, ...]
+    free: Bool
+    lower: Array
+    upper: Array
+    mu: FollowingMu | None = None
+
+    @classmethod
+    def of(cls, problem: Problem, sigma: Array, groups: Iterable[Index] = ()) -> BatchedSearch:
+        """Over all free constants, at known sigma but for the noises of some groups of rows."""
+        free, bounds = problem.parameters.free, problem.parameters.bounds()
+        return cls(problem, sigma, tuple(groups), free, *bounds)
+
+    def run(self, theta: Array, dof: Array, x: Array | None = None, steps: int = _STEPS) -> Found:
+        """Search from each of several places.
+
+        Parameters
+        ----------
+        theta : ndarray, (m, p)
+            Places to begin from; what is not free stays.
+        dof : ndarray, (m, groups) or (groups,)
+            Factor of the logarithm of each group's sum of squares.
+        x : ndarray, (m,), optional
+            Of `FollowingMu`.
+        steps : int
+            After which a search is given up.
+        """
+        m, n = len(theta), len(self.problem.rows)
+        dof = np.broadcast_to(dof, (m, len(self.groups)))
+        x = np.zeros(m) if x is None else x
+        size = max(1, _ENTRIES // max(1, n * theta.shape[1]))
+        parts = [
+            self._run(theta[i : i + size], dof[i : i + size], x[i : i + size], steps)
+            for i in range(0, m, size)
+        ]
+        return Found(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+    def polish(self, found: Found, dof: Array, x: Array | None = None) -> Found:
+        """Take the last digits of theta, where the objective no longer tells one place from the next.
+
+        Full steps of the model, as long as each promises less than the one before.
+        """
+        x = np.zeros(len(found.theta)) if x is None else x
+        dof = np.broadcast_to(dof, (len(found.theta), len(self.groups)))
+        theta = found.theta.copy()
+        active = np.flatnonzero(found.converged)
+        promised = np.full(len(theta), np.inf)
+        for _ in range(_POLISHES if self.free.any() else 0):
+            if not active.size:
+                break
+            _, z = self.objective(theta[active], dof[active])
+            model = _Model.of(self, theta[active], z, dof[active], x[active])
+            on_kink = model.is_on_kink & (model.promised > _AT_REST + _ROUNDING * np.abs(found.value[active]))
+            left = np.where(on_kink, model.promised_along, model.promised)
+            going = (left < promised[active]) & (left > _NOTHING)
+            step = np.where(
+                on_kink[:, None], model.step_along_nearest_kink, model.step(np.zeros(active.size))
+            )
+            active, promised[active] = active[going], left
+            theta[np.ix_(active, np.flatnonzero(self.free))] += step[going]
+            theta[active] = self.at(theta[active], x[active])
+        value, _ = self.objective(theta, dof)
+        slack = _AT_REST + _ROUNDING * np.abs(found.value)
+        good = value <= found.value + slack
+        return Found(
+            np.where(good[:, None], theta, found.theta), np.where(good, value, found.value), found.converged
+        )
+
+    def objective(self, theta: Array, dof: Array) -> tuple[Array, Array]:
+        """Objective, (m,), and residuals in units of base, (m, n); infinite where a value is undefined."""
+        with np.errstate(all="ignore"):
+            z = (self.problem.rows.value - self.problem.predict(theta)) / self.base
+            return self._of_residuals(z, dof) + self._prior_chi2(theta), z
+
+    def lowest(self, theta: Sequence[Array] | Array, dof: Array, most: int) -> Array:
+        """The lowest of several places, best first, with what is fixed at its value, (m, p)."""
+        entries = self.problem.parameters.entries
+        fixed = [0.0 if each.fixed is None else each.fixed for each in entries]
+        nothing = np.zeros(len(theta))
+        places = self.at(np.where(self.problem.parameters.free, theta, fixed), nothing)
+        value, _ = self.objective(places, dof)
+        return np.asarray(places[np.argsort(np.nan_to_num(value, nan=np.inf), kind="stable")[:most]])
+
+    def bounds(self, x: Array) -> tuple[Array, Array]:
+        """Bounds of theta, (m, p) each."""
+        ends = self.lower, np.minimum(self.upper, _FAR)
+        lower, upper = (np.broadcast_to(end, (x.size, end.size)) for end in ends)
+        if self.mu is not None and self.mu.limits != (0.0, np.inf):
+            lower, upper, i_e_n = lower.copy(), upper.copy(), self.mu.i_e_n
+            low, high = self.mu.limits
+            upper[:, i_e_n] = np.minimum(upper[:, i_e_n], x / low - 1.0 if low > 0.0 else np.inf)
+            lower[:, i_e_n] = np.minimum(np.maximum(lower[:, i_e_n], x / high - 1.0), upper[:, i_e_n])
+        return lower, upper
+
+    def at(self, theta: Array, x: Array) -> Array:
+        """Theta inside the bounds, and with the mu that follows, (m, p)."""
+        theta = np.where(self.free, np.clip(theta, *self.bounds(x)), theta)
+        if self.mu is not None:
+            theta[:, self.mu.i_mu] = self.mu.value(theta, x)
+        return theta
+
+    def _run(self, start: Array, dof: Array, x: Array, steps: int) -> Found:
+        theta = self.at(start, x)
+        value, z = self.objective(theta, dof)
+        value = np.where(np.isnan(value), np.inf, value)
+        converged = np.zeros(len(theta), dtype=bool)
+        damping = np.full(len(theta), _DAMPING[1])
+        active = np.flatnonzero(np.isfinite(value))
+        if not self.free.any():
+            return Found(theta, value, np.isfinite(value))
+        for _ in range(steps):
+            if not active.size:
+                break
+            model = _Model.of(self, theta[active], z[active], dof[active], x[active])
+            tolerance = _AT_REST + _ROUNDING * np.abs(value[active])
+            done = model.promised <= tolerance
+            converged[active[done]] = True
+            active, model, tolerance = active[~done], model.take(~done), tolerance[~done]
+            if not active.size:
+                break
+            fall, index = self._move(active, model, theta, value, z, dof, x, damping)
+            stuck = fall <= tolerance
+            on_kink = stuck & model.is_on_kink & (model.promised_along <= tolerance)
+            converged[active[on_kink & (damping[active] > 1.0)]] = True
+            change = np.array([0.125, *_DAMPED, *(1.0,) * 4])[index]
+            damping[active] = np.where(stuck, 512.0, change) * np.maximum(damping[active], _DAMPING[0])
+            active = active[~converged[active] & (damping[active] < _DAMPING[2])]
+        return Found(theta, value, converged)
+
+    def _move(
+        self,
+        active: Index,
+        model: _Model,
+        theta: Array,
+        value: Array,
+        z: Array,
+        dof: Array,
+        x: Array,
+        damping: Array,
+    ) -> tuple[Array, Index]:
+        """Take the best step of each search, in place; gives its fall, and which step it was.
+
+        The undamped one first; the damped ones, and those along kinks, where it does not keep its promise.
+        """
+        fall, index = np.zeros(active.size), np.zeros(active.size, dtype=np.intp)
+
+        def tried(which: Index, number: int, step: Array, kink: Index | None = None) -> None:
+            at = active[which]
+            places = theta[at].copy()
+            places[:, self.free] += step
+            places = self.at(places, x[at])
+            if kink is not None:
+                places = self._onto(kink, places)
+            far, residual = self.objective(places, dof[at])
+            gain = value[at] - far
+            better = gain > np.maximum(fall[which], 0.0)
+            own = which[better]
+            best[own], rest[own] = places[better], residual[better]
+            fall[own], index[own] = gain[better], number
+
+        best, rest = theta[active], z[active]
+        every = np.arange(active.size)
+        tried(every, 0, model.step(np.zeros(active.size)))
+        others = np.flatnonzero(~(fall >= _TRUSTED * model.promised))
+        if others.size:
+            own = model.take(others)
+            for number, factor in enumerate(_DAMPED, start=1):
+                tried(others, number, own.step(factor * damping[active[others]]))
+            damped = (np.zeros(others.size), damping[active[others]])
+            along = [(kink, each) for kink in own.kinks_ahead for each in damped]
+            for number, (kink, each) in enumerate(along, start=len(_DAMPED) + 1):
+                tried(others, number, own.step_along(kink, each), kink)
+        moved = active[fall > 0.0]
+        theta[moved], z[moved] = best[fall > 0.0], rest[fall > 0.0]
+        value[moved] -= fall[fall > 0.0]
+        return fall, index
+
+    @cached_property
+    def _is_known(self) -> Bool:
+        known = np.ones(self.base.size, dtype=bool)
+        for rows in self.groups:
+            known[rows] = False
+        return known
+
+    @cached_property
+    def _least(self) -> Array:
+        """Sum of squares of each group below which there is nothing but rounding."""
+        value = np.abs(self.problem.rows.value / self.base)
+        return np.array([(1e-13 * (float(value[rows].max()) + 1.0)) ** 2 * rows.size for rows in self.groups])
+
+    @cached_property
+    def _priors(self) -> tuple[Index, Array, Array]:
+        """Places in theta of what is known before, with mean and sd."""
+        known = [(i, *each.prior) for i, each in enumerate(self.problem.parameters.entries) if each.prior]
+        place, mean, sd = (np.array(column) for column in zip(*known, strict=True)) if known else ([],) * 3
+        return np.asarray(place, dtype=np.intp), np.asarray(mean, float), np.asarray(sd, float)
+
+    def _prior_chi2(self, theta: Array) -> Array:
+        place, mean, sd = self._priors
+        return np.asarray((((theta[:, place] - mean) / sd) ** 2).sum(axis=1))
+
+    def _squares(self, z: Array) -> Array:
+        """Sum of squares of each group, (m, groups)."""
+        if not self.groups:
+            return np.zeros((len(z), 0))
+        found = np.stack([(z[:, rows] ** 2).sum(axis=1) for rows in self.groups], axis=1)
+        return np.asarray(np.maximum(found, self._least))
+
+    def _of_residuals(self, z: Array, dof: Array) -> Array:
+        total = (dof * np.log(self._squares(z))).sum(axis=1)
+        return np.asarray(total + (z[:, self._is_known] ** 2).sum(axis=1))
+
+    def _through_mu(self, columns: Array, theta: Array, x: Array) -> Array:
+        """Derivatives by all of theta, (m, ..., p), as those by what is free, with the mu that follows."""
+        if self.mu is not None:
+            for place, slope in self.mu.slopes(theta, x):
+                slope = slope.reshape(-1, *(1,) * (columns.ndim - 2))
+                columns[..., place] += columns[..., self.mu.i_mu] * slope
+        return np.asarray(columns[..., self.free])
+
+    @cached_property
+    def _kinks(self) -> tuple[Array, Array, Array, Array]:
+        """Slip ratios at which some row changes its regime, with the places of e_n, c and mu; each once."""
+        rows, places = self.problem.rows, self.problem.parameters.positions
+        at = np.flatnonzero(rows.is_oblique & np.isfinite(rows.tau) & (rows.tau > 0.0))
+        own = self.problem.closure.constant
+        column = [places[name][rows.series[at]] for name in ("e_n", own or "e_n", "mu")]
+        every = np.unique(np.column_stack((rows.tau[at], *column)), axis=0)
+        return every[:, 0], *every[:, 1:].astype(np.intp).T
+
+    def _onto(self, kink: Index, theta: Array) -> Array:
+        """Theta with the mu that lies on a kink each, as far as it is free and within its bounds."""
+        tau, i_e, i_c, i_mu = (each[kink] for each in self._kinks)
+        law = self.problem.closure.law(self.problem.inertia_factor)
+        at = np.arange(len(theta))
+        has_c = self.problem.closure.constant is not None
+        bound = law.bound(theta[at, i_c] if has_c else np.zeros(at.size))
+        mu = np.clip(tau * bound / (1.0 + theta[at, i_e]), self.lower[i_mu], self.upper[i_mu])
+        theta[at, i_mu] = np.where(self.free[i_mu], mu, theta[at, i_mu])
+        return theta
+
+    def margins(self, theta: Array, x: Array) -> tuple[Array, Array]:
+        """kappa - tau b(c) of each kink, (m, kinks), and its derivative by what is free, (m, kinks, q)."""
+        tau, i_e, i_c, i_mu = self._kinks
+        law = self.problem.closure.law(self.problem.inertia_factor)
+        has_c = self.problem.closure.constant is not None
+        c = theta[:, i_c] if has_c else np.zeros((len(theta), tau.size))
+        e_n, mu = theta[:, i_e], theta[:, i_mu]
+        slopes = np.zeros((*e_n.shape, theta.shape[1]))
+        kink = np.arange(tau.size)
+        slopes[:, kink, i_e] += mu
+        slopes[:, kink, i_mu] += 1.0 + e_n
+        if has_c:
+            slopes[:, kink, i_c] -= tau * law.bound_slope(c)
+        return mu * (1.0 + e_n) - tau * law.bound(c), self._through_mu(slopes, theta, x)
+
+    def derivatives(self, theta: Array, z: Array, dof: Array, x: Array) -> tuple[Array, Array, Array]:
+        """Gradient, (m, q), Hessian without and with the logarithm's part, (m, q, q) each; eq. (2)."""
+        slopes = np.nan_to_num(self.problem.jacobian(theta)) / self.base[:, None]
+        slopes = self._through_mu(slopes, theta, x)
+        weight = np.ones(z.shape)
+        squares = self._squares(z)
+        for number, rows in enumerate(self.groups):
+            weight[:, rows] = (dof[:, number] / squares[:, number])[:, None]
+        gradient = -2.0 * (slopes.transpose(0, 2, 1) @ (weight * z)[..., None])[..., 0]
+        scaled = slopes * np.sqrt(weight)[..., None]
+        hessian = 2.0 * scaled.transpose(0, 2, 1) @ scaled
+        place, mean, sd = self._priors
+        if place.size:
+            rows_of_prior = np.zeros((len(theta), place.size, theta.shape[1]))
+            rows_of_prior[:, np.arange(place.size), place] = 1.0 / sd
+            rows_of_prior = self._through_mu(rows_of_prior, theta, x)
+            off = (theta[:, place] - mean) / sd
+            gradient += 2.0 * (rows_of_prior.transpose(0, 2, 1) @ off[..., None])[..., 0]
+            hessian += 2.0 * rows_of_prior.transpose(0, 2, 1) @ rows_of_prior
+        whole = hessian.copy()
+        for number, rows in enumerate(self.groups):
+            pull = (slopes[:, rows].transpose(0, 2, 1) @ z[:, rows, None])[..., 0]
+            pull *= (2.0 * np.sqrt(dof[:, number]) / squares[:, number])[:, None]
+            whole -= pull[:, :, None] * pull[:, None, :]
+        return gradient, hessian, whole
+
+
+@dataclass(frozen=True)
+class _Model:
+    """Quadratic models of the objective at m places, in units of the constants' own sizes.
+
+    Attributes
+    ----------
+    vectors, values : ndarray, (m, q, q), (m, q)
+        Eigenvectors and eigenvalues of the scaled Hessian.
+    gradient : ndarray, (m, q)
+        By the eigenvectors.
+    unit : ndarray, (m, q)
+        Of each free constant; 0 where a bound stops it.
+    margin, slopes : ndarray, (m, kinks), (m, kinks, q)
+        Of the kinks, by the free constants; nothing where there are none.
+    """
+
+    vectors: Array
+    values: Array
+    gradient: Array
+    unit: Array
+    margin: Array
+    slopes: Array
+
+    @classmethod
+    def of(cls, search: BatchedSearch, theta: Array, z: Array, dof: Array, x: Array) -> _Model:
+        """The models at theta."""
+        gradient, hessian, whole = search.derivatives(theta, z, dof, x)
+        lower, upper = (end[:, search.free] for end in search.bounds(x))
+        here = theta[:, search.free]
+        room = _ROOM * np.minimum(upper - lower, 1.0)
+        stopped = ((here <= lower + room) & (gradient > 0.0)) | ((here >= upper - room) & (gradient < 0.0))
+        q = here.shape[1]
+        diagonal = hessian[:, range(q), range(q)]
+        unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        unit = np.where(stopped, 0.0, unit)
+        scale = unit[:, :, None] * unit[:, None, :]
+        values, vectors = np.linalg.eigh(whole * scale)
+        bent = values[:, 0] < _CONVEX
+        if stopped.any():  # what is stopped has an eigenvalue of 0
+            bent = (values < -_LOOSE).any(axis=1) | (_least_moving(values, stopped) < _CONVEX)
+        if bent.any():
+            values[bent], vectors[bent] = np.linalg.eigh((hessian * scale)[bent])
+        along = (np.swapaxes(vectors, 1, 2) @ (unit * gradient)[..., None])[..., 0]
+        if search.problem.closure.bilinear and search.problem.has_oblique:
+            margin, slopes = search.margins(theta, x)
+        else:
+            margin, slopes = np.zeros((len(theta), 0)), np.zeros((len(theta), 0, q))
+        return cls(vectors, values, along, unit, margin, slopes)
+
+    def take(self, which: Bool | Index) -> _Model:
+        """Some of them."""
+        return _Model(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+    @cached_property
+    def _inverse(self) -> Array:
+        """Reciprocal eigenvalues, 0 of directions that the data do not see."""
+        seen = self.values > _LOOSE * np.maximum(self.values[:, -1:], 1e-300)
+        return np.where(seen, 1.0 / np.where(seen, self.values, 1.0), 0.0)
+
+    @cached_property
+    def promised(self) -> Array:
+        """Fall of the model from here to its minimum, (m,)."""
+        return np.asarray(0.5 * (self._inverse * self.gradient**2).sum(axis=1))
+
+    def step(self, damping: Array) -> Array:
+        """To the minimum of each model with its damping, (m, q)."""
+        inverse = self._damped_inverse(damping)
+        return -self.unit * (self.vectors @ (inverse * self.gradient)[..., None])[..., 0]
+
+    def _damped_inverse(self, damping: Array | float) -> Array:
+        seen, more = self._inverse > 0.0, np.broadcast_to(damping, len(self.unit))[:, None]
+        return np.where(seen, 1.0 / np.where(seen, self.values + more, 1.0), 0.0)
+
+    def _across(self, damping: Array | float = 0.0) -> tuple[Array, Array, Array]:
+        """Of each kink: H^-1 a by the eigenvectors, a H^-1 a, and how far the damped step goes across it."""
+        scaled = (self.slopes * self.unit[:, None, :]) @ self.vectors
+        turned = scaled * self._damped_inverse(damping)[:, None, :]
+        return turned, (turned * scaled).sum(axis=2), -(turned @ self.gradient[..., None])[..., 0]
+
+    @cached_property
+    def _nearest(self) -> tuple[Index, Array, Array]:
+        """The nearest kink, its distance in standard deviations, and the fall across it, (m,) each."""
+        _, size, moved = self._across()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = np.where(size > 0.0, np.abs(self.margin) / np.sqrt(size), np.inf)
+            fall = np.where(size > 0.0, 0.5 * moved**2 / size, 0.0)
+        kink = distance.argmin(axis=1)
+        at = np.arange(kink.size), kink
+        return kink, distance[at], fall[at]
+
+    @property
+    def kinks_ahead(self) -> list[Index]:
+        """The first kink that Newton's step meets, and the nearest one."""
+        if not self.margin.shape[1]:
+            return []
+        _, size, moved = self._across()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = -self.margin / moved
+        share = np.where((share >= 0.0) & (size > 0.0), share, np.inf)
+        return [share.argmin(axis=1), self._nearest[0]]
+
+    def step_along(self, kink: Index, damping: Array) -> Array:
+        """To the minimum of the damped model on a kink each, (m, q); eq. (3)."""
+        turned, size, moved = self._across(damping)
+        at = np.arange(kink.size), kink
+        with np.errstate(divide="ignore", invalid="ignore"):
+            back = (moved[at] + self.margin[at]) / size[at]
+        back = np.where((size[at] > 0.0) & np.isfinite(back), back, 0.0)
+        toward = self.unit * (self.vectors @ turned[at][..., None])[..., 0]
+        return self.step(damping) - back[:, None] * toward
+
+    @property
+    def step_along_nearest_kink(self) -> Array:
+        """To the minimum on the nearest kink, (m, q)."""
+        nothing = np.zeros(len(self.unit))
+        return self.step_along(self._nearest[0], nothing) if self.margin.shape[1] else self.step(nothing)
+
+    @property
+    def is_on_kink(self) -> Bool:
+        """Whether a place lies on a kink, (m,)."""
+        return self._nearest[1] <= _ON_KINK if self.margin.shape[1] else np.zeros(len(self.unit), dtype=bool)
+
+    @property
+    def promised_along(self) -> Array:
+        """Fall of the model along the nearest kink, (m,)."""
+        return self.promised - self._nearest[2] if self.margin.shape[1] else self.promised
+
+
+def _least_moving(values: Array, stopped: Bool) -> Array:
+    """Least eigenvalue beside the zeros of constants that a bound stops, (m,)."""
+    q = values.shape[1]
+    number = np.minimum(stopped.sum(axis=1), q - 1)
+    return np.asarray(values[np.arange(len(values)), number])

@@ -1,0 +1,380 @@
+"""Importance sampling where series have constants of their own: given what they share, series by series.
+
+Eq. (19) to (21) of ``docs/theory/posterior.md``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
+from ifrfit.inference.distributions.draws import Draws, kappa_draws
+from ifrfit.inference.distributions.protocol import transition_name
+from ifrfit.inference.distributions.weighted_draws import WeightedDraws
+from ifrfit.inference.model.noise import noise_name
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.posterior.conditional_mixture import ConditionalMixture, conditional_mixture
+from ifrfit.inference.posterior.constants_density import Coordinate, values_of
+from ifrfit.inference.posterior.importance_sampling import (
+    REPLICATES,
+    TARGET,
+    ImportancePosterior,
+    known_modes,
+    noise_marginals,
+    standard_error,
+)
+from ifrfit.inference.posterior.lattice_rule import Array, lattice
+from ifrfit.inference.posterior.marginals import Marginal
+from ifrfit.inference.posterior.mixture_proposal import MixtureProposal, Uniform
+from ifrfit.inference.posterior.proposal_adaptation import (
+    Gaussian,
+    component_about,
+    fitted_components,
+    fitted_proposal,
+    further_seeds,
+)
+from ifrfit.inference.posterior.series_factors import FactorisedDensity, SeriesFactor
+
+_TRIED = 512, 512, 1024, 2048  # points of each round of adaptation
+_EVEN = 0.4  # effective share of the points of a larger round after which no other one follows
+_TRIED_OF_SERIES = 16  # points of a series at each of them
+_FLATTENED = 0.2  # power of the weights of half of what the laws of series are fitted to
+_TEMPERED = 0.15  # least effective share of the points that laws are fitted to
+_FIRST = 256  # points of each replicate to begin with
+_OF_SERIES = 4  # points of a series at each of them, for each of its constants
+_FITTED, _STEPS, _KEPT = 1024, 8, 6  # points and steps of a fit, components of a series
+_RARER = 4  # so many times fewer points to begin with where true angles are integrated out
+_LONG = 0.25  # share of shared points of components that are as long as the domain
+_WORK, _MOST_WORK = 8e6, 25e6  # as of importance sampling without factors
+_DRAWS = 65_536  # joint draws at most
+
+
+@dataclass(frozen=True)
+class _Laws:
+    """What is drawn from: shared coordinates, and those of each series given them."""
+
+    shared: MixtureProposal | None
+    series: tuple[ConditionalMixture, ...]
+
+    @property
+    def cost(self) -> float:
+        """Of one point of each series, in rows."""
+        return float(sum(law.n_laws * law.domain.dimensions for law in self.series))
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Shared coordinates with points of each series at each of them.
+
+    Attributes
+    ----------
+    shared : ndarray, (n, k)
+    log_outer : ndarray, (n,)
+        Log of the prior of shared coordinates over the density that they were drawn from.
+    series : tuple of ndarray, (n, m, k + own)
+    log_inner : tuple of ndarray, (n, m)
+        Log of each factor over the density that its points were drawn from.
+    squares : tuple of ndarray, (n, m, groups)
+    """
+
+    shared: Array
+    log_outer: Array
+    series: tuple[Array, ...]
+    log_inner: tuple[Array, ...]
+    squares: tuple[Array, ...]
+
+    @property
+    def log_weights(self) -> Array:
+        """Log of the unbiased estimate of the marginal density over the one drawn from, (n,)."""
+        each = [special.logsumexp(log_w, axis=1) - math.log(log_w.shape[1]) for log_w in self.log_inner]
+        return np.asarray(self.log_outer + np.sum(each, axis=0))
+
+    def of_series(self, number: int, log_weights: Array) -> Array:
+        """Log weight of each point of a series, (n, m), from those of the shared coordinates."""
+        log_w = self.log_inner[number]
+        with np.errstate(invalid="ignore"):
+            inner = log_w - special.logsumexp(log_w, axis=1, keepdims=True)
+        return np.asarray(log_weights[:, None] + np.where(np.isnan(inner), -np.inf, inner))
+
+    def joined(self, other: _Points) -> _Points:
+        """Those of another set behind these, replicate by replicate."""
+
+        def interleaved(a: Array, b: Array) -> Array:
+            parts = [x.reshape(REPLICATES, x.shape[0] // REPLICATES, *x.shape[1:]) for x in (a, b)]
+            return np.concatenate(parts, axis=1).reshape(a.shape[0] + b.shape[0], *a.shape[1:])
+
+        pairs = [
+            tuple(interleaved(*each) for each in zip(mine, its, strict=True))
+            for mine, its in (
+                (self.series, other.series),
+                (self.log_inner, other.log_inner),
+                (self.squares, other.squares),
+            )
+        ]
+        return _Points(
+            interleaved(self.shared, other.shared), interleaved(self.log_outer, other.log_outer), *pairs
+        )
+
+
+def sample_by_series(
+    problem: Problem, start: LeastSquaresFit | None = None, seed: int = 0
+) -> ImportancePosterior:
+    """Sample the posterior of a problem with constants of each series, until standard errors are small.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a free constant of each of several series.
+    start : LeastSquaresFit, optional
+        The certified optimum, where it is known already.
+    seed : int
+    """
+    start = least_squares(problem) if start is None else start
+    rng = np.random.default_rng(seed)
+    sampler = _Sampler(FactorisedDensity(problem), rng)
+    laws = sampler.adapted(known_modes(sampler.density.whole, start))
+    return sampler.sample(laws)
+
+
+class _Sampler:
+    """Draws from laws, and what follows from the draws."""
+
+    def __init__(self, density: FactorisedDensity, rng: np.random.Generator) -> None:
+        self.density, self._rng = density, rng
+        # fewer points where each takes long
+        self._rarer = 1 if density.whole.cost_of_row == 1 else _RARER
+
+    def _points(self, laws: _Laws, shared: Array, m: Sequence[int]) -> _Points:
+        """Points of each series at shared coordinates."""
+        density, rng = self.density, self._rng
+        log_outer = density.log_prior(shared)
+        if laws.shared is not None:
+            log_outer = log_outer - laws.shared.log_density(shared)
+        series, log_inner, squares = [], [], []
+        for factor, law, count in zip(density.factors, laws.series, m, strict=True):
+            turned = lattice(count, np.zeros(1 + law.own)) + rng.random((shared.shape[0], 1, 1 + law.own))
+            at = law.draw(shared, np.clip(turned % 1.0, 1e-12, 1.0 - 1e-12))
+            flat = _flat(at)
+            log_p, square = factor(flat)
+            series.append(at)
+            log_inner.append(log_p.reshape(at.shape[:2]) - law.log_density(at))
+            squares.append(square.reshape(*at.shape[:2], square.shape[1]))
+        return _Points(shared, log_outer, tuple(series), tuple(log_inner), tuple(squares))
+
+    def adapted(self, modes: Sequence[Gaussian]) -> _Laws:
+        """Laws near to the posterior, fitted to points of those before them."""
+        laws = self._about(modes)
+        for n in (each // self._rarer for each in _TRIED):
+            shared = self._shared(laws, n, self._rng.random(1 + len(self.density.shared)))
+            points = self._points(laws, shared, [_TRIED_OF_SERIES] * len(laws.series))
+            laws = self._fitted(laws, points)
+            if n > _TRIED[0] // self._rarer and _effective_share(points.log_weights) >= _EVEN:
+                break
+        return laws
+
+    def _about(self, modes: Sequence[Gaussian]) -> _Laws:
+        """Laws about known modes, with wide tails."""
+        density = self.density
+        shared = list(density.shared)
+        outer = None
+        if shared:
+            near = [component_about(density.domain, c[shared], v[np.ix_(shared, shared)]) for c, v in modes]
+            wide = [
+                component_about(density.domain, c[shared], 16.0 * v[np.ix_(shared, shared)]) for c, v in modes
+            ]
+            weights = np.repeat((0.5, 0.3), len(near)) / len(near)
+            outer = MixtureProposal(density.domain, (*near, *wide, Uniform()), np.append(weights, 0.2))
+        series = []
+        for factor in density.factors:
+            places = np.ix_(factor.places, factor.places)
+            each = [component_about(factor.domain, c[factor.places], v[places]) for c, v in modes]
+            series.append(conditional_mixture(factor.domain, len(shared), each, np.ones(len(each))))
+        return _Laws(outer, tuple(series))
+
+    def _fitted(self, laws: _Laws, points: _Points) -> _Laws:
+        """Laws fitted to weighted points."""
+        density, rng = self.density, self._rng
+        log_weights = _tempered(points.log_weights)
+        outer = laws.shared
+        if outer is not None:
+            start = further_seeds(outer.components, points.shared, log_weights, rng)
+            outer = fitted_proposal(
+                density.domain, points.shared, log_weights, rng, start, long=_LONG, resampled=2048, steps=10
+            )
+        # laws of series have to hold wherever shared coordinates are drawn, not where the posterior is alone
+        flatter = np.logaddexp(
+            special.log_softmax(log_weights), special.log_softmax(_FLATTENED * points.log_weights)
+        )
+        series = []
+        for number, (factor, law) in enumerate(zip(density.factors, laws.series, strict=True)):
+            at = points.series[number]
+            flat, weights = _flat(at), points.of_series(number, flatter).reshape(-1)
+            start = further_seeds(law.components, flat, weights, rng)
+            shares, fitted = fitted_components(
+                factor.domain, flat, weights, rng, start, resampled=_FITTED, steps=_STEPS, most=_KEPT
+            )
+            series.append(conditional_mixture(factor.domain, law.given, fitted, shares))
+        return _Laws(outer, tuple(series))
+
+    def _shared(self, laws: _Laws, n: int, shift: Array, *, finer: bool = False) -> Array:
+        """Shared coordinates from a lattice, (n, k)."""
+        if laws.shared is None:
+            return np.zeros((n, 0))
+        return laws.shared.draw(lattice(n, shift, finer=finer))
+
+    def sample(self, laws: _Laws) -> ImportancePosterior:
+        """Draw finer and finer lattices until standard errors are small."""
+        shifts = self._rng.random((REPLICATES, 1 + len(self.density.shared)))
+        m = [_OF_SERIES * max(law.own, 1) for law in laws.series]
+        rows = len(self.density.problem.rows) * self.density.whole.cost_of_row
+        cost = float(np.mean(m)) * (rows + laws.cost + 20.0 * len(laws.series))
+
+        def drawn(n: int, *, finer: bool) -> _Points:
+            shared = [self._shared(laws, n, shift, finer=finer) for shift in shifts]
+            return self._points(laws, np.concatenate(shared), m)
+
+        n = _FIRST // self._rarer
+        points = drawn(n, finer=False)
+        while True:
+            found = self._posterior(points)
+            work = 2 * n * REPLICATES * cost
+            if work > (_WORK if found.converged else _MOST_WORK):
+                return found
+            if max(found.error, found.error_evidence) <= TARGET and found.converged:
+                return found
+            points = points.joined(drawn(n, finer=True))
+            n *= 2
+
+    def _posterior(self, points: _Points) -> ImportancePosterior:
+        """All replicates together, with the standard error of their mean."""
+        problem = self.density.problem
+        log_weights = points.log_weights
+        outer = special.softmax(log_weights)
+        parts: list[WeightedDraws] = []
+        noises: dict[str, Marginal] = {}
+        errors: list[float] = []
+        values, joint = self._joint(points, outer)
+        drawn = Draws.of(problem, values)
+        if points.shared.shape[1]:
+            parts.append(WeightedDraws(self._with_kappa(self._of_shared(points.shared)), {}, outer))
+        for number, factor in enumerate(self.density.factors):
+            weights = special.softmax(points.of_series(number, log_weights)).reshape(-1)
+            part = self._part(factor, _flat(points.series[number]), weights)
+            squares = _flat(points.squares[number])
+            own = noise_marginals(factor.noises, weights, squares)
+            noises |= own
+            errors.append(standard_error(part.values, weights, own, factor.noises, squares))
+            parts.append(part)
+        if points.shared.shape[1]:
+            errors.append(standard_error(parts[0].values, outer, {}, {}, np.empty((outer.size, 0))))
+        each = log_weights.reshape(REPLICATES, -1)
+        log_z = special.logsumexp(each, axis=1) - math.log(each.shape[1])
+        relative = np.exp(log_z - log_z.max())
+        return ImportancePosterior(
+            drawn.values,
+            drawn.transitions,
+            joint,
+            problem,
+            float(special.logsumexp(log_z) - math.log(REPLICATES)),
+            max(errors),
+            float(relative.std(ddof=1) / relative.mean()) / math.sqrt(REPLICATES),
+            SAMPLING_ERROR,
+            max(float(part.weights.max()) for part in parts),
+            noises,
+            tuple(parts),
+        )
+
+    def _of_shared(self, at: Array) -> dict[str, Array]:
+        """Parameters behind shared coordinates, by name."""
+        return _named(self.density.domain.coordinates, at)
+
+    def _with_kappa(self, shared: dict[str, Array]) -> dict[str, Array]:
+        """Shared parameters, and kappa where it is one for all series."""
+        problem = self.density.problem
+        return shared | ({} if _kappas_differ(problem) else kappa_draws(problem, shared))
+
+    def _part(self, factor: SeriesFactor, at: Array, weights: Array) -> WeightedDraws:
+        """Constants of a series, its kappa and transition, with weights of their own."""
+        problem = self.density.problem
+        named = _named(factor.domain.coordinates, at)
+        entries = {name: named.get(name, np.zeros(weights.size)) for name in problem.parameters.free_names}
+        found = Draws.of(problem, entries)
+        own = {c.domain.name for c in factor.domain.coordinates[len(factor.shared) :]}
+        transition = transition_name(problem.series[factor.number])
+        if _kappas_differ(problem):
+            own.add(problem.parameters.kappas[factor.number].name)
+        values = {name: v for name, v in found.values.items() if name in own}
+        return WeightedDraws(values, {transition: found.transitions[transition]}, weights)
+
+    def _joint(self, points: _Points, outer: Array) -> tuple[dict[str, Array], Array]:
+        """Joint draws by name with their weights: at each shared point one of every series, several times."""
+        rng, density = self._rng, self.density
+        n = outer.size
+        times = max(1, min(_DRAWS // n, max(log_w.shape[1] for log_w in points.log_inner)))
+        found = {name: np.repeat(v, times) for name, v in self._of_shared(points.shared).items()}
+        for number, factor in enumerate(density.factors):
+            log_w = points.log_inner[number]
+            with np.errstate(invalid="ignore"):
+                inner = np.nan_to_num(special.softmax(log_w, axis=1), nan=1.0 / log_w.shape[1])
+            up_to = np.cumsum(inner, axis=1)
+            up_to /= up_to[:, -1:]
+            places = (np.arange(times) + rng.random((n, 1))) / times
+            rows = np.arange(n)[:, None]
+            chosen = np.searchsorted((up_to + rows).reshape(-1), (places + rows).reshape(-1)).reshape(
+                n, times
+            )
+            chosen = np.clip(chosen - rows * log_w.shape[1], 0, log_w.shape[1] - 1)
+            chosen = rng.permuted(chosen, axis=1)
+            at, square = (
+                _flat(np.take_along_axis(x[number], chosen[:, :, None], axis=1))
+                for x in (points.series, points.squares)
+            )
+            named = _named(factor.domain.coordinates, at)
+            found |= {
+                c.domain.name: named[c.domain.name] for c in factor.domain.coordinates[len(factor.shared) :]
+            }
+            for (name, scale), own in zip(factor.noises.items(), square.T, strict=True):
+                found[noise_name(name)] = scale.draw(own, rng)
+        return found, np.repeat(outer / times, times)
+
+
+def _named(coordinates: Sequence[Coordinate], at: Array) -> dict[str, Array]:
+    """Parameters behind coordinates, by name; noises as they are."""
+    found: dict[str, Array] = {}
+    for own, value in zip(coordinates, values_of(coordinates, at).T, strict=True):
+        name = own.domain.name
+        found[name] = np.exp(value) if name.startswith("noise") else value
+    return found
+
+
+def _kappas_differ(problem: Problem) -> bool:
+    """Whether series have a kappa each."""
+    return len({kappa.name for kappa in problem.parameters.kappas}) > 1
+
+
+def _tempered(log_weights: Array) -> Array:
+    """Log weights times the largest power up to one that leaves enough of the points effective."""
+    low, high = 0.0, 1.0
+    log_weights = np.where(np.isfinite(log_weights), log_weights, -1e300)
+    if _effective_share(log_weights) >= _TEMPERED:
+        return log_weights
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _effective_share(middle * log_weights) >= _TEMPERED else (low, middle)
+    return np.asarray(low * log_weights)
+
+
+def _effective_share(log_weights: Array) -> float:
+    weights = special.softmax(log_weights)
+    return float(1.0 / np.sum(weights**2)) / weights.size
+
+
+def _flat(x: Array) -> Array:
+    """Points of all shared coordinates one after the other, (n m, d)."""
+    return x.reshape(x.shape[0] * x.shape[1], x.shape[2])
