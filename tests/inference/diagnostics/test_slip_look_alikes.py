@@ -14,7 +14,7 @@ OBSERVED = (("beta_cm", "e_n"), ("v_x", "v_n"), ("delta_deg", "e_n"), ("beta", "
 
 
 def hollow(names, seed, known=False):
-    return experiment(Scene(names, 40, 0.01, known=known), HOLLOW, seed)
+    return experiment(Scene(names, 40, 0.01, policy="known" if known else "unknown"), HOLLOW, seed)
 
 
 @pytest.mark.parametrize("known", [True, False])
