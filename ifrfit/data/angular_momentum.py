@@ -10,15 +10,18 @@ import numpy as np
 
 from ifrfit.data.cell_table import Cells
 from ifrfit.physics.angles import Array
+from ifrfit.physics.inertia import BODIES, is_plausible
 
 LIMIT = 0.05
 # A suggested inertia factor that closes no better than this share of the miss explains nothing.
 _EXPLAINS = 0.5
 # What is measured is rarely sharper: within this share of a known body, that body is meant.
 _SAME_BODY = 0.025
+# Share of the impacts, and their least number, that must close for those that miss to be the fault;
+# and how far these miss, over the limit.
+_SOME, _FEWEST, _FAR = 0.25, 3, 10.0
 # factors between a radius and a diameter, radians, revolutions per second and per minute
 _SPIN_UNITS = (2.0, 0.5, 2.0 * np.pi, 0.5 / np.pi, 30.0 / np.pi, np.pi / 30.0)
-_BODIES = {2 / 5: "homogeneous ball", 2 / 3: "thin hollow ball", 1 / 2: "disc on its edge"}
 
 
 @dataclass(frozen=True)
@@ -69,33 +72,55 @@ class MomentumCheck:
     @property
     def says(self) -> str:
         """The check in a sentence or two, with the remedy where it fails."""
-        closes = f"closes to {100 * self.rms:.2g} % of the contact speed"
-        over = f"rms over {self.n} impact{'s' if self.n > 1 else ''}"
-        beyond = f"{self.n_violating} of {self.n} miss by more than {100 * self.limit:g} % ({self.where})"
         if self.ok:
+            over = f"rms over {self.n} impact{'s' if self.n > 1 else ''}"
             text = (
-                f"{self.source}: angular momentum about the contact {closes} "
+                f"{self.source}: angular momentum about the contact {self._closes} "
                 f"({over}, inertia factor {self.inertia_factor:.4g})"
             )
-            return text + (f"; {beyond}." if self.n_violating else ".")
-        # scatter of the contact speeds: the rms may be beyond the limit where no single impact is
-        rest = f"angular momentum about the contact only {closes} ({over})"
-        rest += f"; {beyond}" if self.n_violating else ""
-        if self.suggested is None:
+            return text + (f"; {self._beyond}." if self.n_violating else ".")
+        if self._some_close:
             return (
-                f"{self.source}: {rest}. Check the signs of the spins, the size, and the inertia factor "
-                f"{self.inertia_factor:.4g} (--inertia-factor){self._sum_of_spins}."
+                f"{self.source}: {self.miss}. The other {self.n - self.n_violating} close, so that no "
+                "inertia factor is the reason: look at the unit and the sign of the spins in these lines."
+            )
+        if self.suggested is None or not is_plausible(self.suggested):
+            return (
+                f"{self.source}: {self.miss}. Check the signs of the spins, the size, and the inertia factor "
+                f"{self.inertia_factor:.4g} (--inertia-factor){self._sum_of_spins}{self.unit_of_spins}."
             )
         factor, body = _body(self.suggested)
         return (
             f"{self.source}: the velocities contradict the inertia factor {self.inertia_factor:.4g}; try "
             f"--inertia-factor {factor:.3g}{body}, or check size and signs{self._sum_of_spins}"
-            f"{self._unit_of_spins}. With "
-            f"{self.inertia_factor:.4g}, {rest}."
+            f"{self.unit_of_spins}. With "
+            f"{self.inertia_factor:.4g}, {self.miss}."
         )
 
     @property
-    def _unit_of_spins(self) -> str:
+    def miss(self) -> str:
+        """By how much angular momentum does not close, without a remedy."""
+        # scatter of the contact speeds: the rms may be beyond the limit where no single impact is
+        beyond = f"; {self._beyond}" if self.n_violating else ""
+        over = f"rms over {self.n} impact{'s' if self.n > 1 else ''}"
+        return f"angular momentum about the contact only {self._closes} ({over}){beyond}"
+
+    @property
+    def _closes(self) -> str:
+        return f"closes to {100 * self.rms:.2g} % of the contact speed"
+
+    @property
+    def _beyond(self) -> str:
+        return f"{self.n_violating} of {self.n} miss by more than {100 * self.limit:g} % ({self.where})"
+
+    @property
+    def _some_close(self) -> bool:
+        """Whether some impacts close while others miss by far: no number for all of them does that."""
+        far = self.rms**2 * self.n > (_FAR * self.limit) ** 2 * self.n_violating
+        return far and self.n - self.n_violating >= max(_FEWEST, _SOME * self.n)
+
+    @property
+    def unit_of_spins(self) -> str:
         """Spins in another unit ask for an inertia factor that is as many times as large."""
         factor = (self.suggested or 0.0) / self.inertia_factor
         if not any(abs(factor / unit - 1.0) <= _SAME_BODY for unit in _SPIN_UNITS):
@@ -114,7 +139,7 @@ class MomentumCheck:
 
 def _body(suggested: float) -> tuple[float, str]:
     """Return the factor to try and what it stands for: that of a known body where one is near."""
-    for factor, body in _BODIES.items():
+    for factor, body in BODIES.items():
         if abs(suggested / factor - 1.0) <= _SAME_BODY:
             return factor, f" ({body}; the velocities ask for {suggested:.3f})"
     return suggested, ""

@@ -77,6 +77,7 @@ def source_headers(layout: Layout) -> dict[str, tuple[str, ...]]:
             *size,
         )
     keys["spin"] = tuple(f"{form}_{axis}" for form in ("spin", "raw:omega") for axis in "xy")
+    keys["lateral_spin"] = ("spin_x", "raw:omega_x")
     found = {name: tuple(layout.header(k) for k in of if layout.has(k)) for name, of in keys.items()}
     return {name: headers for name, headers in found.items() if headers}
 

@@ -31,6 +31,7 @@ HEADLINES = {
     "rounded_readings": "readings are rounded to coarser steps than they scatter",
     "censoring": "values look clipped",
     "truncation": "values look left out for their size",
+    "repeated_number": "one reading of e_n stands in every row",
     "duplicates": "impacts stand in the table twice",
     "effects": "the residuals call for a further effect",
     "outliers": "outliers",

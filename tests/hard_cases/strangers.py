@@ -12,7 +12,7 @@ from hard_cases.case import FILE, HardCase, Told, command, put, refused
 from hard_cases.identifiable import fitted, statuses
 from hard_cases.synthetic import FAN, HEADER, noise, rows, table, values
 
-from ifrfit import fit
+from ifrfit import fit, rebound
 from ifrfit.inference import FitResult
 
 METHODS = ("lsq", "exact")
@@ -145,6 +145,13 @@ def _in_one_series(value: np.ndarray, gamma: np.ndarray | None = None) -> str:
     angles = np.array(FAN, dtype=float) if gamma is None else gamma
     first = values(FAN, "beta") + noise(len(FAN), 0.02, 21)
     return HEADER + rows(FAN, first, None, series="A") + rows(angles, value, None, series="B")
+
+
+def _hollow() -> str:
+    """v_x and v_n of a thin hollow ball."""
+    state = rebound(np.array(FAN), degrees=True, e_n=0.9, e_t=-0.85, mu=0.14, inertia_factor=2.0 / 3.0)
+    each = (("v_x", state.v_x, 33), ("v_n", state.v_n, 34))
+    return HEADER + "".join(rows(FAN, v + noise(len(FAN), 0.005, n), None, name) for name, v, n in each)
 
 
 def _drifting() -> np.ndarray:
@@ -288,6 +295,35 @@ CASES = (
             fix={},
         ),
         _given_and_estimated,
+    ),
+    _case(
+        "a hollow ball without spins",
+        "Velocities after impact of a thin hollow ball, J = 2/3, fitted as those of a solid one.",
+        "The first line says that the table has a slip: another inertia factor, or spin before impact.",
+        fitted(_hollow(), fix={}),
+        _looks("slips", "thin hollow ball 0.6667", "spin before impact", "--inertia-factor 0.6667"),
+    ),
+    _case(
+        "bounds that exclude the data",
+        "Values of beta made with e_t = -0.98, under --bounds e_t=-0.8,-0.5.",
+        "The first line says that the data contradict a value that was taken for known: the bound of e_t.",
+        fitted(
+            HEADER + rows(FAN, values(FAN, "beta") + noise(len(FAN), 0.02, 31), None),
+            bounds={"e_t": (-0.8, -0.5)},
+        ),
+        _looks("prior_conflict", "your bound e_t >= -0.8", "without --bounds e_t they say -0.9"),
+    ),
+    _case(
+        "one mean of e_n in every row",
+        "Values of beta beside one mean of e_n, 0.9302, copied down all rows with its sigma.",
+        "The first line says that one reading stands in every row; no noise is advised.",
+        fitted(
+            HEADER
+            + rows(FAN, values(FAN, "beta") + noise(len(FAN), 0.02, 32), 0.02)
+            + rows(FAN, np.full(len(FAN), 0.9302), 0.02, "e_n"),
+            fix={},
+        ),
+        _looks("repeated_number", "e_n is 0.9302 in all 17 rows", "one reading, not 17"),
     ),
     _case(
         "the opposite sign in one series",

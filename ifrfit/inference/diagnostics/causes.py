@@ -11,15 +11,20 @@ from ifrfit.inference.diagnostics.slips.evidence import (
     Slip,
     drop_of_effect,
     is_decisive,
+    offsets_by_series,
     too_few,
     tried,
 )
-from ifrfit.inference.diagnostics.slips.messages import none_words, short_slip_words, slip_words
+from ifrfit.inference.diagnostics.slips.messages import none_words, offset_words, short_slip_words, slip_words
 from ifrfit.inference.diagnostics.slips.refit import Misfit
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import OBLIQUE
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Fact
+
+_OF_STICKING = "sticking-law"
+_LIKE_STICKING = ("inertia-factor", "incoming-roll")
 
 
 def slips_first(
@@ -53,6 +58,8 @@ def slips_first(
         slip or series that differ take their place.
     """
     differ = shared is not None and not shared.fact.ok
+    if shared is not None and differ:
+        shared = _beside_offsets(problem, fit, shared)
     pooling = {} if shared is None else {"pooling": shared.fact}
     # constants that differ feign effects: they are looked for when the series are apart
     rest = {} if effects is None or differ else {"effects": effects}
@@ -75,6 +82,8 @@ def slips_first(
     top = max(slip.rank for slip in named)
     others = found.keys() - {slip.name for slip in named}
     alike = [name for name in found if name in others and found[name] >= top - ALIKE]
+    if _OF_STICKING in others and _OF_STICKING not in alike and _is_of_sticking(problem, named):
+        alike.append(_OF_STICKING)
     apart = ""
     if shared is not None and differ:
         more = top - _drop_of_series(problem, fit, shared, named[0])
@@ -87,10 +96,20 @@ def slips_first(
     return pooling | {"slips": Fact(False, says, figures | {"effects": alike}, rule)}
 
 
-def _drop_of_series(problem: Problem, fit: LeastSquaresFit, shared: Pooling, slip: Slip) -> float:
+def _beside_offsets(problem: Problem, fit: LeastSquaresFit, shared: Pooling) -> Pooling:
+    """The fact with an offset of the angles in each series, where that explains as much as constants do."""
+    offsets = offsets_by_series(problem, fit)
+    if offsets is None or offsets.drop < _drop_of_series(problem, fit, shared) - ALIKE:
+        return shared
+    return shared.or_slip(offset_words(problem, offsets))
+
+
+def _drop_of_series(
+    problem: Problem, fit: LeastSquaresFit, shared: Pooling, slip: Slip | None = None
+) -> float:
     """Fall of -2 log likelihood with constants of each series, at the noises that a slip was judged by."""
     of_all = Fitted(problem, fit, Misfit.of(problem))
-    judged = Fitted.by_series(problem, fit) if slip.series else of_all
+    judged = Fitted.by_series(problem, fit) if slip is not None and slip.series else of_all
     wider = Fitted(shared.problem, shared.fit, judged.misfit)
     return judged.likelihood - wider.likelihood
 
@@ -104,6 +123,16 @@ def named_slips(slips: Sequence[Slip], of_effects: float) -> list[Slip]:
     decisive = sorted(every, key=lambda slip: -slip.rank)
     top = max([of_effects, *(slip.rank for slip in decisive)])
     return [slip for slip in decisive if slip.rank >= top - ALIKE]
+
+
+def _is_of_sticking(problem: Problem, named: Sequence[Slip]) -> bool:
+    """Whether a slip is named that is nothing but another law of sticking in these rows.
+
+    Without spins beside velocities an inertia factor is, and so is a share of rolling before impact. Of that
+    law the score has the first order, so that its own fall of -2 log likelihood tells too little.
+    """
+    of_spin = {each.numerator == "spin" for each in problem.rows.observables if each.kind in OBLIQUE}
+    return len(of_spin) == 1 and any(slip.name in _LIKE_STICKING for slip in named)
 
 
 def _key(slip: Slip) -> str:

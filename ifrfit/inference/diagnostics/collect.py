@@ -17,6 +17,7 @@ from ifrfit.inference.diagnostics.omitted_effects.restitution_laws import LAWS
 from ifrfit.inference.diagnostics.outliers import outliers
 from ifrfit.inference.diagnostics.prior_conflict import prior_conflict
 from ifrfit.inference.diagnostics.quadratic_forms import Array
+from ifrfit.inference.diagnostics.repeated_number import repeated_number
 from ifrfit.inference.diagnostics.repeats import settings_scatter
 from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.diagnostics.rounded_readings import is_coarse, rounded_readings
@@ -50,10 +51,11 @@ def misfit_facts(
     shared = effects.get("pooling")
     effects = {name: fact for name, fact in effects.items() if name != "pooling"}
     called = [name for fact in effects.values() for name in fact.figures["called"]]
-    momentum = _angular_momentum(problem) if problem.observations.momentum else None
+    slipped = "slips" in effects and not effects["slips"].ok
+    momentum = _angular_momentum(problem, effects.get("slips")) if problem.observations.momentum else None
     if called[:1] == ["inertia-factor"] and momentum is not None and not momentum.ok:
         effects = {}  # velocities and spins say it themselves
-    restitution = normal_restitution(problem, found)
+    restitution = normal_restitution(problem, found, advise=not slipped)
     laws_fail = restitution is not None and "p_laws_of_speed" in restitution.figures
     if laws_fail and called and set(called) <= _OF_RESTITUTION:
         # the readings of e_n say it themselves: a rise with the angle feigns a law of the speed
@@ -68,7 +70,7 @@ def misfit_facts(
         called = ["known"]
     beyond = beyond_closure(problem, found)
     double = None if brief else duplicates(problem, found)
-    small = scatter_too_small(problem, found, residuals)
+    copied = None if brief else repeated_number(problem)
     # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called) and (restitution is None or restitution.ok)
     # a law that misses something is no reason to doubt the repeats
@@ -81,6 +83,18 @@ def misfit_facts(
         before = (fitting, scatter, beyond, restitution, noises)
         explained = any(fact is not None and not fact.ok for fact in before) or bool(called and slip is None)
         alike = independence(problem, found, residuals, explained=explained, also=slip)
+        if (
+            alike is not None
+            and copied is not None
+            and alike.figures["observable"] in copied.figures["observables"]
+        ):
+            alike = None  # one number for all is alike enough
+    # a scatter that is no noise of single readings is no yardstick
+    small = (
+        None
+        if copied is not None
+        else scatter_too_small(problem, found, residuals, advise=alike is None and not slipped)
+    )
     # rows that the closure cannot give are no outliers: left out one by one, none would be left
     rows = None if brief or beyond is not None else outliers(problem, found, residuals)
     rounded = None if brief else rounded_readings(problem, found)
@@ -92,7 +106,7 @@ def misfit_facts(
     growing = None if brief or called or beyond is not None else growing_scatter(problem, found, residuals)
     if growing is not None:
         rows = growing.outliers
-    others = (rounded, clipped, beyond, rows, fitting, scatter, restitution, noises, alike, momentum)
+    others = (rounded, clipped, beyond, rows, fitting, scatter, restitution, noises, alike, momentum, copied)
     fine = not called and all(fact is None or fact.ok for fact in others)
     # readings in few cells look like impacts of as many kinds
     kinds = mixture(problem, found) if fine and not brief and not is_coarse(problem, found) else None
@@ -106,6 +120,7 @@ def misfit_facts(
         **({} if shared is None else {"pooling": shared}),
         **({} if conflict is None else {"prior_conflict": conflict}),
         **({} if double is None else {"duplicates": double}),
+        **({} if copied is None else {"repeated_number": copied}),
         **({} if noises is None else {"unequal_noise": noises}),
         **({} if rounded is None else {"rounded_readings": rounded}),
         **({} if clipped is None else {"censoring": clipped}),
@@ -141,8 +156,11 @@ def noise_converged(found: LeastSquaresFit) -> Fact:
     return Fact(found.converged, says, {"change": found.change}, FACTS["converged"])
 
 
-def _angular_momentum(problem: Problem) -> Fact:
-    """Whether velocities and spins of raw impacts close, source by source."""
+def _angular_momentum(problem: Problem, slips: Fact | None) -> Fact:
+    """Whether velocities and spins of raw impacts close, source by source.
+
+    Where a slip explains the residuals and another inertia factor does not, none is advised.
+    """
     checks = problem.observations.momentum
     figures = {
         "sources": [
@@ -151,7 +169,11 @@ def _angular_momentum(problem: Problem) -> Fact:
         ]
     }
     bad = [check for check in checks if not check.ok]
-    says = " ".join(check.says for check in (bad or checks)).rstrip(".")
+    if bad and slips is not None and not slips.ok and "inertia-factor" not in slips.figures["called"]:
+        misses = "; ".join(f"{check.source}: {check.miss}{check.unit_of_spins}" for check in bad)
+        says = f"{misses}. Mend the slip in the table first, and see whether it closes then"
+    else:
+        says = " ".join(check.says for check in (bad or checks)).rstrip(".")
     return Fact(not bad, says, figures, FACTS["angular_momentum"])
 
 

@@ -114,8 +114,13 @@ def _smallest(tests: Mapping[str, float]) -> tuple[str, float]:
     return name, min(1.0, len(made) * made[name])
 
 
-def scatter_too_small(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fact | None:
-    """Whether the rows scatter less than their sigma says: chi2 from below; None where they do not."""
+def scatter_too_small(
+    problem: Problem, fit: LeastSquaresFit, residuals: Residuals, *, advise: bool = True
+) -> Fact | None:
+    """Whether the rows scatter less than their sigma says: chi2 from below; None where they do not.
+
+    `advise` says whether to take sigma from the scatter: where errors are alike that would be too small.
+    """
     chi2, dof = chi2_of_given(problem, fit, residuals)
     if dof < 1:
         return None
@@ -129,7 +134,8 @@ def scatter_too_small(problem: Problem, fit: LeastSquaresFit, residuals: Residua
     says = (
         f"{which} scatter {math.sqrt(dof / max(chi2, 1e-300)):.2g} times less than their sigma "
         f"(chi2 = {chi2:.3g} for {dof:.0f} degrees of freedom, p = {p_text(p)}): sigma is too large, or is "
-        f"no standard uncertainty of one reading; {remedy} takes its size from the scatter"
+        f"no standard uncertainty of one reading"
+        f"{f'; {remedy} takes its size from the scatter' if advise else ''}"
     )
     return Fact(False, says, figures, FACTS["scatter_too_small"])
 

@@ -82,12 +82,12 @@ class _Readings:
         return f" of {self.series}" if self.series else ""
 
 
-def normal_restitution(problem: Problem, found: LeastSquaresFit) -> Fact | None:
+def normal_restitution(problem: Problem, found: LeastSquaresFit, *, advise: bool = True) -> Fact | None:
     """Hold the readings of e_n against angle, speed, what was fixed or known before, and 1.
 
     Each look is a test of its own; p values are multiplied by their number (Bonferroni). A trend is a
     parabola in the angle, or in the logarithm of the speed, tested against a constant: by F, or by chi2 where
-    sigma is known.
+    sigma is known. `advise` says whether a narrower range is advised, which is none where a slip is found.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def normal_restitution(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         None without readings of e_n.
     """
     every = list(_by_series(problem, found))
-    looks = [finding for readings in every for finding in _findings(problem, readings)]
+    looks = [finding for readings in every for finding in _findings(problem, readings, advise)]
     if not looks:
         return None
     p = min(1.0, len(looks) * min(look.p for look in looks))
@@ -136,15 +136,15 @@ def _by_series(problem: Problem, found: LeastSquaresFit) -> Iterator[_Readings]:
         )
 
 
-def _findings(problem: Problem, readings: _Readings) -> Iterator[_Finding]:
-    yield from _trend(readings, readings.gamma, "the angle", "degrees")
+def _findings(problem: Problem, readings: _Readings, advise: bool) -> Iterator[_Finding]:
+    yield from _trend(readings, readings.gamma, "the angle", "degrees", advise)
     positive = np.where(readings.speed > 0.0, readings.speed, np.nan)
-    yield from _trend(readings, np.log(positive), "the speed", "m/s")
+    yield from _trend(readings, np.log(positive), "the speed", "m/s", advise)
     yield from _against_known(problem, readings)
     yield from _above_one(readings)
 
 
-def _trend(readings: _Readings, x: Array, what: str, unit: str) -> Iterator[_Finding]:
+def _trend(readings: _Readings, x: Array, what: str, unit: str, advise: bool) -> Iterator[_Finding]:
     """A parabola in x against a constant."""
     at = np.flatnonzero(np.isfinite(x))
     if at.size < _FEWEST or np.unique(x[at]).size < 4:
@@ -164,11 +164,12 @@ def _trend(readings: _Readings, x: Array, what: str, unit: str) -> Iterator[_Fin
     if np.ptp(parabola) <= _NEGLIGIBLE:
         return
     shown = np.exp(x[order[[0, -1]]]) if unit == "m/s" else x[order[[0, -1]]]
+    remedy = "Fit a narrower range of it" if advise else "Mend the slip in the table first"
     yield _Finding(
         p,
         f"e_n{readings.of} is not one value: its readings go from {ends[0]:.3g} at {shown[0]:.3g} {unit} to "
         f"{ends[1]:.3g} at {shown[1]:.3g} {unit} (p = {p_text(p)}); one e_n over {what} does not stand. "
-        "Fit a narrower range of it",
+        f"{remedy}",
     )
 
 

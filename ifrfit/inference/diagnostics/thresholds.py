@@ -21,6 +21,7 @@ PULL = 3.0
 COARSE = 0.6
 TOO_NARROW = 1.5
 TIMES_FITTED = 4.0
+FEWEST_ALIKE = 5
 
 STATUSES = {
     "determined": "sd below half the sd of the default prior, and none of the rows below",
@@ -66,8 +67,9 @@ FACTS = {
     "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola "
     "in the angle and in the logarithm of the speed against one value; their mean against a fixed value or a "
     "prior, and against 1; no single reading 4 sd above 1",
-    "prior_conflict": f"stands where p < {REFUTED:g}, times the number of constants that were fixed or have "
-    "a prior: the constant without that describes the data better (F, or chi2 for known sigma)",
+    "prior_conflict": f"stands where p < {REFUTED:g}, times the number of constants that were fixed, have "
+    "a prior or lie on a bound of yours: the constant without that describes the data better (F, or chi2 for "
+    "known sigma)",
     "pooling": f"with several series: p >= {REFUTED:g}, times the number of constants, that one of each "
     "describes all series as well as one each (F, or chi2 for known sigma)",
     "unequal_noise": f"stands only where it fails: p < {REFUTED:g}, times the number of noises, of "
@@ -108,6 +110,8 @@ FACTS = {
     "truncation": "stands only where it fails: the law with errors that are cut off at the outermost reading "
     f"of an observable takes so much off -2 log likelihood that exp(-fall/2), times {TIMES_FITTED:g} and the "
     f"number of ends of observables, is below {REFUTED:g}; looked for where nothing else is found",
+    "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
+    "more, not simulated, all the same in every decimal",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one; by "
     "Student's t with the degrees of freedom of the row's own noise where that is unknown",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "

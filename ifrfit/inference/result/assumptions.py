@@ -1,18 +1,24 @@
-"""What decides the answer although nobody said so: noise, independent errors, angles without an offset."""
+"""What decides the answer although nobody said so: noise, independence, angles without offset, one plane."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from ifrfit.inference.diagnostics.thresholds import RANK
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.angle_offset import slope_by_offset
 from ifrfit.inference.optimize.laplace import weighted_jacobian
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Estimate, NoiseSummary, by_entry
+from ifrfit.physics.angles import Incidence
+from ifrfit.text import joined
+
+_LATERAL = 0.1  # R omega_x/u before impact, as an example of what a camera from the side does not see
 
 _OF_NOISE = {
     "known": "",
@@ -42,10 +48,12 @@ def assumed_of(
     noise : NoiseSummary
     """
     offset = _offset_words(problem, fit, constants, kappas)
+    plane = _plane_words(problem, fit, constants, kappas)
     words = _OF_NOISE[noise.policy]
     if noise.policy == "mixed":
         words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
-    return tuple(said for said in (words, _INDEPENDENT + _of_repeats(problem), _COMPLETE, offset) if said)
+    of_errors = _INDEPENDENT + _of_repeats(problem)
+    return tuple(said for said in (plane, words, of_errors, _COMPLETE, offset) if said)
 
 
 def _of_repeats(problem: Problem) -> str:
@@ -65,7 +73,34 @@ def _offset_words(
     model = problem.error_model
     if not problem.rows.has_angle.any() or fit.angle_offset is not None or model.angles != "none":
         return ""
-    moves = moved_by_offset(problem, fit)
+    moved = _largest_move(moved_by_offset(problem, fit), constants, kappas)
+    return f"angles of incidence without an offset (1 degree would move {moved})" if moved else ""
+
+
+def _plane_words(
+    problem: Problem, fit: LeastSquaresFit, constants: Constants, kappas: Mapping[str, Estimate]
+) -> str:
+    """That the one component of spin that is given is all there is, and what another would move."""
+    sources = [s for s in problem.observations.sources if s.descriptor is None and s.rows_used > 0]
+    planar = [s.name for s in sources if "spin" in s.headers and "lateral_spin" not in s.headers]
+    i = problem.rows.incidence
+    if not planar or not problem.has_oblique or i.spin_x.any():
+        return ""
+    where = "" if len(planar) == len(problem.observations.sources) else f" in {joined(planar)}"
+    said = f"motion in one plane, no lateral spin before impact{where}"
+    if not problem.error_model.is_plain:
+        return said
+    theta = fit.optimum.theta
+    rows = problem.rows
+    spinning = Incidence.of(rows.gamma_deg, _LATERAL, i.spin_y, degrees=True)
+    other = replace(problem, rows=replace(rows, incidence=spinning, tau=spinning.tau))
+    change = other.predict(theta) - problem.predict(theta)
+    moved = _largest_move(_moved_by(problem, fit, change), constants, kappas)
+    return f"{said} (R omega_x/u of {_LATERAL:g} would move {moved})" if moved else said
+
+
+def _largest_move(moves: Mapping[str, float], constants: Constants, kappas: Mapping[str, Estimate]) -> str:
+    """The constant that moves most in its sd, by how much; empty where none has a value."""
     alone = len(kappas) == 1
     of_kappa = {entry_name("kappa", "" if alone else name): each for name, each in kappas.items()}
     # kappa speaks where the data leave mu open
@@ -73,8 +108,7 @@ def _offset_words(
     if not share:
         return ""
     name = max(share, key=lambda one: share[one])
-    by = f"{abs(moves[name]):.2g}, {share[name]:.2g} sd"
-    return f"angles of incidence without an offset (1 degree would move {name} by {by})"
+    return f"{name} by {abs(moves[name]):.2g}, {share[name]:.2g} sd"
 
 
 def _share(moves: Mapping[str, float], found: Mapping[str, Estimate]) -> dict[str, float]:
@@ -91,12 +125,17 @@ def moved_by_offset(problem: Problem, fit: LeastSquaresFit) -> dict[str, float]:
     dict
         By the names of theta, and kappa by that of its place in the expansion.
     """
+    return _moved_by(problem, fit, slope_by_offset(problem, fit.optimum.theta))
+
+
+def _moved_by(problem: Problem, fit: LeastSquaresFit, change: Array) -> dict[str, float]:
+    """By how much the optimum moves where every row's value is predicted larger by a change, (n,)."""
     theta = fit.optimum.theta
     names, _, to_theta, by_phi, _ = weighted_jacobian(problem, fit.sigma, theta)
     free = problem.parameters.free
     scale = np.array([each.prior_sd for each in problem.parameters.entries])[free]
     slope = np.zeros(len(by_phi))
-    slope[: fit.sigma.size] = slope_by_offset(problem, theta) / fit.sigma
+    slope[: fit.sigma.size] = change / fit.sigma
     moved = np.zeros(theta.size)
     moved[free] = -np.linalg.lstsq(by_phi[:, free] * scale, slope, rcond=RANK)[0] * scale
     in_theta = to_theta @ moved

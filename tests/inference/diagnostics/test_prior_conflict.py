@@ -23,6 +23,8 @@ def path(request, tmp_path):
         ({"fix": {"e_n": 0.94, "e_t": -0.6}}, "e_t = -0.6, which you fixed"),
         ({"fix": {"e_n": 0.94, "mu": 0.15}}, "mu = 0.15, which you fixed"),
         ({"fix": {"e_n": 0.94}, "prior": {"mu": (0.2, 0.005)}}, "your prior mu = 0.2 +- 0.005"),
+        ({"fix": {"e_n": 0.94}, "bounds": {"e_t": (-0.8, -0.5)}}, "your bound e_t >= -0.8 (p = "),
+        ({"fix": {"e_n": 0.94}, "bounds": {"mu": (0.0, 0.1)}}, "your bound mu <= 0.1 (p = "),
     ],
 )
 def test_a_value_that_the_data_contradict_is_named(path, taken, says):
@@ -40,6 +42,18 @@ def test_what_the_data_do_not_see_is_not_contradicted(path):
     assert "prior_conflict" not in fit(path, method="lsq", fix={"e_n": 0.5}).facts
 
 
+def test_a_bound_says_what_the_data_say_without_it(path):
+    says = fit(path, method="lsq", fix={"e_n": 0.94}, bounds={"mu": (0.0, 0.1)}).facts["prior_conflict"].says
+    assert "without --bounds mu they say 0.1" in says
+
+
+@pytest.mark.parametrize(
+    "bounds", [{"e_t": (-1.0, -0.5)}, {"e_t": (-0.99, -0.5)}, {"mu": (0.05, 0.5)}], ids=str
+)
+def test_bounds_that_hold_the_truth_are_not_contradicted(path, bounds):
+    assert "prior_conflict" not in fit(path, method="lsq", fix={"e_n": 0.94}, bounds=bounds).facts
+
+
 def test_right_values_are_seldom_contradicted(tmp_path):
     """At 1e-3, times the number of constants, of 60 tables."""
     rng = np.random.default_rng(5)
@@ -47,10 +61,11 @@ def test_right_values_are_seldom_contradicted(tmp_path):
     for seed in range(60):
         sigma = None if seed % 2 else 0.02
         table = impacts_file(tmp_path / "t.csv", TRUTH | {"sigma": sigma, "seed": seed})
+        bounds = {"e_t": (-0.9, -0.5)} if seed % 3 else None  # ends at the truth
+        fixed = {"e_n": 0.94} if bounds else {"e_n": 0.94, "e_t": -0.9}
         prior = {"mu": (0.12 + 0.01 * rng.standard_normal(), 0.01)}
-        alarms += (
-            "prior_conflict" in fit(table, method="lsq", fix={"e_n": 0.94, "e_t": -0.9}, prior=prior).facts
-        )
+        found = fit(table, method="lsq", fix=fixed, prior=prior, bounds=bounds)
+        alarms += "prior_conflict" in found.facts
     assert alarms <= at_most(60, 1e-3)
 
 

@@ -17,8 +17,8 @@ from ifrfit.report.page import page
 
 SILENT = "gamma_deg,beta\n" + "\n".join(f"{g},{b}" for g, b in zip(range(10, 90, 8), [
     0.6, 0.62, 0.58, 0.3, 0.05, -0.1, -0.2, -0.31, -0.36, -0.4], strict=True)) + "\n"  # fmt: skip
-STATED = SILENT.replace("gamma_deg,beta", "gamma_deg,beta,spin_y,sigma_beta").replace("\n", ",0,0.02\n")
-STATED = STATED.replace("sigma_beta,0,0.02", "sigma_beta")
+STATED = SILENT.replace("gamma_deg,beta", "gamma_deg,beta,spin_x,spin_y,sigma_beta")
+STATED = STATED.replace("\n", ",0,0,0.02\n").replace("sigma_beta,0,0,0.02", "sigma_beta")
 FIX = {"e_n": 0.9}
 SCATTER = "errors as large as the scatter"
 INDEPENDENT = "errors independent of one another"
@@ -55,6 +55,26 @@ def test_a_table_that_is_silent(file, text, choices, assumed):
     assert fit.assumed[-1].startswith("angles of incidence without an offset (1 degree would move mu by ")
     assert f"assumed: {', '.join(fit.assumed)}" in " ".join(fit.summary().split())
     assert "assumed:" in fit.summary("markdown")
+
+
+def test_a_lateral_spin_that_nobody_measured_is_assumed_away(tmp_path):
+    """With what 0.1 of it would move: the optimum of the same rows with it."""
+    path = impacts_file(
+        tmp_path / "t.csv",
+        {"gamma": np.linspace(8.0, 75.0, 60), "noise": 0.002, "sigma": 0.002, "spin_y": 0.1},
+    )
+    text = path.read_text(encoding="utf-8")
+    planar, lateral = tmp_path / "planar.csv", tmp_path / "lateral.csv"
+    planar.write_text(text.replace(",spin_x", "").replace(",0.0,0.1,", ",0.1,"), encoding="utf-8")
+    lateral.write_text(text.replace(",0.0,0.1,", ",0.1,0.1,"), encoding="utf-8")
+    fit, other = (ifrfit.fit(each, method="lsq", fix=FIX) for each in (planar, lateral))
+    (said,) = (one for one in fit.assumed if "lateral" in one)
+    assert said.startswith(
+        "motion in one plane, no lateral spin before impact (R omega_x/u of 0.1 would move "
+    )
+    assert not any("lateral" in one for one in other.assumed)
+    name, by = said.split("would move ")[1].split(",")[0].split(" by ")
+    assert abs(other.constants[name].value - fit.constants[name].value) == pytest.approx(float(by), rel=0.3)
 
 
 def test_a_dataset_says_what_hit_what():

@@ -6,7 +6,7 @@ lie along it is a test of one degree of freedom, see `score`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,7 +28,14 @@ from ifrfit.physics.effects.contact import SOLID
 from ifrfit.physics.impulse_laws import Coefficients
 
 # no effects of the registry, but what a misfit may be instead
-RIVALS = ("sticking-law", "sliding-law", "restitution-by-angle", "friction-by-speed", "inertia-factor")
+RIVALS = (
+    "sticking-law",
+    "sliding-law",
+    "restitution-by-angle",
+    "friction-by-speed",
+    "friction-by-load",
+    "inertia-factor",
+)
 
 _POISSON = (0.1, 0.3, 0.45)  # where the materials are not known
 _KAPPA = (0.5, 2.0)  # that a step may reach, over the fitted one
@@ -55,6 +62,9 @@ class Direction:
         Whether strength 1 is what the effect's theory says with the fitted constants, nothing free.
     by_kappa : bool
         Whether the rows know e_n in kappa = mu (1 + e_n) only, so that a law e_n(v) may be one of mu.
+    values : callable, optional
+        From theta, (m, p), and strengths, (m,), to the value of each row, (m, n), where these are cheap to
+        know beyond first order.
     figures : mapping
         What the words need: chi, e_n over a tenfold of speed.
     """
@@ -64,6 +74,7 @@ class Direction:
     two_sided: bool = False
     whole: bool = False
     by_kappa: bool = False
+    values: Callable[[Array, Array], Array] | None = None
     figures: dict[str, float] = field(default_factory=dict)
 
 
@@ -174,10 +185,28 @@ def _of_speed(
         # e_n^2 falls by (V_s/V)^2: per V_s^2
         less = -0.5 / (np.maximum(e_n, _LOWEST) * np.where(coming, normal, np.inf) ** 2)
         yield Direction("adhesion", by_e_n * less)
+    by_mu = jacobian[row, places["mu"][problem.rows.series]]
+    # the normal speed of impacts of one speed is as the cosine of the angle
+    load = normal if coming.all() else i.cosine
+    if problem.rows.is_oblique.any() and load.any():
+        load = load / load.mean()
+        yield Direction(
+            "friction-by-load",
+            by_mu * mu * load,
+            two_sided=True,
+            values=lambda theta, strength: _by_load(problem, theta, 1.0 + strength[:, None] * load),
+        )
     if slipping.any():
-        by_mu = jacobian[row, places["mu"][problem.rows.series]]
         log = np.log(np.where(slipping, sliding, 1.0))
         yield Direction("friction-by-speed", by_mu * mu * log, two_sided=True)
+
+
+def _by_load(problem: Problem, theta: Array, factor: Array) -> Array:
+    """Value of each row with mu times a factor, (m, n)."""
+    e_n, c, mu = problem.per_row(theta)
+    mu = mu * np.maximum(factor, 0.0)
+    k, _ = problem.impulse(e_n, c, mu)
+    return problem.values_with(k, e_n, mu)
 
 
 def _restitution_law(

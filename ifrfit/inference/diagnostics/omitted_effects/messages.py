@@ -24,6 +24,7 @@ _CALLED = {
     "sliding-law": "a restitution in sliding too",
     "restitution-by-angle": "a restitution that changes with the angle, as of a body with faces",
     "friction-by-speed": "friction that depends on the speed of sliding",
+    "friction-by-load": "friction that depends on the normal speed, and so on the angle",
     "inertia-factor": "another inertia factor",
 }
 _SHORT = {
@@ -129,6 +130,9 @@ def _size(problem: Problem, named: Sequence[Score]) -> list[str]:
     if name == "restitution-by-angle":
         way = "rises" if one.strength > 0.0 else "falls"
         return [f"e_n {way} by {abs(one.strength):.2g} times the tangent of the angle"]
+    if name == "friction-by-load":
+        way = "rises" if one.strength > 0.0 else "falls"
+        return [f"mu {way} by {abs(one.strength):.2g} of itself as the normal speed doubles from its mean"]
     if name == "friction-by-speed":
         share = math.log(10.0) * one.strength
         way = "rises" if share > 0.0 else "falls"
@@ -156,6 +160,8 @@ def _remedy(problem: Problem, named: Sequence[Score]) -> str:
         )
     if names[0] == "inertia-factor":
         return "Give the body's own with --inertia-factor"
+    if names[0] == "friction-by-load":
+        return "One mu holds for a narrow range of angles: --gamma-min, --gamma-max"
     if names[0] == "restitution-by-angle":
         return "One e_n holds for a narrow range of angles: --gamma-min, --gamma-max"
     if names[0] == "rolling":

@@ -13,6 +13,7 @@ from scipy import special
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score, holm, scores
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables, alternatives
+from ifrfit.inference.diagnostics.slips.flawed_readings import Flaw, readings
 from ifrfit.inference.diagnostics.slips.mixed_readings import mixed_readings
 from ifrfit.inference.diagnostics.slips.nuisances import Nuisance, Sized, directions_of, nuisances, of_series
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
@@ -37,6 +38,7 @@ _WORTH_A_TRY = 0.05  # p of the scale of spins below which other units of them a
 _NOISIER = 0.05  # p of a series' scatter below which slips without a size are tried in it
 _LITTLE = 0.1  # share of the values' scatter that is left, from which a law explains little
 _AT_ONCE = 2_000_000  # numbers of values that are held for several tables
+_PLACES = np.linspace(-4.0, 4.0, 17)  # degrees, from which offsets of series are looked for
 _ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
 
 
@@ -56,6 +58,8 @@ class Slip:
         Of a slip with a size; 0 else.
     usual : float
         Prior standard deviation of the size.
+    likely : tuple of float
+        Sizes that the prior is centred at.
     observable : str
         Whose values it is in; empty where it is in none.
     series : str
@@ -68,6 +72,8 @@ class Slip:
         That changes in the course of the table; empty for another slip.
     middle : float
         Its mean.
+    e_n : float
+        Of the first series, with a slip that was fitted; nan else.
     """
 
     name: str
@@ -76,17 +82,40 @@ class Slip:
     size: float = 0.0
     sd: float = 0.0
     usual: float = math.inf
+    likely: tuple[float, ...] = (0.0,)
     observable: str = ""
     series: str = ""
     rows: tuple[int, ...] = ()
     is_least: bool = False
     constant: str = ""
     middle: float = 0.0
+    e_n: float = math.nan
 
     @property
     def rank(self) -> float:
         """Fall of -2 log likelihood less what the prior of the size takes: by it causes compare."""
-        return self.drop - (self.size / self.usual) ** 2
+        return self.drop - self.unlikely**2 / (self.usual**2 + self.sd**2)
+
+    @property
+    def unlikely(self) -> float:
+        """Distance of the size from the nearest likely one."""
+        return min(abs(self.size - each) for each in self.likely)
+
+
+@dataclass(frozen=True)
+class Offsets:
+    """Offsets of the angles of each series, beside constants that all share.
+
+    Attributes
+    ----------
+    drop : float
+        Fall of -2 log likelihood with them.
+    size : ndarray, (n_series,)
+        Degrees by which the true angles exceed the given ones.
+    """
+
+    drop: float
+    size: Array
 
 
 @dataclass(frozen=True)
@@ -130,12 +159,16 @@ class Fitted:
         """Minus twice the log likelihood of `before`."""
         return float(self.misfit.likelihood(self.before))
 
-    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, Array]:
-        """Fall of -2 log likelihood with a size beside the constants; these and the size, (p + 1,)."""
+    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, float, Array]:
+        """Fall of -2 log likelihood with a size beside the constants, the size, and the constants.
+
+        What it moves away from priors of the user counts against it.
+        """
         problem, theta = self.problem, self.fit.optimum.theta
+        known = problem.parameters.prior_residuals
         lower, upper = problem.parameters.bounds()
         bounds = (np.append(lower, limits[0]), np.append(upper, limits[1]))
-        drop, found = -math.inf, np.append(theta, 0.0)
+        drop, found, constants = -math.inf, 0.0, theta
         # a start of first order may lead astray
         for start in (float(np.clip(size, *limits)), 0.0):
             if drop >= 0.0:
@@ -148,8 +181,10 @@ class Fitted:
                 bounds,
                 np.ones(theta.size + 1, dtype=bool),
             )
-            drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), x[0]
-        return drop, found
+            drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), float(x[0, -1])
+            constants = x[0, :-1]
+            drop -= max(float((known(constants) ** 2).sum() - (known(theta) ** 2).sum()), 0.0)
+        return drop, found, constants
 
     def of_alternatives(self, every: Sequence[Alternative]) -> Iterator[tuple[Alternative, Array]]:
         """Each with its residuals, in the unit of the given values."""
@@ -175,6 +210,44 @@ class Fitted:
                 target=self.likelihood - DECISIVE + _ROOM,
             )
             yield from zip(tables.every, after, strict=True)
+
+
+def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
+    """Fit an offset of the angles of each series; None without angles, or where one is no slip."""
+    count = len(problem.series)
+    named = [each for each in nuisances(problem) if each.name == "angle-offset"]
+    plain = problem.error_model.is_plain and fit.angle_offset is None
+    if not named or not plain or not 1 < count <= _MOST_SERIES:
+        return None
+    whole, offset = Fitted(problem, fit, Misfit.of(problem)), named[0]
+    lower, upper = problem.parameters.bounds()
+    ends = (np.full(count, end) for end in offset.limits)
+    bounds = tuple(np.append(*both) for both in zip((lower, upper), ends, strict=True))
+
+    def values(x: Array, _: Index) -> Array:
+        by_row = x[0, :, lower.size :][:, problem.rows.series]
+        return readings(problem, x[0, :, : lower.size], Flaw(offset=by_row))[None]
+
+    x, after = search(
+        values,
+        whole.misfit,
+        problem.rows.value,
+        np.append(fit.optimum.theta, _nearest_offsets(problem, fit))[None],
+        (bounds[0], bounds[1]),
+        np.ones(lower.size + count, dtype=bool),
+    )
+    drop = whole.likelihood - float(whole.misfit.likelihood(after[0]))
+    size = x[0, lower.size :]
+    return Offsets(drop, size) if np.abs(size).max() <= _LARGEST * offset.usual else None
+
+
+def _nearest_offsets(problem: Problem, fit: LeastSquaresFit) -> Array:
+    """Of a few offsets of the angles the best of each series, at the constants of a fit."""
+    theta = np.tile(fit.optimum.theta, (_PLACES.size, 1))
+    residual = problem.rows.value - readings(problem, theta, Flaw(offset=_PLACES[:, None]))
+    square = np.nan_to_num((residual / fit.sigma) ** 2, nan=np.inf)
+    owners = problem.rows.series == np.arange(len(problem.series))[:, None]
+    return np.asarray(_PLACES[np.argmin(square @ owners.T, axis=0)])
 
 
 def degrees_of_freedom(problem: Problem, fit: LeastSquaresFit) -> int:
@@ -211,7 +284,7 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
 
 def is_decisive(slip: Slip) -> bool:
     """Whether the evidence suffices to name a slip, and its size is one that a slip has."""
-    if abs(slip.size) > _LARGEST * slip.usual:
+    if slip.unlikely > _LARGEST * math.hypot(slip.usual, slip.sd):
         return False
     return slip.p < (REFUTED if slip.sd or slip.rows else math.exp(-0.5 * DECISIVE))
 
@@ -247,23 +320,36 @@ def _of_size(whole: Fitted, sized: list[tuple[Nuisance, Direction]], residual: A
     found = []
     for score, p in best.values():
         nuisance = next(each for each, direction in every if direction is score.direction)
-        slip = Slip(nuisance.name, score.drop, p, score.strength, score.sd, nuisance.usual)
+        slip = _slip(nuisance, score, p)
         found.append(_fitted(whole, nuisance, slip) if p < REFUTED else slip)
     return found
 
 
+def _slip(nuisance: Nuisance, score: Score, p: float, series: str = "") -> Slip:
+    """A slip as its score test has it."""
+    return Slip(
+        nuisance.name, score.drop, p, score.strength, score.sd, nuisance.usual, nuisance.likely, series=series
+    )
+
+
 def _fitted(whole: Fitted, nuisance: Nuisance, slip: Slip) -> Slip:
     """The slip with its size fitted beside the constants."""
-    drop, found = whole.with_size(nuisance.values, slip.size, (-nuisance.most, nuisance.most))
-    size, middle = float(found[-1]), 0.0
-    if nuisance.constant:
-        middle = float(found[whole.problem.parameters.positions[nuisance.constant]].mean())
+    drop, size, theta = whole.with_size(nuisance.values, slip.size, nuisance.limits)
     # the score may see what a constant explains that was fixed, and is free here
     p = max(slip.p, float(special.chdtrc(1, max(drop, 0.0))))
+    low, high = nuisance.limits
+    is_least = size <= _LIMIT * low or size >= _LIMIT * high
+    at = whole.problem.parameters.positions
     return replace(
-        slip, drop=drop, p=p, size=size, is_least=abs(size) >= _LIMIT * nuisance.most,
-        constant=nuisance.constant, middle=middle,
-    )  # fmt: skip
+        slip,
+        drop=drop,
+        p=p,
+        size=size,
+        is_least=is_least,
+        constant=nuisance.constant,
+        middle=float(theta[at[nuisance.constant]].mean()) if nuisance.constant else 0.0,
+        e_n=float(theta[at["e_n"][0]]),
+    )
 
 
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
@@ -271,9 +357,10 @@ def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> floa
     change, least = score.direction.change * fit.sigma, -math.inf if score.direction.two_sided else 0.0
     misfit = Misfit.of(problem) if problem.error_model.is_plain else Misfit(fit.sigma, ())
 
-    def values(theta: Array, size: Array) -> Array:
+    def along(theta: Array, size: Array) -> Array:
         return problem.predict(theta) + size[:, None] * change
 
+    values = score.direction.values or along
     return Fitted(problem, fit, misfit).with_size(values, score.strength, (least, math.inf))[0]
 
 
@@ -350,10 +437,7 @@ def _in_series(
             t = score.strength / score.sd
             p = max(p, len(tested) * 2.0 * float(special.stdtr(max(dof, 1), -abs(t))))
         if p < REFUTED:
-            slip = Slip(
-                nuisance.name, score.drop, p, score.strength, score.sd, nuisance.usual,
-                series=problem.series[number],
-            )  # fmt: skip
+            slip = _slip(nuisance, score, p, problem.series[number])
             found.append(_fitted(whole, of_series(problem, nuisance, number), slip))
     differ = differ or _explains_little(problem, residual)
     for number in series:

@@ -123,10 +123,25 @@ def _values(problem: Problem, state: Rebound, mu: Array) -> Array:
 
 
 def of_inertia(problem: Problem, theta: Array, share: Array) -> Array:
-    """Value of each row with inertia factors that are larger by shares of themselves, (m, n)."""
+    """Value of each row with inertia factors that are larger by shares of themselves, (m, n).
+
+    The closure's own constant keeps its place within its domain, which depends on the inertia factor.
+    """
     out = np.empty((len(theta), len(problem.rows)))
     for one in np.unique(share):
         at = share == one
         other = replace(problem, inertia_factor=problem.inertia_factor * (1.0 + float(one)))
-        out[at] = other.predict(theta[at])
+        out[at] = other.predict(_within_domain(other, theta[at], problem.inertia_factor))
     return out
+
+
+def _within_domain(problem: Problem, theta: Array, before: float) -> Array:
+    """Constants of another inertia factor, `before`, carried over to the domain of that of the problem."""
+    name, closure = problem.closure.constant, problem.closure
+    if not name or not closure.bilinear or problem.parameters[name].passive is not None:
+        return theta
+    (from_low, from_high), (low, high) = closure.domain(before), closure.domain(problem.inertia_factor)
+    places = np.unique(problem.parameters.positions[name])
+    moved = theta.copy()
+    moved[:, places] = low + (theta[:, places] - from_low) * (high - low) / (from_high - from_low)
+    return moved

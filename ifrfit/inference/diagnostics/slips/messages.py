@@ -9,21 +9,24 @@ from dataclasses import replace
 from ifrfit.inference.diagnostics.omitted_effects.messages import short_words
 from ifrfit.inference.diagnostics.outliers import exclude_name
 from ifrfit.inference.diagnostics.slips.alternatives import SPIN_UNITS
-from ifrfit.inference.diagnostics.slips.evidence import Slip
+from ifrfit.inference.diagnostics.slips.evidence import Offsets, Slip
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
+from ifrfit.physics.inertia import BODIES
 from ifrfit.text import joined, p_text, plus_minus
 
 _MOST_LINES = 12  # of a table with two kinds of reading
+_MUCH = 0.1  # share of the speeds beyond which their scale is seldom off
+_MOST_SERIES = 6  # that are named
 _LONGEST = 4  # rows that are named
 # of what is looked for, for the sentence that nothing was found
 _KINDS = {
     "angles": ("angle-offset", "camera-turn"),
-    "scales": ("speed-scale", "spin-scale", "inertia-factor"),
+    "scales": ("speed-scale", "spin-scale"),
+    "inertia factor": ("inertia-factor",),
     "spin before": ("incoming-spin", "incoming-roll"),
     "drifts along the table": ("restitution-drift", "friction-drift", "sticking-drift"),
 }
-_BODIES = ((0.4, "solid sphere"), (2.0 / 3.0, "thin hollow ball"), (0.5, "disc on its edge"))
 _NEAR = 0.02  # of an inertia factor, from that of a known body
 
 
@@ -56,6 +59,17 @@ def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str], 
     if first.series:
         remedy = f"mend the rows of that series, or fit it alone with --series {first.series} ({remedy})"
     return f"{says}: {remedy}"
+
+
+def offset_words(problem: Problem, found: Offsets) -> str:
+    """That the angles of each series are off by numbers of their own, and what to do."""
+    named = list(zip(problem.series, found.size.tolist(), strict=True))
+    each = ", ".join(f"{-size:+.1f} in {series}" for series, size in named[:_MOST_SERIES])
+    more = ", ..." if len(named) > _MOST_SERIES else ""
+    return (
+        f"their angles of incidence are off by {each}{more} degrees, which explains as much: check the zero "
+        "of the angle in each"
+    )
 
 
 def short_slip_words(problem: Problem, slip: Slip) -> str:
@@ -102,8 +116,11 @@ def _turn(problem: Problem, slip: Slip) -> tuple[str, str]:
 
 def _speed(problem: Problem, slip: Slip) -> tuple[str, str]:
     tried = "" if slip.is_least else f"; to try it, divide velocities after by {1.0 + slip.size:.4g}"
+    if tried and math.isfinite(slip.e_n) and problem.rows.has_kind("normal"):
+        tried += f", which makes e_n {slip.e_n:.2g}"
+    much = ", which is much for a slip of the hand" if abs(slip.size) > _MUCH else ""
     return (
-        f"speeds after impact {_percent(slip)} off beside those before",
+        f"speeds after impact {_percent(slip)} off beside those before{much}",
         f"check scale and times of the camera{tried}",
     )
 
@@ -133,7 +150,7 @@ def _rolled(problem: Problem, slip: Slip) -> tuple[str, str]:
 
 def _inertia(problem: Problem, slip: Slip) -> tuple[str, str]:
     factor, sd = (problem.inertia_factor * x for x in (1.0 + slip.size, slip.sd))
-    bodies = [(j, body) for j, body in _BODIES if abs(j - factor) < _NEAR + 2.0 * sd]
+    bodies = [(j, body) for j, body in BODIES.items() if abs(j - factor) < _NEAR + 2.0 * sd]
     j, body = min(bodies, key=lambda pair: abs(pair[0] - factor), default=(factor, ""))
     like = f" ({body} {j:.4g})" if body else ""
     return (

@@ -11,6 +11,7 @@ from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direc
 from ifrfit.inference.diagnostics.slips.flawed_readings import Array, Flaw, of_inertia, readings
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE
+from ifrfit.physics.inertia import BALLS, GREATEST, LEAST
 
 _STEP = 1e-5  # of derivatives, in the unit of the size
 _TIED = 0.8  # correlation with angle or speed from which the order of the rows is no time
@@ -31,10 +32,12 @@ class Nuisance:
     name : str
     values : callable
         From theta, (m, p), and sizes, (m,), to the value of each row, (m, n).
-    most : float
-        Largest size that is searched.
+    limits : tuple of float
+        Smallest and largest size that is searched.
     usual : float
         Prior standard deviation of the size: a slip of several times that is unlikely, however well it fits.
+    likely : tuple of float
+        Sizes that the prior is centred at, the nearest of which counts.
     flaw : callable, optional
         From sizes, (m, 1), to the measurement, where the slip is one of those.
     constant : str
@@ -43,10 +46,16 @@ class Nuisance:
 
     name: str
     values: Sized
-    most: float
+    limits: tuple[float, float]
     usual: float
+    likely: tuple[float, ...] = (0.0,)
     flaw: Callable[[Array], Flaw] | None = None
     constant: str = ""
+
+    @property
+    def most(self) -> float:
+        """Largest size, of either sign, that is searched."""
+        return max(map(abs, self.limits))
 
 
 def nuisances(problem: Problem) -> Iterator[Nuisance]:
@@ -56,7 +65,7 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         def values(theta: Array, size: Array) -> Array:
             return readings(problem, theta, flaw(size[:, None]))
 
-        return Nuisance(name, values, most, usual, flaw)
+        return Nuisance(name, values, (-most, most), usual, flaw=flaw)
 
     measured = {each.numerator for each in problem.rows.observables}
     oblique = [each for each in problem.rows.observables if each.kind in OBLIQUE]
@@ -64,7 +73,7 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         yield read("angle-offset", 10.0, 2.0, lambda x: Flaw(offset=x))
         yield read("camera-turn", 10.0, 2.0, lambda x: Flaw(turn=x))
     if "velocity" in measured or any(not each.numerator for each in oblique):
-        yield read("speed-scale", 0.5, 0.1, lambda x: Flaw(speed=x))
+        yield read("speed-scale", 0.5, 0.05, lambda x: Flaw(speed=x))
     if "spin" in measured or problem.rows.incidence.spin_y.any():
         yield read("spin-scale", 0.5, 0.2, lambda x: Flaw(spin=x))
     # who knows the velocity of the contact point before impact knows its spin
@@ -72,9 +81,17 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
     if of_parts and not (problem.rows.incidence.spin_y.any() or problem.rows.incidence.spin_x.any()):
         yield read("incoming-spin", 5.0, 0.5, lambda x: Flaw(constant_spin=x))
         yield read("incoming-roll", 1.5, 0.5, lambda x: Flaw(rolled=x))
-    if {each.numerator == "spin" for each in oblique} == {True, False}:
-        # spins beside velocities show it as they do rolling
-        yield Nuisance("inertia-factor", lambda theta, size: of_inertia(problem, theta, size), 0.9, 0.3)
+    if oblique:
+        j = problem.inertia_factor
+        # spins beside velocities show it by themselves; without, any law of sticking looks like one
+        shown = {each.numerator == "spin" for each in oblique} == {True, False}
+        yield Nuisance(
+            "inertia-factor",
+            lambda theta, size: of_inertia(problem, theta, size),
+            (LEAST / j - 1.0, GREATEST / j - 1.0),
+            0.3 if shown else 0.05,
+            likely=(0.0, *(body / j - 1.0 for body in BALLS)),
+        )
     yield from _drifts(problem)
 
 
@@ -95,7 +112,7 @@ def _drifts(problem: Problem) -> Iterator[Nuisance]:
             slope = np.stack([problem.jacobian(each)[row, place] for each in theta])
             return problem.predict(theta) + size[:, None] * shape * slope
 
-        return Nuisance(name, values, 0.5, usual, constant=constant)
+        return Nuisance(name, values, (-0.5, 0.5), usual, constant=constant)
 
     if problem.rows.of_kind("normal", "curved").any():
         for part in _PARTS:
