@@ -236,7 +236,7 @@ def _nearest_offsets(problem: Problem, fit: LeastSquaresFit) -> Array:
     """Of a few offsets of the angles the best of each series, at the constants of a fit."""
     theta = np.tile(fit.optimum.theta, (_PLACES.size, 1))
     residual = problem.rows.value - readings(problem, theta, Flaw(offset=_PLACES[:, None]))
-    square = np.nan_to_num((residual / fit.sigma) ** 2, nan=np.inf)
+    square = np.nan_to_num((residual / fit.sigma) ** 2, nan=1e6)
     owners = problem.rows.series == np.arange(len(problem.series))[:, None]
     return np.asarray(_PLACES[np.argmin(square @ owners.T, axis=0)])
 
