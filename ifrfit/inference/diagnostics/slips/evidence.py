@@ -261,7 +261,9 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
     sized = _sized(problem, fit)
     found = _of_size(whole, sized, residual)
     if plain and not _usual(problem, fit, residual):
-        of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in _OF_SPINS)
+        measured = any(each.numerator == "spin" for each in problem.rows.observables)
+        suspects = _OF_SPINS if measured else _OF_SPINS[:1]  # without spins J says nothing of their unit
+        of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in suspects)
         found += _unsized(whole, list(alternatives(problem, other_units=of_spins)))
         found += _zeros(problem, fit)
     if plain and 1 < len(problem.series) <= _MOST_SERIES:
