@@ -38,6 +38,7 @@ RIVALS = (
 )
 
 _POISSON = (0.1, 0.3, 0.45)  # where the materials are not known
+_MOST_FRICTION = 10.0  # of mu that depends on the load, over its mean
 _KAPPA = (0.5, 2.0)  # that a step may reach, over the fitted one
 _STEP = 1e-6
 _SMALL_COUPLE = 1e-6  # mu_r of the difference that stands for the derivative
@@ -204,7 +205,7 @@ def _of_speed(
 def _by_load(problem: Problem, theta: Array, factor: Array) -> Array:
     """Value of each row with mu times a factor, (m, n)."""
     e_n, c, mu = problem.per_row(theta)
-    mu = mu * np.maximum(factor, 0.0)
+    mu = mu * np.clip(factor, 0.0, _MOST_FRICTION)
     k, _ = problem.impulse(e_n, c, mu)
     return problem.values_with(k, e_n, mu)
 

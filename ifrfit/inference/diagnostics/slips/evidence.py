@@ -245,7 +245,7 @@ def _nearest_offsets(problem: Problem, fit: LeastSquaresFit) -> Array:
     """Of a few offsets of the angles the best of each series, at the constants of a fit."""
     theta = np.tile(fit.optimum.theta, (_PLACES.size, 1))
     residual = problem.rows.value - readings(problem, theta, Flaw(offset=_PLACES[:, None]))
-    square = np.nan_to_num((residual / fit.sigma) ** 2, nan=np.inf)
+    square = np.nan_to_num((residual / fit.sigma) ** 2, nan=1e6)
     owners = problem.rows.series == np.arange(len(problem.series))[:, None]
     return np.asarray(_PLACES[np.argmin(square @ owners.T, axis=0)])
 
@@ -270,7 +270,9 @@ def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> li
     sized = _sized(problem, fit)
     found = _of_size(whole, sized, residual)
     if plain and not _usual(problem, fit, residual):
-        of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in _OF_SPINS)
+        measured = any(each.numerator == "spin" for each in problem.rows.observables)
+        suspects = _OF_SPINS if measured else _OF_SPINS[:1]  # without spins J says nothing of their unit
+        of_spins = any(each.p < _WORTH_A_TRY for each in found if each.name in suspects)
         found += _unsized(whole, list(alternatives(problem, other_units=of_spins)))
         found += _zeros(problem, fit)
         if _explains_little(problem, residual):
