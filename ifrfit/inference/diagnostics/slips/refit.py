@@ -54,7 +54,8 @@ class Misfit:
 
     def likelihood(self, residual: Array) -> Array:
         """Minus twice the log likelihood of residuals, (..., n), at the best noises, but for a constant."""
-        z = (residual / self.base) ** 2
+        with np.errstate(over="ignore"):  # a step that leads so far is not taken
+            z = (residual / self.base) ** 2
         if not self.groups:
             return np.asarray(z.sum(axis=-1))
         total = np.asarray(z[..., self.known].sum(axis=-1))
