@@ -73,8 +73,13 @@ def misfit_facts(
     copied = None if brief else repeated_number(problem)
     # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called) and (restitution is None or restitution.ok)
-    # a law that misses something is no reason to doubt the repeats
-    scatter = None if called or beyond is not None else settings_scatter(problem, found, residuals)
+    # a law that misses something is no reason to doubt the repeats, but for one that is smooth along the angle
+    by_angle = called == ["friction-by-load"]
+    doubted = beyond is None and (by_angle or not called)
+    scatter = settings_scatter(problem, found, residuals) if doubted else None
+    if by_angle and scatter is not None:
+        effects = {name: fact for name, fact in effects.items() if name == "slips"}
+        called = []
     fitting = lack_of_fit(problem, found, residuals, remedy=remedy, scatter=scatter)
     alike = None
     if not brief:

@@ -35,10 +35,10 @@ def failing(result: FitResult) -> set[str]:
 
 def test_one_angle_that_is_off_is_named(tmp_path):
     gamma = np.repeat(ANGLES, 5)
-    seen = others = 0
+    seen = 0
     for seed in range(6):
         result = fitted(tmp_path, gamma, gamma, {"beta": np.where(gamma == 40.0, 0.12, 0.0)}, seed)
-        others += bool(failing(result) - {"repeats"})
+        assert failing(result) <= {"repeats"}
         if "repeats" in result.facts:
             seen += 1
             fact = result.facts["repeats"]
@@ -46,7 +46,6 @@ def test_one_angle_that_is_off_is_named(tmp_path):
             assert fact.says.endswith(" ".join(f"--exclude {line}" for line in range(17, 22)))
             assert fact.figures["observables"] == ["beta"]
     assert seen >= 5
-    assert others <= 1  # an effect that depends on the angle may look alike
 
 
 def test_angles_that_were_set_wrongly_are_no_contradiction(tmp_path):
