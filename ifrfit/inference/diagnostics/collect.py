@@ -73,7 +73,7 @@ def misfit_facts(
     copied = None if brief else repeated_number(problem)
     # microslip is no remedy where something else is called for
     remedy = not brief and (not called or "compliance" in called) and (restitution is None or restitution.ok)
-    # a law that misses something is no reason to doubt the repeats, but for one that is smooth along the angle
+    # a law that misses something is no reason to doubt the repeats, but for one that goes with the angle
     by_angle = called == ["friction-by-load"]
     doubted = beyond is None and (by_angle or not called)
     scatter = settings_scatter(problem, found, residuals) if doubted else None
