@@ -15,7 +15,7 @@ from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.model.row_likelihood import RowLaw, at_theta
-from ifrfit.inference.posterior import integrate as integrate_posterior
+from ifrfit.inference.posterior import exact_posterior
 from ifrfit.physics import rebound
 from ifrfit.physics.closures import get_closure
 
@@ -128,7 +128,7 @@ def test_angles_whose_scatter_reaches_where_the_value_is_not_defined(observable,
         for g, y in zip(table["gamma_deg"], table["value"], strict=True)
     ]  # fmt: skip
     assert Density(problem).impacts(theta_of(problem))[0] == pytest.approx(expected, abs=1e-3)
-    assert all(math.isfinite(integrate_posterior(problem, 1e-2).sd(name)) for name in ("e_t", "mu"))
+    assert all(math.isfinite(exact_posterior(problem, 1e-2).sd(name)) for name in ("e_t", "mu"))
 
 
 def test_steep_observables_get_more_nodes():

@@ -270,7 +270,7 @@ def test_method_that_dies_is_on_record(monkeypatch):
     def dies(*_, **__):
         raise ZeroDivisionError("for good")
 
-    monkeypatch.setattr("calibration_methods.integrate", dies)
+    monkeypatch.setattr("calibration_methods.exact_posterior", dies)
     outcome = run(Task("near a bound", 0, SEED))
     assert outcome.troubles[EXACT] == "ZeroDivisionError: for good"
     study = gather([outcome])
