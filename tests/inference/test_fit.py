@@ -233,4 +233,4 @@ def test_constants_that_are_all_fixed_are_held_against_the_data(method):
     found = ifrfit.fit("kharaz-2001", fix={"e_n": 0.98, "e_t": -0.9, "mu": 0.09}, method=method)
     assert {each.status for each in found.constants.values()} == {"fixed"}
     assert not found.correlation.names
-    assert not found.facts["lack_of_fit"].ok
+    assert not found.facts["prior_conflict"].ok
