@@ -28,6 +28,8 @@ HEADLINES = {
     "normal_restitution": "the readings of e_n contradict what is taken of them",
     "prior_conflict": "the data contradict a value that was taken for known",
     "slips": "the table looks as if it had a slip in it",
+    "repeats": "repeats share an error",
+    "growing_scatter": "the scatter grows as that of velocities would",
     "rounded_readings": "readings are rounded to coarser steps than they scatter",
     "censoring": "values look clipped",
     "truncation": "values look left out for their size",

@@ -9,10 +9,11 @@ from factories import assert_golden
 
 from ifrfit.data import Source
 from ifrfit.errors import UsageError
+from ifrfit.inference.diagnostics.thresholds import FACTS
 from ifrfit.inference.result.types import Estimate, Fact, NoiseSummary
 from ifrfit.report import summary
 from ifrfit.report.provenance import provenance_sentences, reference, stand_in_sentence
-from ifrfit.report.sentences import findings, headline
+from ifrfit.report.sentences import HEADLINES, QUIET_FACTS, findings, headline
 
 GOLDEN = Path(__file__).parent / "golden"
 
@@ -299,3 +300,7 @@ def test_unknown_style(made):
     with pytest.raises(UsageError) as caught:
         summary(made.fine(), "word")
     assert str(caught.value) == "There is no summary style 'word'. Choose one of text, markdown, latex."
+
+
+def test_every_fact_that_may_fail_has_words_for_the_first_line():
+    assert set(FACTS) == {*HEADLINES, *QUIET_FACTS}
