@@ -17,7 +17,7 @@ from ifrfit.inference.optimize.optimum import Array, objective_at, theta_of
 from ifrfit.inference.optimize.parameter_group import is_separable, restitution_optimum
 from ifrfit.inference.optimize.scalar_search import minimum_near
 from ifrfit.inference.optimize.solve import series_groups, solve, whole_group
-from ifrfit.inference.profile.constrained_series import best_of_series
+from ifrfit.inference.profile.constrained_series import ConstrainedSeries
 
 LOWEST = 1e-3
 _SHARE = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
@@ -50,9 +50,9 @@ def best_with(problem: Problem, sigma: Array, at: Mapping[int, float], near: Arr
         return _solved(problem, sigma, at, start)
     if all(c.separate or c.fixed is not None for c in problem.parameters):
         return _alone(problem, sigma, at, start)
-    found = best_of_series(problem, sigma, at, start)
-    if found is not None:
-        return found
+    series = ConstrainedSeries.of(problem, sigma, at)
+    if series is not None:
+        return series.best(start)
     return multistart(_constrained(problem, at), sigma, start).theta
 
 

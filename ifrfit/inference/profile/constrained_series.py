@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.linear_families import kappa_form
@@ -20,79 +21,91 @@ _GRID = 9  # values over the whole domain that are looked at where it is not the
 _XATOL = 1e-8  # of the domain
 
 
-def best_of_series(problem: Problem, sigma: Array, at: Mapping[int, float], near: Array) -> Array | None:
-    """theta with some entries fixed and the rest at its best; None if more than one parameter is shared.
+@dataclass(frozen=True)
+class ConstrainedSeries:
+    """Series with some entries of theta fixed, that share one parameter at the most.
 
-    Parameters
+    Attributes
     ----------
     problem : Problem
         With several series, and constants separate by series.
-    sigma : ndarray
     at : mapping
         Place in theta to the value there.
-    near : ndarray
-        theta nearby.
+    whole : ParameterGroup
+    groups : list of ParameterGroup
+        One a series, e_n fixed.
+    mu_fixed : mapping
+        Series to its mu, where that is fixed and e_n is free.
+    shared : Parameter or None
+        What the series share.
+    linked : LinkedGroups or None
+        The groups linked by it.
     """
-    whole = whole_group(problem, sigma)
-    if not problem.closure.bilinear or whole.rows.of_kind("curved").any():
-        return None
-    own = series_groups(problem.with_fixed({problem.parameters.names[i]: x for i, x in at.items()}), sigma)
-    fixed = fix_restitution(own, whole)
-    if fixed is None:
-        return None
-    groups = list(fixed[0])
-    mu_fixed = _mu_fixed_under_free_e_n(problem, whole, at)
-    for number, mu in mu_fixed.items():
-        measured = own[number] if whole.e_n.separate else whole
-        groups[number] = _with_kappa_for_e_n(groups[number], measured, mu)
-    found = _best(problem, whole, groups, at, mu_fixed, near)
-    if found is None:
-        return None
-    theta = theta_of(problem, _with_e_n_of_kappa(whole, found, mu_fixed))
-    for place, value in at.items():
-        theta[place] = value
-    return theta
 
+    problem: Problem
+    at: Mapping[int, float]
+    whole: ParameterGroup
+    groups: list[ParameterGroup]
+    mu_fixed: Mapping[int, float]
+    shared: Parameter | None
+    linked: LinkedGroups | None
 
-def _best(
-    problem: Problem,
-    whole: ParameterGroup,
-    groups: list[ParameterGroup],
-    at: Mapping[int, float],
-    mu_fixed: Mapping[int, float],
-    near: Array,
-) -> list[Constants] | None:
-    """Best constants of each series; None if more than one parameter is shared."""
-    places = problem.parameters.positions
-    shared = [x for x in (whole.c, whole.mu) if not x.separate and x.fixed is None]
-    shared = [x for x in shared if int(places[x.name][0]) not in at or (x is whole.mu and mu_fixed)]
-    if not shared:
-        forms = [kappa_form(group) for group in groups]
-        return [form.to_constants(minimise(form.problem).t) for form in forms]
-    if len(shared) > 1:
-        return None
-    (parameter,) = shared
-    over_kappa = parameter is whole.mu
-    linked = LinkedGroups.of(
-        groups, parameter.name, groups[0].mu.prior if over_kappa and mu_fixed else parameter.prior
-    )
-    if linked is None:
-        return None
-    start = float(near[places[parameter.name][0]]) * linked.unit
-    total = linked.decomposition
-    high = total.high
-    if over_kappa and math.isinf(groups[0].mu.upper):
-        high = max(high, 1.01 * start)
-    _, x = minimum_near(
-        total.value,
-        start,
-        total.low,
-        high,
-        share=_SHARE,
-        n_grid=_GRID,
-        xatol=_XATOL * (high - total.low),
-    )
-    return linked.constants(x)
+    @classmethod
+    def of(cls, problem: Problem, sigma: Array, at: Mapping[int, float]) -> ConstrainedSeries | None:
+        """The same for a problem; None if more than one parameter is shared, or a series is not linear."""
+        whole = whole_group(problem, sigma)
+        if not problem.closure.bilinear or whole.rows.of_kind("curved").any():
+            return None
+        own = series_groups(
+            problem.with_fixed({problem.parameters.names[i]: x for i, x in at.items()}), sigma
+        )
+        fixed = fix_restitution(own, whole)
+        if fixed is None:
+            return None
+        groups = list(fixed[0])
+        mu_fixed = _mu_fixed_under_free_e_n(problem, whole, at)
+        for number, mu in mu_fixed.items():
+            measured = own[number] if whole.e_n.separate else whole
+            groups[number] = _with_kappa_for_e_n(groups[number], measured, mu)
+        places = problem.parameters.positions
+        shared = [x for x in (whole.c, whole.mu) if not x.separate and x.fixed is None]
+        shared = [x for x in shared if int(places[x.name][0]) not in at or (x is whole.mu and mu_fixed)]
+        if len(shared) > 1:
+            return None
+        if not shared:
+            return cls(problem, at, whole, groups, mu_fixed, None, None)
+        (parameter,) = shared
+        prior = groups[0].mu.prior if parameter is whole.mu and mu_fixed else parameter.prior
+        linked = LinkedGroups.of(groups, parameter.name, prior)
+        return None if linked is None else cls(problem, at, whole, groups, mu_fixed, parameter, linked)
+
+    def best(self, near: Array) -> Array:
+        """theta with the rest at its best; `near` is a theta nearby."""
+        theta = theta_of(self.problem, _with_e_n_of_kappa(self.whole, self._constants(near), self.mu_fixed))
+        for place, value in self.at.items():
+            theta[place] = value
+        return theta
+
+    def _constants(self, near: Array) -> list[Constants]:
+        """Best constants of each series."""
+        if self.shared is None or self.linked is None:
+            forms = [kappa_form(group) for group in self.groups]
+            return [form.to_constants(minimise(form.problem).t) for form in forms]
+        start = float(near[self.problem.parameters.positions[self.shared.name][0]]) * self.linked.unit
+        total = self.linked.decomposition
+        high = total.high
+        if self.shared is self.whole.mu and math.isinf(self.groups[0].mu.upper):
+            high = max(high, 1.01 * start)
+        _, x = minimum_near(
+            total.value,
+            start,
+            total.low,
+            high,
+            share=_SHARE,
+            n_grid=_GRID,
+            xatol=_XATOL * (high - total.low),
+        )
+        return self.linked.constants(x)
 
 
 def _mu_fixed_under_free_e_n(

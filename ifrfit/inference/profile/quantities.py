@@ -21,7 +21,7 @@ from ifrfit.inference.profile.constrained_fit import (
     lowest_e_n,
     separable_e_n,
 )
-from ifrfit.inference.profile.constrained_series import best_of_series
+from ifrfit.inference.profile.constrained_series import ConstrainedSeries
 from ifrfit.inference.profile.curve import FINE, ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
 from ifrfit.inference.profile.searched_profile import Constraint, SearchedProfile
@@ -73,8 +73,7 @@ def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
         return False
     if all(c.separate or c.fixed is not None for c in problem.parameters):
         return False
-    theta = fit.optimum.theta
-    return best_of_series(problem, fit.sigma, {place: float(theta[place])}, theta) is None
+    return ConstrainedSeries.of(problem, fit.sigma, {place: float(fit.optimum.theta[place])}) is None
 
 
 def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
