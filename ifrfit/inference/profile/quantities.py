@@ -51,9 +51,9 @@ class Quantity:
         Its derivative by the coordinates of the local picture.
     far : float or None
         Value from which on the profile is level.
-    constraint : Constraint or None
-        The same for a batched search, where only a search can find the rest; then it takes the place of
-        `constrained`.
+    constraint : callable
+        Gives the same for a batched search where only a search can find the rest, and takes the place of
+        `constrained` then; else None. It is asked where a profile is traced, as the answer takes some time.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Quantity:
     domain: Domain
     functional: Array
     far: float | None = None
-    constraint: Constraint | None = None
+    constraint: Callable[[], Constraint | None] = lambda: None
 
 
 def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
@@ -92,7 +92,7 @@ def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
         replace(constant.domain, lower=lower),
         fit.gaussian.to_theta[place],
         far,
-        Constraint(place) if needs_search(problem, fit, place) else None,
+        lambda: Constraint(place) if needs_search(problem, fit, place) else None,
     )
 
 
@@ -118,15 +118,15 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
         of_mu = x / mu.fixed - 1.0 if mu.fixed else np.full(x.size, e_n.lower)
         return np.clip(of_mu, e_n.lower, e_n.upper)
 
-    constraint = None
-    if mu.fixed is not None:
-        if needs_search(problem, fit, i_e):
-            constraint = Constraint(i_e, value_at=of_e_n)
-    elif needs_search(problem, fit, i_mu) or (
-        any(c.separate for c in problem.parameters) and separable_e_n(problem, fit.sigma, series) is None
-    ):
-        law = problem.closure.law(problem.inertia_factor)
-        constraint = Constraint(mu=FollowingMu(i_mu, i_e, None, law, (mu.lower, mu.upper)))
+    def constraint() -> Constraint | None:
+        if mu.fixed is not None:
+            return Constraint(i_e, value_at=of_e_n) if needs_search(problem, fit, i_e) else None
+        if needs_search(problem, fit, i_mu) or (
+            any(c.separate for c in problem.parameters) and separable_e_n(problem, fit.sigma, series) is None
+        ):
+            law = problem.closure.law(problem.inertia_factor)
+            return Constraint(mu=FollowingMu(i_mu, i_e, None, law, (mu.lower, mu.upper)))
+        return None
 
     high_e = e_n.upper if e_n.fixed is None else e_n.fixed
     lowest = max(e_n.lower, min(lowest_e_n(problem), e_n.upper))
@@ -173,7 +173,7 @@ def transition_tau(problem: Problem, fit: LeastSquaresFit, series: int) -> Quant
         Domain(0.0, math.inf, _PRIOR_TAU),
         functional,
         far,
-        Constraint(mu=FollowingMu(i_mu, i_e, i_c, law)),
+        lambda: Constraint(mu=FollowingMu(i_mu, i_e, i_c, law)),
     )
 
 
@@ -214,8 +214,9 @@ def profile_curve(
     fit = misfit.fit
     value = quantity.of(fit.optimum.theta)
     constrained = quantity.constrained
-    if quantity.constraint is not None:
-        searched = SearchedProfile(misfit, quantity.constraint, value)
+    constraint = quantity.constraint()
+    if constraint is not None:
+        searched = SearchedProfile(misfit, constraint, value)
 
         def of_one(x: float) -> float:
             return float(searched(np.array([x]))[0])
