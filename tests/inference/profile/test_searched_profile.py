@@ -36,7 +36,7 @@ def test_entries_are_those_of_the_certified_method(tmp_path, closure, noise) -> 
     problem, fit, misfit = fitted(tmp_path, closure, noise=noise)
     for place, theta in enumerate(fit.optimum.theta.tolist()):
         certified = entry(problem, fit, place)
-        assert certified.constraint is None
+        assert certified.constraint() is None
         sd = np.sqrt(fit.gaussian.variance(certified.functional, certified.domain.prior_sd))
         values = theta + sd * np.array([-2.0, -1.0, 0.5, 1.5])
         searched = SearchedProfile(misfit, Constraint(place), theta)
@@ -64,7 +64,7 @@ def test_the_transition_is_that_of_a_dense_grid(tmp_path) -> None:
     problem, fit, misfit = fitted(tmp_path, "fr", fix={"e_n": 0.94}, observables=("beta", "delta_deg"))
     quantity = transition_tau(problem, fit, 0)
     at = quantity.of(fit.optimum.theta)
-    searched = SearchedProfile(misfit, quantity.constraint, at)
+    searched = SearchedProfile(misfit, quantity.constraint(), at)
     values = at * np.array([0.85, 0.95, 1.1, 1.3])
     c = np.linspace(-1.0, 1.0, 4001)
     law = problem.closure.law(problem.inertia_factor)
