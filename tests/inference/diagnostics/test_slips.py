@@ -54,7 +54,7 @@ def test_a_cause_is_named(name, scene, cause, known):
         assert name in named, named
 
 
-QUICK, MANY = 60, 400  # clean fits
+QUICK, MANY = 30, 400  # clean fits
 
 
 def false_alarms(first, count):
