@@ -159,10 +159,5 @@ def _divided(
     return at, residual
 
 
-def _left(problem: Problem, theta: Array) -> Array:
-    """Residuals, large where there is no value."""
-    return np.asarray(np.nan_to_num(problem.rows.value - problem.predict(theta), nan=1e3))
-
-
 def _values_of(problem: Problem, theta: Array, _: Index) -> Array:
     return problem.predict(theta)
