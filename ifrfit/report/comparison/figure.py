@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import INDIFFERENT, title
@@ -23,19 +24,19 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Array = NDArray[np.float64]
+
 _DATA, _STRIP, _BAR = 2.2, 0.42, 0.16  # inches
-_LINEAR = 5.0  # log Bayes factor up to which the axis is linear
+LINEAR = 5.0  # log Bayes factor up to which the axis is linear
 _LETTERS = 13.0  # of a title to an inch
 
 
-def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
+def plot(comparison: Comparison) -> Figure:
     """Draw data with each closure's line and residuals, and log Bayes factors beside cross-validation.
 
     Parameters
     ----------
     comparison : Comparison
-    titled : bool
-        Whether the verdict stands above.
 
     Returns
     -------
@@ -47,7 +48,7 @@ def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
     count = len(comparison.entries)
     width_mm = columns * style.PANEL_WIDTH_MM
     styles = style.series_styles(list(comparison.entries))
-    heading = style.filled(comparison.verdict.says, width_mm, _LETTERS) if titled else ""
+    heading = style.filled(comparison.verdict.says, width_mm, _LETTERS)
     body = (_DATA + count * _STRIP) if observables else 0.0
     bars = 0.2 + count * _BAR
     with style.drawing():
@@ -65,9 +66,8 @@ def plot(comparison: Comparison, *, titled: bool = True) -> Figure:
             axes += [figure.add_subplot(inner[i], sharex=axes[0]) for i in range(1, 1 + count)]
             _draw_observable(axes, comparison, observable, styles)
         _draw_evidence(figure.add_subplot(grid[1, :]), comparison, styles)
-        if titled:
-            weight = "bold" if is_stand_in(comparison.best) else "normal"
-            figure.suptitle(heading, fontsize=7.5, weight=weight)
+        weight = "bold" if is_stand_in(comparison.best) else "normal"
+        figure.suptitle(heading, fontsize=7.5, weight=weight)
         figure.legend(
             handles=[mark for mark, _ in legend],
             labels=[label for _, label in legend],
@@ -128,7 +128,7 @@ def _draw_strip(
     axes: Axes, rows: pd.DataFrame, words: str, series_style: style.SeriesStyle, size: float
 ) -> None:
     z = rows["standardised"].to_numpy(dtype=float)
-    top = max(3.5, 1.25 * float(np.abs(z).max(initial=0.0)))
+    top, tick = strip_limit(z)
     axes.axhline(0.0, color=GREY, lw=0.6, zorder=1)
     axes.axhspan(-2.0, 2.0, color="0.93", lw=0.0, zorder=0)
     axes.plot(
@@ -136,9 +136,14 @@ def _draw_strip(
         mec=series_style.colour, mew=0.4, rasterized=len(rows) > panels.PIXELS,
     )  # fmt: skip
     axes.set_ylim(-top, top)
-    tick = 2.0 if top < 8.0 else float(f"{0.6 * top:.0e}")
     axes.set_yticks([-tick, tick])
     axes.set_ylabel(f"{words}\n(σ)", fontsize=6.0, rotation=0, ha="right", va="center")
+
+
+def strip_limit(z: Array) -> tuple[float, float]:
+    """Upper end of an axis of standardised residuals in a strip, and the one tick on either side of zero."""
+    top = max(3.5, 1.25 * float(np.abs(z[np.isfinite(z)]).max(initial=0.0)))
+    return top, 2.0 if top < 8.0 else float(f"{0.6 * top:.0e}")
 
 
 def _draw_evidence(axes: Axes, comparison: Comparison, styles: dict[str, style.SeriesStyle]) -> None:
@@ -164,21 +169,27 @@ def _draw_evidence(axes: Axes, comparison: Comparison, styles: dict[str, style.S
 
 def _scale(axes: Axes, comparison: Comparison) -> None:
     """Linear to -5, logarithmic beyond: factors reach from nothing to thousands."""
+    low, high = evidence_limits(comparison)
+    axes.set_xscale("symlog", linthresh=LINEAR)
+    axes.set_xlim(low, high)
+    if low < -1.6 * LINEAR:
+        decades = [-(10.0**k) for k in range(1, math.ceil(math.log10(-low)))]
+        ticks = [*reversed(decades), 0.0]
+    else:
+        ticks = [float(x) for x in range(math.ceil(low), 1)]
+    axes.set_xticks(ticks, [f"{x:,.0f}".replace("-", "\u2212").replace(",", "\u2009") for x in ticks])
+    axes.minorticks_off()
+
+
+def evidence_limits(comparison: Comparison) -> tuple[float, float]:
+    """Ends of the axis of log Bayes factors, with cross-validation's standard errors in sight."""
     ends = [(entry.log_bayes_factor, 0.0) for entry in comparison.entries.values()]
     for loo in (entry.loo for entry in comparison.entries.values()):
         if loo is not None:
             se = float(np.nan_to_num(loo.se_difference))
             ends.append((loo.difference - se, loo.difference + se))
     low, high = min(-2.0, *(end for end, _ in ends)), max(0.3, *(end for _, end in ends))
-    axes.set_xscale("symlog", linthresh=_LINEAR)
-    axes.set_xlim(1.6 * low, 1.3 * high)
-    if low < -_LINEAR:
-        decades = [-(10.0**k) for k in range(1, math.ceil(math.log10(-1.6 * low)))]
-        ticks = [*reversed(decades), 0.0]
-    else:
-        ticks = [float(x) for x in range(math.ceil(1.6 * low), 1)]
-    axes.set_xticks(ticks, [f"{x:,.0f}".replace("-", "\u2212").replace(",", "\u2009") for x in ticks])
-    axes.minorticks_off()
+    return 1.6 * low, 1.3 * high
 
 
 def _legend(

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ifrfit.report.page.charts.chart import Chart
+
 Tone = Literal["plain", "look", "stand-in", "note"]
 
 
@@ -78,7 +80,7 @@ class Code:
 
 @dataclass(frozen=True)
 class Picture:
-    """One figure.
+    """One chart or figure.
 
     Attributes
     ----------
@@ -88,13 +90,14 @@ class Picture:
         What it shows, in a few words.
     description : str
         What can be seen on it, for those who cannot see it.
-    figure : Figure
+    figure : Chart or Figure
+        A chart of the page (`ifrfit.report.page.charts`), or a figure of matplotlib.
     """
 
     name: str
     title: str
     description: str
-    figure: Figure
+    figure: Chart | Figure
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,16 @@
-"""A figure as SVG that can stand in a page beside others: own ids, no style sheet, nothing from elsewhere."""
+"""A picture as SVG that can stand in a page beside others: own ids, no style sheet, nothing from elsewhere."""
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape
 
 from ifrfit.report.page.blocks import Picture
-from ifrfit.report.style import svg_text
+from ifrfit.report.page.charts.chart import Chart
+from ifrfit.report.page.charts.svg import FAMILY, svg
+from ifrfit.report.style import MM_PER_INCH, svg_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,20 +23,32 @@ DROPPED = ("metadata", "style")
 PIXELS = 106.0  # an inch: a little larger than in print
 WIDE = 480.0  # pixels from which a picture is scrolled rather than shrunk in a narrow window
 SMALL, LARGER = 400.0, 1.45  # how wide a small figure is at most, and how much larger it is shown
-# Verdana has nearly the widths of DejaVu Sans, which not every reader has
-FAMILY = "DejaVu Sans, Verdana, sans-serif"
 
 
 def inline(picture: Picture, *, alone: bool = False) -> str:
-    """The figure of a picture as an ``svg`` element.
+    """The chart or figure of a picture as an ``svg`` element; a small one that stands `alone` is shown larger."""
+    if isinstance(picture.figure, Chart):
+        return _chart(picture, picture.figure, alone)
+    return _figure(picture, picture.figure, alone)
+
+
+def _chart(picture: Picture, chart: Chart, alone: bool) -> str:
+    attributes = {**_named(picture), **_size(chart.width / MM_PER_INCH, chart.height / MM_PER_INCH, alone)}
+    title, description = (f"{picture.name}-{part}" for part in ("title", "description"))
+    head = f'<title id="{title}">{escape(picture.title)}</title><desc id="{description}">{escape(picture.description)}</desc>'
+    return svg(chart, picture.name, attributes=attributes, head=head)
+
+
+def _figure(picture: Picture, figure: Figure, alone: bool) -> str:
+    """A figure of matplotlib.
 
     What matplotlib writes is changed in five ways: ids carry the picture's name, so that several figures of a
     page never share one, and those nobody refers to are left out; style attributes become plain attributes,
     since a strict content policy forbids styles that are not in its list; style sheets, which would hold for
     the whole page, and metadata are left out; coordinates are rounded to 0.01 pt; title and description are
-    added. A small figure that stands `alone` is shown larger.
+    added.
     """
-    root = ET.fromstring(svg_text(picture.figure))
+    root = ET.fromstring(svg_text(figure))
     _plain_names(root)
     used = _references(root)
     for element in root.iter():
@@ -54,7 +69,8 @@ def inline(picture: Picture, *, alone: bool = False) -> str:
                 value = _NUMBER.sub(lambda found: f"{float(found.group()):.2f}", value)
             element.attrib[key] = value
     _name(root, picture)
-    _size(root, picture.figure, alone)
+    for key, value in _size(*figure.get_size_inches(), alone).items():
+        root.set(key, value)
     return ET.tostring(root, encoding="unicode")
 
 
@@ -101,8 +117,8 @@ def _declared(style: str) -> list[tuple[str, str]]:
 
 def _name(root: ET.Element, picture: Picture) -> None:
     """What it is called and what can be seen on it."""
-    root.set("role", "img")
-    root.set("aria-labelledby", f"{picture.name}-title {picture.name}-description")
+    for key, value in _named(picture).items():
+        root.set(key, value)
     root.set("stroke-linejoin", "round")
     for place, (tag, text) in enumerate((("title", picture.title), ("desc", picture.description))):
         element = ET.Element(tag, {"id": f"{picture.name}-{'title' if place == 0 else 'description'}"})
@@ -110,11 +126,13 @@ def _name(root: ET.Element, picture: Picture) -> None:
         root.insert(place, element)
 
 
-def _size(root: ET.Element, figure: Figure, alone: bool) -> None:
-    """How large it is where there is room; wide ones are scrolled in a narrow window, others shrink."""
-    width, height = figure.get_size_inches() * PIXELS
+def _named(picture: Picture) -> dict[str, str]:
+    return {"role": "img", "aria-labelledby": f"{picture.name}-title {picture.name}-description"}
+
+
+def _size(width: float, height: float, alone: bool) -> dict[str, str]:
+    """How large it is (inches) where there is room; wide ones are scrolled in a narrow window, others shrink."""
+    width, height = PIXELS * width, PIXELS * height
     scale = LARGER if alone and width <= SMALL else 1.0
-    root.set("width", f"{scale * width:.0f}")
-    root.set("height", f"{scale * height:.0f}")
-    if width > WIDE:
-        root.set("class", "wide")
+    wide = {"class": "wide"} if width > WIDE else {}
+    return {"width": f"{scale * width:.0f}", "height": f"{scale * height:.0f}", **wide}

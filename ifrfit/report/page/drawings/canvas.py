@@ -1,19 +1,17 @@
-"""Small figures with fixed margins, and how constants are called on their axes."""
+"""Charts of one panel with fixed margins, and how constants are called on their axes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from ifrfit.inference.model.entry_names import split_name
 from ifrfit.report.constants_rows import constant_symbols
-from ifrfit.report.style import MM_PER_INCH, PANEL_WIDTH_MM, new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from ifrfit.report.page.charts.chart import Axis, Chart, Mark, Panel
+from ifrfit.report.page.charts.scales import Ticks
+from ifrfit.report.style import PANEL_WIDTH_MM
 
 LEFT, RIGHT, BOTTOM, TOP = 13.0, 3.0, 10.0, 3.0  # mm
+NAMES_TOP, NAMES_BOTTOM, NAMES_RIGHT = 2.0, 11.0, 4.0
 
 _SYMBOLS = {
     "beta_sticking": r"$\beta$ in sticking",
@@ -21,36 +19,43 @@ _SYMBOLS = {
 }
 
 
-def panel(
-    width_mm: float = PANEL_WIDTH_MM, height_mm: float = 58.0, *, left: float = LEFT
-) -> tuple[Figure, Axes]:
-    """A figure with one pair of axes, margins in mm: no solver, so the layout is the same on every run."""
-    figure = new_figure(width_mm, height_mm / MM_PER_INCH)
-    axes = figure.add_axes(
-        (
-            left / width_mm,
-            BOTTOM / height_mm,
-            (width_mm - left - RIGHT) / width_mm,
-            (height_mm - BOTTOM - TOP) / height_mm,
-        )
-    )
-    axes.tick_params(top=False, right=False)
-    return figure, axes
+def one_panel(
+    x: Axis,
+    y: Axis,
+    marks: Sequence[Mark],
+    width: float = PANEL_WIDTH_MM,
+    height: float = 58.0,
+    *,
+    left: float = LEFT,
+) -> Chart:
+    """A chart of one panel, millimetres."""
+    panel = Panel(left, TOP, width - left - RIGHT, height - BOTTOM - TOP, x, y, tuple(marks))
+    return Chart(width, height, (panel,))
 
 
 def lines_panel(
-    labels: Sequence[str], width_mm: float, names_mm: float, line_mm: float = 6.0
-) -> tuple[Figure, Axes]:
-    """A figure with a line for each label, the first on top, and the labels left of its axes."""
-    count, height_mm = len(labels), 13.0 + line_mm * len(labels)
-    figure = new_figure(width_mm, height_mm / MM_PER_INCH)
-    axes = figure.add_axes(
-        (names_mm / width_mm, 10.0 / height_mm, 1.0 - (names_mm + 4.0) / width_mm, 1.0 - 12.0 / height_mm)
+    labels: Sequence[str],
+    x: Axis,
+    marks: Sequence[Mark],
+    width: float,
+    names: float,
+    *,
+    line: float = 6.0,
+    below: float = 0.0,
+) -> Chart:
+    """A chart with a line `line` mm high for each label, the first on top, labels left of its panel.
+
+    There is room for so many lines more `below` the last.
+    """
+    tall = 1.0 + line * (len(labels) + below)
+    y = Axis(
+        len(labels) - 0.4 + below,
+        -0.6,
+        ticks=Ticks(tuple(map(float, range(len(labels)))), tuple(plain(label) for label in labels)),
+        marked=False,
     )
-    axes.set_ylim(count - 0.4, -0.6)
-    axes.set_yticks(range(count), [plain(label) for label in labels])
-    axes.tick_params(axis="y", length=0)
-    return figure, axes
+    panel = Panel(names, NAMES_TOP, width - names - NAMES_RIGHT, tall, x, y, tuple(marks))
+    return Chart(width, NAMES_TOP + tall + NAMES_BOTTOM, (panel,))
 
 
 def symbol(name: str, longest: int = 24) -> str:
@@ -61,7 +66,7 @@ def symbol(name: str, longest: int = 24) -> str:
 
 
 def plain(text: str) -> str:
-    """Text that matplotlib must not read as mathematics."""
+    """Text that must not be read as mathematics."""
     return text.replace("$", r"\$")
 
 

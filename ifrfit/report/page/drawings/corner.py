@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.result.types import Interval
+from ifrfit.report.page.charts.chart import Axis, Band, Chart, Line, Mark, Panel, Points
+from ifrfit.report.page.charts.scales import Ticks
 from ifrfit.report.page.drawings.canvas import symbol
-from ifrfit.report.style import COLOURS, GREY, MM_PER_INCH, drawing, new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES
 
 Array = NDArray[np.float64]
 
-CELL_MM, LEFT_MM, BOTTOM_MM, GAP_MM = 36.0, 15.0, 13.0, 2.0
+CELL_MM, LEFT_MM, BOTTOM_MM, GAP_MM, TOP_MM = 36.0, 15.0, 11.0, 2.0, 2.0
 BINS = 30
 LONGEST = 10  # characters of a series' name
 SHOWN = 400  # draws drawn as points
@@ -29,7 +27,7 @@ CORRELATED = 0.6  # from here on draws are smoothed along their own axes
 ONE_LINE = 0.9999
 
 
-def draw_corner(columns: Mapping[str, Array], intervals: Mapping[str, Interval]) -> Figure:
+def draw_corner(columns: Mapping[str, Array], intervals: Mapping[str, Interval]) -> Chart:
     """Histograms on the diagonal; points with the contours of 68 and 95 % under it.
 
     Parameters
@@ -41,35 +39,28 @@ def draw_corner(columns: Mapping[str, Array], intervals: Mapping[str, Interval])
     """
     names = list(columns)
     n = len(names)
-    width = LEFT_MM + n * CELL_MM + (n - 1) * GAP_MM + 2.0
-    height = BOTTOM_MM + n * CELL_MM + (n - 1) * GAP_MM + 2.0
+    extent = n * CELL_MM + (n - 1) * GAP_MM
     windows = {name: _window(column) for name, column in columns.items()}
-    with drawing():
-        figure = new_figure(width, height / MM_PER_INCH)
-        for row, below in enumerate(names):
-            for column, across in enumerate(names[: row + 1]):
-                left = LEFT_MM + column * (CELL_MM + GAP_MM)
-                bottom = BOTTOM_MM + (n - 1 - row) * (CELL_MM + GAP_MM)
-                axes = figure.add_axes((left / width, bottom / height, CELL_MM / width, CELL_MM / height))
-                axes.set_xlim(windows[across])
-                if row == column:
-                    _marginal(axes, columns[across], windows[across], intervals.get(across))
-                else:
-                    _pair(axes, columns[across], columns[below], windows[across], windows[below])
-                _label(axes, across if row == n - 1 else "", below if column == 0 and row else "")
-                if row == column:
-                    axes.set_yticks([])
-    return figure
+    panels = []
+    for row, below in enumerate(names):
+        for column, across in enumerate(names[: row + 1]):
+            x = _axis(across, windows[across], is_outer=row == n - 1)
+            if row == column:
+                marks, top = _marginal(columns[across], windows[across], intervals.get(across))
+                y = Axis(0.0, top, ticks=Ticks((), ()))
+            else:
+                marks = _pair(columns[across], columns[below], windows[across], windows[below])
+                y = _axis(below, windows[below], is_outer=column == 0)
+            left, top = (
+                edge + place * (CELL_MM + GAP_MM) for edge, place in ((LEFT_MM, column), (TOP_MM, row))
+            )
+            panels.append(Panel(left, top, CELL_MM, CELL_MM, x, y, tuple(marks)))
+    return Chart(LEFT_MM + extent + TOP_MM, TOP_MM + extent + BOTTOM_MM, tuple(panels))
 
 
-def _label(axes: Axes, across: str, below: str) -> None:
-    axes.locator_params(nbins=4)
-    axes.tick_params(labelbottom=bool(across), labelleft=bool(below), top=False, right=False)
-    axes.tick_params(axis="x", labelrotation=35)
-    if across:
-        axes.set_xlabel(symbol(across, LONGEST), labelpad=1.0)
-    if below:
-        axes.set_ylabel(symbol(below, LONGEST), labelpad=1.0)
+def _axis(name: str, window: Interval, *, is_outer: bool) -> Axis:
+    label = symbol(name, LONGEST) if is_outer else ""
+    return Axis(*window, label, most=4, labelled=is_outer, inside=True)
 
 
 def _window(column: Array) -> Interval:
@@ -79,33 +70,42 @@ def _window(column: Array) -> Interval:
     return float(low - room), float(high + room)
 
 
-def _marginal(axes: Axes, column: Array, window: Interval, interval: Interval | None) -> None:
+def _marginal(column: Array, window: Interval, interval: Interval | None) -> tuple[list[Mark], float]:
+    """A histogram, its median and interval; and the upper end of its axis."""
     counts, edges = np.histogram(column, bins=BINS, range=window)
-    axes.stairs(counts, edges, fill=True, color=COLOURS[0], alpha=0.3)
-    axes.stairs(counts, edges, color=COLOURS[0], lw=1.0)
-    axes.axvline(float(np.median(column)), color=GREY, lw=1.0)
-    if interval is not None:
-        for end in interval:
-            if window[0] < end < window[1]:
-                axes.axvline(end, color=GREY, lw=0.8, ls=(0, (4, 3)))
-    axes.set_ylim(0.0, 1.12 * float(counts.max()))
+    top = 1.12 * float(counts.max())
+    x, heights = np.repeat(edges, 2), np.concatenate(([0.0], np.repeat(counts, 2), [0.0]))
+    median = np.full(2, float(np.median(column)))
+    marks: list[Mark] = [
+        Band(x, np.zeros(x.size), heights, COLOURS[0], 0.3),
+        Line(x, heights, COLOURS[0], 1.0),
+        Line(median, np.array([0.0, top]), GREY, 1.0),
+    ]
+    for end in interval or ():
+        if window[0] < end < window[1]:
+            marks.append(Line(np.full(2, end), np.array([0.0, top]), GREY, 0.8, RESIDUAL_DASHES))
+    return marks, top
 
 
-def _pair(axes: Axes, x: Array, y: Array, across: Interval, below: Interval) -> None:
-    axes.set_ylim(below)
+def _pair(x: Array, y: Array, across: Interval, below: Interval) -> list[Mark]:
+    """Some of the draws, and the contours around most of all of them."""
     step = max(1, x.size // SHOWN)
-    axes.plot(x[::step], y[::step], ls="none", marker=".", ms=1.8, mew=0.0, color=COLOURS[0], alpha=0.5)
+    marks: list[Mark] = [Points(x[::step], y[::step], "o", 0.9, COLOURS[0], "none", opacity=0.5)]
     found = regions(x, y, across, below)
     if found is not None:
-        axes.contour(
-            found.x,
-            found.y,
-            found.density,
-            levels=found.levels,
-            colors=[COLOURS[1], COLOURS[0]],
-            linewidths=(0.9, 1.3),
-            linestyles=("--", "-"),
-        )
+        for level, colour, width, dashes in zip(
+            found.levels, (COLOURS[1], COLOURS[0]), (0.9, 1.3), ("--", "-"), strict=True
+        ):
+            marks += [Line(*line.T, colour, width, dashes) for line in contours(found, level)]
+    return marks
+
+
+def contours(found: Regions, level: float) -> list[Array]:
+    """Lines where a density has a level, (k, 2) each."""
+    from contourpy import contour_generator
+
+    lines = contour_generator(found.x, found.y, found.density).lines(level)
+    return [np.asarray(line) for line in lines]
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,6 @@ def regions(x: Array, y: Array, across: Interval, below: Interval) -> Regions | 
     Draws that are correlated are smoothed along their own axes, or a narrow ridge would grow fat. Others
     along the plot's, with edges that mirror: a density that ends at a bound is not smeared over it.
     """
-    from scipy.ndimage import gaussian_filter
-
     correlation = float(np.corrcoef(x, y)[0, 1])
     if not abs(correlation) < ONE_LINE:
         return None
@@ -138,7 +136,7 @@ def regions(x: Array, y: Array, across: Interval, below: Interval) -> Regions | 
         u, v = np.linalg.solve(turn, np.stack((x, y)) - centre[:, None])
         ranges = _around(u), _around(v)
     counts, edges_u, edges_v = np.histogram2d(u, v, bins=GRID, range=ranges)
-    density: Array = gaussian_filter(counts, SMOOTH, mode="reflect")
+    density: Array = smoothed(counts, SMOOTH)
     falling = np.sort(density.ravel())[::-1]
     share = np.cumsum(falling) / float(falling.sum())
     places = np.minimum(np.searchsorted(share, (0.95, 0.68)), share.size - 1)
@@ -149,6 +147,19 @@ def regions(x: Array, y: Array, across: Interval, below: Interval) -> Regions | 
     mesh = np.stack(np.meshgrid(middle_u, middle_v, indexing="ij"))
     placed = np.einsum("ij,jkl->ikl", turn, mesh) + centre[:, None, None]
     return Regions(placed[0], placed[1], density, (outer, inner))
+
+
+def smoothed(counts: Array, sd: float) -> Array:
+    """A table, (m, m), smoothed along both axes by a Gaussian of that many cells, mirrored at its edges."""
+    m = len(counts)
+    steps = np.arange(-math.ceil(4.0 * sd), math.ceil(4.0 * sd) + 1)
+    weights = np.exp(-0.5 * (steps / sd) ** 2)
+    # cells beyond an edge are those before it, the last one first
+    sources = (np.arange(m)[:, None] + steps) % (2 * m)
+    sources = np.minimum(sources, 2 * m - 1 - sources)
+    kernel = np.zeros((m, m))
+    np.add.at(kernel, (np.arange(m)[:, None], sources), weights / weights.sum())
+    return np.asarray(kernel @ counts @ kernel.T)
 
 
 def _around(column: Array) -> Interval:

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import HALF
+from ifrfit.report.page.charts.chart import Axis, Box, Chart, Panel, Words
+from ifrfit.report.page.charts.scales import Logarithmic, Ticks
 from ifrfit.report.page.drawings.canvas import symbol
-from ifrfit.report.style import COLOURS, MM_PER_INCH, drawing, new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from ifrfit.report.style import COLOURS
 
 Array = NDArray[np.float64]
 
 CELL_MM, BAR_MM, LEFT_MM, LINE_MM, BOTTOM_MM = 15.0, 42.0, 20.0, 9.0, 12.0
-MOST = math.log10(2.0)  # end of the axis of ratios
+TOP_MM = 8.0
+MOST = 2.0  # end of the axis of ratios
 
 
 @dataclass(frozen=True)
@@ -50,43 +48,30 @@ class Directions:
         return cls(names, np.sqrt(np.maximum(values[order], 0.0)), parts * np.sign(largest)[:, None])
 
 
-def draw_directions(found: Directions) -> Figure:
+def draw_directions(found: Directions) -> Chart:
     """A line a direction: what it is made of, and how wide the posterior is along it."""
     n = len(found.names)
-    width = LEFT_MM + n * CELL_MM + 6.0 + BAR_MM + 12.0
-    height = BOTTOM_MM + n * LINE_MM + 8.0
-    with drawing():
-        figure = new_figure(width, height / MM_PER_INCH)
-        bottom, tall = BOTTOM_MM / height, n * LINE_MM / height
-        parts = figure.add_axes((LEFT_MM / width, bottom, n * CELL_MM / width, tall))
-        _parts(parts, found)
-        start = LEFT_MM + n * CELL_MM + 6.0
-        bars = figure.add_axes((start / width, bottom, BAR_MM / width, tall))
-        _bars(bars, found.ratio)
-    return figure
+    tall, start = n * LINE_MM, LEFT_MM + n * CELL_MM + 6.0
+    panels = (
+        _parts(found, LEFT_MM, n * CELL_MM, tall),
+        _ratios(found.ratio, start, BAR_MM, tall),
+    )
+    return Chart(start + BAR_MM + 12.0, TOP_MM + tall + BOTTOM_MM, panels)
 
 
-def _parts(axes: Axes, found: Directions) -> None:
+def _parts(found: Directions, left: float, wide: float, tall: float) -> Panel:
     n = len(found.names)
-    axes.set_xlim(-0.5, n - 0.5)
-    axes.set_ylim(n - 0.5, -0.5)
+    places, marks = tuple(map(float, range(n))), []
     for row, part in enumerate(found.parts):
-        for column, share in enumerate(part):
-            axes.fill_between(
-                [column - 0.47, column + 0.47],
-                row - 0.44,
-                row + 0.44,
-                color=COLOURS[0] if share >= 0 else COLOURS[1],
-                alpha=0.75 * float(share) ** 2,
-                lw=0.0,
-            )
-            axes.text(column, row, share_text(float(share)), ha="center", va="center", fontsize=6.8)
-    axes.set_xticks(range(n), [symbol(name, 4) for name in found.names])
-    axes.set_yticks(range(n), ["loosest", *([""] * (n - 2)), "tightest"])
-    axes.tick_params(length=0)
-    axes.set_title("made of", fontsize=7.5)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+        for column, share in enumerate(part.tolist()):
+            colour = COLOURS[0] if share >= 0 else COLOURS[1]
+            cell = (column - 0.47, column + 0.47), (row - 0.44, row + 0.44)
+            marks += [Box(*cell, colour, 0.75 * share**2), Words(column, row, share_text(share), 6.8)]
+    names = Ticks(places, tuple(symbol(name, 4) for name in found.names))
+    ends = Ticks(places, ("loosest", *([""] * (n - 2)), "tightest"))
+    x = Axis(-0.5, n - 0.5, ticks=names, marked=False)
+    y = Axis(n - 0.5, -0.5, ticks=ends, marked=False)
+    return Panel(left, TOP_MM, wide, tall, x, y, tuple(marks), "made of", has_frame=False)
 
 
 def share_text(share: float) -> str:
@@ -95,28 +80,15 @@ def share_text(share: float) -> str:
     return "0" if text[1:] == "0.00" else text
 
 
-def _bars(axes: Axes, ratio: Array) -> None:
-    """Bars over a logarithmic axis, drawn on a plain one, which is ten times as fast."""
-    low = min(-3, math.floor(math.log10(max(float(ratio.min()), 1e-12))))
-    axes.set_xlim(low, MOST)
-    axes.set_ylim(ratio.size - 0.5, -0.5)
-    axes.axvspan(math.log10(HALF), MOST, color=COLOURS[1], alpha=0.15, lw=0.0)
-    for row, value in enumerate(ratio):
+def _ratios(ratio: Array, left: float, wide: float, tall: float) -> Panel:
+    """Bars over a logarithmic axis, hatched where the direction is loose."""
+    low = 10.0 ** min(-3, math.floor(math.log10(max(float(ratio.min()), 1e-12))))
+    marks = [Box((HALF, MOST), (-math.inf, math.inf), COLOURS[1], 0.15)]
+    for row, value in enumerate(ratio.tolist()):
         loose = value >= HALF
-        axes.fill_between(
-            [low, math.log10(max(float(value), 10.0**low))],
-            row - 0.28,
-            row + 0.28,
-            lw=0.6,
-            ec="black",
-            fc=COLOURS[1] if loose else COLOURS[0],
-            alpha=0.7,
-            hatch="////" if loose else None,
-        )
-    axes.yaxis.tick_right()
-    axes.set_yticks(range(ratio.size), [f"{value:.2g}" for value in ratio])
-    axes.tick_params(axis="y", length=0)
-    powers = range(low, 1, max(1, -low // 4))
-    axes.set_xticks(powers, [f"{10.0**power:g}" for power in powers])
-    axes.set_xlabel("posterior sd / prior sd")
-    axes.set_title("loose if shaded", fontsize=7.5)
+        bar = (low, max(value, low)), (row - 0.28, row + 0.28)
+        marks.append(Box(*bar, COLOURS[1] if loose else COLOURS[0], 0.7, edge="#000", is_hatched=loose))
+    values = Ticks(tuple(map(float, range(ratio.size))), tuple(f"{value:.2g}" for value in ratio.tolist()))
+    x = Axis(low, MOST, "posterior sd / prior sd", Logarithmic(), most=5, mirrored=True)
+    y = Axis(ratio.size - 0.5, -0.5, ticks=values, marked=False, is_far=True)
+    return Panel(left, TOP_MM, wide, tall, x, y, tuple(marks), "loose if shaded")

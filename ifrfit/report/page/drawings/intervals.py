@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ifrfit.inference.result.types import Estimate, Interval
+from ifrfit.report.page.charts.chart import Axis, Chart, Line, Mark, Points
 from ifrfit.report.page.drawings.canvas import lines_panel, shortened, symbol
-from ifrfit.report.style import COLOURS, GREY, drawing
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES
 
 LONGEST = 34  # characters of a result's name
 
@@ -36,8 +34,8 @@ class Span:
     outer: Interval
 
 
-def draw_intervals(name: str, spans: tuple[Span, ...], domain: Interval) -> Figure:
-    """Draw what several methods say of one constant as bars over one axis.
+def draw_intervals(name: str, spans: tuple[Span, ...], domain: Interval) -> Chart:
+    """What several methods say of one constant as bars over one axis.
 
     Parameters
     ----------
@@ -48,23 +46,21 @@ def draw_intervals(name: str, spans: tuple[Span, ...], domain: Interval) -> Figu
     domain : tuple of float
         Its bounds, drawn where they are in sight.
     """
-    with drawing():
-        figure, axes = lines_panel([span.label for span in spans], 85.0, 25.0)
-        ends = [end for span in spans for end in (*span.outer, span.value)]
-        window = _window(ends, domain, 0.12)
-        for place, span in enumerate(spans):
-            _bar(axes, span, place, window, COLOURS[place % len(COLOURS)])
-        for bound in domain:
-            if window[0] < bound < window[1]:
-                axes.axvline(bound, color=GREY, lw=0.8, ls=(0, (4, 3)))
-        axes.set_xlim(*window)
-        axes.set_xlabel(symbol(name))
-        axes.locator_params(axis="x", nbins=5)
-    return figure
+    ends = [end for span in spans for end in (*span.outer, span.value)]
+    window = _window(ends, domain, 0.12)
+    marks: list[Mark] = [
+        Line(np.full(2, bound), np.array([-0.6, len(spans) - 0.4]), GREY, 0.8, RESIDUAL_DASHES)
+        for bound in domain
+        if window[0] < bound < window[1]
+    ]
+    for place, span in enumerate(spans):
+        marks += _bar(span, place, window, COLOURS[place % len(COLOURS)])
+    x = Axis(*window, symbol(name), most=5, mirrored=True)
+    return lines_panel([span.label for span in spans], x, marks, 85.0, 25.0)
 
 
-def draw_forest(name: str, lines: Sequence[tuple[str, Estimate]]) -> Figure:
-    """Draw one constant in several results: value with 68 and 95 % intervals; a cross where it was fixed.
+def draw_forest(name: str, lines: Sequence[tuple[str, Estimate]]) -> Chart:
+    """One constant in several results: value with 68 and 95 % intervals; a cross where it was fixed.
 
     Parameters
     ----------
@@ -73,39 +69,38 @@ def draw_forest(name: str, lines: Sequence[tuple[str, Estimate]]) -> Figure:
     lines : sequence of (str, Estimate)
         Label and estimate, from top to bottom.
     """
-    with drawing():
-        figure, axes = lines_panel([shortened(label, LONGEST) for label, _ in lines], 130.0, 50.0, 5.0)
-        known = [end for _, e in lines if e.value is not None for end in (e.value, *e.interval95)]
-        window = _window(known or [end for _, e in lines for end in e.interval95], (0.0, 1.0), 0.08)
-        for place, (label, estimate) in enumerate(lines):
-            if estimate.status == "fixed" and estimate.value is not None:
-                axes.plot([estimate.value], [place], marker="x", ms=5, color=GREY, ls="none")
-            else:
-                span = Span(label, estimate.value, estimate.interval68, estimate.interval95)
-                loose = estimate.value is None
-                _bar(axes, span, place, window, GREY if loose else COLOURS[0], ":" if loose else "-")
-        axes.set_xlim(*window)
-        axes.grid(axis="y", color="0.9", lw=0.6)
-        axes.set_axisbelow(True)
-        axes.locator_params(axis="x", nbins=6)
-        axes.set_xlabel(symbol(name))
-    return figure
-
-
-def _bar(axes: Axes, span: Span, place: int, window: Interval, colour: str, line: str = "-") -> None:
-    """Thin for 95 %, thick for 68 %, a circle at the value; an arrow where an end is out of sight."""
-    ends = [min(max(end, window[0]), window[1]) for end in span.outer]
-    axes.plot(ends, [place, place], color=colour, lw=1.4, ls=line, solid_capstyle="butt")
-    for end, shown, marker in zip(span.outer, ends, "<>", strict=True):
-        if end != shown:
-            axes.plot([shown], [place], marker=marker, ms=5, color=colour, clip_on=False)
+    known = [end for _, e in lines if e.value is not None for end in (e.value, *e.interval95)]
+    window = _window(known or [end for _, e in lines for end in e.interval95], (0.0, 1.0), 0.08)
+    marks: list[Mark] = []
+    for place, (label, estimate) in enumerate(lines):
+        marks.append(Line(np.array(window), np.full(2, float(place)), "0.9", 0.6))
+        if estimate.status == "fixed" and estimate.value is not None:
+            marks.append(
+                Points(np.array([estimate.value]), np.array([float(place)]), "x", 5.0, "none", GREY, 1.0)
+            )
         else:
-            axes.plot([end, end], [place - 0.14, place + 0.14], color=colour, lw=1.1)
+            span = Span(label, estimate.value, estimate.interval68, estimate.interval95)
+            loose = estimate.value is None
+            marks += _bar(span, place, window, GREY if loose else COLOURS[0], ":" if loose else "-")
+    labels = [shortened(label, LONGEST) for label, _ in lines]
+    return lines_panel(labels, Axis(*window, symbol(name), mirrored=True), marks, 130.0, 50.0, line=5.0)
+
+
+def _bar(span: Span, place: int, window: Interval, colour: str, line: str = "-") -> list[Mark]:
+    """Thin for 95 %, thick for 68 %, a circle at the value; an arrow where an end is out of sight."""
+    at = np.array([float(place)])
+    ends = np.clip(span.outer, *window)
+    found: list[Mark] = [Line(ends, np.repeat(at, 2), colour, 1.4, line)]
+    for end, shown, marker in zip(span.outer, ends.tolist(), "<>", strict=True):
+        if end != shown:
+            found.append(Points(np.array([shown]), at, marker, 5.0, colour, colour, is_clipped=False))
+        else:
+            found.append(Line(np.full(2, end), place + np.array([-0.14, 0.14]), colour, 1.1))
     if span.inner is not None:
-        inner = [min(max(end, window[0]), window[1]) for end in span.inner]
-        axes.plot(inner, [place, place], color=colour, lw=4.5, alpha=0.55, solid_capstyle="butt")
+        found.append(Line(np.clip(span.inner, *window), np.repeat(at, 2), colour, 4.5, opacity=0.55))
     if span.value is not None:
-        axes.plot([span.value], [place], marker="o", ms=4.5, mfc="white", mec=colour, mew=1.2)
+        found.append(Points(np.array([span.value]), at, "o", 4.5, "#fff", colour, 1.2))
+    return found
 
 
 def _window(numbers: Iterable[float | None], otherwise: Interval, share: float) -> Interval:

@@ -2,51 +2,50 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
 
 import numpy as np
 
 from ifrfit.inference.profile.types import ProfileLikelihood
-from ifrfit.report.page.drawings.canvas import panel, symbol
-from ifrfit.report.style import COLOURS, GREY, drawing
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from ifrfit.report.page.charts.chart import Axis, Box, Chart, Line, Mark, Points, Words
+from ifrfit.report.page.drawings.canvas import one_panel, symbol
+from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES
 
 WIDTH_MM, HEIGHT_MM = 62.0, 48.0
 LONGEST = 14  # characters of a series' name
 
 
-def draw_profile(profile: ProfileLikelihood) -> Figure:
+def draw_profile(profile: ProfileLikelihood) -> Chart:
     """Rise of the objective against the quantity, with the cuts of 68 and 95 %."""
     cuts = {level: profile.cut(level) for level in (0.68, 0.95)}
     top = 2.1 * cuts[0.95]
-    known = profile.x[np.isfinite(profile.x)]
-    with drawing():
-        figure, axes = panel(WIDTH_MM, HEIGHT_MM, left=11.0)
-        for level, pieces, alpha in ((0.95, profile.pieces, 0.14), (0.68, profile.pieces68, 0.22)):
-            for piece in pieces:  # one without end is shaded as far as the profile is known
-                low, high = np.clip(piece, known.min(), known.max()).tolist()
-                axes.axvspan(low, high, color=COLOURS[0], alpha=alpha, lw=0.0)
-            axes.axhline(cuts[level], color=GREY, lw=0.7, ls=(0, (4, 3)))
-            axes.text(
-                0.5,
-                cuts[level] + 0.02 * top,
-                f"{100 * level:.0f} %",
-                transform=axes.get_yaxis_transform(),
-                ha="center",
-                va="bottom",
-                color=GREY,
-                fontsize=6.5,
-            )
-        shown = np.isfinite(profile.x) & (profile.rise <= 1.5 * top)
-        axes.plot(profile.x[shown], profile.rise[shown], color=COLOURS[0], lw=1.3)
-        axes.plot([profile.value], [0.0], marker="o", ms=4.5, color=COLOURS[0], clip_on=False, zorder=5)
-        x = known[profile.rise[np.isfinite(profile.x)] <= top]
+    finite = np.isfinite(profile.x)
+    known = profile.x[finite]
+    low, high = _window(known, known[profile.rise[finite] <= top])
+    marks: list[Mark] = []
+    for level, pieces, opacity in ((0.95, profile.pieces, 0.14), (0.68, profile.pieces68, 0.22)):
+        for piece in pieces:  # one without end is shaded as far as the profile is known
+            left, right = np.clip(piece, known.min(), known.max()).tolist()
+            marks.append(Box((left, right), (-math.inf, math.inf), COLOURS[0], opacity))
+        cut = cuts[level]
+        marks += [
+            Line(np.array([low, high]), np.full(2, cut), GREY, 0.7, RESIDUAL_DASHES),
+            Words(0.5 * (low + high), cut + 0.02 * top, f"{100 * level:.0f} %", colour=GREY, height="bottom"),
+        ]
+    shown = finite & (profile.rise <= 1.5 * top)
+    optimum = np.array([profile.value]), np.zeros(1)
+    marks += [
+        Line(profile.x[shown], profile.rise[shown], COLOURS[0], 1.3),
+        Points(*optimum, "o", 4.5, COLOURS[0], COLOURS[0], is_clipped=False),
+    ]
+    x = Axis(low, high, symbol(profile.name, LONGEST), most=5)
+    return one_panel(x, Axis(0.0, top, "rise"), marks, WIDTH_MM, HEIGHT_MM, left=11.0)
+
+
+def _window(known: np.ndarray, below: np.ndarray) -> tuple[float, float]:
+    """What is in sight: where the profile stays low, or all that is known of it."""
+    for x in (below, known):
         if x.size > 1 and x.max() > x.min():
-            axes.set_xlim(float(x.min()), float(x.max()))
-        axes.set_ylim(0.0, top)
-        axes.locator_params(axis="x", nbins=5)
-        axes.set_xlabel(symbol(profile.name, LONGEST))
-        axes.set_ylabel("rise")
-    return figure
+            return float(x.min()), float(x.max())
+    room = 0.1 * max(abs(float(known[0])), 1e-3)
+    return float(known[0]) - room, float(known[0]) + room

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.result.fit_result import FitResult
-from ifrfit.report.page.drawings.canvas import panel
+from ifrfit.report.page.charts.chart import Axis, Band, Chart, Line, Mark, Points
+from ifrfit.report.page.charts.scales import Ticks
+from ifrfit.report.page.drawings.canvas import one_panel
 from ifrfit.report.panels import look_of
-from ifrfit.report.plot_elements import (
-    Points,
-    draw_marked,
-    draw_residuals,
-    is_outlier,
-    residual_limits,
-    sticks,
-)
-from ifrfit.report.style import GREY, SeriesStyle, drawing
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from ifrfit.report.plot_elements import RESIDUAL_SIZE, is_outlier, residual_limits, sticks
+from ifrfit.report.style import GREY, RESIDUAL_DASHES, SeriesStyle
 
 Array = NDArray[np.float64]
 
 LEVEL = 0.95
+SIGMAS = Ticks((-2.0, 0.0, 2.0), ("−2", "0", "2"))
+FEW_SIGMAS = 6.0  # up to here an axis of residuals has ticks at 2 sigma only
+MARGIN = 0.05  # beside the data, by shares of their range
 
 
-def draw_against(result: FitResult, styles: dict[str, SeriesStyle], x: Array, label: str) -> Figure:
+def draw_against(result: FitResult, styles: dict[str, SeriesStyle], x: Array, label: str) -> Chart:
     """Standardised residuals of every row against something, series by series.
 
     Parameters
@@ -41,15 +34,19 @@ def draw_against(result: FitResult, styles: dict[str, SeriesStyle], x: Array, la
     label : str
         Of the axis.
     """
-    with drawing():
-        figure, axes = panel()
-        draw_residuals(axes, _series(result, styles, x), look_of(len(x)))
-        axes.locator_params(axis="x", integer=True)
-        axes.set_xlabel(label)
-    return figure
+    z = result.points["standardised"].to_numpy(dtype=float)
+    known = x[np.isfinite(x)]
+    room = MARGIN * float(np.ptp(known)) or 1.0
+    ends = np.array([known.min() - room, known.max() + room])
+    level = [Line(ends, np.zeros(2), GREY, 0.7)]
+    level += [Line(ends, np.full(2, sigma), GREY, 0.7, RESIDUAL_DASHES) for sigma in (-2.0, 2.0)]
+    low, high = residual_limits(z[np.isfinite(x)])
+    y = Axis(low, high, "residual (σ)", ticks=SIGMAS if high < FEW_SIGMAS else None)
+    marks: list[Mark] = [*level, *_marked(result, styles, x, RESIDUAL_SIZE * look_of(len(x)).size)]
+    return one_panel(Axis(*ends.tolist(), label, whole=True), y, marks)
 
 
-def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Figure:
+def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Chart:
     """Ordered standardised residuals against the quantiles of the normal law, with 95 % of each order."""
     from scipy.special import ndtri
 
@@ -57,20 +54,16 @@ def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Figure:
     n = z.size
     expected = np.empty(n)
     expected[np.argsort(z, kind="stable")] = ndtri((np.arange(1, n + 1) - 0.375) / (n + 0.25))
-    with drawing():
-        figure, axes = panel()
-        order = np.sort(expected)
-        low, high = quantile_band(n)
-        axes.fill_between(order, low, high, color="0.5", alpha=0.2, lw=0.0)
-        end = max(3.0, 1.1 * float(np.abs(order).max(initial=0.0)))
-        axes.plot([-end, end], [-end, end], color=GREY, lw=0.8)
-        for points in _series(result, styles, expected):
-            draw_marked(axes, points, points.y, look_of(n))
-        axes.set_xlim(-end, end)
-        axes.set_ylim(*residual_limits(z))
-        axes.set_xlabel("normal quantile (σ)")
-        axes.set_ylabel("residual, in order (σ)")
-    return figure
+    order = np.sort(expected)
+    end = max(3.0, 1.1 * float(np.abs(order).max(initial=0.0)))
+    ends = np.array([-end, end])
+    marks: list[Mark] = [
+        Band(order, *quantile_band(n), "0.5", 0.2),
+        Line(ends, ends, GREY, 0.8),
+        *_marked(result, styles, expected, look_of(n).size),
+    ]
+    x = Axis(-end, end, "normal quantile (σ)", most=7)
+    return one_panel(x, Axis(*residual_limits(z), "residual, in order (σ)"), marks)
 
 
 def quantile_band(n: int) -> tuple[Array, Array]:
@@ -86,13 +79,18 @@ def quantile_band(n: int) -> tuple[Array, Array]:
     return np.asarray(low), np.asarray(high)
 
 
-def _series(result: FitResult, styles: dict[str, SeriesStyle], x: Array) -> list[Points]:
-    """Residuals of each series over x, where that is finite."""
+def _marked(result: FitResult, styles: dict[str, SeriesStyle], x: Array, size: float) -> list[Points]:
+    """Residuals of each series over x, where that is finite: open where it sticks, ringed where it lies out."""
     rows = result.points
-    z, out = rows["standardised"].to_numpy(dtype=float), is_outlier(result, rows)
+    z, lies_out = rows["standardised"].to_numpy(dtype=float), is_outlier(result, rows)
     sticking = sticks(rows) & rows["gamma_deg"].notna().to_numpy()
     found = []
     for name, own in styles.items():
         at = (rows["series"] == name).to_numpy() & np.isfinite(x)
-        found.append(Points(name, x[at], z[at], np.zeros(at.sum()), own, "", sticking[at], z[at], out[at]))
+        for chosen, fill in ((at & sticking, "#fff"), (at & ~sticking, own.colour)):
+            if chosen.any():
+                found.append(Points(x[chosen], z[chosen], own.marker, size, fill, own.colour))
+    at = lies_out & np.isfinite(x)
+    if at.any():
+        found.append(Points(x[at], z[at], "o", 8.5, "none", "#000", 0.9, is_clipped=False))
     return found

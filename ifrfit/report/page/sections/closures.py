@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.verdict import title
 from ifrfit.report.comparison.criteria_columns import CROSS_VALIDATION, criteria, cross_validated
-from ifrfit.report.comparison.figure import observables_over_angle, plot
+from ifrfit.report.comparison.figure import observables_over_angle
 from ifrfit.report.comparison.findings import findings, prior_line
 from ifrfit.report.page.blocks import Block, Findings, Paragraph, Picture, Pictures, Table
+from ifrfit.report.page.drawings.closures import draw_closures
 from ifrfit.report.page.phrases import sentence, stand_in_words
 from ifrfit.report.page.plugins import ReportSection
 from ifrfit.report.page.report_input import ReportInput
@@ -27,7 +28,7 @@ def build(given: ReportInput) -> Sequence[Block] | None:
     )
     head = ("closure", *(name for name, _ in columns))
     says = sentence(comparison.verdict.says)
-    picture = Picture("closures", "Closures", says, plot(comparison, titled=False))
+    picture = Picture("closures", "Closures", says, draw_closures(comparison))
     shown_above = set(given.result.warnings)
     return (
         Paragraph(says),
