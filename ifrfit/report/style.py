@@ -102,9 +102,15 @@ def write_watermark(axes: Axes, word: str, *, size: float, height: float = 0.5) 
 
 
 def fix_layout(figure: Figure) -> None:
-    """Fix the layout: the last bit of its solver depends on addresses, and ids in an svg on that bit."""
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    """Fix the layout: the last bit of its solver depends on addresses, and ids in an svg on that bit.
+
+    To be called within `drawing`, where no engine is the default: a figure that has one, if only one that
+    does nothing, is drawn twice to be saved.
+    """
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+    figure.set_layout_engine(None)
     for axes in figure.axes:
         axes.set_position(tuple(round(x, 6) for x in axes.get_position().bounds))
 
