@@ -48,9 +48,9 @@ def _fill(result: FitResult, appraisal: Appraisal | None, folder: Path) -> list[
     result.save(folder / RESULT)
     names = [RESULT]
     if appraisal is not None and len(result.points):
-        figure = plot(result)
-        names += save_svg_and_png(figure, folder, "fit")
-        (folder / REPORT).write_text(page(result, appraisal, figure), encoding="utf-8", newline="\n")
+        names += save_svg_and_png(plot(result), folder, "fit")
+        drawn = (folder / FIGURES[0]).read_text(encoding="utf-8")
+        (folder / REPORT).write_text(page(result, appraisal, drawn), encoding="utf-8", newline="\n")
         names.append(REPORT)
     for name, own in result.files.items():
         own.save(folder / name)

@@ -42,7 +42,7 @@ def test_fit_writes_four_files_and_report_the_same_page_again_closures_compared(
 @pytest.mark.usefixtures("small_page")
 def test_the_form_follows_the_option_or_the_name(cli, result):
     assert cli("report", result, "--format", "md").stdout == "written: results/report.md\n"
-    assert [path.suffix for path in Path("results/report-figures").iterdir()] == [".png"]
+    assert [path.suffix for path in Path("results/report-figures").iterdir()] == [".svg"]
     assert cli("report", result, "--out", "mine.md").stdout == "written: mine.md\n"
     assert Path("mine.md").read_bytes().startswith(b"<!-- ifrfit report -->")
     assert cli("report", result, "--out", "folder", "--quiet").stdout == ""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.report.page.blocks import Report, Section
@@ -13,11 +11,8 @@ from ifrfit.report.page.verdict import badges, verdict
 from ifrfit.report.sentences import closure_title, headline
 from ifrfit.text import joined
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
-
-def assemble(result: FitResult, appraisal: Appraisal, figure: Figure | None = None) -> Report:
+def assemble(result: FitResult, appraisal: Appraisal, figure: str | None = None) -> Report:
     """Everything that the report of a result says and shows.
 
     Parameters
@@ -26,8 +21,8 @@ def assemble(result: FitResult, appraisal: Appraisal, figure: Figure | None = No
         Of a fit, or read from a file.
     appraisal : Appraisal
         What was computed for the report.
-    figure : Figure, optional
-        The figure of the fit, where it has been drawn before.
+    figure : str, optional
+        The figure of the fit as svg, where it has been drawn before.
     """
     given = ReportInput(result, appraisal, figure)
     sections = tuple(

@@ -90,14 +90,15 @@ class Picture:
         What it shows, in a few words.
     description : str
         What can be seen on it, for those who cannot see it.
-    figure : Chart or Figure
-        A chart of the page (`ifrfit.report.page.charts`), or a figure of matplotlib.
+    figure : Chart, Figure or str
+        A chart of the page (`ifrfit.report.page.charts`), or a figure of matplotlib; or the svg that
+        matplotlib has written of one (`ifrfit.report.style.svg_text`).
     """
 
     name: str
     title: str
     description: str
-    figure: Chart | Figure
+    figure: Chart | Figure | str
 
 
 @dataclass(frozen=True)

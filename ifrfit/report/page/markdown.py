@@ -1,26 +1,17 @@
-"""A report as Markdown, with its figures as PNG beside it: for a lab book."""
+"""A report as Markdown, with its pictures as svg beside it: for a lab book."""
 
 from __future__ import annotations
-
-import io
-from typing import TYPE_CHECKING
 
 from ifrfit.report.page.blocks import Pictures, Report
 from ifrfit.report.page.html import environment
 from ifrfit.report.page.plugins import GENERATOR, ReportFormat
-from ifrfit.report.style import drawing
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from ifrfit.report.page.svg import file_text
 
 _SPECIAL = "\\`*_{}[]<>|#"
 
 
 def markdown_files(report: Report, stem: str) -> dict[str, bytes]:
-    """``STEM.md`` and ``STEM-figures/NAME.png``; the same bytes on every run.
-
-    PNG, because lab books and word processors take it everywhere.
-    """
+    """``STEM.md`` and ``STEM-figures/NAME.svg``; the same bytes on every run."""
     folder = f"{stem}-figures"
     found = environment(autoescape=False)
     found.filters["md"] = escaped
@@ -30,7 +21,7 @@ def markdown_files(report: Report, stem: str) -> dict[str, bytes]:
     )
     blocks = (block for section in report.sections for block in section.blocks)
     pictures = (picture for block in blocks if isinstance(block, Pictures) for picture in block.items)
-    figures = {f"{folder}/{picture.name}.png": _png(picture.figure) for picture in pictures}
+    figures = {f"{folder}/{picture.name}.svg": file_text(picture).encode("utf-8") for picture in pictures}
     return {f"{stem}.md": text.encode("utf-8"), **figures}
 
 
@@ -38,13 +29,6 @@ def escaped(text: str) -> str:
     """Text whose characters mean nothing in Markdown."""
     text = " ".join(text.split())
     return "".join(f"\\{character}" if character in _SPECIAL else character for character in text)
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    with drawing():
-        figure.savefig(buffer, format="png", metadata={"Software": "ifrfit"})
-    return buffer.getvalue()
 
 
 FORMAT = ReportFormat("md", markdown_files)

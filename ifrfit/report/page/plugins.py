@@ -31,8 +31,8 @@ class FormatWriter(Protocol):
         """Files by name, the report itself first, whose name is ``stem`` with the suffix of the format.
 
         The same report gives the same bytes. The report itself holds `GENERATOR` in its first 4,096
-        bytes, or it would not be replaced by the next one; files beside it are pictures (.png), in a
-        folder ``stem-...``.
+        bytes, or it would not be replaced by the next one; pictures beside it are in a folder
+        ``stem-...``.
         """
 
 

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from ifrfit.inference.appraisal import Appraisal
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.types import Estimate
 from ifrfit.report.rounding import by_series
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -26,13 +22,13 @@ class ReportInput:
         Of a fit, or read from a file.
     appraisal : Appraisal
         What was computed for the report.
-    figure : Figure or None
-        The figure of the fit, where it has been drawn before.
+    figure : str or None
+        The figure of the fit as svg, where it has been drawn before.
     """
 
     result: FitResult
     appraisal: Appraisal
-    figure: Figure | None = None
+    figure: str | None = None
 
     @cached_property
     def free(self) -> dict[str, Estimate]:

@@ -1,10 +1,9 @@
-"""A picture as SVG that can stand in a page beside others: own ids, no style sheet, nothing from elsewhere."""
+"""A picture as svg that stands in a page beside others: own ids, no style sheet, nothing from elsewhere."""
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
 from ifrfit.report.page.blocks import Picture
@@ -12,13 +11,11 @@ from ifrfit.report.page.charts.chart import Chart
 from ifrfit.report.page.charts.svg import FAMILY, svg
 from ifrfit.report.style import MM_PER_INCH, svg_text
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")
 _FONT = re.compile(r"(?P<before>.*?)(?P<size>[\d.]+)px\s+(?P<family>.*)")
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _XLINK = "{http://www.w3.org/1999/xlink}href"
+_NAMESPACE = "http://www.w3.org/2000/svg"
 DROPPED = ("metadata", "style")
 PIXELS = 106.0  # an inch: a little larger than in print
 WIDE = 480.0  # pixels from which a picture is scrolled rather than shrunk in a narrow window
@@ -26,21 +23,35 @@ SMALL, LARGER = 400.0, 1.45  # how wide a small figure is at most, and how much 
 
 
 def inline(picture: Picture, *, alone: bool = False) -> str:
-    """The chart or figure of a picture as an ``svg`` element; a small one that stands `alone` is shown larger."""
-    if isinstance(picture.figure, Chart):
-        return _chart(picture, picture.figure, alone)
-    return _figure(picture, picture.figure, alone)
+    """A picture as an ``svg`` element; a small one that stands `alone` is shown larger."""
+    figure = picture.figure
+    if isinstance(figure, Chart):
+        return _chart(picture, figure, alone)
+    return _rewritten(picture, figure if isinstance(figure, str) else svg_text(figure), alone)
+
+
+def file_text(picture: Picture) -> str:
+    """A picture as the text of an svg file."""
+    if not isinstance(picture.figure, Chart):
+        return picture.figure if isinstance(picture.figure, str) else svg_text(picture.figure)
+    element = _chart(picture, picture.figure, False)
+    return element.replace("<svg ", f'<svg xmlns="{_NAMESPACE}" ', 1)
 
 
 def _chart(picture: Picture, chart: Chart, alone: bool) -> str:
     attributes = {**_named(picture), **_size(chart.width / MM_PER_INCH, chart.height / MM_PER_INCH, alone)}
-    title, description = (f"{picture.name}-{part}" for part in ("title", "description"))
-    head = f'<title id="{title}">{escape(picture.title)}</title><desc id="{description}">{escape(picture.description)}</desc>'
+    head = "".join(
+        f'<{tag} id="{picture.name}-{part}">{escape(text)}</{tag}>'
+        for tag, part, text in (
+            ("title", "title", picture.title),
+            ("desc", "description", picture.description),
+        )
+    )
     return svg(chart, picture.name, attributes=attributes, head=head)
 
 
-def _figure(picture: Picture, figure: Figure, alone: bool) -> str:
-    """A figure of matplotlib.
+def _rewritten(picture: Picture, text: str, alone: bool) -> str:
+    """An svg of matplotlib as an element of the page.
 
     What matplotlib writes is changed in five ways: ids carry the picture's name, so that several figures of a
     page never share one, and those nobody refers to are left out; style attributes become plain attributes,
@@ -48,7 +59,7 @@ def _figure(picture: Picture, figure: Figure, alone: bool) -> str:
     the whole page, and metadata are left out; coordinates are rounded to 0.01 pt; title and description are
     added.
     """
-    root = ET.fromstring(svg_text(figure))
+    root = ET.fromstring(text)
     _plain_names(root)
     used = _references(root)
     for element in root.iter():
@@ -69,7 +80,8 @@ def _figure(picture: Picture, figure: Figure, alone: bool) -> str:
                 value = _NUMBER.sub(lambda found: f"{float(found.group()):.2f}", value)
             element.attrib[key] = value
     _name(root, picture)
-    for key, value in _size(*figure.get_size_inches(), alone).items():
+    width, height = (float(root.attrib[side].removesuffix("pt")) / 72.0 for side in ("width", "height"))
+    for key, value in _size(width, height, alone).items():
         root.set(key, value)
     return ET.tostring(root, encoding="unicode")
 
@@ -131,7 +143,7 @@ def _named(picture: Picture) -> dict[str, str]:
 
 
 def _size(width: float, height: float, alone: bool) -> dict[str, str]:
-    """How large it is (inches) where there is room; wide ones are scrolled in a narrow window, others shrink."""
+    """How large it is, from inches, where there is room: wide ones are scrolled in a narrow window."""
     width, height = PIXELS * width, PIXELS * height
     scale = LARGER if alone and width <= SMALL else 1.0
     wide = {"class": "wide"} if width > WIDE else {}

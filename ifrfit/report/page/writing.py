@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ifrfit.errors import UsageError
 from ifrfit.inference.appraisal import Appraisal
@@ -15,14 +14,11 @@ from ifrfit.report.page.html import render
 from ifrfit.report.page.plugins import GENERATOR
 from ifrfit.report.page.registries import FORMATS
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 Files = Mapping[str, bytes]
 
 
-def page(result: FitResult, appraisal: Appraisal, figure: Figure | None = None) -> str:
-    """The report of a fit as one HTML page."""
+def page(result: FitResult, appraisal: Appraisal, figure: str | None = None) -> str:
+    """The report of a fit as one HTML page; its figure as svg, if it has been drawn before."""
     return render(assemble(result, appraisal, figure))
 
 
@@ -115,7 +111,7 @@ def put(folder: Path, files: Files, *, force: bool) -> None:
     """
     if folder.is_dir():
         for name in files:
-            if not name.endswith(".png"):
+            if "/" not in name:
                 check_free(folder / name, force=force)
 
     def fill(fresh: Path) -> list[str]:

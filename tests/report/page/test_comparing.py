@@ -13,6 +13,8 @@ from ifrfit.inference.comparison import compare
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page import assemble
+from ifrfit.report.page.charts.chart import Box, Points
+from ifrfit.report.page.svg import inline
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +79,14 @@ def test_the_table_is_that_of_the_terminal(results, appraisal):
     lines = [re.split(r"\s{2,}", line.strip()) for line in found.summary().splitlines()]
     assert list(table.head) in lines
     assert [list(row) in lines for row in table.rows] == [True] * len(CLOSURES)
-    assert len(pictures.items[0].figure.axes) > len(CLOSURES)
+    chart = pictures.items[0].figure
+    assert len(chart.panels) == 1 + len(CLOSURES) + 1
+    for name, strip in zip(found.entries, chart.panels[1:-1], strict=True):
+        (points,) = (mark for mark in strip.marks if isinstance(mark, Points))
+        expected = found.entries[name].fit.points["standardised"].to_numpy(dtype=float)
+        assert points.y == pytest.approx(expected)
+    bars = [mark.x[0] for mark in chart.panels[-1].marks if isinstance(mark, Box)][1:]
+    assert bars == [found.entries[name].log_bayes_factor for name in found.ranked]
 
 
 def test_without_a_comparison_and_without_a_reason_there_is_no_section(reports):
@@ -86,6 +95,7 @@ def test_without_a_comparison_and_without_a_reason_there_is_no_section(reports):
 
 def test_the_picture_leaves_the_verdict_to_the_words_above_it(results, appraisal):
     (own,) = [part for part in assemble(results("fixed"), appraisal).sections if part.name == "closures"]
-    assert own.blocks[2].items[0].figure.get_suptitle() == ""
+    drawn = inline(own.blocks[2].items[0]).split("</desc>")[1]
+    assert appraisal.comparison.verdict.says not in drawn
     assert own.blocks[2].caption.endswith("Bayes factors against the best.")
     assert appraisal.comparison.plot().get_suptitle().replace("\n", " ") == appraisal.comparison.verdict.says

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import ndimage, stats
 
 from ifrfit.inference.result.types import Estimate
 from ifrfit.report.page.blocks import Picture
+from ifrfit.report.page.charts.chart import Band, Box, Line, Points, Words
 from ifrfit.report.page.drawings.checks import draw_checks
-from ifrfit.report.page.drawings.corner import draw_corner, regions
+from ifrfit.report.page.drawings.corner import Regions, contours, draw_corner, regions, smoothed
 from ifrfit.report.page.drawings.directions import Directions, draw_directions, share_text
 from ifrfit.report.page.drawings.intervals import Span, draw_forest, draw_intervals
 from ifrfit.report.page.drawings.profiles import draw_profile
@@ -21,16 +23,17 @@ from ifrfit.report.page.drawings.residuals import draw_against, draw_quantiles, 
 from ifrfit.report.page.report_input import ReportInput
 from ifrfit.report.page.sections.identifiability import directions
 from ifrfit.report.page.svg import inline
-from ifrfit.report.style import series_styles
+from ifrfit.report.style import drawing, new_figure, series_styles, svg_text
 
 
-def marks(axes):
-    """Places of all single markers."""
-    return [
-        tuple(float(v) for xy in line.get_data() for v in xy)
-        for line in axes.lines
-        if len(line.get_xdata()) == 1
-    ]
+def of(chart, kind, panel=0):
+    """The marks of one kind in a panel of a chart."""
+    return [mark for mark in chart.panels[panel].marks if isinstance(mark, kind)]
+
+
+def single(chart):
+    """Places of all single marks of a chart of one panel."""
+    return [(float(p.x[0]), float(p.y[0])) for p in of(chart, Points) if p.x.size == 1]
 
 
 def test_the_band_of_ordered_residuals_holds_95_per_cent_of_each():
@@ -47,12 +50,11 @@ def test_residuals_are_drawn_where_they_are(results):
     result = results("hostile")
     look = series_styles(list(result.points["series"].unique()))
     z = result.points["standardised"].to_numpy()
-    for figure in (
+    for chart in (
         draw_against(result, look, result.points["gamma_deg"].to_numpy(), "γ"),
         draw_quantiles(result, look),
     ):
-        (axes,) = figure.axes
-        drawn = np.concatenate([line.get_ydata() for line in axes.lines if line.get_linestyle() == "None"])
+        drawn = np.concatenate([points.y for points in of(chart, Points) if points.fill != "none"])
         assert sorted(drawn) == pytest.approx(sorted(z))
 
 
@@ -83,9 +85,26 @@ def test_draws_on_a_line_have_no_contour():
 def test_a_corner_has_a_cell_a_pair():
     rng = np.random.default_rng(2)
     columns = {name: rng.standard_normal(500) for name in ("e_n", "e_t", "mu[a $x_1$ b]")}
-    figure = draw_corner(columns, {"e_n": (-2.0, 2.0)})
-    assert len(figure.axes) == 6
-    assert {round(float(line.get_xdata()[0]), 9) for line in figure.axes[0].lines} >= {-2.0, 2.0}
+    chart = draw_corner(columns, {"e_n": (-2.0, 2.0)})
+    assert len(chart.panels) == 6
+    assert {float(line.x[0]) for line in of(chart, Line)} >= {-2.0, 2.0}
+    histogram = of(chart, Band)[0]
+    counts, _ = np.histogram(columns["e_n"], bins=30, range=(chart.panels[0].x.low, chart.panels[0].x.high))
+    assert histogram.high[1:-1:2].tolist() == counts.tolist()
+
+
+def test_smoothing_is_that_of_scipy():
+    counts = np.random.default_rng(3).poisson(2.0, (40, 40)).astype(float)
+    expected = ndimage.gaussian_filter(counts, 1.6, mode="reflect")
+    np.testing.assert_allclose(smoothed(counts, 1.6), expected, rtol=1e-12)
+    few = counts[:3, :3]  # mirrored more than once
+    np.testing.assert_allclose(smoothed(few, 1.6), ndimage.gaussian_filter(few, 1.6), rtol=1e-12)
+
+
+def test_a_contour_runs_where_the_density_has_its_level():
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, 41), np.linspace(-1.0, 1.0, 41), indexing="ij")
+    (line,) = contours(Regions(x, y, -(x**2 + y**2), (-0.5, -0.25)), -0.25)
+    assert np.hypot(*line.T) == pytest.approx(0.5, abs=1e-3)
 
 
 def test_directions_of_a_known_covariance():
@@ -96,9 +115,10 @@ def test_directions_of_a_known_covariance():
     assert found.parts == pytest.approx(turn[[0, 1]] * [[1.0], [1.0]])
     scaled = Directions.of(("e_n", "mu"), np.diag([1.0, 9.0]), np.array([4.0, 6.0]))
     assert scaled.ratio == pytest.approx([0.5, 0.25])
-    (parts, bars) = draw_directions(found).axes
-    assert [label.get_text() for label in bars.get_yticklabels()] == ["0.5", "0.01"]
-    assert [text.get_text() for text in parts.texts] == ["+0.80", "+0.60", "−0.60", "+0.80"]
+    chart = draw_directions(found)
+    assert chart.panels[1].y.ticks.labels == ("0.5", "0.01")
+    assert [words.text for words in of(chart, Words)] == ["+0.80", "+0.60", "−0.60", "+0.80"]
+    assert [box.x[1] for box in of(chart, Box, 1) if box.edge] == pytest.approx([0.5, 0.01])
     assert share_text(-0.001) == "0"
 
 
@@ -122,37 +142,35 @@ def test_intervals_are_where_they_are_and_open_ones_leave_the_picture():
         Span("this fit", 0.5, (0.4, 0.6), (0.3, 0.7)),
         Span("covariance", None, None, (-math.inf, math.inf)),
     )
-    (axes,) = draw_intervals("e_n", spans, (0.0, 1.0)).axes
-    low, high = axes.get_xlim()
+    chart = draw_intervals("e_n", spans, (0.0, 1.0))
+    low, high = chart.panels[0].x.low, chart.panels[0].x.high
     assert low < 0.3
     assert high > 0.7
-    assert (0.5, 0.0) in marks(axes)
-    assert [place for place in marks(axes) if place[1] == 1.0] == [(low, 1.0), (high, 1.0)]
+    assert (0.5, 0.0) in single(chart)
+    assert [place for place in single(chart) if place[1] == 1.0] == [(low, 1.0), (high, 1.0)]
 
 
 def test_a_profile_is_drawn_as_computed(appraisals):
     profile = appraisals("fixed").profiles["e_t"]
-    (axes,) = draw_profile(profile).axes
-    curve = max(axes.lines, key=lambda line: len(line.get_xdata()))
-    assert np.isin(curve.get_xdata(), profile.x).all()
-    assert (profile.value, 0.0) in marks(axes)
-    cuts = sorted({round(float(line.get_ydata()[0]), 5) for line in axes.lines if len(line.get_xdata()) == 2})
+    chart = draw_profile(profile)
+    curve = max(of(chart, Line), key=lambda line: line.x.size)
+    assert np.isin(curve.x, profile.x).all()
+    assert (profile.value, 0.0) in single(chart)
+    cuts = sorted({round(float(line.y[0]), 5) for line in of(chart, Line) if line.x.size == 2})
     assert cuts == [0.98895, 3.84146] or cuts == [0.98894, 3.84146]
 
 
 def test_an_interval_without_end_is_shaded_as_far_as_its_profile_is_known(appraisals):
     profile = appraisals("fixed").profiles["e_t"]
     (low, _), *_ = profile.pieces
-    (axes,) = draw_profile(replace(profile, pieces=((low, math.inf),))).axes
-    shade = axes.patches[0].get_path().get_extents(axes.patches[0].get_patch_transform())
-    assert (shade.x0, shade.x1) == pytest.approx((low, profile.x[np.isfinite(profile.x)].max()))
+    chart = draw_profile(replace(profile, pieces=((low, math.inf),)))
+    assert of(chart, Box)[0].x == pytest.approx((low, profile.x[np.isfinite(profile.x)].max()))
 
 
 def test_failing_checks_look_different():
-    (axes,) = draw_checks({"chi2": 0.4, "runs of signs": 1e-9}).axes
-    found = [line for line in axes.lines if len(line.get_xdata()) == 1]
-    assert [line.get_marker() for line in found] == ["o", "<"]
-    assert [float(line.get_xdata()[0]) for line in found] == pytest.approx([math.log10(0.4), -6.0])
+    chart = draw_checks({"chi2": 0.4, "runs of signs": 1e-9})
+    assert [points.marker for points in of(chart, Points)] == ["o", "<"]
+    assert single(chart) == [(0.4, 0.0), (1e-6, 1.0)]
 
 
 def test_a_forest_has_a_line_a_result():
@@ -161,24 +179,44 @@ def test_a_forest_has_a_line_a_result():
         ("b", Estimate(None, None, (0.2, math.inf), (0.15, math.inf), "not_determined")),
         ("c", Estimate(0.13, None, (0.13, 0.13), (0.13, 0.13), "fixed")),
     ]
-    (axes,) = draw_forest("mu", lines).axes
-    low, high = axes.get_xlim()
-    assert low < 0.112
-    assert high > 0.13
-    assert {(0.12, 0.0), (0.13, 2.0), (high, 1.0)} <= set(marks(axes))
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["a", "b", "c"]
+    chart = draw_forest("mu", lines)
+    (panel,) = chart.panels
+    assert panel.x.low < 0.112
+    assert panel.x.high > 0.13
+    assert {(0.12, 0.0), (0.13, 2.0), (panel.x.high, 1.0)} <= set(single(chart))
+    assert panel.y.ticks.labels == ("a", "b", "c")
 
 
-def test_an_inline_svg_has_names_of_its_own_and_no_styles():
-    figure = draw_checks({"<b>&": 0.4})
-    text = inline(Picture("one", "A & B", "what < is seen", figure))
+@pytest.mark.parametrize("by_matplotlib", [False, True])
+def test_an_inline_svg_has_names_of_its_own_and_no_styles(by_matplotlib):
+    picture = figure_of(0.4, "<b>&") if by_matplotlib else draw_checks({"<b>&": 0.4})
+    text = inline(Picture("one", "A & B", "what < is seen", picture))
     root = ET.fromstring(text)
     ids = {element.get("id") for element in root.iter() if element.get("id")}
     assert all(name.startswith("one-") for name in ids)
-    assert "style" not in text
+    assert set(re.findall(r"url\(#([^)]+)\)", text)) <= ids
+    assert "style=" not in text
     assert "metadata" not in text
     assert root.find("title").text == "A & B"
     assert root.find("desc").text == "what < is seen"
-    other = ET.fromstring(inline(Picture("two", "", "", figure)))
+    assert "<b>&" in "".join(root.itertext())
+    other = ET.fromstring(inline(Picture("two", "", "", picture)))
     assert not ids & {element.get("id") for element in other.iter() if element.get("id")}
-    assert inline(Picture("one", "A & B", "what < is seen", figure)) == text
+    assert inline(Picture("one", "A & B", "what < is seen", picture)) == text
+
+
+def figure_of(value, label):
+    """A figure of matplotlib, as a section of somebody's own may show."""
+    with drawing():
+        figure = new_figure(60.0, 2.0)
+        axes = figure.add_subplot()
+        axes.plot([0.0, 1.0], [0.0, value])
+        axes.set_xlabel(label)
+    return figure
+
+
+def test_a_figure_and_what_was_written_of_it_are_the_same_picture():
+    figure = figure_of(0.4, "x")
+    drawn = inline(Picture("one", "", "", figure))
+    assert inline(Picture("one", "", "", svg_text(figure))) == drawn
+    assert (ET.fromstring(drawn).get("width"), ET.fromstring(drawn).get("height")) == ("250", "212")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
@@ -67,7 +68,9 @@ def test_markdown_has_its_pictures_beside_it(reports):
     text = files["my report.md"].decode()
     pictures = re.findall(r"\]\((my%20report-figures/[^)]+)\)", text)
     assert {name.replace("%20", " ") for name in pictures} == set(files) - {"my report.md"}
-    assert all(files[name][:4] == b"\x89PNG" for name in files if name.endswith(".png"))
+    pictures = [content for name, content in files.items() if name.endswith(".svg")]
+    assert len(pictures) == len(files) - 1
+    assert {ET.fromstring(content).tag for content in pictures} == {"{http://www.w3.org/2000/svg}svg"}
     # names from the file are escaped; in a block of code, indented, nothing needs to be
     prose = [line for line in text.splitlines()[1:] if not line.startswith("    ")]
     assert [line for line in prose if re.search(r"(?<!\\)<", line)] == []

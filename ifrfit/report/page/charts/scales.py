@@ -96,7 +96,7 @@ class SymmetricLogarithmic:
         )
 
     def ticks(self, low: float, high: float, most: int, *, whole: bool = False) -> Ticks:
-        """Those of a linear axis up to twice the threshold; where one end is beyond, 0, it and powers of ten."""
+        """Up to twice the threshold those of a linear axis; beyond, 0, the threshold and powers of ten."""
         if max(-low, high) <= 2.0 * self.threshold:
             return Linear().ticks(low, high, most, whole=whole)
         last = math.floor(math.log10(max(-low, high)) + 1e-9)

@@ -162,7 +162,9 @@ class _Writer:
             f'width="{number(frame.width)}" height="{number(frame.height)}"/></clipPath>'
         )
         # neighbours that are clipped share a group; the frame lies above all of them
-        written, on_frame, inside = [], [], []
+        written: list[str] = []
+        on_frame: list[str] = []
+        inside: list[str] = []
         for mark in panel.marks:
             text = self.mark(mark, frame)
             if isinstance(mark, Words):
@@ -183,16 +185,16 @@ class _Writer:
             for axis, length, is_upright in ((panel.x, frame.width, False), (panel.y, frame.height, True))
         )
         for place in frame.x(across.places).tolist() if panel.x.marked else ():
-            sides = (frame.bottom, -TICK), (frame.top, TICK)
-            sides = sides if panel.x.mirrored else sides[panel.x.is_far :][:1]
+            sides = _sides(panel.x, (frame.bottom, -TICK), (frame.top, TICK))
             marks += [f"M{number(place)} {number(start)}v{number(step)}" for start, step in sides]
         for place in frame.y(upwards.places).tolist() if panel.y.marked else ():
-            sides = (frame.left, TICK), (frame.right, -TICK)
-            sides = sides if panel.y.mirrored else sides[panel.y.is_far :][:1]
+            sides = _sides(panel.y, (frame.left, TICK), (frame.right, -TICK))
             marks += [f"M{number(start)} {number(place)}h{number(step)}" for start, step in sides]
         if panel.has_frame:
-            box = f"M{number(frame.left)} {number(frame.top)}h{number(frame.width)}v{number(frame.height)}h{number(-frame.width)}z"
-            words.append(f'<path d="{box}" fill="none" stroke="#000" stroke-width="{FRAME}"/>')
+            words.append(
+                f'<rect x="{number(frame.left)}" y="{number(frame.top)}" width="{number(frame.width)}" '
+                f'height="{number(frame.height)}" fill="none" stroke="#000" stroke-width="{FRAME}"/>'
+            )
         if marks:
             words.append(f'<path d="{"".join(marks)}" stroke="#000" stroke-width=".8"/>')
         words += self.across(panel.x, across, frame) + self.upwards(panel.y, upwards, frame)
@@ -206,9 +208,7 @@ class _Writer:
         place = frame.bottom + GAP
         written = []
         if axis.labelled:
-            low, high = (
-                (frame.left, frame.right) if axis.inside else (0.0, self.chart.width * POINTS_PER_MM)
-            )
+            low, high = (frame.left, frame.right) if axis.inside else (0.0, self.chart.width * POINTS_PER_MM)
             found = [
                 _text(x, place, label, TICK_LETTERS, height="top")
                 for x, label in zip(
@@ -272,9 +272,17 @@ class _Writer:
             return self.points(mark, frame.x(mark.x), frame.y(mark.y))
         assert isinstance(mark, Words)
         return _text(
-            float(frame.x(mark.x)), float(frame.y(mark.y)), mark.text, mark.size, colour=mark.colour,
-            anchor=mark.anchor, height=mark.height, turn=mark.turn, is_bold=mark.is_bold, opacity=mark.opacity,
-        )  # fmt: skip
+            float(frame.x(mark.x)),
+            float(frame.y(mark.y)),
+            mark.text,
+            mark.size,
+            colour=mark.colour,
+            anchor=mark.anchor,
+            height=mark.height,
+            turn=mark.turn,
+            is_bold=mark.is_bold,
+            opacity=mark.opacity,
+        )
 
     def box(self, box: Box, frame: _Frame) -> str:
         left, right, top, bottom = frame.box(box)
@@ -368,6 +376,13 @@ def _are_spaced(axis: Axis, ticks: Ticks, length: float, is_upright: bool) -> bo
         places = _kept_within(places, ticks.labels, 0.0, length)
     widths = np.array([width(label, TICK_LETTERS) for label in ticks.labels])
     return bool((np.abs(np.diff(places)) >= 0.5 * (widths[1:] + widths[:-1]) + 0.6 * TICK_LETTERS).all())
+
+
+def _sides(axis: Axis, near: tuple[float, float], far: tuple[float, float]) -> list[tuple[float, float]]:
+    """Where the tick marks of an axis start, and how far they go."""
+    if axis.mirrored:
+        return [near, far]
+    return [far] if axis.is_far else [near]
 
 
 def _kept_within(places: Array, labels: Sequence[str], low: float, high: float) -> Array:

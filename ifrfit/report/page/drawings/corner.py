@@ -96,7 +96,7 @@ def _pair(x: Array, y: Array, across: Interval, below: Interval) -> list[Mark]:
         for level, colour, width, dashes in zip(
             found.levels, (COLOURS[1], COLOURS[0]), (0.9, 1.3), ("--", "-"), strict=True
         ):
-            marks += [Line(*line.T, colour, width, dashes) for line in contours(found, level)]
+            marks += [Line(line[:, 0], line[:, 1], colour, width, dashes) for line in contours(found, level)]
     return marks
 
 

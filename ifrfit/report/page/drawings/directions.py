@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.thresholds import HALF
-from ifrfit.report.page.charts.chart import Axis, Box, Chart, Panel, Words
+from ifrfit.report.page.charts.chart import Axis, Box, Chart, Mark, Panel, Words
 from ifrfit.report.page.charts.scales import Logarithmic, Ticks
 from ifrfit.report.page.drawings.canvas import symbol
 from ifrfit.report.style import COLOURS
@@ -61,7 +61,8 @@ def draw_directions(found: Directions) -> Chart:
 
 def _parts(found: Directions, left: float, wide: float, tall: float) -> Panel:
     n = len(found.names)
-    places, marks = tuple(map(float, range(n))), []
+    places = tuple(map(float, range(n)))
+    marks: list[Mark] = []
     for row, part in enumerate(found.parts):
         for column, share in enumerate(part.tolist()):
             colour = COLOURS[0] if share >= 0 else COLOURS[1]
@@ -83,7 +84,7 @@ def share_text(share: float) -> str:
 def _ratios(ratio: Array, left: float, wide: float, tall: float) -> Panel:
     """Bars over a logarithmic axis, hatched where the direction is loose."""
     low = 10.0 ** min(-3, math.floor(math.log10(max(float(ratio.min()), 1e-12))))
-    marks = [Box((HALF, MOST), (-math.inf, math.inf), COLOURS[1], 0.15)]
+    marks: list[Mark] = [Box((HALF, MOST), (-math.inf, math.inf), COLOURS[1], 0.15)]
     for row, value in enumerate(ratio.tolist()):
         loose = value >= HALF
         bar = (low, max(value, low)), (row - 0.28, row + 0.28)

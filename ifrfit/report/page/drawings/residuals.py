@@ -43,7 +43,7 @@ def draw_against(result: FitResult, styles: dict[str, SeriesStyle], x: Array, la
     low, high = residual_limits(z[np.isfinite(x)])
     y = Axis(low, high, "residual (σ)", ticks=SIGMAS if high < FEW_SIGMAS else None)
     marks: list[Mark] = [*level, *_marked(result, styles, x, RESIDUAL_SIZE * look_of(len(x)).size)]
-    return one_panel(Axis(*ends.tolist(), label, whole=True), y, marks)
+    return one_panel(Axis(float(ends[0]), float(ends[1]), label, whole=True), y, marks)
 
 
 def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Chart:
@@ -80,7 +80,7 @@ def quantile_band(n: int) -> tuple[Array, Array]:
 
 
 def _marked(result: FitResult, styles: dict[str, SeriesStyle], x: Array, size: float) -> list[Points]:
-    """Residuals of each series over x, where that is finite: open where it sticks, ringed where it lies out."""
+    """Residuals of each series over finite x: open where they stick, ringed where they lie out."""
     rows = result.points
     z, lies_out = rows["standardised"].to_numpy(dtype=float), is_outlier(result, rows)
     sticking = sticks(rows) & rows["gamma_deg"].notna().to_numpy()
