@@ -57,8 +57,7 @@ class Linear:
     def ticks(self, low: float, high: float, most: int, *, whole: bool = False) -> Ticks:
         """Multiples of the least step of `STEPS` times a power of ten that makes at most `most` ticks."""
         step = _step(low, high, most, whole)
-        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-        return _labelled([i * step for i in range(first, last + 1)], step)
+        return _labelled([i * step for i in _multiples(low, high, step)], step)
 
 
 @dataclass(frozen=True)
@@ -114,9 +113,15 @@ def _step(low: float, high: float, most: int, whole: bool) -> float:
     for step in steps:
         if whole and step != round(step):
             continue
-        if math.floor(high / step + 1e-9) - math.ceil(low / step - 1e-9) + 1 <= max(most, 1):
+        if len(_multiples(low, high, step)) <= max(most, 1):
             return step
     return 1.0 if whole else high - low
+
+
+def _multiples(low: float, high: float, step: float) -> range:
+    """Which multiples of a step lie between two values, with those that rounding takes out."""
+    rounding = 1e-9 + 1e-15 * max(abs(low), abs(high)) / step
+    return range(math.ceil(low / step - rounding), math.floor(high / step + rounding) + 1)
 
 
 def _labelled(places: Sequence[float], step: float) -> Ticks:

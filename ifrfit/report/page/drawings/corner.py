@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -152,7 +151,8 @@ def regions(x: Array, y: Array, across: Interval, below: Interval) -> Regions | 
 def smoothed(counts: Array, sd: float) -> Array:
     """A table, (m, m), smoothed along both axes by a Gaussian of that many cells, mirrored at its edges."""
     m = len(counts)
-    steps = np.arange(-math.ceil(4.0 * sd), math.ceil(4.0 * sd) + 1)
+    farthest = round(4.0 * sd)
+    steps = np.arange(-farthest, farthest + 1)
     weights = np.exp(-0.5 * (steps / sd) ** 2)
     # cells beyond an edge are those before it, the last one first
     sources = (np.arange(m)[:, None] + steps) % (2 * m)
