@@ -247,7 +247,7 @@ class _Writer:
                 )
         if axis.label and axis.label_turned:
             lines = axis.label.split("\n")
-            place = side - longest - 0.5 * LABEL_LETTERS - 2.5 - (len(lines) - 1) * _LINE * LABEL_LETTERS
+            place = side - longest - 0.5 * LABEL_LETTERS - 3.5 - (len(lines) - 1) * _LINE * LABEL_LETTERS
             middle = 0.5 * (frame.top + frame.bottom)
             for line in lines:
                 written.append(_text(place, middle, line, LABEL_LETTERS, turn=90.0))

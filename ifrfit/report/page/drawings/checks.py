@@ -20,7 +20,7 @@ def draw_checks(p: Mapping[str, float]) -> Chart:
     """Each p-value over a logarithmic axis; what lies in the shade fails."""
     marks: list[Mark] = [
         Box((LEAST, REFUTED), (-math.inf, math.inf), COLOURS[1], 0.15),
-        Words(0.8 * REFUTED, len(p) + 0.05, "fails", colour=GREY, anchor="end", height="bottom"),
+        Words(0.8 * REFUTED, len(p) - 0.1, "fails", colour=GREY, anchor="end", height="bottom"),
     ]
     for place, value in enumerate(p.values()):
         fails = value < REFUTED

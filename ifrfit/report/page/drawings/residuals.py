@@ -63,7 +63,7 @@ def draw_quantiles(result: FitResult, styles: dict[str, SeriesStyle]) -> Chart:
         *_marked(result, styles, expected, look_of(n).size),
     ]
     x = Axis(-end, end, "normal quantile (σ)", most=7)
-    return one_panel(x, Axis(*residual_limits(z), "residual, in order (σ)"), marks)
+    return one_panel(x, Axis(*residual_limits(z), "residual, in order (σ)", most=7), marks)
 
 
 def quantile_band(n: int) -> tuple[Array, Array]:
