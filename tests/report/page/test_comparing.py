@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import ifrfit
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.comparison import compare
+from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics import CLOSURES
 from ifrfit.report.page import assemble
-from ifrfit.report.page.charts.chart import Box, Points
+from ifrfit.report.page.charts.chart import Bars, Box, Points
+from ifrfit.report.page.drawings.closures import draw_closures
 from ifrfit.report.page.svg import inline
 
 
@@ -87,6 +90,20 @@ def test_the_table_is_that_of_the_terminal(results, appraisal):
         assert points.y == pytest.approx(expected)
     bars = [mark.x[0] for mark in chart.panels[-1].marks if isinstance(mark, Box)][1:]
     assert bars == [found.entries[name].log_bayes_factor for name in found.ranked]
+
+
+def test_cross_validation_is_drawn_beside_the_evidence(appraisal):
+    found = appraisal.comparison
+    loo = Loo(10.0, 1.0, 2.0, -3.0, 1.5, 100, 0.5, (), (), ("1",), np.zeros(1), np.zeros(1))
+    first = found.ranked[1]
+    entries = {**found.entries, first: replace(found.entries[first], loo=loo)}
+    panel = draw_closures(replace(found, entries=entries)).panels[-1]
+    (point,) = (mark for mark in panel.marks if isinstance(mark, Points))
+    (bar,) = (mark for mark in panel.marks if isinstance(mark, Bars))
+    assert (point.x.tolist(), point.y.tolist()) == ([-3.0], [1.0])
+    assert (bar.at.tolist(), bar.low.tolist(), bar.high.tolist()) == ([1.0], [-4.5], [-1.5])
+    assert "LOO" in panel.x.label
+    assert "LOO" not in draw_closures(found).panels[-1].x.label
 
 
 def test_without_a_comparison_and_without_a_reason_there_is_no_section(reports):

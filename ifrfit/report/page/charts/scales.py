@@ -95,13 +95,18 @@ class SymmetricLogarithmic:
         )
 
     def ticks(self, low: float, high: float, most: int, *, whole: bool = False) -> Ticks:
-        """Up to twice the threshold those of a linear axis; beyond, 0, the threshold and powers of ten."""
+        """Up to twice the threshold those of a linear axis; beyond, 0 and powers of ten.
+
+        The threshold itself, too, where there is only one power of ten.
+        """
         if max(-low, high) <= 2.0 * self.threshold:
             return Linear().ticks(low, high, most, whole=whole)
         last = math.floor(math.log10(max(-low, high)) + 1e-9)
         first = math.floor(math.log10(self.threshold)) + 1
-        every = max(1, math.ceil((last - first + 1) / max(1, most - 2)))
-        found = [self.threshold, *(10.0**power for power in range(last, first - 1, -every)[::-1])]
+        every = max(1, math.ceil((last - first + 1) / max(1, most - 1)))
+        found = [10.0**power for power in range(last, first - 1, -every)[::-1]]
+        if len(found) == 1:
+            found = [self.threshold, *found]
         places = [-x for x in reversed(found) if -x >= low] + [0.0] + [x for x in found if x <= high]
         return Ticks(tuple(places), tuple(number_text(x, 0) for x in places))
 

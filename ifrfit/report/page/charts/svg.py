@@ -375,7 +375,7 @@ def _are_spaced(axis: Axis, ticks: Ticks, length: float, is_upright: bool) -> bo
     if axis.inside:
         places = _kept_within(places, ticks.labels, 0.0, length)
     widths = np.array([width(label, TICK_LETTERS) for label in ticks.labels])
-    return bool((np.abs(np.diff(places)) >= 0.5 * (widths[1:] + widths[:-1]) + 0.6 * TICK_LETTERS).all())
+    return bool((np.abs(np.diff(places)) >= 0.5 * (widths[1:] + widths[:-1]) + 0.4 * TICK_LETTERS).all())
 
 
 def _sides(axis: Axis, near: tuple[float, float], far: tuple[float, float]) -> list[tuple[float, float]]:

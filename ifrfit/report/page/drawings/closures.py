@@ -35,7 +35,9 @@ from ifrfit.report.style import GREY, PANEL_WIDTH_MM, SeriesStyle, series_styles
 
 # millimetres
 LEFT, RIGHT, TOP, DATA, STRIP, GAP, BAR = 19.0, 3.0, 3.0, 56.0, 10.0, 0.6, 4.4
-UNDER, UNDER_EVIDENCE = 13.0, 14.0  # for ticks and label of an axis
+UNDER, UNDER_EVIDENCE = 13.0, 16.0  # for ticks and label of an axis
+WORDS = "log Bayes factor against the best (bars)", "grey: no preference"
+LOO = "LOO difference ± se (points)"
 LONGEST = 40  # characters of a line of the legend
 ANGLES = Ticks(tuple(15.0 * i for i in range(7)), tuple(str(15 * i) for i in range(7)))
 
@@ -152,9 +154,10 @@ def _evidence(
             difference, se = np.array([entry.loo.difference]), np.nan_to_num(entry.loo.se_difference)
             crossed.append(Bars(at, difference - se, difference + se, "x", width=0.8, cap=4.0))
             crossed.append(Points(difference, at, "o", 3.2, "#fff", "#000"))
-    words = "log Bayes factor against the best (bars); grey: no preference"
-    words += "\nLOO difference ± se (points)" if crossed else ""
-    x = Axis(*evidence_limits(comparison), words, SymmetricLogarithmic(LINEAR), mirrored=True, most=8)
+    words = WORDS + ((LOO,) if crossed else ())
+    x = Axis(
+        *evidence_limits(comparison), "\n".join(words), SymmetricLogarithmic(LINEAR), mirrored=True, most=8
+    )
     names = Ticks(tuple(map(float, range(len(ranked)))), tuple(title(name) for name in ranked))
     y = Axis(len(ranked) - 0.4, -0.6, ticks=names, mirrored=True)
     return Panel(LEFT, top, wide, tall, x, y, (*marks, *crossed))

@@ -83,7 +83,7 @@ def draw_forest(name: str, lines: Sequence[tuple[str, Estimate]]) -> Chart:
             loose = estimate.value is None
             marks += _bar(span, place, window, GREY if loose else COLOURS[0], ":" if loose else "-")
     labels = [shortened(label, LONGEST) for label, _ in lines]
-    return lines_panel(labels, Axis(*window, symbol(name), mirrored=True), marks, 130.0, 50.0, line=5.0)
+    return lines_panel(labels, Axis(*window, symbol(name), mirrored=True), marks, 138.0, 58.0, line=5.0)
 
 
 def _bar(span: Span, place: int, window: Interval, colour: str, line: str = "-") -> list[Mark]:
