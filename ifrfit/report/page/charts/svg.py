@@ -34,6 +34,7 @@ from ifrfit.report.style import Dashes
 POINTS_PER_MM = 72.0 / 25.4
 TICK, GAP = 3.5, 3.5  # points: a tick mark, and between it and what is written
 FRAME = 0.7
+WIDE_GAP, NARROW_GAP = 0.4, 0.1  # between labels of ticks, over the size of their letters
 TITLE_LETTERS = 7.5
 FAR = 100.0  # lengths of the axis: what lies farther out is drawn there
 # Verdana has nearly the widths of DejaVu Sans, which not every reader has
@@ -356,26 +357,31 @@ def _group(written: Sequence[str], clip: str) -> str:
 
 
 def chosen_ticks(axis: Axis, length: float, *, is_upright: bool) -> Ticks:
-    """Ticks of an axis `length` points long: up to `most`, fewer where labels would come too close."""
+    """Ticks of an axis `length` points long: up to `most`, fewer where labels would come too close.
+
+    Labels come nearer to one another before a single one is left.
+    """
     if axis.ticks is not None:
         return axis.ticks
     low, high = sorted((axis.low, axis.high))
-    for most in range(axis.most, 1, -1):
-        found = axis.scale.ticks(low, high, most, whole=axis.whole)
-        if _are_spaced(axis, found, length, is_upright):
-            break
-    return found
+    for between in (WIDE_GAP, NARROW_GAP):
+        for most in range(axis.most, 1, -1):
+            ticks = axis.scale.ticks(low, high, most, whole=axis.whole)
+            if len(ticks.places) > 1 and _are_spaced(axis, ticks, length, between, is_upright):
+                return ticks
+    return ticks
 
 
-def _are_spaced(axis: Axis, ticks: Ticks, length: float, is_upright: bool) -> bool:
-    """Whether every label of an axis keeps a distance from the next."""
+def _are_spaced(axis: Axis, ticks: Ticks, length: float, between: float, is_upright: bool) -> bool:
+    """Whether labels keep a distance from one another, by shares of the size of their letters."""
     places = length * _share(axis, ticks.places)
     if is_upright:
-        return bool((np.abs(np.diff(places)) >= 1.4 * TICK_LETTERS).all())
+        return bool((np.abs(np.diff(places)) >= (1.0 + between) * TICK_LETTERS).all())
     if axis.inside:
         places = _kept_within(places, ticks.labels, 0.0, length)
     widths = np.array([width(label, TICK_LETTERS) for label in ticks.labels])
-    return bool((np.abs(np.diff(places)) >= 0.5 * (widths[1:] + widths[:-1]) + 0.4 * TICK_LETTERS).all())
+    room = np.abs(np.diff(places)) - 0.5 * (widths[1:] + widths[:-1])
+    return bool((room >= between * TICK_LETTERS).all())
 
 
 def _sides(axis: Axis, near: tuple[float, float], far: tuple[float, float]) -> list[tuple[float, float]]:
