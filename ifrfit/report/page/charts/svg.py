@@ -8,7 +8,6 @@ from dataclasses import replace
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ifrfit.report.page.charts.chart import (
     LABEL_LETTERS,
@@ -43,14 +42,8 @@ _DASHES = {"--": (3.7, 1.6), "-.": (6.4, 1.6, 1.0, 1.6), ":": (1.0, 1.65)}
 # how far the baseline lies below the place of a text, by shares of the size
 _BASELINE = {"top": 0.76, "middle": 0.36, "bottom": -0.1}
 _LINE = 1.2  # of text, over its size
-_HANDLE, _BESIDE, _BETWEEN = (
-    16.0,
-    4.0,
-    10.0,
-)  # points of a legend: a handle, before its label, between entries
-
-# pairs of coordinates on the chart, in points
-Places = NDArray[np.float64]
+# points of a legend: a handle, before its label, between entries
+_HANDLE, _BESIDE, _BETWEEN = 16.0, 4.0, 10.0
 
 
 def svg(chart: Chart, name: str, *, attributes: Mapping[str, str] | None = None, head: str = "") -> str:
