@@ -226,7 +226,7 @@ def _estimates(
     constants, kappas = about.constants, about.kappas
     if estimation.distribution is not None or estimation.unresolved:
         constants, kappas = estimates_of(
-            problem, estimation.distribution, constants, kappas, estimation.unresolved
+            problem, estimation.distribution, constants, kappas, estimation.unresolved, estimation.local
         )
     return constants, kappas, transitions_of(problem, about.gaussian, kappas, estimation.distribution)
 
