@@ -19,7 +19,9 @@ reproduce: $(READY)
 test: lint
 	$(MAKE) --jobs 2 types suite
 
+# bytecode first: where Python is told to write none, every process that a test starts would compile the package again
 suite: $(READY)
+	$(BIN)/python -m compileall -q ifrfit
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 # The inner loop, under a minute on two cores: the physics against its references, what is read, the texts of the

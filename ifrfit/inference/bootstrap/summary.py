@@ -19,6 +19,7 @@ from ifrfit.inference.result.estimation import Estimation, Unresolved
 from ifrfit.inference.result.types import Fact
 
 _LOADED = 1e-6  # share of the prior sd from which on a constant takes part in a loose combination
+_ON_BOUND = 1e-9  # within which a replicate lies on the end of its domain
 _FEWEST = 20  # replicates with an answer below which they say nothing
 
 GAUSSIAN = (
@@ -41,6 +42,9 @@ def estimation_of(found: BootstrapDraws, optimum: LeastSquaresFit) -> Estimation
     enough = found.answered >= _FEWEST
     predicts = enough and not _leaves_open(found.problem, optimum.gaussian)
     warnings = (SEPARATED,) if found.scheme.splits_impacts else ()
+    bounded = _on_bounds(found) if enough else {}
+    if bounded:
+        warnings = (*warnings, _bounded_words(bounded, found.answered))
     if not predicts:
         warnings = (*warnings, GAUSSIAN)
     elif found.failed > FAILED * found.replicates:
@@ -56,7 +60,34 @@ def estimation_of(found: BootstrapDraws, optimum: LeastSquaresFit) -> Estimation
         },
         predicts=predicts,
         unresolved=_unresolved(found),
+        local=tuple(bounded),
         warnings=warnings,
+    )
+
+
+def _on_bounds(found: BootstrapDraws) -> dict[str, int]:
+    """Constants that lie on an end of their domain in most replicates, and in how many.
+
+    However far beyond it the data would have them, the replicates are one number: of a constant on its bound
+    the bootstrap is inconsistent (Andrews 2000, Econometrica 68, 399).
+    """
+    bounded = {}
+    for name, entry in zip(found.problem.parameters.names, found.problem.parameters.entries, strict=True):
+        draws = found.draws.get(name)
+        if draws is None or entry.fixed is not None:
+            continue
+        room = _ON_BOUND * min(entry.upper - entry.lower, 1.0)
+        count = int(((draws <= entry.lower + room) | (draws >= entry.upper - room)).sum())
+        if count > draws.size / 2.0:
+            bounded[name] = count
+    return bounded
+
+
+def _bounded_words(bounded: Mapping[str, int], answered: int) -> str:
+    counts = ", ".join(f"{name} in {count:,}" for name, count in bounded.items())
+    return (
+        f"Of {answered:,} replicates lies {counts} on a bound of its domain. Such replicates do not tell how "
+        "far from the bound it may be: its interval is that of least squares."
     )
 
 

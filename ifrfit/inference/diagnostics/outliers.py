@@ -63,7 +63,12 @@ def _limit(dof: float, n: int) -> float:
 
 
 def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None) -> Fact:
-    figures = {"rows": [row_name(problem, i) for i, _ in found], "limit": limit}
+    of = problem.observations.table["observable"]
+    figures = {
+        "rows": [row_name(problem, i) for i, _ in found],
+        "observables": sorted({str(of.iat[i]) for i, _ in found}),
+        "limit": limit,
+    }
     if limit is None and not found:
         return Fact(True, "too few rows to tell an outlier", figures, FACTS["outliers"])
     if not found:

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ifrfit._version import __version__
-from ifrfit.inference.diagnostics.collect import angle_offset, at_bound, global_optimum, misfit_facts
+from ifrfit.inference.diagnostics.collect import angle_offset, at_bound, global_optimum
 from ifrfit.inference.diagnostics.identifiability import identifiable
 from ifrfit.inference.diagnostics.modes import several_modes
 from ifrfit.inference.diagnostics.omitted_effects.assess import causes_of, criteria_of
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
+from ifrfit.inference.diagnostics.precedence import misfit_facts
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
 from ifrfit.inference.distributions.protocol import Distribution
@@ -225,7 +226,7 @@ def _estimates(
     constants, kappas = about.constants, about.kappas
     if estimation.distribution is not None or estimation.unresolved:
         constants, kappas = estimates_of(
-            problem, estimation.distribution, constants, kappas, estimation.unresolved
+            problem, estimation.distribution, constants, kappas, estimation.unresolved, estimation.local
         )
     return constants, kappas, transitions_of(problem, about.gaussian, kappas, estimation.distribution)
 

@@ -66,6 +66,8 @@ class Estimation:
         By name of the quantity; estimates of these quantities are read from their profiles.
     unresolved : mapping of str to Unresolved
         By name of the quantity, what gets no value for reasons that the distribution does not show.
+    local : tuple of str
+        Parameters whose estimates stay those of least squares: the distribution does not show their spread.
     warnings : tuple of str
         For the user, after those of the data.
     effort : Effort or None
@@ -84,6 +86,7 @@ class Estimation:
     log_evidence: float | None = None
     profiles: Mapping[str, ProfileLikelihood] = field(default_factory=dict)
     unresolved: Mapping[str, Unresolved] = field(default_factory=dict)
+    local: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     effort: Effort | None = None
     versions: Mapping[str, str] = field(default_factory=dict)

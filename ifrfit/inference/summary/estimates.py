@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -104,6 +104,7 @@ def estimates_of(
     local: Constants,
     local_kappas: Kappas,
     unresolved: Mapping[str, Unresolved] | None = None,
+    kept: Collection[str] = (),
 ) -> tuple[Constants, Kappas]:
     """Every constant from its marginal, and kappa of each series, as `by_constant`.
 
@@ -116,12 +117,16 @@ def estimates_of(
         The estimates of least squares: they know what the data leave open, and what rests on a prior.
     unresolved : mapping, optional
         By name, what gets no value for other reasons.
+    kept : collection of str, optional
+        Entries of theta whose estimates stay those of least squares.
     """
     reasons = unresolved or {}
     parameters, known = problem.parameters, by_entry(local)
 
     def of_entry(place: int) -> Estimate:
         name = parameters.names[place]
+        if name in kept:
+            return known[name]
         return _estimate(distribution, name, parameters.entries[place].domain, known[name], reasons)
 
     def of_kappa(number: int) -> Estimate:

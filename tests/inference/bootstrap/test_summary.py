@@ -158,3 +158,18 @@ def test_options_of_the_bootstrap_belong_to_it(impacts) -> None:
         make_estimator("lsq", {"replicates": 100})
     with pytest.raises(UsageError, match="--replicates 0"):
         ifrfit.fit(path, method=Bootstrap(replicates=0))
+
+
+def test_a_constant_on_its_bound_keeps_the_interval_of_least_squares(impacts) -> None:
+    path = impacts(gamma=GAMMA, observables=("beta", "e_n"), noise=0.02, sigma=0.02, c=-1.0, seed=2)
+    found, local = ifrfit.fit(path, method=Bootstrap(replicates=100)), ifrfit.fit(path, method="lsq")
+    on_bound = (found.distribution.values["e_t"] == -1.0).sum()
+    assert on_bound > 50, "the replicates are to lie on the bound"
+    assert found.constants["e_t"] == local.constants["e_t"]
+    assert found.constants["e_t"].interval95[1] > -0.999
+    assert found.constants["mu"] != local.constants["mu"]
+    said = [warning for warning in found.warnings if "on a bound of its domain" in warning]
+    assert said == [
+        f"Of 100 replicates lies e_t in {on_bound} on a bound of its domain. Such replicates do not tell how "
+        "far from the bound it may be: its interval is that of least squares."
+    ]
