@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -146,3 +148,19 @@ def test_grey_levels_are_colours():
     assert hexadecimal("0.5") == "#808080"
     assert hexadecimal("0") == "#000000"
     assert hexadecimal("#0072B2") == "#0072B2"
+
+
+def test_charts_need_no_matplotlib():
+    code = (
+        "import sys, numpy as np\n"
+        "from ifrfit.report.page.blocks import Picture\n"
+        "from ifrfit.report.page.drawings import checks, closures, corner, directions\n"
+        "from ifrfit.report.page.drawings import intervals, profiles, residuals\n"
+        "from ifrfit.report.page.svg import inline\n"
+        "draws = np.random.default_rng(0).standard_normal((2, 500))\n"
+        "chart = corner.draw_corner({'e_n': draws[0], 'mu': draws[1]}, {})\n"
+        "assert inline(Picture('corner', 'Corner', '', chart)).startswith('<svg')\n"
+        "print([name for name in sys.modules if name.partition('.')[0] in ('matplotlib', 'PIL')])\n"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "[]\n"
