@@ -10,10 +10,10 @@ import slips_study
 from factories import at_most, impacts_file
 from slips_scenes import Cause, Scene, experiment
 
-from ifrfit.inference.diagnostics.slips.evidence import Slip
 from ifrfit.inference.diagnostics.slips.flawed_readings import Flaw, readings
 from ifrfit.inference.diagnostics.slips.messages import slip_words
 from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
+from ifrfit.inference.diagnostics.slips.slip import Slip
 from ifrfit.inference.fit import fit
 from ifrfit.physics import rebound
 
