@@ -32,9 +32,9 @@ from calibration_verdict import (
 from scipy.special import ndtr, ndtri
 
 SEED = 7
-REPEATS = 70  # in each scene
+REPEATS = 45  # in each scene
 NARROWED = 0.8  # such intervals are caught from some 140 experiments on; those of 0.9 from some 540 on
-CONTROLS_EACH = 60
+CONTROLS_EACH = 45
 QUICK = tuple(name for name, scene in SCENES.items() if scene.share == 1.0)
 PAGE = Path(__file__).parents[3] / "docs" / "calibration.md"
 
@@ -223,7 +223,7 @@ def study():
 
     Its power: intervals 20 % too narrow in all scenes are refuted, which the control of that name shows. The
     study of `make calibrate` has the power for 10 %. Exact to 1e-2 of a sd, which moves a rank by 0.004 at
-    most: a quarter of what the mean rank of 280 experiments scatters by, 1/sqrt(12 * 280). The study of
+    most: a fifth of what the mean rank of 180 experiments scatters by, 1/sqrt(12 * 180). The study of
     `make calibrate` takes the tolerance of a fit.
     """
     tasks = tasks_of(SEED, REPEATS, 0, CONTROLS_EACH, peers=False, scenes=QUICK)
