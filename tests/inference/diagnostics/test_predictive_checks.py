@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from factories import BILINEAR, problem_of, rest_long
+from factories import BILINEAR, problem_of
 from scipy import stats
 
 from ifrfit.data.observations import Observations, make_table
@@ -286,12 +286,11 @@ def test_many_rows_take_fewer_draws_and_the_blocks_do_not_show(monkeypatch):
     assert predictive(problem, draws).figures["n_draws"] == 8
 
 
-@pytest.mark.parametrize("n", rest_long((80, 200)))
-def test_used_twice_the_p_values_crowd_around_one_half(n):
+def test_used_twice_the_p_values_crowd_around_one_half():
     """What the docstring warns of: with a real posterior p is conservative, never the other way."""
     rng = np.random.default_rng(13)
     p = []
-    for _ in range(n):
+    for _ in range(200):
         value = 0.9 + SIGMA * rng.standard_normal(4)
         problem = with_values(build(4, ("e_n",)), value)
         draws = {name: np.full(200, x[0]) for name, x in TRUTH.items()}
@@ -299,4 +298,4 @@ def test_used_twice_the_p_values_crowd_around_one_half(n):
         p.append(predictive(problem, draws).figures["p_chi2"])
     assert np.std(p) < 0.9 * np.sqrt(1.0 / 12.0)
     assert np.mean(np.array(p) < 0.05) < 0.05
-    assert np.mean(p) == pytest.approx(0.5, abs=0.85 / np.sqrt(n))
+    assert np.mean(p) == pytest.approx(0.5, abs=0.06)
