@@ -135,7 +135,6 @@ DEAR = ("mu_app and e_n, a common factor", "e_n separate")
     ("name", "tolerance"),
     [
         *((name, 1e-4) for name in QUESTIONS if name not in DEAR),
-        ("e_n separate", 1e-3),
         *(pytest.param(name, 1e-4, marks=pytest.mark.long) for name in DEAR),
     ],
 )
