@@ -19,10 +19,9 @@ reproduce: $(READY)
 test: lint
 	$(MAKE) --jobs 2 types suite
 
-# bytecode first: where Python is told to write none, every process that a test starts would compile the package again
+# each worker and each process of a test reads compiled files, wherever the environment keeps Python from them
 suite: $(READY)
-	$(BIN)/python -m compileall -q ifrfit
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 # The inner loop, under a minute on two cores: the physics against its references, what is read, the texts of the
 # commands, and of each kind of inference its independent oracle. Not a substitute for make test.
@@ -34,7 +33,7 @@ FAST = tests/physics --ignore tests/physics/compliance --ignore tests/physics/ke
        $(addprefix tests/report/,test_rounding.py test_tables.py test_terminal.py)
 
 check-fast: lint
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile $(FAST)
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile $(FAST)
 
 lint: $(READY)
 	$(BIN)/ruff check .

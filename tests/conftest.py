@@ -44,7 +44,13 @@ def brief_costs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def small_page(monkeypatch: pytest.MonkeyPatch) -> None:
+def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files of figures with nothing in them, where only their names matter; the figures are made."""
+    monkeypatch.setattr("ifrfit.report.style.save_figure", lambda _, path: path.write_bytes(b"blank"))
+
+
+@pytest.fixture
+def small_page(monkeypatch: pytest.MonkeyPatch, blank_pictures: None) -> None:
     """Reports of one paragraph and nothing appraised, where only the files of a result matter."""
     from ifrfit.inference.appraisal import Appraisal
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import pytest
 from scipy.special import bdtrc
 
 from ifrfit.data.observations import Observations
@@ -115,6 +117,11 @@ def problem_of(
 def at_most(n: int, p: float, tail: float = 1e-3) -> int:
     """Most events of probability `p` among `n` that chance gives, but for a tail of 1e-3."""
     return next(k for k in range(n + 1) if bdtrc(k, n, p) < tail)
+
+
+def rest_long(values: Iterable[Any], quick: int = 1) -> list[Any]:
+    """Values of a parameter: the first `quick` of them in every run, the rest with ``-m long`` alone."""
+    return [x if i < quick else pytest.param(x, marks=pytest.mark.long) for i, x in enumerate(values)]
 
 
 def assert_golden(text: str, path: Path) -> None:

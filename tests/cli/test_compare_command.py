@@ -46,6 +46,7 @@ def test_options_of_fit_mean_the_same(cli, path):
     assert compared["input"] == fitted["input"]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_files_appear_and_are_kept(cli, path):
     found = cli("compare", path, *QUICK, "--out", "results/one")
     assert found.stdout.rstrip().endswith("written: results/one/  compare.json  compare.svg  compare.png")

@@ -11,6 +11,7 @@ import pytest
 CROSS = ("cost", "cross-2019", "--fix", "e_n=0.94", "--kind", "inference", "--quick")
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_contact_laws_and_precisions_stand_beside_one_another(cli):
     found = cli(
         "cost", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--quick", "--out", "out",
@@ -34,7 +35,7 @@ def test_contact_laws_and_precisions_stand_beside_one_another(cli):
     }
 
 
-@pytest.mark.usefixtures("brief_costs")
+@pytest.mark.usefixtures("brief_costs", "blank_pictures")
 def test_json_is_all_that_is_printed(cli):
     found = cli(*CROSS, "--tails", "student-t", "--json", "--out", "out")
     assert (found.returncode, found.stderr) == (0, "")

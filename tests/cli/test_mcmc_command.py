@@ -27,7 +27,7 @@ def converged(folder: str) -> dict[str, object]:
 
 
 @pytest.mark.usefixtures("small_page")
-def test_too_short_a_walk_says_so_and_resumed_it_is_the_long_one(cli):
+def test_too_short_a_walk_says_so_and_can_be_resumed(cli):
     short = cli(*MCMC, "--max-steps", 60, "--out", "short", "--strict")
     assert short.returncode == 4
     assert short.stdout.startswith("LOOK  the estimator did not converge")
@@ -47,23 +47,13 @@ def test_too_short_a_walk_says_so_and_resumed_it_is_the_long_one(cli):
     assert "written: short/" in resumed.stdout
     assert converged("short")["ok"]
 
-    whole = cli(*MCMC, "--out", "whole", "--quiet")
-    assert (whole.returncode, whole.stdout, whole.stderr) == (0, "", "")
-    one, other = chains("short"), chains("whole")
-    assert one.keys() == other.keys()
-    assert all(np.array_equal(one[name], other[name]) for name in one)
-    texts = [
-        json.loads(Path(folder, "result.json").read_text())["constants"] for folder in ("short", "whole")
-    ]
-    assert texts[0] == texts[1]
-
     # the same rows and choices are asked for
     for options in (("--seed", "1"), ("--gamma-min", "20")):
         other_question = cli(*MCMC, *options, "--resume", "short")
         assert other_question.returncode == 2
         assert "these chains are of other data, choices or another seed" in other_question.stderr
 
-    predicted = cli("predict", "whole/result.json", "--gamma", "10,60")
+    predicted = cli("predict", "short/result.json", "--gamma", "10,60")
     assert predicted.returncode == 0
     assert predicted.stdout.count("\n") == 3
 
@@ -71,6 +61,24 @@ def test_too_short_a_walk_says_so_and_resumed_it_is_the_long_one(cli):
     damaged = cli(*MCMC, "--resume", "short")
     assert damaged.returncode == 3
     assert "cannot be read as chains" in damaged.stderr
+
+
+@pytest.mark.usefixtures("small_page")
+@pytest.mark.parametrize(
+    "whole", [("--max-steps", "90"), pytest.param((), marks=pytest.mark.long)], ids=["90 steps", "converged"]
+)
+def test_resumed_a_walk_is_the_long_one(cli, whole):
+    assert cli(*MCMC, "--max-steps", 60, "--out", "short", "--quiet").returncode == 0
+    assert cli(*MCMC, *whole, "--resume", "short", "--quiet").returncode == 0
+    found = cli(*MCMC, *whole, "--out", "whole", "--quiet")
+    assert (found.returncode, found.stdout, found.stderr) == (0, "", "")
+    one, other = chains("short"), chains("whole")
+    assert one.keys() == other.keys()
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+    texts = [
+        json.loads(Path(folder, "result.json").read_text())["constants"] for folder in ("short", "whole")
+    ]
+    assert texts[0] == texts[1]
 
 
 @pytest.mark.usefixtures("small_page")

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from factories import rest_long
 
 from ifrfit import __version__
 
@@ -55,7 +56,15 @@ def test_json_costs_no_import_that_it_does_not_need(python):
 
 @pytest.mark.parametrize(
     "arguments",
-    [("fit", "x.csv"), ("fit", "x.csv", "--json"), ("datasets", "show", "kharaz-2001"), ("template",)],
+    rest_long(
+        [
+            ("fit", "x.csv"),
+            ("datasets", "show", "kharaz-2001"),
+            ("fit", "x.csv", "--json"),
+            ("template",),
+        ],
+        2,
+    ),
 )
 def test_a_terminal_that_knows_ascii_only_is_served(python, arguments):
     Path("x.csv").write_text("γ [°],β,σ_β\n10,0.4,0.1\n30,0.3,0.1\n60,-0.5,0.1\n", encoding="utf-8")
@@ -63,7 +72,7 @@ def test_a_terminal_that_knows_ascii_only_is_served(python, arguments):
     assert (found.returncode, found.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("arguments", [("--json",), ("--out", "results")])
+@pytest.mark.parametrize("arguments", rest_long([("--out", "results"), ("--json",)]))
 def test_no_warning_reaches_the_user_whatever_the_file_is_called(python, arguments):
     # elsewhere than on Linux file names are text
     name = os.fsdecode(b"Messung_\xfc.csv") if sys.platform == "linux" else "Messung_ü.csv"

@@ -30,7 +30,7 @@ PLAIN_ONLY = {
 
 @pytest.fixture
 def path(impacts):
-    return impacts(gamma=np.linspace(5.0, 80.0, 12), c=-0.8, sigma=0.05, noise=0.05, seed=3)
+    return impacts(gamma=np.linspace(5.0, 80.0, 8), c=-0.8, sigma=0.05, noise=0.05, seed=3)
 
 
 @pytest.mark.parametrize(

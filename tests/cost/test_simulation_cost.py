@@ -94,6 +94,7 @@ def test_the_folder_holds_table_and_figure(tmp_path):
     assert content == found.to_dict()
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_a_later_simulation_without_costs_leaves_none_behind(tmp_path):
     found = simulate(LATERAL)
     write_simulation(found, tmp_path / "a", force=False, supplement=supplement(COSTS, found))

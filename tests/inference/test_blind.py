@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import at_most
+from factories import at_most, rest_long
 from scipy.special import chdtrc
 
 import ifrfit
@@ -18,8 +18,8 @@ from ifrfit.physics import rebound
 
 N = 60
 NOISE = 0.02
-# of 40 data sets from another law 38 must be refuted, a power of at least 95 %; of ten all but one
-SEEDS = [10, pytest.param(40, marks=pytest.mark.long)]
+# of 40 data sets from another law 38 must be refuted, a power of at least 95 %; of five all but one
+SEEDS = rest_long((5, 40))
 GAMMA = np.linspace(2.0, 85.0, N)
 TRUTH = {"e_n": 0.9, "e_t": -0.95, "mu": 0.15}
 SPINS = {"none": np.zeros(N), "three": np.resize([0.0, 0.3, -0.15], N)}
@@ -97,26 +97,28 @@ def test_data_of_another_law_are_refuted(law, spins, j, noise, seeds):
 
 
 # "unknown" takes the smaller p of two tests, so its threshold of 0.001 is reached twice as often at most
-@pytest.mark.parametrize("seeds", [25, pytest.param(75, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seeds", rest_long((12, 75)))
 @pytest.mark.parametrize(("noise", "p"), [("known", 0.001), ("unknown", 0.002)])
 @pytest.mark.parametrize(("spins", "j"), [("none", 0.4), ("three", 2.0 / 3.0)])
 def test_data_of_ifr_itself_are_not(spins, j, noise, p, seeds):
     assert refuted(fits(ifr, spins, j, noise, seeds)) <= at_most(seeds, p)
 
 
-def test_the_p_value_of_known_noise_is_uniform_for_ifr():
-    p = np.sort([r.facts["lack_of_fit"].figures["p"] for r in fits(ifr, "three", 0.4, "known", 60)])
+@pytest.mark.parametrize("seeds", rest_long((24, 60)))
+def test_the_p_value_of_known_noise_is_uniform_for_ifr(seeds):
+    p = np.sort([r.facts["lack_of_fit"].figures["p"] for r in fits(ifr, "three", 0.4, "known", seeds)])
     steps = np.arange(1, p.size + 1) / p.size
     distance = max(np.max(steps - p), np.max(p - steps + 1.0 / p.size))
     # Kolmogorov: exp(-2 n d^2) twice is 1e-3
     assert distance < np.sqrt(np.log(2.0 / 1e-3) / (2.0 * p.size))
 
 
+@pytest.mark.parametrize("seeds", rest_long((12, 40)))
 @pytest.mark.parametrize("noise", ["known", "unknown"])
-def test_walton_with_beta0_of_two_fifths_is_ifr_on_its_bound(noise):
+def test_walton_with_beta0_of_two_fifths_is_ifr_on_its_bound(noise, seeds):
     """The one FR law that IFR holds: e_t = -1. It must not be refuted, and 0.2 less must."""
-    found = list(fits(walton(0.4), "three", 0.4, noise, 40))
-    assert refuted(found) <= at_most(40, 0.002)
+    found = list(fits(walton(0.4), "three", 0.4, noise, seeds))
+    assert refuted(found) <= at_most(seeds, 0.002)
     near = [min(abs(end + 1.0) for end in r.constants["e_t"].interval95) for r in found]
     assert np.mean(np.array(near) < 1e-9) >= 0.9
 
@@ -183,9 +185,10 @@ def test_raw_velocities_of_a_hollow_ball_give_back_what_was_put_in(tmp_path):
     assert fact.figures["sources"][0]["rms"] < 1e-12
 
 
-def test_noise_widens_the_hollow_balls_intervals_as_it_should(tmp_path):
+@pytest.mark.parametrize("seeds", rest_long((10, 30)))
+def test_noise_widens_the_hollow_balls_intervals_as_it_should(tmp_path, seeds):
     held, pulls = [], []
-    for seed in range(30):
+    for seed in range(seeds):
         path = hollow_csv(tmp_path / f"shell{seed}.csv", 0.05, np.random.default_rng([seed, 3]))
         found = ifrfit.fit(path, inertia_factor=SHELL, method="lsq")
         assert found.noise.policy == "known"

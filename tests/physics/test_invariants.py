@@ -61,7 +61,7 @@ def impulse_bounds(call: dict[str, Any]) -> tuple[float, float]:
 
 
 @given(gammas, spins, spins, laws())
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_balances_of_an_impact(gamma: float, spin_x: float, spin_y: float, call: dict[str, Any]) -> None:
     r = rebound(gamma, spin_x, spin_y, **call)
     j, slip, tolerance = r.inertia_factor, float(r.incidence.slip), 1e-13 * scale_of(spin_x, spin_y)
@@ -121,7 +121,7 @@ def test_turning_the_spin_about_the_normal_turns_the_rebound(
     st.floats(1e-3, 1e3),
     st.integers(0, 2**32 - 1),
 )
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_agrees_with_the_impulse_balance_at_any_speed_size_mass_and_direction_of_the_wall(
     gamma: float,
     spin_x: float,

@@ -100,7 +100,7 @@ def crossings(tau: float, spin_x: float, spin_y: float) -> list[float]:
 
 
 @given(st.floats(1e-3, 1e3), st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_finds_what_a_scan_finds(tau: float, spin_x: float, spin_y: float) -> None:
     seen = crossings(tau, spin_x, spin_y)
     angles = transition_angles(tau, spin_x, spin_y)

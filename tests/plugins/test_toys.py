@@ -14,7 +14,7 @@ from extensions.closure import GRIP
 from extensions.effect import BRAKE_SHARE, Brake
 from extensions.method import Mode
 from extensions.observable import SPIN_GAINED
-from factories import impacts_file
+from factories import impacts_file, rest_long
 from scipy.stats import kstest
 from toys import BEND, HALF_DROP, TILT, Rooted
 
@@ -229,7 +229,7 @@ def costs(cli: Callable[..., str], folder: Path, options: tuple[str, ...]) -> se
     return {cost["method"] for cost in json.loads(measured)["costs"]}
 
 
-@pytest.mark.parametrize("name", [*CLOSURES, "grip", "bend"])
+@pytest.mark.parametrize("name", rest_long(("grip", "bend", "maw", *(x for x in CLOSURES if x != "maw")), 3))
 def test_every_closure_goes_through_every_command(cli: Callable[..., str], tmp_path: Path, name: str) -> None:
     chosen = ("--closure", name)
     content = through_every_command(cli, tmp_path, (*chosen, "--method", "lsq"))

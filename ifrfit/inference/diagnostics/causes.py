@@ -6,17 +6,12 @@ from collections.abc import Mapping, Sequence
 
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
 from ifrfit.inference.diagnostics.series_compared import Pooling
-from ifrfit.inference.diagnostics.slips.evidence import (
-    Fitted,
-    Slip,
-    drop_of_effect,
-    is_decisive,
-    offsets_by_series,
-    too_few,
-    tried,
-)
+from ifrfit.inference.diagnostics.slips.compared_fit import ComparedFit, drop_of_effect
+from ifrfit.inference.diagnostics.slips.evidence import too_few, tried
 from ifrfit.inference.diagnostics.slips.messages import none_words, offset_words, short_slip_words, slip_words
 from ifrfit.inference.diagnostics.slips.refit import Misfit
+from ifrfit.inference.diagnostics.slips.series_offsets import offsets_by_series
+from ifrfit.inference.diagnostics.slips.slip import Slip, is_decisive
 from ifrfit.inference.diagnostics.thresholds import ALIKE, DECISIVE, FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE
@@ -108,9 +103,9 @@ def _drop_of_series(
     problem: Problem, fit: LeastSquaresFit, shared: Pooling, slip: Slip | None = None
 ) -> float:
     """Fall of -2 log likelihood with constants of each series, at the noises that a slip was judged by."""
-    of_all = Fitted(problem, fit, Misfit.of(problem))
-    judged = Fitted.by_series(problem, fit) if slip is not None and slip.series else of_all
-    wider = Fitted(shared.problem, shared.fit, judged.misfit)
+    of_all = ComparedFit(problem, fit, Misfit.of(problem))
+    judged = ComparedFit.by_series(problem, fit) if slip is not None and slip.series else of_all
+    wider = ComparedFit(shared.problem, shared.fit, judged.misfit)
     return judged.likelihood - wider.likelihood
 
 

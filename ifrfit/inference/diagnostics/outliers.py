@@ -9,7 +9,7 @@ from scipy import special
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
-from ifrfit.inference.diagnostics.thresholds import FACTS, OUTLIER
+from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
 from ifrfit.inference.result.types import Fact
@@ -56,7 +56,7 @@ def outliers(problem: Problem, fit: LeastSquaresFit, residuals: Residuals) -> Fa
 
 def _limit(dof: float, n: int) -> float:
     """The Bonferroni limit of n rows; infinite where the noise rests on too few of them."""
-    p = 1.0 - 0.5 * OUTLIER / n
+    p = 1.0 - 0.5 * REFUTED / n
     if math.isinf(dof):
         return float(special.ndtri(p))
     return float(special.stdtrit(dof, p)) if dof > 1.0 else math.inf

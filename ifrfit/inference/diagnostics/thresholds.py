@@ -8,9 +8,8 @@ GAP = 1e-9
 NOISE_GAP = 0.02
 RIVAL = 0.01
 ALIKE = 4.0
-REFUTED = 0.001
+REFUTED = 0.001  # of each fact: all together stay below 0.01 a fit on clean data
 DECISIVE = 18.4
-OUTLIER = 0.002  # with all other facts at 0.001 or below, all together stay below 0.01 a fit on clean data
 AT_REST = 1e-6
 FAILED = 0.01
 RHAT = 1.01
@@ -112,7 +111,7 @@ FACTS = {
     f"number of ends of observables, is below {REFUTED:g}; looked for where nothing else is found",
     "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
     "more, not simulated, all the same in every decimal",
-    "outliers": f"studentised residuals within the Bonferroni limit at {100 * OUTLIER:g} %, one by one; by "
+    "outliers": f"studentised residuals within the Bonferroni limit at {100 * REFUTED:g} %, one by one; by "
     "Student's t with the degrees of freedom of the row's own noise where that is unknown",
     "predictive": f"p >= {REFUTED:g} in each of four posterior predictive checks: chi2, runs of signs along "
     "tau, largest residual, share of the rows inside their 95 % band",

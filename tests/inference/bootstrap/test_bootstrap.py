@@ -77,15 +77,15 @@ def same(one: BootstrapDraws, other: BootstrapDraws, rel: float = 0.0) -> None:
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_neither_chunks_nor_the_number_of_replicates_change_a_replicate(scheme) -> None:
     problem, found = fitted(scene(15, noise="unknown"))
-    base = bootstrap(problem, found, scheme=scheme, replicates=200, seed=4)
-    same(base, bootstrap(problem, found, scheme=scheme, replicates=200, seed=4))
+    base = bootstrap(problem, found, scheme=scheme, replicates=100, seed=4)
+    same(base, bootstrap(problem, found, scheme=scheme, replicates=100, seed=4))
     for at_once in (1, 700, 10**9):
         same(
-            base, bootstrap(problem, found, scheme=scheme, replicates=200, seed=4, at_once=at_once), rel=1e-9
+            base, bootstrap(problem, found, scheme=scheme, replicates=100, seed=4, at_once=at_once), rel=1e-9
         )
-    more = bootstrap(problem, found, scheme=scheme, replicates=300, seed=4)
-    assert more.draws["e_t"][:200] == pytest.approx(base.draws["e_t"], rel=1e-9)
-    other = bootstrap(problem, found, scheme=scheme, replicates=200, seed=5)
+    more = bootstrap(problem, found, scheme=scheme, replicates=150, seed=4)
+    assert more.draws["e_t"][:100] == pytest.approx(base.draws["e_t"], rel=1e-9)
+    other = bootstrap(problem, found, scheme=scheme, replicates=100, seed=5)
     assert np.abs(other.draws["e_t"] - base.draws["e_t"]).max() > 1e-3
 
 

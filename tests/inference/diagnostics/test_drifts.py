@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from factories import rest_long
 
 from ifrfit import fit, rebound
 
@@ -32,8 +33,9 @@ def fitted(folder, seed, *, mu=(0.14, 0.14), e_t=(-0.85, -0.85), n=40, is_sorted
 
 
 @pytest.mark.parametrize("series", [1, 2])
-def test_a_wall_that_wears_is_named(tmp_path, series):
-    for seed in range(4):
+@pytest.mark.parametrize("seeds", rest_long((2, 4)))
+def test_a_wall_that_wears_is_named(tmp_path, series, seeds):
+    for seed in range(seeds):
         facts = fitted(tmp_path, seed, mu=(0.10, 0.16), series=series).facts
         slips = facts["slips"]
         assert not slips.ok
@@ -51,8 +53,9 @@ def test_so_is_a_constant_of_sticking(tmp_path):
     assert "--separate e_t" in called[0].says
 
 
-def test_constants_that_stay_do_not_drift(tmp_path):
-    for seed in range(5):
+@pytest.mark.parametrize("seeds", rest_long((2, 5)))
+def test_constants_that_stay_do_not_drift(tmp_path, seeds):
+    for seed in range(seeds):
         assert fitted(tmp_path, seed).facts["slips"].ok
 
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from factories import rest_long
 from scipy import stats
-from slips_scenes import Cause, Scene, experiment
+from slips_scenes import Cause, Scene, experiment, truth
 
 from ifrfit.data.observations import Observations
 from ifrfit.inference.diagnostics.independence import neighbours_alike
@@ -62,14 +63,14 @@ def test_errors_that_drift_are_a_finding(known):
         assert fact.figures["effective"] < 20.0
 
 
-def test_the_factor_is_that_of_simulated_constants():
+@pytest.mark.parametrize("seeds", rest_long((30, 60)))
+def test_the_factor_is_that_of_simulated_constants(seeds):
     """The scatter of mu over experiments over its sd, where neighbours are alike by 0.8."""
     pulls = []
     factors = []
-    for seed in range(60):
+    for seed in range(seeds):
         result = fitted(BETA, Cause("correlated", 0.8), seed)
-        clean = fitted(replace(BETA, noise=1e-5), Cause(), seed)
-        e_t, true = result.constants["e_t"], clean.constants["e_t"].value
+        e_t, true = result.constants["e_t"], truth(BETA, seed)["e_t"]
         if e_t.value is not None and e_t.stderr:
             pulls.append((e_t.value - true) / e_t.stderr)
         if "independence" in result.facts:
@@ -79,17 +80,19 @@ def test_the_factor_is_that_of_simulated_constants():
 
 
 @pytest.mark.parametrize("repeats", [1, 2, 6])
-def test_independent_errors_are_none(repeats):
-    for seed in range(4):
+@pytest.mark.parametrize("seeds", rest_long((2, 4)))
+def test_independent_errors_are_none(repeats, seeds):
+    for seed in range(seeds):
         assert "independence" not in fitted(replace(BETA, n=60, repeats=repeats), Cause(), seed).facts
 
 
 @pytest.mark.parametrize("repeats", [1, 6])
-def test_a_law_that_does_not_hold_is_no_reason(repeats):
+@pytest.mark.parametrize("seeds", rest_long((2, 4)))
+def test_a_law_that_does_not_hold_is_no_reason(repeats, seeds):
     """Data of closure FR, fitted by IFR: the misfit is said, not errors that are alike."""
     scene = replace(BETA, n=120, noise=0.003, closure="fr", repeats=repeats)
     said = 0
-    for seed in range(4):
+    for seed in range(seeds):
         data = experiment(scene, Cause(), seed)
         facts = fit(data, method="lsq", independent=True, fix=E_N, closure="ifr").facts
         said += any(not facts[name].ok for name in ("lack_of_fit", "slips", "effects") if name in facts)

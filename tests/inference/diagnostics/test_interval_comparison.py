@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from factories import rest_long
 from hard_cases.synthetic import GRAZING, STEEP, question, table
 from scipy import special
 
@@ -136,7 +137,9 @@ def test_the_exact_posterior_itself(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "choices",
-    [{"separate": "mu", "fix": {"e_n": 0.94}}, {"separate": "e_n", "prior": {"e_n": (0.94, 0.01)}}],
+    rest_long(
+        ({"separate": "mu", "fix": {"e_n": 0.94}}, {"separate": "e_n", "prior": {"e_n": (0.94, 0.01)}})
+    ),
 )
 def test_one_series_with_a_constant_of_its_own_has_its_kappa_beside_it(choices):
     found = ifrfit.fit("cross-2019", series="no spin", method="profile", **choices)

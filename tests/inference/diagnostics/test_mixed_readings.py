@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from factories import rest_long
 
 from ifrfit import fit, rebound
 
@@ -40,8 +41,9 @@ def fitted(folder, rows, kind, seed):
         ("angle-in-radians", "angles of incidence in radians in some of its lines"),
     ],
 )
-def test_rows_of_another_reading_are_named(tmp_path, kind, words, rows):
-    for seed in range(2):
+@pytest.mark.parametrize("seeds", rest_long((1, 2)))
+def test_rows_of_another_reading_are_named(tmp_path, kind, words, rows, seeds):
+    for seed in range(seeds):
         result = fitted(tmp_path, rows, kind, seed)
         slips = result.facts["slips"]
         assert not slips.ok
@@ -53,14 +55,16 @@ def test_rows_of_another_reading_are_named(tmp_path, kind, words, rows):
         assert result.summary().startswith("LOOK")
 
 
-def test_one_kind_of_reading_is_enough(tmp_path):
-    for seed in range(4):
+@pytest.mark.parametrize("seeds", rest_long((2, 4)))
+def test_one_kind_of_reading_is_enough(tmp_path, seeds):
+    for seed in range(seeds):
         assert fitted(tmp_path, LAST, "", seed).facts["slips"].ok
 
 
-def test_scatter_alone_is_not_divided(tmp_path):
+@pytest.mark.parametrize("seeds", rest_long((4, 10)))
+def test_scatter_alone_is_not_divided(tmp_path, seeds):
     """Impacts that slide at nearly one angle: the law explains little, two readings could share the rest."""
-    for seed in range(10):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         gamma = rng.uniform(42.0, 50.0, 25)
         state = rebound(gamma, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True)

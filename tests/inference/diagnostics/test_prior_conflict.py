@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from factories import at_most, impacts_file
+from factories import at_most, impacts_file, rest_long
 
 from ifrfit import fit
 
@@ -54,11 +54,12 @@ def test_bounds_that_hold_the_truth_are_not_contradicted(path, bounds):
     assert "prior_conflict" not in fit(path, method="lsq", fix={"e_n": 0.94}, bounds=bounds).facts
 
 
-def test_right_values_are_seldom_contradicted(tmp_path):
-    """At 1e-3, times the number of constants, of 60 tables."""
+@pytest.mark.parametrize("seeds", rest_long((18, 60)))
+def test_right_values_are_seldom_contradicted(tmp_path, seeds):
+    """At 1e-3, times the number of constants."""
     rng = np.random.default_rng(5)
     alarms = 0
-    for seed in range(60):
+    for seed in range(seeds):
         sigma = None if seed % 2 else 0.02
         table = impacts_file(tmp_path / "t.csv", TRUTH | {"sigma": sigma, "seed": seed})
         bounds = {"e_t": (-0.9, -0.5)} if seed % 3 else None  # ends at the truth
@@ -66,7 +67,7 @@ def test_right_values_are_seldom_contradicted(tmp_path):
         prior = {"mu": (0.12 + 0.01 * rng.standard_normal(), 0.01)}
         found = fit(table, method="lsq", fix=fixed, prior=prior, bounds=bounds)
         alarms += "prior_conflict" in found.facts
-    assert alarms <= at_most(60, 1e-3)
+    assert alarms <= at_most(seeds, 1e-3)
 
 
 def test_a_small_inertia_factor_is_no_matter_of_closure_maw(tmp_path):

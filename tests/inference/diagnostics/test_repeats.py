@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from factories import rest_long
 from scipy import stats
 
 from ifrfit import fit, rebound
@@ -33,10 +34,11 @@ def failing(result: FitResult) -> set[str]:
     return {name for name, fact in result.facts.items() if not fact.ok}
 
 
-def test_one_angle_that_is_off_is_named(tmp_path):
+@pytest.mark.parametrize("seeds", rest_long((2, 6)))
+def test_one_angle_that_is_off_is_named(tmp_path, seeds):
     gamma = np.repeat(ANGLES, 5)
     seen = 0
-    for seed in range(6):
+    for seed in range(seeds):
         result = fitted(tmp_path, gamma, gamma, {"beta": np.where(gamma == 40.0, 0.12, 0.0)}, seed)
         assert failing(result) <= {"repeats"}
         if "repeats" in result.facts:
@@ -45,14 +47,15 @@ def test_one_angle_that_is_off_is_named(tmp_path):
             assert "the 5 repeats of beta at 40 degrees are off together, by 0." in fact.says
             assert fact.says.endswith(" ".join(f"--exclude {line}" for line in range(17, 22)))
             assert fact.figures["observables"] == ["beta"]
-    assert seen >= 5
+    assert seen >= seeds - seeds // 6
 
 
-def test_angles_that_were_set_wrongly_are_no_contradiction(tmp_path):
+@pytest.mark.parametrize("seeds", rest_long((2, 6)))
+def test_angles_that_were_set_wrongly_are_no_contradiction(tmp_path, seeds):
     angles = np.linspace(8.0, 78.0, 15)
     gamma = np.repeat(angles, 4)
     seen = 0
-    for seed in range(6):
+    for seed in range(seeds):
         set_wrongly = np.repeat(angles + 2.0 * np.random.default_rng(seed).standard_normal(15), 4)
         result = fitted(tmp_path, gamma, set_wrongly, {}, seed)
         fact = result.facts.get("repeats")
@@ -61,7 +64,7 @@ def test_angles_that_were_set_wrongly_are_no_contradiction(tmp_path):
             assert fact.says.endswith("give the mean of each angle as one row")
             assert "the angle as it was set" in fact.says
             assert "lack_of_fit" not in failing(result)
-    assert seen >= 3
+    assert 2 * seen >= seeds
 
 
 def test_readings_of_one_impact_are_no_repeats(tmp_path):
@@ -90,8 +93,9 @@ def test_a_law_that_does_not_hold_stays_a_contradiction(tmp_path):
     assert "lack_of_fit" in failing(result)
 
 
-def test_repeats_of_the_law_are_fine(tmp_path):
-    for seed in range(6):
+@pytest.mark.parametrize("seeds", rest_long((2, 6)))
+def test_repeats_of_the_law_are_fine(tmp_path, seeds):
+    for seed in range(seeds):
         gamma = np.repeat(ANGLES, 5)
         result = fitted(tmp_path, gamma, gamma, {}, seed)
         assert failing(result) == set()

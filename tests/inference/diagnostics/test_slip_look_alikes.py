@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from factories import rest_long
 from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.inference.fit import fit
@@ -54,7 +55,7 @@ def of_series(seed, offsets, mu):
     return text
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", rest_long(range(10), 3))
 def test_angles_that_are_off_by_series_are_looked_at_before_mu_of_each(tmp_path, seed):
     path = tmp_path / "t.csv"
     path.write_text(of_series(seed, (-2.0, -1.0, 0.0, 1.0, 2.0), (0.14,) * 5), encoding="utf-8")
@@ -63,7 +64,7 @@ def test_angles_that_are_off_by_series_are_looked_at_before_mu_of_each(tmp_path,
     assert says.endswith("check the zero of the angle in each; only then --separate mu")
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", rest_long(range(5), 2))
 def test_mu_of_each_series_is_no_offset(tmp_path, seed):
     path = tmp_path / "t.csv"
     path.write_text(of_series(seed, (0.0,) * 5, (0.10, 0.12, 0.14, 0.16, 0.18)), encoding="utf-8")
@@ -85,7 +86,7 @@ def by_load(seed):
     return "series,observable,gamma_deg,value\n" + "".join(f"run,{row}\n" for row in rows)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", rest_long(range(8), 3))
 def test_friction_that_depends_on_the_load_is_no_scale_of_the_camera(tmp_path, seed):
     """A scale 19 % off explains it, too, but is no slip of the hand."""
     path = tmp_path / "t.csv"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from factories import rest_long
 from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.data.observations import Observations
@@ -64,9 +65,10 @@ def test_what_is_advised_mends_it(tmp_path):
 
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("scene", [RAW, BETA], ids=["raw", "beta"])
-def test_series_of_another_constant_have_no_slip(scene, known):
+@pytest.mark.parametrize("seeds", rest_long((1, 3)))
+def test_series_of_another_constant_have_no_slip(scene, known, seeds):
     """mu differs: constants of each are advised."""
-    for seed in range(3):
+    for seed in range(seeds):
         one = experiment(replace(scene, policy="known" if known else "unknown"), Cause(), seed).table
         other = experiment(
             replace(scene, policy="known" if known else "unknown"), Cause("another-mu"), seed

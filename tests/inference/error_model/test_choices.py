@@ -106,8 +106,15 @@ SUPPORT = [
 ]
 
 
-@pytest.mark.parametrize("closure", BILINEAR)
-@pytest.mark.parametrize(("method", "choice", "refusal"), SUPPORT)
+# every line with one closure, and every closure with a third of the lines; the others with -m long
+EACH = [
+    pytest.param(*line, closure, marks=() if closure == "ifr" or (i + j) % 3 == 0 else pytest.mark.long)
+    for i, closure in enumerate(BILINEAR)
+    for j, line in enumerate(SUPPORT)
+]
+
+
+@pytest.mark.parametrize(("method", "choice", "refusal", "closure"), EACH)
 def test_support_of_method_by_noise_by_closure(tmp_path, closure, method, choice, refusal):
     path = table_of(tmp_path)
 

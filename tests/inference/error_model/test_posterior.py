@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from factories import problem_of
+from factories import problem_of, rest_long
 
 from ifrfit.data.observations import make_table
 from ifrfit.inference.model.error_model import ErrorModel
@@ -76,9 +76,18 @@ def test_posterior_of_two_constants(law):
     check(scattered(LAWS[law]), (-1.0, 0.08), (-0.7, 0.26), 80, allowed=allowed)
 
 
-@pytest.mark.parametrize("law", ["student", "set"])
-@pytest.mark.parametrize("closure", ["fr", "f", "ifr-contact"])
-def test_other_closures(law, closure):
+@pytest.mark.parametrize(
+    ("closure", "law"),
+    [
+        ("fr", "set"),
+        ("f", "student"),
+        ("ifr-contact", "student"),
+        pytest.param("fr", "student", marks=pytest.mark.long),
+        pytest.param("f", "set", marks=pytest.mark.long),
+        pytest.param("ifr-contact", "set", marks=pytest.mark.long),
+    ],
+)
+def test_other_closures(closure, law):
     problem = scattered(LAWS[law], closure=closure)
     lower, upper = problem.parameters.bounds()
     free = problem.parameters.free
@@ -87,7 +96,7 @@ def test_other_closures(law, closure):
     check(problem, low, high, 80 if closure != "f" else 2000, allowed=0.02)
 
 
-@pytest.mark.parametrize("law", ["student", "set"])
+@pytest.mark.parametrize("law", rest_long(("student", "set")))
 def test_a_common_factor_on_sigma(law):
     problem = scattered(LAWS[law], fix={"e_n": 0.9, "e_t": -0.85}, noise="scaled")
     check(problem, (0.05, -1.0), (0.3, 1.5), 90, tolerance=1e-2, allowed=0.02)

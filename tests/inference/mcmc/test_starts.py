@@ -89,7 +89,7 @@ def test_coordinates_there_and_back(name: str) -> None:
 @pytest.mark.parametrize("name", QUESTIONS)
 def test_quantities_are_named_like_the_exact_ones(name: str) -> None:
     coordinates = coordinates_of(QUESTIONS[name])
-    posterior = integrate(coordinates.problem)
+    posterior = integrate(coordinates.problem, 1e-2)
     drawn = posterior.draws(20, np.random.default_rng(3))
     columns = [drawn[x] if "noise" not in x else np.log(drawn[x]) for x in coordinates.density.names]
     found = coordinates.quantities(coordinates.at(np.stack(columns, axis=-1)).reshape(4, 5, -1))

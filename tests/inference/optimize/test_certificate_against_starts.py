@@ -1,6 +1,6 @@
 """No local search may end below what is certified to be the least.
 
-The suite's share of ``scripts/calibrate.py``: 60 random problems (300 with -m long), 40 local starts each.
+The suite's share of ``scripts/calibrate.py``: 30 random problems (300 with -m long), 40 local starts each.
 The local searches are MINPACK's on a model written out by hand, so that they share nothing with the
 certified solver.
 """
@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from calibrate import compare, compare_many, summary
+from factories import rest_long
 from local_search import Local
 from random_problems import random_problem
 
@@ -31,7 +32,7 @@ def problems():
     return [random_problem(np.random.default_rng(child)) for child in children]
 
 
-@pytest.mark.parametrize("n", [60, pytest.param(300, marks=pytest.mark.long)])
+@pytest.mark.parametrize("n", rest_long((30, 300)))
 def test_certified_is_never_worse_than_40_local_starts(n):
     found = list(compare_many(n, 40, SEED, 1))
     lines, held = summary(found)
@@ -42,6 +43,7 @@ def test_certified_is_never_worse_than_40_local_starts(n):
     assert sum(c.missed for c in certified) > 0.05 * sum(c.starts for c in certified)
 
 
+@pytest.mark.long
 def test_workers_do_not_change_the_comparison():
     assert list(compare_many(6, 3, SEED, 2)) == list(compare_many(6, 3, SEED, 1))
 

@@ -177,19 +177,20 @@ def linked_random_problems(number: int) -> list[Decomposition]:
     return found
 
 
-def test_random_decompositions_are_certified_and_no_sample_lies_lower():
-    linked = linked_random_problems(25)
-    assert len(linked) == 25
+@pytest.mark.parametrize(("number", "samples"), [(12, 120), pytest.param(25, 400, marks=pytest.mark.long)])
+def test_random_decompositions_are_certified_and_no_sample_lies_lower(number, samples):
+    linked = linked_random_problems(number)
+    assert len(linked) == number
     certified = 0
     for total in linked:
         found = total.minimise()
         least = found.minima[0][0]
         assert found.gap >= 0.0
         certified += found.gap <= GAP * max(1.0, least)
-        sample = total.profile(np.linspace(total.low, total.high, 400))
+        sample = total.profile(np.linspace(total.low, total.high, samples))
         assert least <= sample.min() + 1e-7 * (1.0 + abs(least))
         assert found.bound <= least + 1e-9 * (1.0 + abs(least))
-    assert certified >= 23
+    assert certified >= 0.92 * number
 
 
 def test_a_bound_over_the_wrong_interval_is_caught():

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from typing import Any
+
 import pytest
 from posterior_agreement import check, distances
 from posterior_dense import Dense
@@ -142,7 +145,7 @@ def test_unknown_noise(question: Question) -> None:
 @pytest.mark.parametrize(
     ("question", "pieces", "order"),
     [
-        (
+        pytest.param(
             Question(
                 measured("beta", FAN, seed=51, known=False)
                 + measured("e_n", (5.0, 10.0, 15.0, 20.0), seed=52, sigma=0.02, known=False),
@@ -151,6 +154,7 @@ def test_unknown_noise(question: Question) -> None:
             ),
             (12, 8, 60),
             10,  # the tails are long
+            marks=pytest.mark.long,
         ),
         (
             Question(
@@ -169,10 +173,15 @@ def test_unknown_noise_beside_e_n(question: Question, pieces: tuple[int, int, in
     check(integrate(question.problem()), known, 1e-4)
 
 
+@functools.cache
+def dense_with_e_n() -> dict[str, Any]:
+    return Dense(closures_with_e_n()["ifr"], pieces=(14, 14, 24), order=9).summary()
+
+
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-6])
 def test_the_reached_error_is_what_was_asked_for_and_no_less_than_it_is(tolerance: float) -> None:
     question = closures_with_e_n()["ifr"]
-    known = Dense(question, pieces=(14, 14, 24), order=9).summary()
+    known = dense_with_e_n()
     post = integrate(question.problem(), tolerance=tolerance)
     check(post, known, tolerance)
     far = distances(post, known)

@@ -29,12 +29,12 @@ from calibration_verdict import (
     lines_of,
     passes,
 )
+from factories import rest_long
 from scipy.special import ndtr, ndtri
 
 SEED = 7
-REPEATS = 70  # in each scene
+FEW, MANY = (45, 45), (70, 60)  # experiments in each scene, and of each control
 NARROWED = 0.8  # such intervals are caught from some 140 experiments on; those of 0.9 from some 540 on
-CONTROLS_EACH = 60
 QUICK = tuple(name for name, scene in SCENES.items() if scene.share == 1.0)
 PAGE = Path(__file__).parents[3] / "docs" / "calibration.md"
 
@@ -217,16 +217,17 @@ def test_controls_see_the_same_rows_with_other_eyes():
 # exact in them
 
 
-@pytest.fixture(scope="module")
-def study():
+@pytest.fixture(scope="module", params=rest_long((FEW, MANY)), ids=["few", "many"])
+def study(request):
     """Reduced study: exact and its controls.
 
     Its power: intervals 20 % too narrow in all scenes are refuted, which the control of that name shows. The
     study of `make calibrate` has the power for 10 %. Exact to 1e-2 of a sd, which moves a rank by 0.004 at
-    most: a quarter of what the mean rank of 280 experiments scatters by, 1/sqrt(12 * 280). The study of
-    `make calibrate` takes the tolerance of a fit.
+    most: a quarter of what the mean rank of 280 experiments scatters by, 1/sqrt(12 * 280), and less of that
+    of 180. The study of `make calibrate` takes the tolerance of a fit.
     """
-    tasks = tasks_of(SEED, REPEATS, 0, CONTROLS_EACH, peers=False, scenes=QUICK)
+    repeats, controls = request.param
+    tasks = tasks_of(SEED, repeats, 0, controls, peers=False, scenes=QUICK)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("calibration_methods.TOLERANCE", COARSE)
         patch.setattr("calibration_methods.NARROWED", NARROWED)
@@ -253,7 +254,7 @@ def test_every_negative_control_fails_the_same_test(study, control):
 
 def test_page_tells_good_from_bad(study):
     assert verdict(study) == []
-    text = page(study, SEED, REPEATS, 0)
+    text = page(study, SEED, FEW[0], 0)
     assert f"calibrated in all {len(QUICK)} scenes" in text
     assert "Not as it must be" not in text
     # the same with the narrowed intervals in the place of exact, and with a control that holds
@@ -262,7 +263,7 @@ def test_page_tells_good_from_bad(study):
     assert any(sentence.startswith("exact fails") for sentence in wrong)
     assert f"control passes: {NO_KINK}" in wrong
     assert f"control was not tested: {WALTON}" in wrong
-    assert "Not as it must be: exact fails" in page(replace(study, lines=swapped), SEED, REPEATS, 0)
+    assert "Not as it must be: exact fails" in page(replace(study, lines=swapped), SEED, FEW[0], 0)
     assert set(CONTROLS) == {NARROW, WRONG_SIGMA, NO_KINK, WALTON}
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from factories import rest_long
 from posterior_questions import Question, Row, measured
 
 from ifrfit.errors import UsageError
@@ -179,11 +180,12 @@ def test_a_noise_that_series_with_own_constants_share_is_sampled() -> None:
         exact_posterior(problem, integrator="quadrature")
 
 
-def test_errors_are_honest_over_seeds() -> None:
+@pytest.mark.parametrize("seeds", rest_long((4, 8)))
+def test_errors_are_honest_over_seeds(seeds: int) -> None:
     problem = PROBLEMS["known noise"]()
     start = least_squares(problem)
     exact = integrate(problem, 1e-3, start)
-    found = [sample_by_series(problem, start, seed) for seed in range(8)]
+    found = [sample_by_series(problem, start, seed) for seed in range(seeds)]
     z = [(each.log_evidence - exact.log_evidence) / each.error_evidence for each in found]
     assert 0.1 < np.mean(np.square(z)) < 4.0
     off = [

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from factories import rest_long
 from posterior_dense import observe
 from posterior_questions import LEVELS, Question, Row, measured
 
@@ -89,15 +90,7 @@ def posterior(name: str) -> QuadraturePosterior:
     return integrate(QUESTIONS[name][0].problem(), tolerance=1e-3)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param("beta_tot", marks=pytest.mark.long),
-        pytest.param("delta", marks=pytest.mark.long),
-        "reagle-2013",
-        "wang-2020",
-    ],
-)
+@pytest.mark.parametrize("name", rest_long(("wang-2020", "reagle-2013", "beta_tot", "delta")))
 def test_against_a_box(name: str) -> None:
     log_evidence, laws = brute(name)
     post = posterior(name)

@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from factories import rest_long
 from posterior_questions import Question, Row, measured
 
 import ifrfit
@@ -59,7 +60,7 @@ def posterior(name: str) -> QuadraturePosterior:
     return integrate(ASKED[name].problem(), tolerance=1e-2)
 
 
-@pytest.mark.parametrize("name", ASKED)
+@pytest.mark.parametrize("name", rest_long(ASKED))
 def test_a_common_factor_under_a_tilted_bound_makes_no_fourth_axis(name: str) -> None:
     # e_n, the transition and the closure constant meet in mu
     post = posterior(name)
@@ -67,9 +68,7 @@ def test_a_common_factor_under_a_tilted_bound_makes_no_fourth_axis(name: str) ->
     assert post.density.integral.size() < 4_000_000
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name == "no more" else pytest.mark.long) for name in ASKED]
-)
+@pytest.mark.parametrize("name", rest_long(ASKED))
 def test_a_common_factor_is_the_mixture_over_its_values(name: str) -> None:
     asked, (low, high) = ASKED[name], FACTOR["noise_bounds"][""]  # type: ignore[index]
     x, w = np.polynomial.legendre.leggauss(24)

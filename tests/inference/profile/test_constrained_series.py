@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from factories import rest_long
 from hard_cases.synthetic import FAN, HEADER, noise, rows, values
 
 import ifrfit
@@ -58,7 +59,7 @@ def test_mu_of_a_series_goes_with_an_open_restitution(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("separate", [("mu",), ("e_t", "mu"), ("e_n", "mu"), ("e_t",)], ids="+".join)
-@pytest.mark.parametrize("sigma_e_n", [None, 0.3, 0.02])
+@pytest.mark.parametrize("sigma_e_n", rest_long((None, 0.3, 0.02), 2))
 @pytest.mark.parametrize("places", [6, pytest.param(21, marks=pytest.mark.long)])
 def test_a_held_mu_leaves_e_n_to_the_slope(
     separate: tuple[str, ...], sigma_e_n: float | None, places: int, tmp_path: Path

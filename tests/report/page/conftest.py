@@ -20,6 +20,7 @@ from ifrfit.report.page import assemble
 from ifrfit.report.page.blocks import Report
 from ifrfit.report.page.html import render
 
+WINDOW = {"width": 1200, "height": 900}
 HOSTILE = (
     "<img src=x onerror=\"document.title='taken'\">",
     "</script><script>document.title='taken'</script>",
@@ -39,9 +40,10 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], FitResu
         if name == "digitised":
             return ifrfit.fit("kharaz-2001", prior={"e_n": (0.98, 0.01)}, gamma_min=15.0)
         if name == "hostile":
+            few = {**one, "gamma": gamma[::2]}  # what separate constants cost grows with the rows
             parts = (
-                {**one, "series": HOSTILE[0]},
-                {**one, "series": HOSTILE[1], "mu": 0.2, "spin_y": -0.3, "seed": 3},
+                {**few, "series": HOSTILE[0]},
+                {**few, "series": HOSTILE[1], "mu": 0.2, "spin_y": -0.3, "seed": 3},
             )
             path = impacts_file(folder / "hostile.csv", *parts)
             return ifrfit.fit(path, fix={"e_n": 0.94}, separate="mu", command=f"ifrfit {HOSTILE[1]}")
@@ -57,6 +59,12 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], FitResu
 def appraisals(results: Callable[[str], FitResult]) -> Callable[[str], Appraisal]:
     """Their appraisals, each computed once, closures not compared."""
     return functools.cache(lambda name: appraise(results(name), closures=False))
+
+
+@pytest.fixture(scope="session")
+def compared(results: Callable[[str], FitResult]) -> Appraisal:
+    """The appraisal of one of them, closures compared."""
+    return appraise(results("fixed"))
 
 
 @pytest.fixture(scope="session")
@@ -86,6 +94,12 @@ def browser() -> Iterator[Any]:
         launched.close()
 
 
+@pytest.fixture(scope="session")
+def shared_tab(browser: Any) -> Any:
+    """A tab that one test after another uses: a new one costs more than the page in it."""
+    return browser.new_context(viewport=WINDOW).new_page()
+
+
 class Opened:
     """A page in a browser, and all that it complained about or asked for."""
 
@@ -93,12 +107,22 @@ class Opened:
         self.tab = tab
         self.said: list[str] = []
         self.asked: list[str] = []
-        tab.on("console", lambda message: self.said.append(message.text))
-        tab.on("pageerror", lambda error: self.said.append(str(error)))
-        tab.on("request", lambda request: self.asked.append(request.url))
+        self._heard = {
+            "console": lambda message: self.said.append(message.text),
+            "pageerror": lambda error: self.said.append(str(error)),
+            "request": lambda request: self.asked.append(request.url),
+        }
+        for event, heard in self._heard.items():
+            tab.on(event, heard)
         path = folder / "report.html"
         path.write_text(text, encoding="utf-8")
         tab.goto(path.as_uri())
+
+    def leave(self) -> None:
+        """Leave the tab as it was."""
+        for event, heard in self._heard.items():
+            self.tab.remove_listener(event, heard)
+        self.tab.goto("about:blank")
 
     def text(self, name: str) -> str:
         return str(self.tab.text_content(f"#explorer-{name}"))
@@ -116,15 +140,20 @@ class Opened:
 
 
 @pytest.fixture
-def opened(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Opened]]:
-    """Open a page; keyword arguments go to the browser's context."""
-    contexts = []
+def opened(browser: Any, shared_tab: Any, tmp_path: Path) -> Iterator[Callable[..., Opened]]:
+    """Open a page; options of the browser, and every page but the first, get a context of their own."""
+    contexts, shared = [], []
 
     def show(text: str, **options: Any) -> Opened:
-        context = browser.new_context(**{"viewport": {"width": 1200, "height": 900}, **options})
+        if not options and not shared:
+            shared.append(Opened(shared_tab, text, tmp_path))
+            return shared[0]
+        context = browser.new_context(**{"viewport": WINDOW, **options})
         contexts.append(context)
         return Opened(context.new_page(), text, tmp_path)
 
     yield show
+    for page in shared:
+        page.leave()
     for context in contexts:
         context.close()

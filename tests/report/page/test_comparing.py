@@ -11,6 +11,7 @@ import pytest
 import ifrfit
 from ifrfit.inference.appraise import appraise
 from ifrfit.inference.comparison import compare
+from ifrfit.inference.comparison.compare import compare_result
 from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.physics import CLOSURES
@@ -20,9 +21,9 @@ from ifrfit.report.page.drawings.closures import draw_closures
 from ifrfit.report.page.svg import inline
 
 
-@pytest.fixture(scope="module")
-def appraisal(results):
-    return appraise(results("fixed"))
+@pytest.fixture
+def appraisal(compared):
+    return compared
 
 
 def test_it_is_the_comparison_of_the_same_data_and_choices(results, appraisal):
@@ -39,13 +40,13 @@ def test_it_is_the_comparison_of_the_same_data_and_choices(results, appraisal):
 
 def test_a_result_from_a_file_is_compared_alike(results, appraisal, tmp_path):
     results("fixed").save(tmp_path / "result.json")
-    found = appraise(ifrfit.load_result(tmp_path / "result.json")).comparison
+    found = compare_result(ifrfit.load_result(tmp_path / "result.json"))
     for name, entry in found.entries.items():
         assert entry.log_evidence == pytest.approx(appraisal.comparison.entries[name].log_evidence, abs=1e-9)
 
 
 def test_constants_of_each_series_are_compared_with_constants_of_each_series(results):
-    found = appraise(results("hostile")).comparison
+    found = compare_result(results("hostile"))
     assert {entry.fit.problem.parameters["mu"].separate for entry in found.entries.values()} == {True}
 
 

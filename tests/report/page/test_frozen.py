@@ -36,8 +36,8 @@ def _no_solver(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def appraised(results):
-    return results("fixed"), appraise(results("fixed"))
+def appraised(results, compared):
+    return results("fixed"), compared
 
 
 @pytest.mark.usefixtures("_no_solver")

@@ -12,6 +12,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from factories import rest_long
 
 import ifrfit
 from ifrfit.inference.appraise import appraise
@@ -128,7 +129,7 @@ def test_names_from_a_file_stay_text(pages, results):
     assert Counter(tag for tag, _ in Elements(text).elements)["script"] == 2
 
 
-@pytest.mark.parametrize("name", ["digitised", "hostile"])
+@pytest.mark.parametrize("name", rest_long(("fixed", "hostile", "digitised"), 2))
 def test_the_same_bytes_again_and_from_the_file(results, appraisals, pages, tmp_path, name):
     results(name).save(tmp_path / "result.json")
     loaded = load_result(tmp_path / "result.json")

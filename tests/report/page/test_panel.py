@@ -6,11 +6,12 @@ import re
 
 import numpy as np
 import pytest
+from factories import rest_long
 
 from ifrfit.physics import get_closure, transition_angles, transition_tau
 from ifrfit.report.page.explorer import coordinates, values_of
 
-EVERY = ("fixed", "loose", "hostile", "stand-in", "digitised", "lsq")
+EVERY = ("fixed", "loose", "hostile", "digitised", "stand-in", "lsq")
 
 
 def first_number(text: str) -> float:
@@ -25,7 +26,7 @@ def chi2(result, e_n, c, mu):
     return float(((residual / yardstick) ** 2).sum())
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", rest_long(EVERY, 4))
 def test_nothing_is_said_to_the_console_and_nothing_is_asked_for(opened, pages, name):
     shown = opened(pages(name))
     shown.tab.wait_for_selector("#explorer-plot .datum", state="attached")
@@ -148,7 +149,7 @@ def test_the_spin_chosen_is_told_from_the_spin_of_the_data(opened, pages):
     assert shown.attribute("curve", "stroke-dasharray") == "8 4"
 
 
-@pytest.mark.parametrize("name", ["fixed", "hostile", "stand-in", "digitised"])
+@pytest.mark.parametrize("name", rest_long(("fixed", "hostile", "digitised", "stand-in"), 3))
 def test_a_narrow_window_needs_no_sideways_scrolling(opened, pages, name):
     shown = opened(pages(name), viewport={"width": 360, "height": 780})
     assert shown.tab.evaluate("document.documentElement.scrollWidth") <= 360

@@ -9,7 +9,8 @@ from dataclasses import replace
 from ifrfit.inference.diagnostics.omitted_effects.messages import short_words
 from ifrfit.inference.diagnostics.outliers import exclude_name
 from ifrfit.inference.diagnostics.slips.alternatives import SPIN_UNITS
-from ifrfit.inference.diagnostics.slips.evidence import Offsets, Slip
+from ifrfit.inference.diagnostics.slips.series_offsets import Offsets
+from ifrfit.inference.diagnostics.slips.slip import Slip
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.physics.inertia import BODIES

@@ -1,0 +1,155 @@
+"""A fit as slips and effects are compared with it: -2 log likelihood, all constants at their best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
+from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables
+from ifrfit.inference.diagnostics.slips.nuisances import Sized
+from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
+from ifrfit.inference.diagnostics.thresholds import DECISIVE
+from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.model.rows import Array, Index
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+
+_AT_ONCE = 2_000_000  # numbers of values that are held for several tables
+_ROOM = 25.0  # of -2 log likelihood by which the searched optimum of a decisive slip may lie above its own
+
+
+@dataclass(frozen=True)
+class ComparedFit:
+    """A fit as slips are compared with it: by one kind of likelihood, all constants at their best.
+
+    Attributes
+    ----------
+    problem : Problem
+    fit : LeastSquaresFit
+    misfit : Misfit
+    """
+
+    problem: Problem
+    fit: LeastSquaresFit
+    misfit: Misfit
+
+    @classmethod
+    def by_series(cls, problem: Problem, fit: LeastSquaresFit) -> ComparedFit:
+        """With an unknown noise of each series: one of several that is off is no reason for a common one."""
+        given = problem.noise.is_given
+        groups = tuple(rows for rows in problem.groups().values() if not given[rows].all())
+        return cls(problem, fit, Misfit(problem.noise.base, groups))
+
+    @cached_property
+    def before(self) -> Array:
+        """Residuals of the table as it stands, (n,); fixed constants are free, too, as in the score tests."""
+        problem, theta = self.problem, self.fit.optimum.theta
+        _, residual = search(
+            lambda x, _: problem.predict(x),
+            self.misfit,
+            problem.rows.value,
+            theta[None],
+            problem.parameters.bounds(),
+            np.ones(theta.size, dtype=bool),
+        )
+        return np.asarray(residual[0])
+
+    @cached_property
+    def likelihood(self) -> float:
+        """Minus twice the log likelihood of `before`."""
+        return float(self.misfit.likelihood(self.before))
+
+    def with_size(self, model: Sized, size: float, limits: tuple[float, float]) -> tuple[float, float, Array]:
+        """Fall of -2 log likelihood with a size beside the constants, the size, and the constants.
+
+        What it moves away from priors of the user counts against it.
+        """
+        problem, theta = self.problem, self.fit.optimum.theta
+        known = problem.parameters.prior_residuals
+        lower, upper = problem.parameters.bounds()
+        bounds = (np.append(lower, limits[0]), np.append(upper, limits[1]))
+        drop, found, constants = -math.inf, 0.0, theta
+        # a start of first order may lead astray
+        for start in (float(np.clip(size, *limits)), 0.0):
+            if drop >= 0.0:
+                break
+            x, after = search(
+                lambda x, _: model(x[0, :, :-1], x[0, :, -1])[None],
+                self.misfit,
+                problem.rows.value,
+                np.append(theta, start)[None],
+                bounds,
+                np.ones(theta.size + 1, dtype=bool),
+            )
+            drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), float(x[0, -1])
+            constants = x[0, :-1]
+            drop -= max(float((known(constants) ** 2).sum() - (known(theta) ** 2).sum()), 0.0)
+        return drop, found, constants
+
+    def of_alternatives(self, every: Sequence[Alternative]) -> Iterator[tuple[Alternative, Array]]:
+        """Each with its residuals, in the unit of the given values."""
+        problem, value = self.problem, self.problem.rows.value
+        places = starts(problem, self.fit.optimum.theta)
+        free = np.ones(places.shape[1], dtype=bool)
+        many = max(1, _AT_ONCE // (len(places) * min(len(value), 60) + 5 * len(value)))
+        for first in range(0, len(every), many):
+            tables = Tables(problem, every[first : first + many])
+            each = np.arange(len(tables.every))
+
+            def at_rows(theta: Array, rows: Index, tables: Tables = tables, each: Index = each) -> Array:
+                return tables.values(theta, each, rows)
+
+            start = best_start(at_rows, self.misfit, value, places)
+            _, after = search(
+                tables.values,
+                self.misfit,
+                value,
+                start,
+                problem.parameters.bounds(),
+                free,
+                target=self.likelihood - DECISIVE + _ROOM,
+            )
+            yield from zip(tables.every, after, strict=True)
+
+
+def degrees_of_freedom(problem: Problem, fit: LeastSquaresFit) -> int:
+    """Rows less constants."""
+    return len(problem.rows) - round(float(fit.gaussian.leverage.sum()))
+
+
+def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
+    """Fall of -2 log likelihood with an effect along its direction, fitted as a slip is."""
+    change, least = score.direction.change * fit.sigma, -math.inf if score.direction.two_sided else 0.0
+    misfit = Misfit.of(problem) if problem.error_model.is_plain else Misfit(fit.sigma, ())
+
+    def along(theta: Array, size: Array) -> Array:
+        return problem.predict(theta) + size[:, None] * change
+
+    values = score.direction.values or along
+    return ComparedFit(problem, fit, misfit).with_size(values, score.strength, (least, math.inf))[0]
+
+
+def careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> float:
+    """Fall of -2 log likelihood, without the row that speaks most for it, so that no outlier is a slip.
+
+    Noises that are estimated count with the degrees of freedom that are left; where sigma is given and the
+    scatter is larger, the scatter is the yardstick.
+    """
+    size = before.size
+    sigma = misfit.sigma(after)
+    row = int(np.argmax((before**2 - after**2) / sigma**2))
+    rest = misfit.without(row)
+    with np.errstate(invalid="ignore"):
+        fall = float(rest.likelihood(before) - rest.likelihood(after))
+    if misfit.groups:
+        fall *= dof / size
+    if not misfit.known.size:
+        return fall
+    base = sigma.copy()
+    base[row] = np.inf
+    scattered = Misfit(base, (np.delete(np.arange(size), row),))
+    return min(fall, float(scattered.likelihood(before) - scattered.likelihood(after)) * dof / size)
