@@ -112,7 +112,11 @@ class Table:
             whole: Array = sum(w[..., None, None] * self.nodes[row + k] for k, w in enumerate(weights))
             flat = whole.reshape(-1, 4)
             return np.asarray(flat[np.arange(row.size).reshape(row.shape) * n + i])
-        return np.asarray(sum(w[..., None] * self.nodes[row + k, i] for k, w in enumerate(weights)))
+        intervals, at = self.nodes.reshape(-1, 4), row * n + i
+        total: Array = intervals.take(at, axis=0) * weights[0, ..., None]
+        for k in range(1, 4):
+            total += intervals.take(at + k * n, axis=0) * weights[k, ..., None]
+        return total
 
 
 def _evaluate(  # pragma: no cover - compiled where numba is there
@@ -165,6 +169,6 @@ def compliance_table() -> Table:
     """The table that comes with the package: the cubics through the values of table.csv beside it."""
     path = files("ifrfit.physics.compliance") / "splines.npz"
     with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
-        chi, nodes, first = kept["chi"], kept["nodes"], int(kept["first"])
+        chi, nodes, first = kept["chi"], np.ascontiguousarray(kept["nodes"]), int(kept["first"])
     chi.flags.writeable = nodes.flags.writeable = False
     return Table(chi, nodes, first)
