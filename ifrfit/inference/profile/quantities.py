@@ -13,7 +13,10 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.batched_search import FollowingMu
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.linear_families import linear_form
 from ifrfit.inference.optimize.optimum import Array, Optimum
+from ifrfit.inference.optimize.parameter_group import is_separable
+from ifrfit.inference.optimize.solve import whole_group
 from ifrfit.inference.profile.constrained_fit import (
     best_at_kappa,
     best_with,
@@ -65,7 +68,7 @@ class Quantity:
     constraint: Callable[[], Constraint | None] = lambda: None
 
 
-def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
+def _is_uncertified(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
     """Whether no certified method finds the optimum with an entry of theta fixed."""
     if problem.rows.has_kind("curved") or (problem.has_oblique and not problem.closure.bilinear):
         return True
@@ -74,6 +77,27 @@ def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
     if all(c.separate or c.fixed is not None for c in problem.parameters):
         return False
     return ConstrainedSeries.of(problem, fit.sigma, {place: float(fit.optimum.theta[place])}) is None
+
+
+def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
+    """Whether no certified method finds the optimum with an entry of theta fixed, or none without a scan."""
+    return _is_uncertified(problem, fit, place) or _scans_e_n(problem, fit, place)
+
+
+def _scans_e_n(problem: Problem, fit: LeastSquaresFit, place: int | None = None) -> bool:
+    """Whether the optimum of one set of constants takes a certified fit at each of many e_n.
+
+    It does where rows tie a free e_n to the other constants; with an entry of theta fixed, or with kappa.
+    """
+    if problem.parameters.differ_by_series:
+        return False
+    held = {} if place is None else {problem.parameters.names[place]: float(fit.optimum.theta[place])}
+    group = whole_group(problem.with_fixed(held), fit.sigma)
+    if group.e_n.fixed is not None:
+        return False
+    if place is None:
+        return linear_form(group, problem.parameters.kappas[0].value(fit.optimum.theta)) is None
+    return not is_separable(group) and linear_form(group) is None
 
 
 def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
@@ -121,8 +145,9 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
     def constraint() -> Constraint | None:
         if mu.fixed is not None:
             return Constraint(i_e, value_at=of_e_n) if needs_search(problem, fit, i_e) else None
-        if needs_search(problem, fit, i_mu) or (
-            any(c.separate for c in problem.parameters) and separable_e_n(problem, fit.sigma, series) is None
+        is_tied = separable_e_n(problem, fit.sigma, series) is None
+        if _is_uncertified(problem, fit, i_mu) or (
+            is_tied and (any(c.separate for c in problem.parameters) or _scans_e_n(problem, fit))
         ):
             law = problem.closure.law(problem.inertia_factor)
             return Constraint(mu=FollowingMu(i_mu, i_e, None, law, (mu.lower, mu.upper)))
