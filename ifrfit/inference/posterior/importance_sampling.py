@@ -178,8 +178,8 @@ def sample_by_importance(
 def evidence_by_importance(problem: Problem, start: LeastSquaresFit, seed: int = 0) -> tuple[float, float]:
     """Log of the integral of the normalised likelihood times the normalised prior, and its standard error.
 
-    The marginals are left out. The law about the known modes serves where it leaves a small error; else one is
-    adapted. The error is infinite where few draws carry the weight.
+    The marginals are left out. The law about the known modes serves where it leaves a small error; else one
+    is adapted. The error is infinite where few draws carry the weight.
 
     Parameters
     ----------

@@ -33,7 +33,6 @@ from ifrfit.physics.observables import OBSERVABLES
 
 _COVERED = 0.997
 _PRIOR_TAU = 2.0  # upper end of the default prior of a transition
-_UNCONVERGED = 1e-4  # last fall of the rise, relative where it is over 1, above which the noise still moves
 
 ConstrainedOptimum = Callable[[float, Array, Array], Array]  # value, row sigma, theta nearby -> theta
 
@@ -80,8 +79,18 @@ def _is_uncertified(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
 
 
 def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
-    """Whether no certified method finds the optimum with an entry of theta fixed, or none without a scan."""
-    return _is_uncertified(problem, fit, place) or _scans_e_n(problem, fit, place)
+    """Whether no single certified fit finds the optimum with an entry of theta fixed."""
+    return _is_uncertified(problem, fit, place) or _scans_e_n(problem, fit, place) or _iterates_noise(problem)
+
+
+def _iterates_noise(problem: Problem) -> bool:
+    """Whether the noises at their best move the weights, so that one weighted fit is not the optimum.
+
+    One noise for all rows, without priors, leaves the weights alone.
+    """
+    groups = problem.noise_groups()
+    has_known = bool(problem.noise.is_given.any()) or any(c.prior is not None for c in problem.parameters)
+    return len(groups) > 1 or (len(groups) == 1 and has_known)
 
 
 def _scans_e_n(problem: Problem, fit: LeastSquaresFit, place: int | None = None) -> bool:
@@ -146,8 +155,10 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
         if mu.fixed is not None:
             return Constraint(i_e, value_at=of_e_n) if needs_search(problem, fit, i_e) else None
         is_tied = separable_e_n(problem, fit.sigma, series) is None
-        if _is_uncertified(problem, fit, i_mu) or (
-            is_tied and (any(c.separate for c in problem.parameters) or _scans_e_n(problem, fit))
+        if (
+            _is_uncertified(problem, fit, i_mu)
+            or _iterates_noise(problem)
+            or (is_tied and (any(c.separate for c in problem.parameters) or _scans_e_n(problem, fit)))
         ):
             law = problem.closure.law(problem.inertia_factor)
             return Constraint(mu=FollowingMu(i_mu, i_e, None, law, (mu.lower, mu.upper)))
@@ -271,14 +282,10 @@ def _solved_curve(
 
     def rise(x: float) -> float:
         near = thetas[min(thetas, key=lambda place: abs(place - x))]
-        found = misfit.minimum(lambda sigma, near: constrained(x, sigma, near), near)
-        thetas[x] = found.theta
-        if not found.fall <= _UNCONVERGED * max(1.0, found.rise):
-            curve.unconverged.append(x)
-        return found.rise
+        thetas[x] = constrained(x, misfit.fit.sigma, near)
+        return misfit.rise(thetas[x])
 
-    curve = ProfileCurve(rise, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution)
-    return curve
+    return ProfileCurve(rise, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution)
 
 
 def quantities_of(problem: Problem, fit: LeastSquaresFit) -> Mapping[str, Quantity]:
