@@ -15,7 +15,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit, refit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, followed
 from ifrfit.inference.posterior import TOLERANCE, log_evidence
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
@@ -109,9 +109,7 @@ def left_out(
     groups = rest.noise_groups()
     bounds = {name: ends for name, ends in problem.noise_bounds().items() if name in groups}
     try:
-        start = None
-        if optimum is not None and problem.offset is None:
-            start = replace(refit(rest, optimum.sigma[keep], optimum.optimum.theta), rivals=optimum.rivals)
+        start = None if optimum is None else followed(rest, replace(optimum, sigma=optimum.sigma[keep]))
         return whole - log_evidence(rest.with_noise(rest.noise.with_bounds(bounds)), tolerance, start)
     except (DataError, UsageError):
         return None

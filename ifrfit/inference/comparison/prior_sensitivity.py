@@ -14,6 +14,7 @@ from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import followed
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
@@ -112,9 +113,10 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
     moved = replace(problem.parameters[name], lower=ends[0], upper=ends[1])
     at = np.array([optimum.optimum.theta[problem.parameters.names.index(label)] for label in labels])
     inside = bool(((at > max(ends[0], old.lower)) & (at < min(ends[1], old.upper))).all())
-    # an optimum that neither domain cuts is where to begin in both
-    start = optimum if inside else None
+    other = problem.with_parameters([moved])
     try:
-        return log_evidence(problem.with_parameters([moved]), posterior.tolerance, start)
+        # an optimum that neither domain cuts is where to begin in both
+        start = optimum if inside else followed(other, optimum)
+        return log_evidence(other, posterior.tolerance, start)
     except (UsageError, DataError):  # a domain that this closure cannot have
         return None
