@@ -47,6 +47,7 @@ _FIRST, _FEW = 512, 128  # points of each to begin with; where true angles are i
 WORK, MOST_WORK = 6_000_000, 18_000_000
 _OF_A_POINT = 20  # rows that a point costs beside its own and those of the law that it is drawn from
 _REFITS = 4  # of the law to draw from
+_FITS_FIRST = 3  # of the law about the modes, before one is adapted
 _EVEN = 0.15  # effective share of the points at which the law is not fitted again
 _RISE = 25.0  # of minus twice the log likelihood to other modes: beyond, they have no weight
 _MODES = 8
@@ -194,6 +195,13 @@ def evidence_by_importance(problem: Problem, start: LeastSquaresFit, seed: int =
     rng = np.random.default_rng(seed)
     modes = known_modes(density, start)
     replicates = _Replicates(density, proposal_about(density, modes), rng, fewer=4)
+    for _ in range(_FITS_FIRST):
+        before = replicates
+        if before.evidence()[1] <= TARGET:
+            break
+        replicates = before.with_law_fitted()
+        if replicates.effective_share < 2.0 * before.effective_share:
+            break
     if replicates.evidence()[1] > TARGET:
         replicates = _Replicates(density, adapted_proposal(density, modes, rng), rng)
     while True:
@@ -250,6 +258,7 @@ class _Replicates:
     ) -> None:
         self._density, self.proposal, self._rng = density, proposal, rng
         self._shifts = rng.random((REPLICATES, 1 + density.dimensions))
+        self._fewer = fewer
         self._points = (_FIRST if density.cost_of_row == 1 else _FEW) // fewer  # of each
         self._parts = [self._drawn(finer=False)]
         self._join()
@@ -267,9 +276,10 @@ class _Replicates:
         )
 
     def with_law_fitted(self) -> _Replicates:
-        """New replicates, of the law that is fitted to the points of these."""
+        """As many points of the law that is fitted to these."""
         density, rng = self._density, self._rng
-        return _Replicates(density, refitted(self.proposal, density, self.at, self.log_weights, rng), rng)
+        law = refitted(self.proposal, density, self.at, self.log_weights, rng)
+        return _Replicates(density, law, rng, fewer=self._fewer)
 
     def refine(self) -> None:
         """Double the points of every lattice."""
