@@ -35,9 +35,8 @@ from ifrfit.inference.posterior.series_factors import factorises
 ExactPosterior = QuadraturePosterior | ImportancePosterior | Mixture
 
 # Values of the density that quadrature may take, each by its cost
-_MOST_WORK = 2e6  # half a second or so
-_OF_FACTORS = 5e6  # where draws are made series by series, which takes longer
-_COARSELY = 1e6  # where errors of some hundredths will do
+_MOST_WORK = 5e6  # a second or so, and 0.7 GB at most
+_COARSELY = 1e6  # where errors of some hundredths will do, and draws are not made series by series
 _OF_EVIDENCE = 5e5  # of the evidence alone, which takes few draws
 _COARSER = 1e-3, 2e-3, 5e-3  # errors of a grid, in sd, that sampling would hardly beat
 _COARSE = 1e-2  # tolerance from which on quadrature has to be quicker
@@ -132,7 +131,7 @@ def log_evidence(
         As `exact_posterior`; where neither integrator converges.
     """
     start = least_squares(problem) if start is None else start
-    has_grid, first = not no_grid(problem), _OF_FACTORS if factorises(problem) else _OF_EVIDENCE
+    has_grid, first = not no_grid(problem), _MOST_WORK if factorises(problem) else _OF_EVIDENCE
     found = _evidence_of_small_grid(problem, tolerance, start, first) if has_grid else None
     if found is not None:
         return found
@@ -143,7 +142,7 @@ def log_evidence(
         found, error = evidence_by_importance(problem, start)
     if error <= SAMPLING_ERROR:
         return found
-    found = _evidence_of_small_grid(problem, tolerance, start, _OF_FACTORS) if has_grid else None
+    found = _evidence_of_small_grid(problem, tolerance, start, _MOST_WORK) if has_grid else None
     if found is None:
         raise UsageError("The log evidence did not converge: too few effective draws.")
     return found
@@ -165,9 +164,7 @@ def _evidence_of_small_grid(
 
 def _most_work(problem: Problem, tolerance: float) -> float:
     """Values of the density up to which quadrature is not slower than draws."""
-    if factorises(problem):
-        return _OF_FACTORS
-    return _COARSELY if tolerance >= _COARSE else _MOST_WORK
+    return _COARSELY if tolerance >= _COARSE and not factorises(problem) else _MOST_WORK
 
 
 def _small_grid(

@@ -134,7 +134,6 @@ def _never_converges(monkeypatch) -> None:
 
     monkeypatch.setattr(integrators, "_MOST_WORK", 1.0)
     monkeypatch.setattr(integrators, "_OF_EVIDENCE", 1.0)
-    monkeypatch.setattr(integrators, "_OF_FACTORS", 1.0)
     monkeypatch.setattr(integrators, "sampled_posterior", doubtful)
     monkeypatch.setattr(integrators, "evidence_by_importance", lambda *arguments: (0.0, np.inf))
 
