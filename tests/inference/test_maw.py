@@ -247,3 +247,15 @@ def test_separate_compliance_numbers_have_transitions_each(impacts):
         assert abs(own.value - chi) < 4.0 * own.stderr
         low, high = found.derived["transition_angle_deg"][series].interval95
         assert 20.0 < low < high < 60.0
+
+
+def test_series_without_an_oblique_impact_have_a_friction_each(impacts: Impacts) -> None:
+    """Nothing is searched for there, and nothing is linear in the law of MAW either."""
+    gamma = np.array([20.0, 35.0, 50.0])
+    parts = [
+        {"gamma": gamma, "observables": ("mu",), "noise": 0.01, "sigma": 0.01, "series": s, "seed": n} | TRUE
+        for n, s in enumerate(("a", "b"))
+    ]
+    found = fit(impacts(*parts), fix={"e_n": 0.9}, separate=["mu"], method="lsq")
+    for series in ("a", "b"):
+        assert found.constants["mu"][series].value == pytest.approx(TRUE["mu"], abs=0.03)

@@ -15,6 +15,7 @@ from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, followed
 from ifrfit.inference.posterior import TOLERANCE, log_evidence
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
@@ -37,14 +38,15 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     The density that the other impacts predict for one is an average over the posterior with weights
     1/likelihood of that impact, whose tail is smoothed (PSIS). Draws are independent, so the relative
     effective sample size is 1. Where the Pareto k is over 0.7 the weights are not to be trusted: that impact
-    is left out in earnest, and its log density is log evidence with it less log evidence without it.
+    is left out in earnest, and its log density is log evidence with it less log evidence without it; none is
+    where more than `MOST_REFITS` would have to be.
 
     References
     ----------
     Vehtari, Gelman & Gabry (2017), Statistics and Computing 27, 1413; Vehtari, Simpson, Gelman, Yao & Gabry
     (2024), Journal of Machine Learning Research 25(72).
     """
-    problem, _ = fit.problem_and_optimum()
+    problem, optimum = fit.problem_and_optimum()
     posterior = posterior_of(fit)
     n_draws = min(DRAWS, _LARGEST // problem.rows.value.size)
     if n_draws < _FEWEST:
@@ -57,8 +59,9 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     names = _impact_names(density)
     high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
     refitted = []
-    for i in high[:MOST_REFITS]:
-        exact = left_out(problem, posterior.log_evidence, density.impact != i, posterior.tolerance)
+    # where more are high the sum stays doubtful whatever becomes of some of them
+    for i in high if high.size <= MOST_REFITS else ():
+        exact = left_out(problem, posterior.log_evidence, density.impact != i, posterior.tolerance, optimum)
         if exact is not None:
             elpd[i] = exact
             refitted.append(names[i])
@@ -81,17 +84,33 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
 
 
 def left_out(
-    problem: Problem, whole: float, keep: NDArray[np.bool_], tolerance: float = TOLERANCE
+    problem: Problem,
+    whole: float,
+    keep: NDArray[np.bool_],
+    tolerance: float = TOLERANCE,
+    optimum: LeastSquaresFit | None = None,
 ) -> float | None:
     """Log density of the rows that are not kept, as the kept ones predict it; None where these are too few.
 
-    `whole` is the log evidence of all rows. The noise keeps the prior that it has with all rows.
+    The noise keeps the prior that it has with all rows.
+
+    Parameters
+    ----------
+    problem : Problem
+    whole : float
+        Log evidence of all rows.
+    keep : ndarray of bool, (n,)
+    tolerance : float
+        Of the log evidence without them.
+    optimum : LeastSquaresFit, optional
+        Of all rows: the fit of the kept ones follows its modes, without a proof of its own.
     """
     rest = problem.with_rows(np.flatnonzero(keep))
     groups = rest.noise_groups()
     bounds = {name: ends for name, ends in problem.noise_bounds().items() if name in groups}
     try:
-        return whole - log_evidence(rest.with_noise(rest.noise.with_bounds(bounds)), tolerance)
+        start = None if optimum is None else followed(rest, replace(optimum, sigma=optimum.sigma[keep]))
+        return whole - log_evidence(rest.with_noise(rest.noise.with_bounds(bounds)), tolerance, start)
     except (DataError, UsageError):
         return None
 

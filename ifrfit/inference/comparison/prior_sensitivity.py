@@ -14,6 +14,7 @@ from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
+from ifrfit.inference.optimize.least_squares import followed
 from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
@@ -22,6 +23,7 @@ from ifrfit.physics.closures import get_closure
 
 MU_WIDTHS = (0.25, 0.5, 2.0)  # times the stated width: 0.5, 1 and 4 of the default 2
 OWN_WIDTH = 0.5
+_NOTHING = 1e-6  # share of the posterior that no evidence feels
 _ENOUGH = 1e-3  # share of the posterior below which its distribution function has too few digits
 
 
@@ -98,7 +100,8 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
     """Log evidence with a uniform prior of one constant between other ends.
 
     A narrower uniform prior cuts the posterior: the evidence gains the ratio of the widths and keeps the
-    posterior's share between the ends. A wider one is integrated afresh.
+    posterior's share between the ends. A wider one loses that ratio where the posterior has died out in the
+    upper half of the old domain; else it is integrated afresh.
     """
     problem, optimum = fit.problem_and_optimum()
     posterior = posterior_of(fit)
@@ -109,12 +112,18 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
         if within - below > _ENOUGH:
             gain = math.log((old.upper - old.lower) / (ends[1] - ends[0]))
             return _log_evidence(fit) + gain + math.log(within - below)
+    if ends[0] == old.lower and ends[1] >= old.upper:
+        middle = 0.5 * (old.lower + old.upper)
+        if all(1.0 - float(np.asarray(posterior.cdf(label, middle))) <= _NOTHING for label in labels):
+            ratio = (old.upper - old.lower) / (ends[1] - ends[0])
+            return _log_evidence(fit) + len(labels) * math.log(ratio)
     moved = replace(problem.parameters[name], lower=ends[0], upper=ends[1])
     at = np.array([optimum.optimum.theta[problem.parameters.names.index(label)] for label in labels])
     inside = bool(((at > max(ends[0], old.lower)) & (at < min(ends[1], old.upper))).all())
-    # an optimum that neither domain cuts is where to begin in both
-    start = optimum if inside else None
+    other = problem.with_parameters([moved])
     try:
-        return log_evidence(problem.with_parameters([moved]), posterior.tolerance, start)
+        # an optimum that neither domain cuts is where to begin in both
+        start = optimum if inside else followed(other, optimum)
+        return log_evidence(other, posterior.tolerance, start)
     except (UsageError, DataError):  # a domain that this closure cannot have
         return None

@@ -81,7 +81,7 @@ class LeastSquaresFit:
         return self.change <= AT_REST
 
 
-def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresFit:
+def least_squares(problem: Problem, start: Array | None = None, *, proven: bool = True) -> LeastSquaresFit:
     """Fit by least squares under the problem's noise policy.
 
     known: sigma is taken at its word. scaled: sigma times one common factor, from the misfit.
@@ -95,6 +95,8 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresF
     problem : Problem
     start : ndarray, optional
         theta of a neighbouring problem: where only a search can find the optimum, it begins there alone.
+    proven : bool
+        Whether a proof over unknown noises is needed where it is dear, see `noise_modes`.
 
     Raises
     ------
@@ -105,7 +107,7 @@ def least_squares(problem: Problem, start: Array | None = None) -> LeastSquaresF
         return _iteratively_reweighted(problem)
     if problem.error_model.offset is not None:
         return _with_angle_offset(problem, start)
-    return _with_plain_errors(problem, start)
+    return _with_plain_errors(problem, start, proven=proven)
 
 
 def at_fitted_offset(problem: Problem, found: LeastSquaresFit) -> Problem:
@@ -171,12 +173,37 @@ def refit(problem: Problem, sigma: Array, start: Array | None = None) -> LeastSq
     return _with_plain_errors(problem, start, sigma)
 
 
+def followed(problem: Problem, known: LeastSquaresFit) -> LeastSquaresFit:
+    """Fit a problem that differs little from one whose fit is known, with the rival modes of that one.
+
+    Rivals are moved to the domain of this problem where they lie outside.
+    Nothing is proven over unknown noises, but where an offset of the angles is fitted.
+
+    Parameters
+    ----------
+    problem : Problem
+    known : LeastSquaresFit
+        Of the other problem, with the sigma of the rows of this one.
+
+    Raises
+    ------
+    DataError
+        As `least_squares`.
+    """
+    if problem.offset is not None:
+        return least_squares(problem)
+    free, ends = problem.parameters.free, problem.parameters.bounds()
+    rivals = tuple((rise, np.where(free, np.clip(theta, *ends), theta)) for rise, theta in known.rivals)
+    return replace(refit(problem, known.sigma, known.optimum.theta), rivals=rivals)
+
+
 def _with_plain_errors(
     problem: Problem,
     start: Array | None = None,
     known_sigma: Array | None = None,
     *,
     offset_sd: float | None = None,
+    proven: bool = True,
 ) -> LeastSquaresFit:
     """Fit under normal errors of the values alone; see `least_squares` and `refit`.
 
@@ -198,7 +225,7 @@ def _with_plain_errors(
     for name, rows in groups.items():
         refuse_exact_group(problem, name, rows)
     base = problem.noise.base
-    modes = None if known_sigma is not None else noise_modes(problem, start)
+    modes = None if known_sigma is not None else noise_modes(problem, start, proven=proven)
     if modes is not None:
         factor = noise_factors(problem, modes.best.theta)
     else:

@@ -120,7 +120,7 @@ class _Box:
     optimum: Optimum = field(compare=False)
 
 
-def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
+def noise_modes(problem: Problem, start: Array | None = None, *, proven: bool = True) -> NoiseModes:
     """Find the modes of Phi and bound it from below.
 
     Parameters
@@ -129,6 +129,8 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
         Where no noise is unknown, Phi is chi2.
     start : ndarray, optional
         theta of a neighbouring problem: where only a search can find an optimum, it begins there alone.
+    proven : bool
+        Whether a bound is needed where it is dear: where series share some constants only.
     """
     search = _Search(problem)
     if search.is_monotone:
@@ -139,11 +141,11 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
         return search.over_components(components)
     if _share_nothing(problem):
         return search.over_components(
-            [search.component(each, noise_modes(each)) for each in problem.by_series]
+            [search.component(each, noise_modes(each, proven=proven)) for each in problem.by_series]
         )
     split = without_restitution(problem)
     if split is not None:
-        rest = noise_modes(split.rest, start)
+        rest = noise_modes(split.rest, start, proven=proven)
         return search.over_components([*split.restitution, search.component(split.rest, rest)])
     first = search.solve(search.spread(), start)
     if first.gap is None:
@@ -153,6 +155,9 @@ def noise_modes(problem: Problem, start: Array | None = None) -> NoiseModes:
             search.descend_together([first.theta])
         return NoiseModes(tuple(search.modes), None)
     search.descend(first)
+    if not proven:
+        search.descend_from_each_group()
+        return NoiseModes(tuple(search.modes), None)
     gap = search.prove()
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
 
@@ -423,7 +428,7 @@ class _Search:
 
     def prove(self) -> float:
         """Cut boxes until their bounds meet the best mode; gives what is left between them."""
-        low = np.log(self._least_variances())
+        low = np.log(self.descend_from_each_group())
         counter = itertools.count()
         left_out = np.inf  # least bound of the boxes that need no cut
         queue = [self._box(low, self._top(low), next(counter))]
@@ -447,8 +452,8 @@ class _Search:
         lowest = min(left_out, queue[0].bound if queue else np.inf)
         return max(0.0, self.modes[0].value - lowest)
 
-    def _least_variances(self) -> Array:
-        """The least S_g/n_g that any constants give each group, proven; a mode is looked for from each."""
+    def descend_from_each_group(self) -> Array:
+        """Look for a mode from each group alone; gives the least S_g/n_g of each, proven."""
         plain = self.problem.with_parameters([replace(each, prior=None) for each in self.problem.parameters])
         found = np.empty(len(self.groups))
         for number, rows in enumerate(self.groups):

@@ -51,7 +51,7 @@ def solve_shared(
     slack : float
         Gap that is small enough.
     """
-    if any(group.rows.of_kind("curved").any() for group in groups):
+    if not problem.closure.bilinear or any(group.rows.of_kind("curved").any() for group in groups):
         return None
     fixed = fix_restitution(groups, whole)
     if fixed is None:

@@ -30,7 +30,12 @@ from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.mixture_proposal import MixtureProposal
 from ifrfit.inference.posterior.noise_marginal import noise_over_squares
 from ifrfit.inference.posterior.noise_scale import NoiseScale
-from ifrfit.inference.posterior.proposal_adaptation import Gaussian, adapted_proposal, refitted
+from ifrfit.inference.posterior.proposal_adaptation import (
+    Gaussian,
+    adapted_proposal,
+    proposal_about,
+    refitted,
+)
 
 Array = NDArray[np.float64]
 
@@ -42,6 +47,7 @@ _FIRST, _FEW = 512, 128  # points of each to begin with; where true angles are i
 WORK, MOST_WORK = 6_000_000, 18_000_000
 _OF_A_POINT = 20  # rows that a point costs beside its own and those of the law that it is drawn from
 _REFITS = 4  # of the law to draw from
+_FITS_FIRST = 3  # of the law about the modes, before one is adapted
 _EVEN = 0.15  # effective share of the points at which the law is not fitted again
 _RISE = 25.0  # of minus twice the log likelihood to other modes: beyond, they have no weight
 _MODES = 8
@@ -170,6 +176,42 @@ def sample_by_importance(
         best.refine()
 
 
+def evidence_by_importance(problem: Problem, start: LeastSquaresFit, seed: int = 0) -> tuple[float, float]:
+    """Log of the integral of the normalised likelihood times the normalised prior, and its standard error.
+
+    The marginals are left out. The law about the known modes serves where it leaves a small error; else one
+    is adapted. The error is infinite where few draws carry the weight.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a free constant at least.
+    start : LeastSquaresFit
+        The optimum.
+    seed : int
+        Of the shifts of the lattices.
+    """
+    density = ConstantsDensity(problem)
+    rng = np.random.default_rng(seed)
+    modes = known_modes(density, start)
+    replicates = _Replicates(density, proposal_about(density, modes), rng, fewer=4)
+    for _ in range(_FITS_FIRST):
+        before = replicates
+        if before.evidence()[1] <= TARGET:
+            break
+        replicates = before.with_law_fitted()
+        if replicates.effective_share < 2.0 * before.effective_share:
+            break
+    if replicates.evidence()[1] > TARGET:
+        replicates = _Replicates(density, adapted_proposal(density, modes, rng), rng)
+    while True:
+        found, error = replicates.evidence()
+        work = 2 * replicates.at.shape[0] * replicates.cost
+        if error <= TARGET or work > (WORK if error <= SAMPLING_ERROR else MOST_WORK):
+            return found, error
+        replicates.refine()
+
+
 def known_modes(density: ConstantsDensity, start: LeastSquaresFit) -> list[Gaussian]:
     """Centre and covariance, in coordinates, of the posterior about each mode that least squares knows."""
     problem = at_fitted_offset(density.problem, start)
@@ -212,11 +254,12 @@ class _Replicates:
     """Lattices with independent shifts over one law: their scatter is the standard error of their mean."""
 
     def __init__(
-        self, density: ConstantsDensity, proposal: MixtureProposal, rng: np.random.Generator
+        self, density: ConstantsDensity, proposal: MixtureProposal, rng: np.random.Generator, fewer: int = 1
     ) -> None:
         self._density, self.proposal, self._rng = density, proposal, rng
         self._shifts = rng.random((REPLICATES, 1 + density.dimensions))
-        self._points = _FIRST if density.cost_of_row == 1 else _FEW  # of each
+        self._fewer = fewer
+        self._points = (_FIRST if density.cost_of_row == 1 else _FEW) // fewer  # of each
         self._parts = [self._drawn(finer=False)]
         self._join()
 
@@ -233,9 +276,10 @@ class _Replicates:
         )
 
     def with_law_fitted(self) -> _Replicates:
-        """New replicates, of the law that is fitted to the points of these."""
+        """As many points of the law that is fitted to these."""
         density, rng = self._density, self._rng
-        return _Replicates(density, refitted(self.proposal, density, self.at, self.log_weights, rng), rng)
+        law = refitted(self.proposal, density, self.at, self.log_weights, rng)
+        return _Replicates(density, law, rng, fewer=self._fewer)
 
     def refine(self) -> None:
         """Double the points of every lattice."""
@@ -261,6 +305,15 @@ class _Replicates:
         """Effective draws over points."""
         weights = special.softmax(self.log_weights)
         return float(1.0 / np.sum(weights**2)) / weights.size
+
+    def evidence(self) -> tuple[float, float]:
+        """Log evidence and its standard error; infinite where few draws carry the weight."""
+        each = self.log_weights.reshape(REPLICATES, -1)
+        log_z = special.logsumexp(each, axis=1) - math.log(each.shape[1])
+        relative = np.exp(log_z - log_z.max())
+        error = float(relative.std(ddof=1) / relative.mean()) / math.sqrt(REPLICATES)
+        is_even = float(special.softmax(self.log_weights).max()) <= LARGEST_WEIGHT
+        return float(special.logsumexp(log_z) - math.log(REPLICATES)), error if is_even else math.inf
 
     def posterior(self) -> ImportancePosterior:
         """All replicates together, with the standard error of their mean."""

@@ -5,9 +5,11 @@ Section 9 of ``docs/theory/posterior.md``; why there are two: ``docs/decisions/0
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from ifrfit.errors import UsageError
+from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
 from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset, least_squares
@@ -19,7 +21,11 @@ from ifrfit.inference.posterior.adaptive_quadrature import (
 )
 from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_by_quadrature
 from ifrfit.inference.posterior.factorised_sampling import sample_by_series
-from ifrfit.inference.posterior.importance_sampling import ImportancePosterior, sample_by_importance
+from ifrfit.inference.posterior.importance_sampling import (
+    ImportancePosterior,
+    evidence_by_importance,
+    sample_by_importance,
+)
 from ifrfit.inference.posterior.integral_layout import no_grid
 from ifrfit.inference.posterior.offset_mixture import integrate_over_offset
 from ifrfit.inference.posterior.offset_mixture import log_evidence as evidence_over_offset
@@ -28,8 +34,12 @@ from ifrfit.inference.posterior.series_factors import factorises
 
 ExactPosterior = QuadraturePosterior | ImportancePosterior | Mixture
 
-_MOST_WORK = 5e6  # values of the density, each by its cost: a second or so, and 0.7 GB at most
+# Values of the density that quadrature may take, each by its cost
+_MOST_WORK = 5e6  # a second or so, and 0.7 GB at most
+_COARSELY = 1e6  # where errors of some hundredths will do, and draws are not made series by series
+_OF_EVIDENCE = 5e5  # of the evidence alone, which takes few draws
 _COARSER = 1e-3, 2e-3, 5e-3  # errors of a grid, in sd, that sampling would hardly beat
+_COARSE = 1e-2  # tolerance from which on quadrature has to be quicker
 _OFFSETS = 40  # posteriors that a mixture over offsets of the angles takes
 
 
@@ -75,7 +85,7 @@ def exact_posterior(
     if integrator == "sampling" or no_grid(problem):
         return sampled_posterior(problem, start, seed)
     try:
-        found = _small_grid(problem, tolerance, start)
+        found = _small_grid(problem, tolerance, start, _most_work(problem, tolerance))
     except GridTooLargeError:
         return sampled_posterior(problem, start, seed)
     if found.converged:
@@ -121,28 +131,45 @@ def log_evidence(
         As `exact_posterior`; where neither integrator converges.
     """
     start = least_squares(problem) if start is None else start
-    found = None if no_grid(problem) else _evidence_of_small_grid(problem, tolerance, start)
+    has_grid, first = not no_grid(problem), _MOST_WORK if factorises(problem) else _OF_EVIDENCE
+    found = _evidence_of_small_grid(problem, tolerance, start, first) if has_grid else None
     if found is not None:
         return found
-    sampled = sampled_posterior(problem, start)
-    if not sampled.converged:
+    if factorises(problem):
+        sampled = sample_by_series(problem, start)
+        found, error = sampled.log_evidence, 0.0 if sampled.converged else math.inf
+    else:
+        found, error = evidence_by_importance(problem, start)
+    if error <= SAMPLING_ERROR:
+        return found
+    found = _evidence_of_small_grid(problem, tolerance, start, _MOST_WORK) if has_grid else None
+    if found is None:
         raise UsageError("The log evidence did not converge: too few effective draws.")
-    return sampled.log_evidence
+    return found
 
 
-def _evidence_of_small_grid(problem: Problem, tolerance: float, start: LeastSquaresFit) -> float | None:
+def _evidence_of_small_grid(
+    problem: Problem, tolerance: float, start: LeastSquaresFit, most_work: float
+) -> float | None:
     """Log of the evidence by quadrature; None where the grid would be large, or does not converge."""
     try:
         if problem.offset is not None:
-            _refuse_many_offsets(problem, tolerance, start)
+            _refuse_many_offsets(problem, tolerance, start, most_work)
             return evidence_over_offset(problem, tolerance, start)
-        found, error = evidence_by_quadrature(problem, tolerance, start, _MOST_WORK)
+        found, error = evidence_by_quadrature(problem, tolerance, start, most_work)
     except GridTooLargeError:
         return None
     return found if error <= max(_COARSER[-1], tolerance) else None
 
 
-def _small_grid(problem: Problem, tolerance: float, start: LeastSquaresFit) -> QuadraturePosterior | Mixture:
+def _most_work(problem: Problem, tolerance: float) -> float:
+    """Values of the density up to which quadrature is not slower than draws."""
+    return _COARSELY if tolerance >= _COARSE and not factorises(problem) else _MOST_WORK
+
+
+def _small_grid(
+    problem: Problem, tolerance: float, start: LeastSquaresFit, most_work: float
+) -> QuadraturePosterior | Mixture:
     """The posterior by quadrature.
 
     Raises
@@ -151,12 +178,14 @@ def _small_grid(problem: Problem, tolerance: float, start: LeastSquaresFit) -> Q
         Where its first grid would take too much work.
     """
     if problem.offset is None:
-        return integrate(problem, tolerance, start, most_work=_MOST_WORK)
-    _refuse_many_offsets(problem, tolerance, start)
+        return integrate(problem, tolerance, start, most_work=most_work)
+    _refuse_many_offsets(problem, tolerance, start, most_work)
     return integrate_over_offset(problem, tolerance, start)
 
 
-def _refuse_many_offsets(problem: Problem, tolerance: float, start: LeastSquaresFit) -> None:
+def _refuse_many_offsets(
+    problem: Problem, tolerance: float, start: LeastSquaresFit, most_work: float
+) -> None:
     """Refuse a mixture over offsets whose grids would take too much work all together."""
     at_best = at_fitted_offset(problem, start)
-    first_work(at_best, tolerance, least_squares(at_best), _MOST_WORK / _OFFSETS)
+    first_work(at_best, tolerance, least_squares(at_best), most_work / _OFFSETS)

@@ -111,6 +111,24 @@ def fitted_proposal(
         Points that are fitted to; of expectation and maximisation.
     """
     shares, near = fitted_components(domain, at, log_weights, rng, start, resampled=resampled, steps=steps)
+    return _defended(domain, shares, near, long)
+
+
+def proposal_about(domain: Domain, modes: Sequence[Gaussian]) -> MixtureProposal:
+    """Components about known modes, as they are, and the uniform law beside them.
+
+    Parameters
+    ----------
+    domain : Domain
+    modes : sequence of (ndarray, ndarray)
+        Centre and covariance of the posterior about each of them.
+    """
+    near = [component_about(domain, *each) for each in modes]
+    return _defended(domain, np.full(len(near), 1.0 / len(near)), near, LONG)
+
+
+def _defended(domain: Domain, shares: Array, near: Sequence[Component], long: float) -> MixtureProposal:
+    """Components by their shares, beside them wider ones, some as long as the domain, and the uniform law."""
     wide = [Component(each.centre, WIDER * each.root) for each in near]
     lengthened = _along_each_coordinate(domain, near[int(shares.argmax())])
     weights = np.concatenate(

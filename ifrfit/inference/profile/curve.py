@@ -115,14 +115,13 @@ class ProfileCurve:
         if self._endless:
             return f"it does not close up to {self._last:.0e}"
         if self.unconverged:
-            what = "noise" if self._of_many is None else "search"
-            return f"the {what} has not settled at {len(self.unconverged)} of its {self.n_evaluations} places"
+            return f"the search has not settled at {len(self.unconverged)} of its {self.n_evaluations} places"
         return ""
 
     def best_place(self, value: float) -> float:
         """Place of the optimum: the given one, unless the profile has met a better one.
 
-        A search, or several noises in turn, may have stopped at an optimum that is not the best; from then
+        A search may have stopped at an optimum that is not the best; from then
         on rises are counted from the best.
         """
         best = min(self._known, key=lambda place: (self._known[place], place))

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,19 +16,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.noise_modes import NoiseAtMode, noise_at_mode
 from ifrfit.inference.optimize.optimum import Array
 
-_ROUNDS = 40  # of weights and constants in turn
 _WITHIN = 16.0  # rise of a rival mode up to which a profile may pass to it
-_AT_REST = 1e-7  # fall of the objective at which they have come to rest
-
-ConstrainedOptimum = Callable[[Array, Array], Array]  # row sigma and a theta nearby to the best theta
-
-
-class Minimum(NamedTuple):
-    """Least rise, where it is, and how far it still fell in the last round (0 where none is needed)."""
-
-    rise: float
-    theta: Array
-    fall: float
 
 
 @dataclass(frozen=True)
@@ -122,37 +108,6 @@ class Misfit:
         """chi2 of rows with a known sigma and of the priors at each mode."""
         return tuple(self._prior(mode.theta) + self._chi2(mode.theta) for mode in self.modes)
 
-    def minimum(self, constrained: ConstrainedOptimum, near: Array) -> Minimum:
-        """Least rise, and where, over what `constrained` leaves free.
-
-        With several noises, or a prior beside one, weights and constants are improved in turn, beginning with
-        the noises nearby and with those of each rival mode.
-        """
-        if not self.groups:
-            theta = constrained(self.fit.sigma, near)
-            return Minimum(self.rise(theta), theta, 0.0)
-        sigmas = [self._sigma(near), *(mode.sigma for mode in self.modes[1:])]
-        return min((self._descend(constrained, near, s) for s in sigmas), key=lambda found: found.rise)
-
-    def _descend(self, constrained: ConstrainedOptimum, near: Array, sigma: Array) -> Minimum:
-        """Improve constants and noises in turn.
-
-        Each round minimises a bound on the logarithms that touches them, so the rise never grows.
-        """
-        theta = constrained(sigma, near)
-        rise = self.rise(theta)
-        if len(self.groups) == 1 and not self._has_prior and not self._known.size:
-            return Minimum(rise, theta, 0.0)
-        fall = math.inf
-        for _ in range(_ROUNDS):
-            moved = constrained(self._sigma(theta), theta)
-            fall = rise - self.rise(moved)
-            if fall > 0.0:
-                rise, theta = rise - fall, moved
-            if fall < _AT_REST:
-                break
-        return Minimum(rise, theta, max(fall, 0.0))
-
     def _nearest(self, squares: Array) -> NoiseAtMode:
         """The mode whose sums of squares are nearest, by their logarithms."""
         return self.modes[int(self.nearest(np.log(squares)[None])[0])]
@@ -166,10 +121,6 @@ class Misfit:
             return math.inf
         shares = information_shares(self.problem, self.fit, functional)
         return self.fit.noise_dof if shares is None else satterthwaite(shares, self.modes[0].dof)
-
-    @property
-    def _has_prior(self) -> bool:
-        return any(c.prior is not None for c in self.problem.parameters)
 
     def _prior(self, theta: Array) -> float:
         residual = self.problem.parameters.prior_residuals(theta)
@@ -201,13 +152,6 @@ class Misfit:
             square = (residual[:, None, rows] @ residual[:, rows, None])[:, 0, 0]
             found[:, i] = np.maximum(square, least)
         return found
-
-    def _sigma(self, theta: Array) -> Array:
-        """Sigma of each row from the misfit at theta, with the degrees of freedom of the nearest mode."""
-        sigma, squares = self.base.copy(), self._squares(theta)
-        for rows, square, dof in zip(self.groups, squares, self._nearest(squares).dof, strict=True):
-            sigma[rows] *= math.sqrt(square / dof)
-        return sigma
 
 
 def limit(level: float, dof: float = math.inf, *, one_sided: bool = False) -> float:

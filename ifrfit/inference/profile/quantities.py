@@ -13,7 +13,10 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.batched_search import FollowingMu
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.linear_families import linear_form
 from ifrfit.inference.optimize.optimum import Array, Optimum
+from ifrfit.inference.optimize.parameter_group import is_separable
+from ifrfit.inference.optimize.solve import whole_group
 from ifrfit.inference.profile.constrained_fit import (
     best_at_kappa,
     best_with,
@@ -30,7 +33,6 @@ from ifrfit.physics.observables import OBSERVABLES
 
 _COVERED = 0.997
 _PRIOR_TAU = 2.0  # upper end of the default prior of a transition
-_UNCONVERGED = 1e-4  # last fall of the rise, relative where it is over 1, above which the noise still moves
 
 ConstrainedOptimum = Callable[[float, Array, Array], Array]  # value, row sigma, theta nearby -> theta
 
@@ -65,7 +67,7 @@ class Quantity:
     constraint: Callable[[], Constraint | None] = lambda: None
 
 
-def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
+def _is_uncertified(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
     """Whether no certified method finds the optimum with an entry of theta fixed."""
     if problem.rows.has_kind("curved") or (problem.has_oblique and not problem.closure.bilinear):
         return True
@@ -74,6 +76,37 @@ def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
     if all(c.separate or c.fixed is not None for c in problem.parameters):
         return False
     return ConstrainedSeries.of(problem, fit.sigma, {place: float(fit.optimum.theta[place])}) is None
+
+
+def needs_search(problem: Problem, fit: LeastSquaresFit, place: int) -> bool:
+    """Whether no single certified fit finds the optimum with an entry of theta fixed."""
+    return _is_uncertified(problem, fit, place) or _scans_e_n(problem, fit, place) or _iterates_noise(problem)
+
+
+def _iterates_noise(problem: Problem) -> bool:
+    """Whether the noises at their best move the weights, so that one weighted fit is not the optimum.
+
+    One noise for all rows, without priors, leaves the weights alone.
+    """
+    groups = problem.noise_groups()
+    has_known = bool(problem.noise.is_given.any()) or any(c.prior is not None for c in problem.parameters)
+    return len(groups) > 1 or (len(groups) == 1 and has_known)
+
+
+def _scans_e_n(problem: Problem, fit: LeastSquaresFit, place: int | None = None) -> bool:
+    """Whether the optimum of one set of constants takes a certified fit at each of many e_n.
+
+    It does where rows tie a free e_n to the other constants; with an entry of theta fixed, or with kappa.
+    """
+    if problem.parameters.differ_by_series:
+        return False
+    held = {} if place is None else {problem.parameters.names[place]: float(fit.optimum.theta[place])}
+    group = whole_group(problem.with_fixed(held), fit.sigma)
+    if group.e_n.fixed is not None:
+        return False
+    if place is None:
+        return linear_form(group, problem.parameters.kappas[0].value(fit.optimum.theta)) is None
+    return not is_separable(group) and linear_form(group) is None
 
 
 def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
@@ -121,8 +154,11 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
     def constraint() -> Constraint | None:
         if mu.fixed is not None:
             return Constraint(i_e, value_at=of_e_n) if needs_search(problem, fit, i_e) else None
-        if needs_search(problem, fit, i_mu) or (
-            any(c.separate for c in problem.parameters) and separable_e_n(problem, fit.sigma, series) is None
+        is_tied = separable_e_n(problem, fit.sigma, series) is None
+        if (
+            _is_uncertified(problem, fit, i_mu)
+            or _iterates_noise(problem)
+            or (is_tied and (any(c.separate for c in problem.parameters) or _scans_e_n(problem, fit)))
         ):
             law = problem.closure.law(problem.inertia_factor)
             return Constraint(mu=FollowingMu(i_mu, i_e, None, law, (mu.lower, mu.upper)))
@@ -246,14 +282,10 @@ def _solved_curve(
 
     def rise(x: float) -> float:
         near = thetas[min(thetas, key=lambda place: abs(place - x))]
-        found = misfit.minimum(lambda sigma, near: constrained(x, sigma, near), near)
-        thetas[x] = found.theta
-        if not found.fall <= _UNCONVERGED * max(1.0, found.rise):
-            curve.unconverged.append(x)
-        return found.rise
+        thetas[x] = constrained(x, misfit.fit.sigma, near)
+        return misfit.rise(thetas[x])
 
-    curve = ProfileCurve(rise, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution)
-    return curve
+    return ProfileCurve(rise, quantity.domain.lower, quantity.domain.upper, quantity.far, resolution)
 
 
 def quantities_of(problem: Problem, fit: LeastSquaresFit) -> Mapping[str, Quantity]:

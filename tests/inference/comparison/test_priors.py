@@ -101,3 +101,13 @@ def test_priors_are_stated():
         "e_t": {"lower": -1.0, "upper": -0.4},
         "mu": {"lower": 0.0, "upper": 2.0},
     }
+
+
+@pytest.mark.parametrize("gamma", [[5, 10, 40, 60, 80], [3, 5, 8, 10]])
+def test_a_wider_prior_is_integrated_where_the_posterior_reaches_its_end(gamma):
+    """Impacts that all stick leave mu up to the end of its domain; others do not."""
+    data, fixed = observations("ifr", gamma, sigma=0.05, e_t=-0.85), {"e_n": 0.9, "e_t": -0.85}
+    found = compare(data, ("f", "ifr"), loo=False, fix=fixed, noise="known")
+    row = next(r for r in found.priors if r.varied == "mu up to 4")
+    own = problem_of(data, "ifr", noise="known", fix=fixed, bounds={"mu": (0.0, 4.0)})
+    assert row.log_evidence["ifr"] == pytest.approx(log_evidence(own), abs=1e-3)

@@ -209,6 +209,14 @@ def test_one_fit_without_a_proof_leaves_no_proof_of_the_whole(tmp_path, monkeypa
     assert noise_modes(problem).gap is None
 
 
+def test_modes_are_those_of_the_proof_where_none_is_wanted(tmp_path):
+    problem = question(contradiction(tmp_path, 0), fix={"e_n": 0.9}, separate=("mu",))
+    proven, found = noise_modes(problem), noise_modes(problem, proven=False)
+    assert found.gap is None
+    assert found.best.value == pytest.approx(proven.best.value, abs=1e-9)
+    np.testing.assert_allclose(found.best.theta, proven.best.theta, atol=1e-7)
+
+
 def test_constants_that_left_the_best_mode_are_not_certified(tmp_path, monkeypatch):
     """The noise's degrees of freedom move the constants a little; into another mode they must not."""
     problem = question(contradiction(tmp_path, 0), fix={"e_n": 0.9})

@@ -20,7 +20,11 @@ from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import exact_posterior, importance_sampling, integrate
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
-from ifrfit.inference.posterior.importance_sampling import ImportancePosterior, sample_by_importance
+from ifrfit.inference.posterior.importance_sampling import (
+    ImportancePosterior,
+    evidence_by_importance,
+    sample_by_importance,
+)
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)
 WIDE = tuple(np.linspace(6.0, 78.0, 16).tolist())
@@ -79,6 +83,15 @@ def test_it_agrees_with_quadrature(name: str) -> None:
     assert set(sampled.names) == set(exact.names)
     transition = f"transition_tau[{problem.series[0]}]"
     assert sampled.quantile(transition, 0.5) == pytest.approx(exact.quantile(transition, 0.5), rel=0.02)
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_an_evidence_alone_is_that_of_quadrature(name: str) -> None:
+    problem = QUESTIONS[name].problem()
+    start = least_squares(problem)
+    found, error = evidence_by_importance(problem, start)
+    assert error <= SAMPLING_ERROR
+    assert abs(found - integrate(problem, 1e-3, start).log_evidence) <= 4.0 * error + 1e-3
 
 
 def test_it_agrees_with_quadrature_where_some_noises_are_known() -> None:

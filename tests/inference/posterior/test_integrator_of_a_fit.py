@@ -133,7 +133,9 @@ def _never_converges(monkeypatch) -> None:
         return replace(sampled(*arguments, **choices), error=1.0)
 
     monkeypatch.setattr(integrators, "_MOST_WORK", 1.0)
+    monkeypatch.setattr(integrators, "_OF_EVIDENCE", 1.0)
     monkeypatch.setattr(integrators, "sampled_posterior", doubtful)
+    monkeypatch.setattr(integrators, "evidence_by_importance", lambda *arguments: (0.0, np.inf))
 
 
 def test_an_evidence_that_did_not_converge_is_not_told(tmp_path: Path, monkeypatch) -> None:

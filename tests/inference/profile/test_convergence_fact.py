@@ -8,7 +8,7 @@ import pytest
 from hard_cases.synthetic import FAN, HEADER, STEEP, noise, question, rows, table, values
 
 from ifrfit.inference.diagnostics.thresholds import FACTS
-from ifrfit.inference.profile import objective
+from ifrfit.inference.optimize.batched_search import BatchedSearch
 from ifrfit.inference.profile.convergence_fact import profile_converged
 from ifrfit.inference.profile.profile_all import profile_all
 from ifrfit.inference.profile.types import ProfileLikelihood
@@ -51,16 +51,15 @@ def test_noise_that_has_not_settled_comes_first(profiles: dict[str, ProfileLikel
     assert (fact.ok, fact.says) == (False, "the noise has not settled")
 
 
-def test_several_noises_that_run_out_of_rounds_are_noticed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_search_that_runs_out_of_steps_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = HEADER
     for seed, (series, size) in enumerate((("calm", 0.01), ("wild", 0.08)), start=1):
         beta = values(FAN, "beta", e_t=-0.9) + noise(len(FAN), size, seed)
         text += rows(FAN, beta, None, "beta", series)
     problem, fit = question(tmp_path, text, separate="noise")
     assert profile_converged(profile_all(problem, fit, curves=False), SETTLED).ok
-    monkeypatch.setattr(objective, "_ROUNDS", 1)
+    run = BatchedSearch.run
+    monkeypatch.setattr(BatchedSearch, "run", lambda self, *at, **more: run(self, *at, **more, steps=1))
     found = profile_all(problem, fit, curves=False)
-    assert "the noise has not settled at" in found["e_t"].stopped
+    assert "the search has not settled at" in found["e_t"].stopped
     assert not profile_converged(found, SETTLED).ok

@@ -80,7 +80,7 @@ def test_infinity_that_never_closes_is_told() -> None:
     assert curve.stopped.startswith("it does not close up to 1e+")
     curve = traced(lambda x: (x - 0.5) ** 2 / 0.01, 0.0, 1.0, [0.5])
     curve.unconverged += [0.1, 0.2]
-    assert curve.stopped == f"the noise has not settled at 2 of its {curve.n_evaluations} places"
+    assert curve.stopped == f"the search has not settled at 2 of its {curve.n_evaluations} places"
 
 
 def test_shapes() -> None:

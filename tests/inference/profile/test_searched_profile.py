@@ -36,16 +36,26 @@ def test_entries_are_those_of_the_certified_method(tmp_path, closure, noise) -> 
     problem, fit, misfit = fitted(tmp_path, closure, noise=noise)
     for place, theta in enumerate(fit.optimum.theta.tolist()):
         certified = entry(problem, fit, place)
-        assert certified.constraint() is None
+        assert (certified.constraint() is None) == (noise is None)
         sd = np.sqrt(fit.gaussian.variance(certified.functional, certified.domain.prior_sd))
         values = theta + sd * np.array([-2.0, -1.0, 0.5, 1.5])
         searched = SearchedProfile(misfit, Constraint(place), theta)
         found = searched(np.array(values))
         assert not searched.unconverged
         for value, rise in zip(values.tolist(), found.tolist(), strict=True):
-            constrained = partial(certified.constrained, value)
-            best = misfit.minimum(constrained, fit.optimum.theta)
-            assert rise == pytest.approx(best.rise, abs=2e-6)
+            assert rise == pytest.approx(in_turn(misfit, partial(certified.constrained, value)), abs=2e-6)
+
+
+def in_turn(misfit: Misfit, constrained) -> float:
+    """Rise where certified fits and the noises that they leave come to rest."""
+    theta = misfit.fit.optimum.theta
+    for _ in range(60):
+        sigma = misfit.base.copy()
+        residual = (misfit.problem.rows.value - misfit.problem.predict(theta)) / misfit.base
+        for number, rows in enumerate(misfit.groups):
+            sigma[rows] *= np.sqrt(residual[rows] @ residual[rows] / misfit.modes[0].dof[number])
+        theta = constrained(sigma, theta)
+    return misfit.rise(theta)
 
 
 def test_kappa_is_that_of_the_certified_method(tmp_path) -> None:
