@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy import special
@@ -54,7 +55,7 @@ def lack_of_fit(
     """
     r = residuals.standardised
     dof = r.size - round(float(fit.gaussian.leverage.sum()))
-    runs = _runs(problem, r)
+    runs = _runs(r, oblique_groups(problem))
     rule = FACTS["lack_of_fit"]
     figures: dict[str, object] = {"dof": dof, "p_runs": runs}
     tests: dict[str, float] = {}
@@ -69,7 +70,7 @@ def lack_of_fit(
             tests["pure error"] = min(1.0, len(pure) * min(pure.values()))
             figures["p_pure"] = pure
         else:
-            smooth = _smooth(problem, fit, r)
+            smooth = _smooth(problem, fit, r, oblique_groups(problem))
             found = [x for x in (smooth, runs) if x is not None]
             tests["smooth departure"] = min(found) if found else math.nan
             figures["p_smooth"] = smooth
@@ -81,7 +82,7 @@ def lack_of_fit(
         return Fact(True, says, figures, rule)
     if p >= REFUTED:
         return Fact(True, f"no lack of fit (p = {p_text(p)}, {test})", figures, rule)
-    where, signs, near_normal = misfit(problem, r)
+    where, signs, near_normal = misfit(problem, r, _refuted_rows(problem, fit, residuals, figures))
     figures["where"] = where
     says = (
         f"the data contradict one set of constants (p = {p_text(p)}, {test}); "
@@ -191,17 +192,17 @@ def oblique_groups(problem: Problem) -> list[Index]:
     return [own[np.argsort(problem.rows.tau[own], kind="stable")] for own in rows]
 
 
-def _smooth(problem: Problem, fit: LeastSquaresFit, r: Array) -> float | None:
-    """p of a smooth departure in tau beyond the model's own directions."""
+def _smooth(problem: Problem, fit: LeastSquaresFit, r: Array, groups: Sequence[Index]) -> float | None:
+    """p of a smooth departure of some rows in tau beyond the model's own directions."""
     jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free] / fit.sigma[:, None]
-    found = smooth_departure(oblique_groups(problem), problem.rows.tau, jacobian, r)
+    found = smooth_departure(groups, problem.rows.tau, jacobian, r)
     return None if found is None else found.p
 
 
-def _runs(problem: Problem, r: Array) -> float | None:
+def _runs(r: Array, groups: Sequence[Index]) -> float | None:
     """Wald-Wolfowitz runs test of the residuals' signs along tau, pooled over observables; two-sided p."""
     runs = expected = variance = 0.0
-    for rows in oblique_groups(problem):
+    for rows in groups:
         positive = r[rows] > 0.0
         n1, n2 = float(positive.sum()), float((~positive).sum())
         n = n1 + n2
@@ -216,8 +217,50 @@ def _runs(problem: Problem, r: Array) -> float | None:
     return float(2.0 * special.ndtr(-z))
 
 
-def misfit(problem: Problem, r: Array) -> tuple[str, str, bool]:
+def _refuted_rows(
+    problem: Problem, fit: LeastSquaresFit, residuals: Residuals, figures: Mapping[str, Any]
+) -> Index:
+    """Rows of which the failed test speaks: those with sigma, or of the observable with the smallest p."""
+    if figures["test"] == "chi2":
+        return np.flatnonzero(residuals.is_given)
+    pure = {name: p for name, p in figures.get("p_pure", {}).items() if name != "all"}
+    if not pure:
+        return most_orderly(problem, residuals.standardised, fit)
+    return problem.rows.rows_of(min(pure, key=lambda name: pure[name]).removeprefix("angles of "))
+
+
+def most_orderly(problem: Problem, r: Array, fit: LeastSquaresFit | None = None) -> Index:
+    """Rows of the observable whose residuals say most, by the runs of its signs and a smooth departure.
+
+    Of several unknown noises each takes the size of its own residuals, so that the sum of squares of an
+    observable says nothing of the law.
+
+    Parameters
+    ----------
+    problem : Problem
+    r : ndarray, (n,)
+        Standardised residuals.
+    fit : LeastSquaresFit, optional
+        Whose residuals they are; without it runs alone are looked at.
+    """
+    found: list[tuple[float, Index]] = []
+    for rows in oblique_groups(problem):
+        smooth = None if fit is None else _smooth(problem, fit, r, [rows])
+        tests = [p for p in (smooth, _runs(r, [rows])) if p is not None]
+        found.append((min(tests, default=1.0), rows))
+    return min(found, key=lambda each: each[0], default=(1.0, np.arange(r.size)))[1]
+
+
+def misfit(problem: Problem, r: Array, within: Index) -> tuple[str, str, bool]:
     """Where the excess of squares sits: the head or tail along tau that stands out most, or readings of e_n.
+
+    Parameters
+    ----------
+    problem : Problem
+    r : ndarray, (n,)
+        Standardised residuals.
+    within : ndarray of int
+        Rows among which it is looked for.
 
     Returns
     -------
@@ -226,11 +269,11 @@ def misfit(problem: Problem, r: Array) -> tuple[str, str, bool]:
         Whether it sits at the impacts nearest to the normal.
     """
     best, place = -math.inf, (np.empty(0, dtype=np.intp), "")
-    groups = oblique_groups(problem)
-    others = np.setdiff1d(np.arange(r.size), np.concatenate([np.empty(0, dtype=np.intp), *groups]))
-    if others.size and float(r[others] @ r[others]) > _ELSEWHERE * float(r @ r):
+    groups = [rows[np.isin(rows, within)] for rows in oblique_groups(problem)]
+    others = np.setdiff1d(within, np.concatenate([np.empty(0, dtype=np.intp), *groups]))
+    if others.size and float(r[others] @ r[others]) > _ELSEWHERE * float(r[within] @ r[within]):
         names = [name for name in problem.rows.names if np.isin(problem.rows.rows_of(name), others).any()]
-        return f"in {joined(names)}", _signs(r, others), False
+        return f"in {joined(names)}", _signs(problem, r, others, within), False
     for rows in groups:
         square = r[rows] ** 2
         m = np.arange(1, rows.size)
@@ -251,11 +294,16 @@ def misfit(problem: Problem, r: Array) -> tuple[str, str, bool]:
         where = f"in {observable} up to {gamma.max():.3g} degrees"
     else:
         where = f"in {observable} from {gamma.min():.3g} degrees on"
-    return where, _signs(r, rows), part == "below" and float(gamma.max()) < _NEAR_NORMAL
+    return where, _signs(problem, r, rows, within), part == "below" and float(gamma.max()) < _NEAR_NORMAL
 
 
-def _signs(r: Array, rows: Index) -> str:
+def _signs(problem: Problem, r: Array, rows: Index, within: Index) -> str:
     positive = int((r[rows] > 0.0).sum())
     side, count = ("positive", positive) if 2 * positive >= rows.size else ("negative", rows.size - positive)
-    share = float((r[rows] ** 2).sum() / (r @ r))
-    return f"{count} of {rows.size} residuals {side}, {100 * share:.0f} % of the sum of squares"
+    says = f"{count} of {rows.size} residuals {side}"
+    if rows.size == within.size < r.size:  # all of its own sum of squares
+        return says
+    share = float((r[rows] ** 2).sum() / (r[within] @ r[within]))
+    names = [name for name in problem.rows.names if np.isin(problem.rows.rows_of(name), within).any()]
+    whole = "" if len(names) == len(problem.rows.names) else f" of {joined(names)}"
+    return f"{says}, {100 * share:.0f} % of the sum of squares{whole}"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.diagnostics.lack_of_fit import misfit, oblique_groups
+from ifrfit.inference.diagnostics.lack_of_fit import misfit, most_orderly, oblique_groups
 from ifrfit.inference.diagnostics.outliers import row_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.log_posterior import Density
@@ -208,6 +208,9 @@ def _reason(problem: Problem, seen: _Seen, figures: dict[str, Any]) -> str:
             return ""
         remedy = "" if _without_scatter(seen) else ": --noise scaled takes it from the data"
         return f"; sigma is larger than the scatter{remedy}"
-    where, signs, _ = misfit(problem, seen.mean)
+    # a noise that is unknown fits the sum of squares of its rows, and then only their order tells
+    of_order = failed == ["runs"] or ("runs" in failed and not problem.noise.is_known)
+    within = most_orderly(problem, seen.mean) if of_order else np.arange(seen.mean.size)
+    where, signs, _ = misfit(problem, seen.mean, within)
     figures["where"] = where
     return f"; the misfit sits {where}: {signs}"

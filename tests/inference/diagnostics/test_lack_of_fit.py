@@ -1,0 +1,58 @@
+"""Lack of fit names the observable of which the failed test speaks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from factories import rest_long
+
+from ifrfit import compare, fit
+from ifrfit.physics import rebound
+
+
+def table(path, seed, change, *, n=40, gamma=None, noise=0.02):
+    """Impacts of which `change` gives beta and e_n without errors anew."""
+    rng = np.random.default_rng(seed)
+    gamma = rng.uniform(5.0, 80.0, n) if gamma is None else gamma
+    beta = rebound(gamma, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True).beta
+    beta, e_n = change(gamma, beta, np.full(gamma.size, 0.9))
+    beta, e_n = (value + noise * rng.standard_normal(gamma.size) for value in (beta, e_n))
+    rows = [f"{g:.3f},{b:.6f},{e:.6f}" for g, b, e in zip(gamma, beta, e_n, strict=True)]
+    path.write_text("\n".join(["gamma_deg,beta,e_n", *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def gained(gamma, beta, e_n):
+    return 0.9 * beta, e_n
+
+
+@pytest.mark.parametrize("seeds", rest_long((3, 40)))
+def test_a_wrong_beta_with_unknown_noises_is_a_misfit_of_beta(tmp_path, seeds):
+    failed = 0
+    for seed in range(seeds):
+        fact = fit(table(tmp_path / "t.csv", seed, gained), method="lsq").facts["lack_of_fit"]
+        failed += not fact.ok
+        if not fact.ok:
+            assert fact.figures["test"] == "smooth departure"
+            assert fact.figures["where"].startswith("in beta "), fact.says
+            assert fact.says.split("the misfit sits in beta")[1].endswith("% of the sum of squares of beta")
+    assert failed >= 2 * seeds // 3
+
+
+def test_a_misfit_of_e_n_among_repeats_is_one_of_e_n(tmp_path):
+    """Control: readings of e_n that depend on the angle, beside a beta that is as the law has it."""
+    gamma = np.repeat(np.linspace(8.0, 75.0, 6), 6)
+    for seed in range(3):
+        path = table(
+            tmp_path / "t.csv", seed, lambda g, b, e: (b, e + 0.08 * np.cos(6.0 * np.radians(g))), gamma=gamma
+        )
+        fact = fit(path, method="lsq").facts["lack_of_fit"]
+        assert not fact.ok
+        assert fact.figures["where"] == "in e_n"
+        assert "% of the sum of squares" not in fact.says
+
+
+def test_the_comparison_names_the_same_observable(tmp_path):
+    path = table(tmp_path / "t.csv", 0, gained)
+    verdict = compare(path, closures=("ifr", "f")).verdict
+    assert "the misfit sits in beta " in verdict.says, verdict.says
