@@ -303,7 +303,7 @@ _QUESTIONS = (
     _Question(
         "truncation",
         lambda f: truncation(f.problem, f.fit),
-        behind=(*_MISFIT, *_OF_THE_TABLE, "mixture", "growing_scatter"),
+        behind=(*_MISFIT, *_OF_THE_TABLE, "mixture", "growing_scatter", "scatter_too_small"),
         behind_causes=True,
     ),
 )

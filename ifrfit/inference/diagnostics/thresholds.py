@@ -20,6 +20,7 @@ PULL = 3.0
 COARSE = 0.6
 TOO_NARROW = 1.5
 TIMES_FITTED = 4.0
+MOST_MISSING = 5.0
 FEWEST_ALIKE = 5
 
 STATUSES = {
@@ -108,7 +109,9 @@ FACTS = {
     "that so many readings are equal to the largest or smallest one, by rounding and noise (Poisson)",
     "truncation": "stands only where it fails: the law with errors that are cut off at the outermost reading "
     f"of an observable takes so much off -2 log likelihood that exp(-fall/2), times {TIMES_FITTED:g} and the "
-    f"number of ends of observables, is below {REFUTED:g}; looked for where nothing else is found",
+    f"number of ends of observables, is below {REFUTED:g}, the noise taken from its own rows; the law runs "
+    f"through the readings beside the end, and of none more than {MOST_MISSING:g} times as many are missing "
+    "as are there (errors are skewed then); looked for where nothing else is found",
     "repeated_number": f"stands only where it fails: {FEWEST_ALIKE} readings of e_n or v_n of a series or "
     "more, not simulated, all the same in every decimal",
     "outliers": f"studentised residuals within the Bonferroni limit at {100 * REFUTED:g} %, one by one; by "

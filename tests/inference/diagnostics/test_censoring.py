@@ -9,12 +9,14 @@ from factories import at_most, rest_long
 from ifrfit.inference.fit import fit
 from ifrfit.physics import rebound
 
+IFR = {"e_t": -0.85}
 
-def table(path, seed, change, *, n=60, e_n=0.9, noise=0.03, e_n_noise=0.02):
+
+def table(path, seed, change, *, n=60, e_n=0.9, noise=0.03, e_n_noise=0.02, law=IFR):
     """Impacts of which `change` gives beta and e_n anew, nan where it discards one."""
     rng = np.random.default_rng(seed)
     gamma = np.round(rng.uniform(5.0, 80.0, n), 1)
-    beta = rebound(gamma, e_n=e_n, e_t=-0.85, mu=0.14, degrees=True).beta + noise * rng.standard_normal(n)
+    beta = rebound(gamma, e_n=e_n, mu=0.14, degrees=True, **law).beta + noise * rng.standard_normal(n)
     beta, readings = change(beta, e_n + e_n_noise * rng.standard_normal(n))
     rows = [
         f"{g:.1f},{b:.6f},{e:.6f}"
@@ -80,6 +82,70 @@ def test_discarded_readings_of_e_n_are_named_where_the_table_shows_it(tmp_path, 
         for seed in range(seeds)
     ]
     assert sum(each == ["truncation"] for each in found) >= 0.75 * seeds, found
+
+
+def with_sigma(path, beta, e_n):
+    """The table with a column sigma for both observables."""
+    head, *rows = path.read_text(encoding="utf-8").split()
+    lines = [f"{head},sigma_beta,sigma_e_n", *(f"{row},{beta},{e_n}" for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("seeds", rest_long((3, 20)))
+@pytest.mark.parametrize(("noise", "beta", "e_n"), [("known", 0.09, 0.06), ("scaled", 0.03, 0.06)])
+def test_a_sigma_that_is_too_large_leaves_no_readings_out(tmp_path, seeds, noise, beta, e_n):
+    for seed in range(seeds):
+        path = with_sigma(table(tmp_path / "t.csv", seed, lambda b, e: (b, e), n=40), beta, e_n)
+        facts = fit(path, method="lsq", noise=noise).facts
+        assert "truncation" not in facts
+        assert ("scatter_too_small" in facts) == (noise == "known")
+
+
+@pytest.mark.parametrize("seeds", rest_long((3, 8)))
+def test_readings_left_out_are_named_beside_a_sigma_up_to_a_factor(tmp_path, seeds):
+    """Control: the scatter is that of the rows, and the power stays."""
+    found = [
+        fit(
+            with_sigma(
+                table(tmp_path / "t.csv", seed, lambda b, e: (np.where(b > 0.56, np.nan, b), e), n=200),
+                0.06,
+                0.04,
+            ),
+            method="lsq",
+            noise="scaled",
+        ).facts
+        for seed in range(seeds)
+    ]
+    assert sum("truncation" in facts for facts in found) >= 0.6 * seeds
+
+
+@pytest.mark.parametrize("seeds", rest_long((3, 20)))
+def test_a_law_that_runs_beside_the_readings_is_no_cut(tmp_path, seeds):
+    """A plateau of beta at 0.33 by closure FR, below the least that IFR has."""
+    law = {"closure": "fr", "beta0": 0.33}
+    for seed in range(seeds):
+        path = table(tmp_path / "t.csv", seed, lambda b, e: (b, e), n=40, law=law)
+        assert "truncation" not in fit(path, method="lsq").facts
+
+
+@pytest.mark.parametrize("seeds", rest_long((6, 40)))
+def test_skewed_errors_are_no_cut(tmp_path, seeds):
+    """Exponential errors of mean 0, sharp at their upper end; some look like normal ones that are cut off."""
+    named_ones = 0
+    for seed in range(seeds):
+        rng = np.random.default_rng(100 + seed)
+        errors = 1.0 - rng.exponential(1.0, (2, 60))
+        path = table(
+            tmp_path / "t.csv",
+            seed,
+            lambda b, e, errors=errors: (b + 0.03 * errors[0], 0.9 + 0.02 * errors[1]),
+            noise=0.0,
+        )
+        fact = fit(path, method="lsq").facts.get("truncation")
+        named_ones += fact is not None
+        assert fact is None or "or errors are skewed" in fact.says
+    assert named_ones <= 1 + seeds // 10
 
 
 @pytest.mark.parametrize("n", [15, 60])
