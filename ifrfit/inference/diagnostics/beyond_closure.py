@@ -19,6 +19,7 @@ from ifrfit.text import p_text
 
 _SHARE = 0.25  # of an observable's rows: fewer are outliers
 _ROUNDING = 1e-9
+_FEWEST_DIFFERENCES = 5  # of neighbours, from which their scatter is taken
 
 
 def beyond_closure(problem: Problem, found: LeastSquaresFit) -> Fact | None:
@@ -61,14 +62,12 @@ def _fact(
     high: float,
 ) -> Fact | None:
     """Of one observable: `at` holds its values at the least and the greatest impulse factor, (n, 2)."""
-    value, sigma = problem.rows.value[rows], found.sigma[rows]
+    value = problem.rows.value[rows]
+    sigma, dof = _scatter(problem, found, rows)
     way = np.sign(slope)
     above, below = way * (value - at[:, 1]) / sigma, way * (at[:, 0] - value) / sigma
     z = np.maximum(above, below)
-    dof = found.noise_dof
-    tail = special.ndtr(-z)
-    if not math.isinf(dof):
-        tail = np.where(problem.noise.is_given[rows], tail, special.stdtr(max(dof, 1.0), -z))
+    tail = np.where(np.isinf(dof), special.ndtr(-z), special.stdtr(np.where(np.isinf(dof), 1.0, dof), -z))
     p = min(1.0, float(z.size * tail.min()))
     beyond = tail < 0.025
     if p >= REFUTED or beyond.mean() < _SHARE:
@@ -84,6 +83,37 @@ def _fact(
     )
     figures = {"p": p, "n_beyond": int(beyond.sum()), "observable": name}
     return Fact(False, says, figures, FACTS["beyond_closure"])
+
+
+def _scatter(problem: Problem, found: LeastSquaresFit, rows: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Noise of rows of one observable and its degrees of freedom; an unknown one apart from the closure.
+
+    A closure that misses readings by far takes the misfit for noise. So the scatter of neighbours along tau
+    counts where it is smaller: differences tell it as well as two thirds as many degrees of freedom.
+
+    References
+    ----------
+    von Neumann (1941), Ann. Math. Stat. 12, 367; Rice (1984), Ann. Stat. 12, 1215.
+    """
+    sigma, dof = found.sigma[rows].copy(), np.full(rows.size, max(found.noise_dof, 1.0))
+    dof[problem.noise.is_given[rows]] = math.inf
+    value, tau, series = problem.rows.value, problem.rows.tau, problem.rows.series
+    for group in problem.noise_groups().values():
+        place = np.flatnonzero(np.isin(rows, group))
+        order = rows[place][np.lexsort((tau[rows[place]], series[rows[place]]))]
+        near = np.flatnonzero(series[order[1:]] == series[order[:-1]])
+        if near.size < _FEWEST_DIFFERENCES:
+            continue
+        first, second = order[near], order[near + 1]
+        size = float(
+            (
+                (value[first] - value[second]) ** 2 / (found.sigma[first] ** 2 + found.sigma[second] ** 2)
+            ).mean()
+        )
+        if 0.0 < size < 1.0:
+            sigma[place] *= math.sqrt(size)
+            dof[place] = 2.0 / 3.0 * near.size
+    return sigma, dof
 
 
 def _reason(problem: Problem, high: float, gripped: bool) -> str:

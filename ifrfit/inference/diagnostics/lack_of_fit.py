@@ -200,21 +200,28 @@ def _smooth(problem: Problem, fit: LeastSquaresFit, r: Array, groups: Sequence[I
 
 
 def _runs(r: Array, groups: Sequence[Index]) -> float | None:
-    """Wald-Wolfowitz runs test of the residuals' signs along tau, pooled over observables; two-sided p."""
+    """Wald-Wolfowitz runs test of the residuals' signs along tau, pooled over observables; two-sided p.
+
+    Where an observable has residuals of one sign alone, of which that test says nothing, p of so many tosses
+    of a coin takes its place.
+    """
     runs = expected = variance = 0.0
+    alike = 1.0
     for rows in groups:
         positive = r[rows] > 0.0
         n1, n2 = float(positive.sum()), float((~positive).sum())
         n = n1 + n2
         if n1 < 2 or n2 < 2:
+            if n > 1 and min(n1, n2) == 0.0:
+                alike = min(alike, len(groups) * 2.0 ** (1.0 - n))
             continue
         runs += 1.0 + float((positive[1:] != positive[:-1]).sum())
         expected += 1.0 + 2.0 * n1 * n2 / n
         variance += 2.0 * n1 * n2 * (2.0 * n1 * n2 - n) / (n * n * (n - 1.0))
     if variance < 2.0:
-        return None
+        return alike if alike < REFUTED else None
     z = max(abs(runs - expected) - 0.5, 0.0) / math.sqrt(variance)
-    return float(2.0 * special.ndtr(-z))
+    return min(alike, float(2.0 * special.ndtr(-z)))
 
 
 def _refuted_rows(

@@ -60,10 +60,12 @@ FACTS = {
     "p >= 0.01 beside their own scatter, or all settings but one agree (p >= 0.05)",
     "lack_of_fit": f"p >= {REFUTED:g}: of chi2 where sigma is known; else of F tests against repeats, of "
     "each observable and of all, p times their number; else of a smooth departure in tau (natural cubic "
-    "spline, 3 degrees of freedom) and of the runs test",
+    "spline, 3 degrees of freedom) and of the runs test, or of tosses of a coin where all residuals of an "
+    "observable are of one sign",
     "beyond_closure": f"stands only where it fails: p < {REFUTED:g}, times the number of rows, that a "
     "reading lies within what the closure gives between the ends of its domain, and a quarter of the rows of "
-    "its observable beyond it at 0.025",
+    "its observable beyond it at 0.025; an unknown noise is that of the differences of neighbours along tau, "
+    "where that is smaller",
     "normal_restitution": f"p >= {REFUTED:g}, times the number of looks: readings of e_n as a parabola "
     "in the angle and in the logarithm of the speed against one value; their mean against a fixed value or a "
     "prior, and against 1; no single reading 4 sd above 1",

@@ -92,3 +92,45 @@ def test_data_at_the_end_of_the_domain_are_not_beyond_it(tmp_path, seed):
     value = rebound(ANGLES, degrees=True, e_n=0.8, e_t=-0.4, mu=2.0).beta
     found = fit(table(tmp_path / "t.csv", noisy(value, seed)), method="lsq", fix={"e_n": 0.8})
     assert "beyond_closure" not in found.facts
+
+
+def unknown_noise(path, gamma, value):
+    """The table without sigma, with readings of e_n about 0.9."""
+    e_n = 0.9 + 0.02 * np.random.default_rng(99).standard_normal(gamma.size)
+    rows = [f"{g:.3f},{b:.6f},{e:.6f}" for g, b, e in zip(gamma, value, e_n, strict=True)]
+    path.write_text("\n".join(["gamma_deg,beta,e_n", *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_unknown_noise_does_not_take_the_wrong_sign_of_the_spin_for_scatter(tmp_path, seed):
+    """beta formed with the wrong sign of R omega: all readings lie between -1 and -1.7."""
+    rng = np.random.default_rng(seed)
+    gamma = rng.uniform(5.0, 80.0, 40)
+    impact = rebound(gamma, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True)
+    value = -(impact.v_x - impact.spin_y) / np.sin(np.radians(gamma)) + 0.03 * rng.standard_normal(40)
+    facts = fit(unknown_noise(tmp_path / "t.csv", gamma, value), method="lsq").facts
+    assert facts["beyond_closure"].figures["n_beyond"] >= 30
+    assert "look at signs" in facts["beyond_closure"].says
+    assert "independence" not in facts
+    assert not facts["lack_of_fit"].ok
+
+
+def test_residuals_of_one_sign_are_a_lack_of_fit(tmp_path):
+    """A constant beta beyond 1: nothing smooth departs, and no sign changes."""
+    gamma = np.linspace(8.0, 50.0, 20)
+    value = 1.15 + 0.02 * np.random.default_rng(0).standard_normal(20)
+    facts = fit(unknown_noise(tmp_path / "t.csv", gamma, value), method="lsq").facts
+    assert facts["lack_of_fit"].figures["p_runs"] == pytest.approx(2.0**-19)
+    assert not facts["lack_of_fit"].ok
+    assert not facts["beyond_closure"].ok
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_readings_at_the_end_of_the_domain_are_not_beyond_it_with_unknown_noise(tmp_path, seed):
+    gamma = np.linspace(8.0, 50.0, 20)
+    value = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.4, mu=2.0).beta
+    value = value + 0.02 * np.random.default_rng(seed).standard_normal(20)
+    facts = fit(unknown_noise(tmp_path / "t.csv", gamma, value), method="lsq").facts
+    assert "beyond_closure" not in facts
+    assert facts["lack_of_fit"].ok
