@@ -24,6 +24,7 @@ from ifrfit.text import joined, p_text
 _TRIALS = 12  # angles at which the near-normal impacts are cut off, to see whether that mends the fit
 _COMFORTABLE = 0.05
 _NEAR_NORMAL = 30.0  # degrees below which microslip is the likely reason of a misfit
+SMOOTH = 3  # rows of the head or tail that a departure of the order sits in, at least
 _ELSEWHERE = 0.5  # share of the sum of squares in rows that know no angle, from which the misfit sits there
 
 
@@ -82,7 +83,9 @@ def lack_of_fit(
         return Fact(True, says, figures, rule)
     if p >= REFUTED:
         return Fact(True, f"no lack of fit (p = {p_text(p)}, {test})", figures, rule)
-    where, signs, near_normal = misfit(problem, r, _refuted_rows(problem, fit, residuals, figures))
+    # a smooth departure is none of one row, but where a common sigma tells how far off that is
+    fewest = SMOOTH if problem.noise.has_unknown and test not in ("chi2", "pure error") else 1
+    where, signs, near_normal = misfit(problem, r, _refuted_rows(problem, fit, residuals, figures), fewest)
     figures["where"] = where
     says = (
         f"the data contradict one set of constants (p = {p_text(p)}, {test}); "
@@ -227,7 +230,12 @@ def _runs(r: Array, groups: Sequence[Index]) -> float | None:
 def _refuted_rows(
     problem: Problem, fit: LeastSquaresFit, residuals: Residuals, figures: Mapping[str, Any]
 ) -> Index:
-    """Rows of which the failed test speaks: those with sigma, or of the observable with the smallest p."""
+    """Rows of which the failed test speaks: those with sigma, or of the observable with the smallest p.
+
+    Where sigma of all is known, be it up to a factor, their squares compare, and these are all rows.
+    """
+    if not problem.noise.has_unknown:
+        return np.arange(len(problem.rows))
     if figures["test"] == "chi2":
         return np.flatnonzero(residuals.is_given)
     pure = {name: p for name, p in figures.get("p_pure", {}).items() if name != "all"}
@@ -258,7 +266,7 @@ def most_orderly(problem: Problem, r: Array, fit: LeastSquaresFit | None = None)
     return min(found, key=lambda each: each[0], default=(1.0, np.arange(r.size)))[1]
 
 
-def misfit(problem: Problem, r: Array, within: Index) -> tuple[str, str, bool]:
+def misfit(problem: Problem, r: Array, within: Index, fewest: int = 1) -> tuple[str, str, bool]:
     """Where the excess of squares sits: the head or tail along tau that stands out most, or readings of e_n.
 
     Parameters
@@ -268,6 +276,8 @@ def misfit(problem: Problem, r: Array, within: Index) -> tuple[str, str, bool]:
         Standardised residuals.
     within : ndarray of int
         Rows among which it is looked for.
+    fewest : int
+        Rows of a head or tail.
 
     Returns
     -------
@@ -283,14 +293,14 @@ def misfit(problem: Problem, r: Array, within: Index) -> tuple[str, str, bool]:
         return f"in {joined(names)}", _signs(problem, r, others, within), False
     for rows in groups:
         square = r[rows] ** 2
-        m = np.arange(1, rows.size)
+        m = np.arange(fewest, rows.size)
         for part, inner in (("below", np.cumsum(square)[:-1]), ("beyond", np.cumsum(square[::-1])[:-1])):
             if not m.size:
                 continue
-            score = (inner / m - square.mean()) * np.sqrt(m)
-            i = int(np.argmax(score))
-            if float(score[i]) > best:
-                best = float(score[i])
+            score = (inner[fewest - 1 :] / m - square.mean()) * np.sqrt(m)
+            i = int(np.argmax(score)) + fewest - 1
+            if float(score.max()) > best:
+                best = float(score.max())
                 place = (rows[: i + 1] if part == "below" else rows[rows.size - i - 1 :], part)
     rows, part = place
     if rows.size == 0:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ifrfit.inference.diagnostics.lack_of_fit import misfit, most_orderly, oblique_groups
+from ifrfit.inference.diagnostics.lack_of_fit import SMOOTH, misfit, most_orderly, oblique_groups
 from ifrfit.inference.diagnostics.outliers import row_name
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.log_posterior import Density
@@ -209,8 +209,8 @@ def _reason(problem: Problem, seen: _Seen, figures: dict[str, Any]) -> str:
         remedy = "" if _without_scatter(seen) else ": --noise scaled takes it from the data"
         return f"; sigma is larger than the scatter{remedy}"
     # a noise that is unknown fits the sum of squares of its rows, and then only their order tells
-    of_order = failed == ["runs"] or ("runs" in failed and not problem.noise.is_known)
+    of_order = "runs" in failed and problem.noise.has_unknown
     within = most_orderly(problem, seen.mean) if of_order else np.arange(seen.mean.size)
-    where, signs, _ = misfit(problem, seen.mean, within)
+    where, signs, _ = misfit(problem, seen.mean, within, SMOOTH if of_order else 1)
     figures["where"] = where
     return f"; the misfit sits {where}: {signs}"

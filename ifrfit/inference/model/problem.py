@@ -305,16 +305,18 @@ class Problem:
 
     @cached_property
     def offset(self) -> FreeParameter | None:
-        """The unknown offset of the set angles, degrees, with its prior; None where there is none.
-
-        Its domain leaves every oblique impact on its side of the normal, and above the wall.
-        """
+        """The unknown offset of the set angles, degrees, with its prior; None where there is none."""
         if self.error_model.offset is None:
             return None
+        low, high = self.offset_range
+        return FreeParameter.of(OFFSET, Parameter(OFFSET, low, high, prior=(0.0, self.error_model.offset)))
+
+    @cached_property
+    def offset_range(self) -> tuple[float, float]:
+        """Offsets, degrees, that leave every oblique impact on its side of the normal, and above the wall."""
         gamma = self.rows.gamma_deg[self.rows.has_angle]
         low = _OBLIQUE_BY - float(gamma[gamma > 0.0].min(initial=90.0))
-        high = 90.0 - float(gamma.max(initial=0.0)) - _OBLIQUE_BY
-        return FreeParameter.of(OFFSET, Parameter(OFFSET, low, high, prior=(0.0, self.error_model.offset)))
+        return low, 90.0 - float(gamma.max(initial=0.0)) - _OBLIQUE_BY
 
     @cached_property
     def by_series(self) -> tuple[Problem, ...]:

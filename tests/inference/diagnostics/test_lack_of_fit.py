@@ -36,6 +36,7 @@ def test_a_wrong_beta_with_unknown_noises_is_a_misfit_of_beta(tmp_path, seeds):
             assert fact.figures["test"] == "smooth departure"
             assert fact.figures["where"].startswith("in beta "), fact.says
             assert fact.says.split("the misfit sits in beta")[1].endswith("% of the sum of squares of beta")
+            assert int(fact.says.split(" residuals ")[0].split(" of ")[-1]) >= 3
     assert failed >= 2 * seeds // 3
 
 

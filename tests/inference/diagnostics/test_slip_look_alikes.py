@@ -111,3 +111,36 @@ def test_a_prior_of_e_n_speaks_against_a_scale():
     as_read = free.constants["e_n"].value
     known = fit(data, method="lsq", independent=True, prior={"e_n": (as_read, 0.002)})
     assert "speed-scale" not in known.facts["slips"].figures["called"]
+
+
+def written(path, columns):
+    rows = [",".join(f"{x:.6f}" for x in row) for row in zip(*columns.values(), strict=True)]
+    path.write_text("\n".join([",".join(columns), *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("seeds", rest_long((2, 20)))
+def test_an_offset_at_the_wall_is_none(tmp_path, seeds):
+    """beta formed with half of the spin: angles explain the more of it the nearer they come to the wall."""
+    for seed in range(2, 2 + seeds):
+        rng = np.random.default_rng(seed)
+        gamma = rng.uniform(5.0, 80.0, 40)
+        impact = rebound(gamma, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True)
+        beta = -(impact.v_x + 0.5 * impact.spin_y) / np.sin(np.radians(gamma))
+        beta, e_n = beta + 0.03 * rng.standard_normal(40), 0.9 + 0.02 * rng.standard_normal(40)
+        path = written(tmp_path / "t.csv", {"gamma_deg": gamma, "beta": beta, "e_n": e_n})
+        facts = fit(path, method="lsq").facts
+        assert "angle-offset" not in facts["slips"].figures["called"], facts["slips"].says
+        assert not facts["lack_of_fit"].ok
+
+
+@pytest.mark.parametrize("offset", [3.0, -3.0])
+def test_an_offset_that_the_angles_have_room_for_is_named(tmp_path, offset):
+    """Control."""
+    rng = np.random.default_rng(0)
+    gamma = rng.uniform(8.0, 75.0, 40)
+    impact = rebound(gamma + offset, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True)
+    beta, v_n = impact.beta + 0.01 * rng.standard_normal(40), impact.v_n + 0.01 * rng.standard_normal(40)
+    path = written(tmp_path / "t.csv", {"gamma_deg": gamma, "beta": beta, "v_n": v_n})
+    slips = fit(path, method="lsq").facts["slips"]
+    assert "angle-offset" in slips.figures["called"], slips.says

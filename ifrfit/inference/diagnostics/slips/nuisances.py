@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ifrfit.inference.diagnostics.omitted_effects.effect_signatures import Direction
+from ifrfit.inference.diagnostics.row_order import is_sorted_by_values
 from ifrfit.inference.diagnostics.slips.flawed_readings import Array, Flaw, of_inertia, readings
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE
@@ -70,7 +71,9 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
     measured = {each.numerator for each in problem.rows.observables}
     oblique = [each for each in problem.rows.observables if each.kind in OBLIQUE]
     if any(each.has_angle for each in problem.rows.observables):
-        yield read("angle-offset", 10.0, 2.0, lambda x: Flaw(offset=x))
+        low, high = problem.offset_range
+        offset = read("angle-offset", 10.0, 2.0, lambda x: Flaw(offset=x))
+        yield replace(offset, limits=(max(low, -10.0), min(high, 10.0)))
         yield read("camera-turn", 10.0, 2.0, lambda x: Flaw(turn=x))
     if "velocity" in measured or any(not each.numerator for each in oblique):
         yield read("speed-scale", 0.5, 0.05, lambda x: Flaw(speed=x))
@@ -98,10 +101,12 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
 def _drifts(problem: Problem) -> Iterator[Nuisance]:
     """Constants that change in the course of the table: e_n from some row on, all along each series.
 
-    Only where the rows are not in the order of angle or speed.
+    Only where the rows are not in the order of angle or speed, nor sorted by their values.
     """
     along = _place_in_table(problem)
     if int(problem.rows.impacts.max()) < _FEWEST_IMPACTS - 1 or _is_ordered(problem, along):
+        return
+    if is_sorted_by_values(problem):
         return
 
     def drifting(name: str, constant: str, shape: Array, usual: float) -> Nuisance:

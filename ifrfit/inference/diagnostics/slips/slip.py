@@ -74,4 +74,7 @@ def is_decisive(slip: Slip) -> bool:
     """Whether the evidence suffices to name a slip, and its size is one that a slip has."""
     if slip.unlikely > LARGEST * math.hypot(slip.usual, slip.sd):
         return False
+    # impacts would cross the wall or its normal, or the law is missed by so much that no angle mends it
+    if slip.name == "angle-offset" and slip.is_least:
+        return False
     return slip.p < (REFUTED if slip.sd or slip.rows else math.exp(-0.5 * DECISIVE))
