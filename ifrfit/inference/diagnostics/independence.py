@@ -11,6 +11,7 @@ from scipy import special
 
 from ifrfit.inference.diagnostics.quadratic_forms import Array, orthonormal, ratio_exceeds
 from ifrfit.inference.diagnostics.residuals import Residuals
+from ifrfit.inference.diagnostics.row_order import is_sorted_by_values
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
@@ -49,6 +50,8 @@ def independence(
     also: Array | None = None,
 ) -> Fact | None:
     """Test the correlation of neighbouring residuals, in the order of the table and of the angle.
+
+    A table that was sorted by its values is tested along the angle alone.
 
     Tested is the sum of products of neighbours over the sum of squares (as by von Neumann), for each
     observable, with neighbours of one series; p values hold at any number of constants, and are multiplied by
@@ -116,18 +119,21 @@ def independence(
 
 def _orders(problem: Problem) -> Iterator[_Order]:
     rows = problem.rows
+    # where values were sorted by, neighbours are alike, whatever their errors
+    is_sorted = is_sorted_by_values(problem)
     for name in rows.names:
         own = rows.rows_of(name)
         if not _FEWEST <= own.size <= _MOST:
             continue
         by_series = own[np.argsort(rows.series[own], kind="stable")]
-        yield _pairs(problem, name, "table", by_series)
+        if not is_sorted:
+            yield _pairs(problem, name, "table", by_series)
         tau = rows.tau[own]
         in_order = own[np.lexsort((tau, rows.series[own]))]
         distinct = np.unique(np.column_stack((rows.series[own], tau)), axis=0)
         falling = own[np.lexsort((-tau, rows.series[own]))]
         is_that = any(np.array_equal(by_series, one) for one in (in_order, falling))
-        if len(distinct) >= _TIED * own.size and not is_that:
+        if len(distinct) >= _TIED * own.size and (is_sorted or not is_that):
             yield _pairs(problem, name, "angle", in_order)
 
 

@@ -81,8 +81,8 @@ FACTS = {
     "constant that scatters normally; looked for where nothing else is found",
     "independence": f"stands only where it fails: p < {REFUTED:g}, times the number of observables and "
     "orders, that neighbouring residuals of a series are so alike (von Neumann's ratio, at any number of "
-    "constants), along the table and along the angle; where angles are repeated often, of the scatter about "
-    "their means; else only where nothing before it explains the residuals",
+    "constants), along the table (unless it was sorted by the values of an observable) and along the angle; "
+    "where angles are repeated often, of the scatter about their means; else only where nothing before it explains the residuals",
     "growing_scatter": f"stands only where it fails: p < {REFUTED:g}, times the number of observables, of "
     "the score test that the variance of an unknown noise goes with a power of one over the observable's "
     "denominator, also without the row that speaks most; a rank correlation at 0.01, and a fall of -2 log "
@@ -100,8 +100,9 @@ FACTS = {
     "wall or in radians, percent, sizes without sign, exchanged columns, spins in other units, centre for "
     "contact point, 0 or one repeated number for 'not measured'; in the table and in each of its series, p "
     "times their number; for signs, angles and percent in some rows, too, beyond 2 log 2 for each choice. It "
-    f"fails only where no effect explains more by {ALIKE:g}, and constants of each "
-    f"series explain {ALIKE:g} less; what explains as much is named beside it",
+    f"fails only where no effect explains more by {ALIKE:g}, and constants of each series explain "
+    f"{ALIKE:g} less, and angles have room for their offset; drifts are looked for unless the table was "
+    "sorted by angle, speed or the values of an observable; what explains as much is named beside it",
     "duplicates": f"stands only where it fails: p < {REFUTED:g} that so many impacts of one setting agree in "
     "every decimal, by noise and rounding (Poisson)",
     "rounded_readings": "stands only where it fails: readings that the law has at one value scatter by less "

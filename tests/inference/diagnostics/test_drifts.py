@@ -74,3 +74,49 @@ def test_observables_under_one_another_are_in_the_order_of_the_angle_each(tmp_pa
     pd.DataFrame(table).to_csv(path, index=False)
     tests = fit(path, method="lsq").facts["slips"].figures["tests"]
     assert not any(name.endswith("drift") for name in tests)
+
+
+def of_e_n(folder, seed, *, drift=0.0, noise=0.02, order=(), n=40):
+    """Two series of readings of beta and e_n, e_n drifting along each; sorted by the columns of `order`."""
+    rng = np.random.default_rng(seed)
+    gamma = rng.uniform(5.0, 80.0, n)
+    beta = rebound(gamma, e_n=0.9, e_t=-0.85, mu=0.14, degrees=True).beta + 0.03 * rng.standard_normal(n)
+    along = np.tile(np.linspace(-0.5, 0.5, n // 2), 2)
+    table = {
+        "series": np.repeat(["a", "b"], n // 2),
+        "gamma_deg": gamma,
+        "beta": beta,
+        "e_n": 0.9 + drift * along + noise * rng.standard_normal(n),
+    }
+    rows = pd.DataFrame(table)
+    if order:
+        rows = rows.sort_values(list(order))
+    rows.to_csv(folder / "run.csv", index=False)
+    return fit(folder / "run.csv", method="lsq").facts
+
+
+@pytest.mark.parametrize("order", [("e_n",), ("series", "e_n")])
+@pytest.mark.parametrize("seeds", rest_long((2, 20)))
+def test_a_table_that_was_sorted_by_e_n_does_not_drift(tmp_path, order, seeds):
+    for seed in range(seeds):
+        facts = of_e_n(tmp_path, seed, order=order)
+        assert facts["slips"].ok, facts["slips"].says
+        assert not any(name.endswith("drift") for name in facts["slips"].figures["tests"])
+        assert "independence" not in facts
+
+
+def test_two_rows_out_of_the_order_change_nothing(tmp_path):
+    of_e_n(tmp_path, 0, order=("series", "e_n"))
+    rows = pd.read_csv(tmp_path / "run.csv")
+    rows = rows.iloc[[*range(10), 11, 10, *range(12, 40)]]
+    rows.to_csv(tmp_path / "run.csv", index=False)
+    facts = fit(tmp_path / "run.csv", method="lsq").facts
+    assert facts["slips"].ok
+    assert "independence" not in facts
+
+
+@pytest.mark.parametrize(("drift", "noise"), [(0.08, 0.01), (0.1, 0.005)])
+def test_a_drift_of_e_n_far_above_the_noise_is_one(tmp_path, drift, noise):
+    """Control: 20 standard deviations along each series still leave steps back."""
+    slips = of_e_n(tmp_path, 0, drift=drift, noise=noise)["slips"]
+    assert slips.figures["called"][:1] == ["restitution-drift"]
