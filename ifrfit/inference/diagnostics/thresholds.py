@@ -82,7 +82,8 @@ FACTS = {
     "independence": f"stands only where it fails: p < {REFUTED:g}, times the number of observables and "
     "orders, that neighbouring residuals of a series are so alike (von Neumann's ratio, at any number of "
     "constants), along the table (unless it was sorted by the values of an observable) and along the angle; "
-    "where angles are repeated often, of the scatter about their means; else only where nothing before it explains the residuals",
+    "where angles are repeated often, of the scatter about their means; else only where nothing before it "
+    "explains the residuals",
     "growing_scatter": f"stands only where it fails: p < {REFUTED:g}, times the number of observables, of "
     "the score test that the variance of an unknown noise goes with a power of one over the observable's "
     "denominator, also without the row that speaks most; a rank correlation at 0.01, and a fall of -2 log "
