@@ -111,3 +111,15 @@ def test_a_prior_of_e_n_speaks_against_a_scale():
     as_read = free.constants["e_n"].value
     known = fit(data, method="lsq", independent=True, prior={"e_n": (as_read, 0.002)})
     assert "speed-scale" not in known.facts["slips"].figures["called"]
+
+
+@pytest.mark.parametrize("size", [0.05, -0.07])
+def test_lengths_along_the_wall_to_another_scale_stand_beside_the_spins(size):
+    """Dividing the spins alone would make all ok, and mu wrong: both remedies are told."""
+    data = experiment(Scene(spins=True), Cause("scale-along-wall", size), 0)
+    fact = fit(data, method="lsq", independent=True).facts["slips"]
+    assert {"spin-scale", "scale-along-wall"} <= set(fact.figures["called"])
+    assert "divide the spins by" in fact.says
+    assert "pixels are squares" in fact.says
+    found = fact.figures["tests"]["scale-along-wall"]
+    assert abs(found["size"] - size) < 3.0 * found["sd"]
