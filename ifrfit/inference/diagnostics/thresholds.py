@@ -91,10 +91,10 @@ FACTS = {
     "sticking, sliding, friction and restitution and of another inertia factor, which may be mistaken for "
     "them; named is the largest fall of -2 log likelihood, with those within 4 of it",
     "slips": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row that "
-    "speaks most: of an offset of the angles, a turned camera, the scale of speeds and of spins, spin before "
-    "that is not in the table, another inertia factor, a constant that drifts along the table; and a "
+    "speaks most: of an offset of the angles, a turned camera, the scale of speeds, of lengths along the wall "
+    "and of spins, spin before that is not in the table, another inertia factor, a constant that drifts along the table; and a "
     f"fall of -2 log likelihood below {DECISIVE:g} for the table with another sign, with angles from the "
-    "wall or in radians, percent, sizes without sign, exchanged columns, spins in other units, centre for "
+    "wall or in radians, percent, squares, sizes without sign, exchanged columns, spins in other units, centre for "
     "contact point, 0 or one repeated number for 'not measured'; in the table and in each of its series, p "
     "times their number; for signs, angles and percent in some rows, too, beyond 2 log 2 for each choice. It "
     f"fails only where no effect explains more by {ALIKE:g}, and constants of each "

@@ -299,6 +299,8 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
     if name == "sign":
         option = "--convention beta=opposite-sign" if observable == "beta" else "turn the sign round"
         return f"the opposite sign in {observable}", option
+    if name == "squared":
+        return f"{observable} as a ratio of energies or heights", f"take the square root of {observable}"
     if name == "percent":
         return f"{observable} in percent", f"divide {observable} by 100"
     if name == "radians":
