@@ -176,6 +176,9 @@ def _experiment(scene: Scene, cause: Cause, seed: int) -> tuple[Observations, di
         body["mu"] = 1.4 * constants["mu"]
     elif cause.name == "spin-scale":
         true_spin = given_spin / (1.0 + cause.size)
+    elif cause.name == "scale-along-wall":
+        true_gamma = np.degrees(np.arctan(np.tan(np.radians(gamma)) / (1.0 + cause.size)))
+        true_spin = given_spin * _speed_as_read(true_gamma, cause)
     lateral = np.resize([0.2, -0.4, 0.1, 0.3], scene.n) if scene.lateral else np.zeros(scene.n)
     incidence = Incidence.of(true_gamma, lateral, true_spin, degrees=True)
     state = _rebound(scene, cause, incidence, speed, j, body)
@@ -196,6 +199,12 @@ def _rebound(scene, cause, incidence, speed, j, body):
     return compose(contact, impacts, ("lateral-spin", *((cause.name,) if cause.name in _EFFECTS else ())))
 
 
+def _speed_as_read(true_gamma, cause):
+    """Incoming speed over the true one, where lengths along the wall are read too large."""
+    angle = np.radians(true_gamma)
+    return np.sqrt((1.0 + cause.size) ** 2 * np.sin(angle) ** 2 + np.cos(angle) ** 2)
+
+
 def _read(scene, cause, state, true_gamma, gamma, spin, mu):
     """What is read of each observable: by components, as an instrument has them."""
     v_x, v_n, after = state.v_x, state.v_n, state.spin_y
@@ -206,6 +215,9 @@ def _read(scene, cause, state, true_gamma, gamma, spin, mu):
         v_x, v_n = v_x * (1.0 + cause.size), v_n * (1.0 + cause.size)
     elif cause.name == "spin-scale":
         after = after * (1.0 + cause.size)
+    elif cause.name == "scale-along-wall":
+        speed = _speed_as_read(true_gamma, cause)
+        v_x, v_n, after = v_x * (1.0 + cause.size) / speed, v_n / speed, after / speed
     by_angle = true_gamma if cause.name == "angle-offset" else gamma
     sine, cosine = np.sin(np.radians(by_angle)), np.cos(np.radians(by_angle))
     slip = sine + spin

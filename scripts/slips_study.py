@@ -69,6 +69,7 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
         ("angle-offset", "angle-offset", sized("angle-offset", beta, (0.5, 1.0, 2.0), " deg")[2]),
         sized("camera-turn", raw, (0.25, 0.5, 1.0), " deg"),
         sized("speed-scale", raw, (0.01, 0.02, 0.05)),
+        sized("scale-along-wall", raw, (0.01, 0.02, 0.05)),
         sized("spin-scale", raw, (0.02, 0.04, 0.08)),
         sized("inertia-factor", raw, (0.05, 0.1, 0.25)),
         sized("incoming-spin", raw, (0.02, 0.05, 0.1)),

@@ -52,6 +52,19 @@ def faster(share: float) -> list[np.ndarray]:
     return [v_x * (1.0 + share), v_n * (1.0 + share), spin]
 
 
+def stretched(share: float) -> list[np.ndarray]:
+    """Lengths along the wall on another scale than those across it, before impact and after."""
+    true = np.degrees(np.arctan(np.tan(np.radians(ANGLES)) / (1.0 + share)))
+    speed = np.hypot((1.0 + share) * np.sin(np.radians(true)), np.cos(np.radians(true)))
+    v_x, v_n, spin = measured(true)
+    return [(1.0 + share) * v_x / speed, v_n / speed, spin / speed]
+
+
+def energies() -> np.ndarray:
+    """Kinetic energy of the contact point's and the normal motion after impact over that before."""
+    return values(FAN, "beta_tot") ** 2 + noise(len(FAN), 0.005, 33)
+
+
 def spinning() -> list[np.ndarray]:
     """Spheres that spun before impact, some more than others."""
     return measured(spin=0.1 * (1.0 + noise(ANGLES.size, 0.3, 50)))
@@ -196,6 +209,20 @@ CASES = (
         "The first line says that the table has a slip: the scale of the speeds, with the number.",
         free(raw(faster(0.02))),
         named("speed-scale", "speeds after impact"),
+    ),
+    slip(
+        "lengths along the wall off by 7 %",
+        "Velocities and spins, lengths along the wall 7 % short, as in an oblique view.",
+        "The first line says that the table has a slip: that scale or the one of spins, with both remedies.",
+        free(raw(stretched(-0.07))),
+        named("s", "lengths along the wall -", "spins ", "check that pixels are squares"),
+    ),
+    slip(
+        "a restitution of energies",
+        "beta_tot as a ratio of energies, which is its square.",
+        "The first line says that the table has a slip: take the square root.",
+        fitted(HEADER + rows(np.array(FAN, dtype=float), energies(), None, "beta_tot")),
+        named("squared beta_tot", "take the square root of beta_tot"),
     ),
     slip(
         "spin that was not measured",

@@ -287,7 +287,8 @@ def test_a_comparison_passes_it_on(path):
     fits = {name: entry.fit for name, entry in found.entries.items()}
     assert all(fit.noise.angle_offset is not None for fit in fits.values())
     for name, fit in fits.items():
-        assert fit.fit.log_evidence == pytest.approx(log_evidence(fit.problem), abs=1e-3), name
+        # the evidence alone is sampled, to 0.02
+        assert fit.fit.log_evidence == pytest.approx(log_evidence(fit.problem), abs=0.02), name
     assert found.entries["ifr"].loo.elpd > found.entries["fr"].loo.elpd
 
 

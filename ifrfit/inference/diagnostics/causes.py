@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
@@ -136,4 +137,5 @@ def _key(slip: Slip) -> str:
 
 
 def _figures(slip: Slip) -> dict[str, float]:
-    return {"p": slip.p, "drop": slip.drop, "size": slip.size, "sd": slip.sd}
+    figures = {"p": slip.p, "drop": slip.drop, "size": slip.size, "sd": slip.sd}
+    return figures | ({"log_bayes_factor": slip.log_bayes_factor} if 0.0 < slip.sd < math.inf else {})

@@ -23,6 +23,7 @@ from ifrfit.text import joined, p_text, plus_minus
 
 _FEWEST = 3  # degrees of freedom of repeats below which they are no yardstick
 _SUSPECT = 2.0  # standard deviations from which the exact p value is worked out
+_EXPLAINED = 1e-9  # share of an error of the angle below which constants explain it, but for rounding
 _SMOOTH = 0.01  # p of a smooth departure of the means below which the law is in question, not the settings
 _FITS = 0.05  # p of all other settings from which one alone is off
 _TELL = 10  # settings below which such an error looks like a law that does not hold
@@ -95,6 +96,8 @@ class Repeated:
         found = float(((d * left) ** 2).sum()) / (self.pure / self.dof_pure)
         moved = d[:, None] * (np.eye(d.size) - own @ own.T)
         weights = np.linalg.eigvalsh(moved @ moved.T)
+        if weights[-1] < _EXPLAINED:
+            return 1.0
         mean, square = float(weights.sum()), float(weights @ weights)
         if found < mean + _SUSPECT * math.sqrt(2.0 * (square + mean * mean / self.dof_pure)):
             return 1.0

@@ -27,6 +27,8 @@ _OF_NOISE = {
     "mixed": "errors of {estimated} as large as the scatter, those of {given} as given",
 }
 _INDEPENDENT = "errors independent of one another"
+_COMPONENTS = ("v_x", "v_y", "v_n")
+_AT_THE_WALL = "velocities those at the wall, to one scale along and across it"
 _COMPLETE = "no reading left out for its value"
 
 
@@ -53,7 +55,8 @@ def assumed_of(
     if noise.policy == "mixed":
         words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
     of_errors = _INDEPENDENT + _of_repeats(problem)
-    return tuple(said for said in (plane, words, of_errors, _COMPLETE, offset) if said)
+    at_wall = _AT_THE_WALL if set(_COMPONENTS) & set(problem.rows.names) else ""
+    return tuple(said for said in (plane, at_wall, words, of_errors, _COMPLETE, offset) if said)
 
 
 def _of_repeats(problem: Problem) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ifrfit.inference.comparison import Comparison
+from ifrfit.inference.comparison.flaws import rivals_with_flaws
 from ifrfit.inference.comparison.verdict import title
 from ifrfit.inference.diagnostics.omitted_effects.messages import called_title
 from ifrfit.physics import get_closure
@@ -55,6 +56,7 @@ def findings(comparison: Comparison) -> list[tuple[str, str]]:
         *comparison.notes,
         *_called(comparison, leading),
         *scene_notes(comparison.best),
+        *_of_flaws(comparison),
         *_of_plane(comparison),
         *_of_data(comparison),
     ]
@@ -122,6 +124,21 @@ def _of_cross_validation(comparison: Comparison) -> list[str]:
                 f"in {count} impact{'s' if count > 1 else ''} ({loo.doubtful[0]}{more})"
             )
     return lines
+
+
+def _of_flaws(comparison: Comparison) -> list[str]:
+    """Which small flaws of the measurement would let another closure describe the data as well."""
+    if comparison.verdict.kind != "preferred":
+        return []
+    found = rivals_with_flaws(comparison.entries, comparison.ranked)
+    each = [f"{title(name)} with {words} comes to within {left:.1f}" for name, (words, left) in found.items()]
+    if not each:
+        return []
+    best = title(comparison.ranked[0])
+    return [
+        f"the verdict rests on the measurement: by log Bayes factors, {joined(each)} of {best} (its own best "
+        "flaw is fitted, too)"
+    ]
 
 
 def _of_plane(comparison: Comparison) -> list[str]:

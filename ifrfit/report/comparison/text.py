@@ -13,7 +13,7 @@ from ifrfit.inference.comparison.verdict import title
 from ifrfit.inference.result.types import Interval
 from ifrfit.report.comparison.criteria_columns import CROSS_VALIDATION, Column, criteria, cross_validated
 from ifrfit.report.comparison.findings import findings, prior_line
-from ifrfit.report.sentences import noise_words
+from ifrfit.report.sentences import assumed_line, noise_words
 from ifrfit.report.terminal import WIDTH, aligned, finding_lines, source_lines, wrapped
 from ifrfit.text import decimals, fixed, interval_text, joined, sd_text
 
@@ -29,6 +29,7 @@ def summary(comparison: Comparison) -> str:
         _prior_lines(comparison),
         _table(comparison, CROSS_VALIDATION) if cross_validated(comparison) else [],
         _plane_lines(comparison),
+        wrapped(f"  {assumed_line(comparison.best)}", 4) if comparison.best.assumed else [],
         [line for kind, says in findings(comparison) for line in finding_lines(kind, says)],
     ]
     lines = [line for block in blocks if block for line in (*block, "")]

@@ -123,3 +123,17 @@ def test_the_tail_of_a_weighted_sum_is_that_of_f():
     for k, dof, f in ((3, 20, 8.0), (6, 32, 5.0), (1, 10, 21.0)):
         weights = np.concatenate((np.full(k, 1.0 / k), np.full(dof, -f / dof)))
         assert sum_is_positive(weights) == pytest.approx(stats.f.sf(f, k, dof), rel=0.15)
+
+
+def test_angles_that_constants_explain_contradict_nothing(tmp_path):
+    """Of two settings of closure F one sticks, whose value no angle moves; mu takes the other one."""
+    gamma = np.repeat([12.0, 52.0], 6)
+    rng = np.random.default_rng(0)
+    state = rebound(gamma, closure="f", e_n=0.73, mu=0.165, degrees=True)
+    frame = pd.DataFrame({"gamma_deg": gamma, "beta_cm": state.beta_cm, "tan_psi_out": state.tan_psi_out})
+    frame.iloc[:, 1:] += 0.008 * rng.standard_normal((gamma.size, 2))
+    path = tmp_path / "repeats.csv"
+    frame.to_csv(path, index=False)
+    fact = fit(path, closure="f", fix={"e_n": 0.73}, method="lsq").facts["lack_of_fit"]
+    assert fact.ok, fact.says
+    assert all(p > 0.001 for p in fact.figures["p_pure"].values())

@@ -183,6 +183,7 @@ def test_series_that_differ_are_no_slip():
         (Cause("camera-turn", 0.7), Flaw(turn=0.7)),
         (Cause("angle-offset", 1.3), Flaw(offset=1.3)),
         (Cause("speed-scale", 0.1), Flaw(speed=0.1)),
+        (Cause("scale-along-wall", 0.07), Flaw(along=0.07)),
         (Cause("spin-scale", 0.1), Flaw(spin=0.1)),
         (Cause("incoming-roll", 0.2), Flaw(rolled=0.2)),
     ],

@@ -20,6 +20,7 @@ _EXCHANGED = (
     ("tan_psi_after", "tan_psi_out"),
     ("psi_after_deg", "psi_out_deg"),
 )
+_SPEEDS = ("e_n", "beta_tot", "v_n")  # ratios of speeds, which energies or heights are the squares of
 _FRACTIONS = ("v_x", "v_y", "v_n", "beta_cm", "e_n", "beta", "mu_app", "beta_tot", "mu")
 # what given spins are, over the true ones
 SPIN_UNITS = {
@@ -52,6 +53,8 @@ class Alternative:
         A given value is shift + factor times the one that is meant.
     folded : ndarray of bool, (n,)
         Whether it is the size of that.
+    squared : ndarray of bool, (n,)
+        Whether it is the square of that.
     """
 
     name: str
@@ -63,6 +66,7 @@ class Alternative:
     shift: Array
     factor: Array
     folded: Bool
+    squared: Bool
 
     @property
     def kind(self) -> tuple[tuple[str, ...], bytes]:
@@ -125,6 +129,7 @@ class _OneKind:
     shift: Array
     factor: Array
     folded: Bool
+    squared: Bool
 
     @classmethod
     def of(cls, problem: Problem, every: Sequence[Alternative], rows: Index | None) -> _OneKind:
@@ -138,14 +143,17 @@ class _OneKind:
         )
         numbers = (
             np.stack([one[at] for one in column])[:, None]
-            for column in zip(*((each.shift, each.factor, each.folded) for each in every), strict=True)
+            for column in zip(
+                *((each.shift, each.factor, each.folded, each.squared) for each in every), strict=True
+            )
         )
         return cls(replace(problem, rows=meant), *numbers)
 
     def values(self, theta: Array) -> Array:
         """As they would be given, (k, m, n)."""
         found = self.shift + self.factor * self.problem.predict(theta)
-        return np.where(self.folded, np.abs(found), found) if self.folded.any() else found
+        found = np.where(self.folded, np.abs(found), found) if self.folded.any() else found
+        return np.where(self.squared, found**2, found) if self.squared.any() else found
 
 
 def alternatives(
@@ -195,22 +203,26 @@ class _Table:
         values: dict[str, tuple[float, float]] | None = None,
         exchanged: dict[str, str] | None = None,
         folded: str = "",
+        squared: str = "",
     ) -> Alternative:
         """The table with other numbers, or with other names, in these rows."""
         rows = self.problem.rows
-        shift, factor, size = np.zeros(len(rows)), np.ones(len(rows)), np.zeros(len(rows), dtype=bool)
+        shift, factor = np.zeros(len(rows)), np.ones(len(rows))
+        size, square = np.zeros((2, len(rows)), dtype=bool)
         for one, (offset, slope) in (values or {}).items():
             at = self.rows_of(one)
             shift[at], factor[at] = offset, slope
         if folded:
             size[self.rows_of(folded)] = True
+        if squared:
+            square[self.rows_of(squared)] = True
         names, which = rows.names, rows.which
         for here, there in (exchanged or {}).items():
             names = names if there in names else (*names, there)
             which = which if which is not rows.which else which.copy()
             which[self.rows_of(here)] = names.index(there)
         own = rows.incidence if incidence is None else incidence
-        return Alternative(name, observable, self.series, names, which, own, shift, factor, size)
+        return Alternative(name, observable, self.series, names, which, own, shift, factor, size, square)
 
     def incidence(self, spin_x: float = 1.0, spin_y: float = 1.0, gamma: Array | None = None) -> Incidence:
         """With spins of these rows times a factor, or other angles."""
@@ -271,7 +283,7 @@ def _from_wall(table: _Table, name: str) -> bool:
 
 
 def _of_values(table: _Table) -> Iterator[Alternative]:
-    """Signs, sizes, percent, and of angles after impact radians and those from the wall."""
+    """Signs, sizes, squares, percent, and of angles after impact radians and those from the wall."""
     for name in table.names:
         observable, own = OBSERVABLES[name], table.problem.rows.value[table.rows_of(name)]
         made = {}
@@ -279,6 +291,8 @@ def _of_values(table: _Table) -> Iterator[Alternative]:
             made["sign"] = (0.0, -1.0)
             if bool((own >= 0.0).all()):
                 yield table.meant("size", name, folded=name)
+        if name in _SPEEDS:
+            yield table.meant("squared", name, squared=name)
         if name in _FRACTIONS and float(np.median(np.abs(own))) > _TALL:
             made["percent"] = (0.0, 100.0)
         if observable.unit == "deg" and float(np.abs(own).max()) <= math.pi:

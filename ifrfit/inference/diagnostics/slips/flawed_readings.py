@@ -28,6 +28,9 @@ class Flaw:
         impact is larger by so much, the one after impact smaller.
     speed : float or ndarray
         Share by which velocities after impact are read too large.
+    along : float or ndarray
+        Share by which components along the wall, before impact and after, are read too large beside those
+        across it: pixels that are no squares, or a camera that looks at an angle.
     spin : float or ndarray
         Share by which spins, before and after, are read too large.
     constant_spin : float or ndarray
@@ -39,6 +42,7 @@ class Flaw:
     offset: Size = 0.0
     turn: Size = 0.0
     speed: Size = 0.0
+    along: Size = 0.0
     spin: Size = 0.0
     constant_spin: Size = 0.0
     rolled: Size = 0.0
@@ -88,10 +92,12 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     if _is_of_angle(flaw):  # the values are those of the true angle
         return _values(problem, state, mu)
     cosine, sine = np.cos(np.radians(flaw.turn)), np.sin(np.radians(flaw.turn))
-    speed, spin = 1.0 + flaw.speed, 1.0 + flaw.spin
-    v_x = speed * (state.v_x * cosine - state.v_n * sine)
+    # everything is over the incoming speed as it is read
+    length = _speed_before(true, flaw)
+    speed, spin, stretch = (1.0 + flaw.speed) / length, (1.0 + flaw.spin) / length, 1.0 + flaw.along
+    v_x = speed * stretch * (state.v_x * cosine - state.v_n * sine)
     v_n = speed * (state.v_n * cosine + state.v_x * sine)
-    v_y, spin_x, spin_y = speed * state.v_y, spin * state.spin_x, spin * state.spin_y
+    v_y, spin_x, spin_y = speed * stretch * state.v_y, spin * state.spin_x, spin * state.spin_y
     with np.errstate(divide="ignore", invalid="ignore"):
         own_e_n = np.where(given.cosine == 0.0, np.nan, v_n / given.cosine)
         impulse = np.where(given.slip_x == 0.0, np.nan, (given.sine - v_x) / given.slip_x)
@@ -103,15 +109,26 @@ def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
     """The impacts as they were, from what is given of them."""
     given = problem.rows.incidence
     gamma = problem.rows.gamma_deg + flaw.offset - flaw.turn
-    scale = 1.0 / (1.0 + flaw.spin)
-    sine = np.sin(np.radians(gamma))
+    if np.any(flaw.along):
+        gamma = np.degrees(
+            np.arctan2(np.sin(np.radians(gamma)), (1.0 + flaw.along) * np.cos(np.radians(gamma)))
+        )
+    sine, cosine = np.sin(np.radians(gamma)), np.cos(np.radians(gamma))
+    scale = np.hypot((1.0 + flaw.along) * sine, cosine) / (1.0 + flaw.spin)
     spin_y = scale * given.spin_y + flaw.constant_spin - flaw.rolled * sine
     return Incidence.of(np.clip(gamma, 0.0, 90.0), scale * given.spin_x, spin_y, degrees=True)
 
 
+def _speed_before(true: Incidence, flaw: Flaw) -> Size:
+    """The incoming speed as it is read, over the true one."""
+    if not np.any(flaw.along):
+        return 1.0
+    return np.hypot((1.0 + flaw.along) * true.sine, true.cosine)
+
+
 def _is_of_angle(flaw: Flaw) -> bool:
     """Whether nothing but the angle of incidence is off."""
-    others = (flaw.turn, flaw.speed, flaw.spin, flaw.constant_spin, flaw.rolled)
+    others = (flaw.turn, flaw.speed, flaw.along, flaw.spin, flaw.constant_spin, flaw.rolled)
     return not any(np.any(size) for size in others)
 
 

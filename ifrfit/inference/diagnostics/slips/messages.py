@@ -20,10 +20,11 @@ _MOST_LINES = 12  # of a table with two kinds of reading
 _MUCH = 0.1  # share of the speeds beyond which their scale is seldom off
 _MOST_SERIES = 6  # that are named
 _LONGEST = 4  # rows that are named
+_SCALES = ("speed-scale", "scale-along-wall", "spin-scale")
 # of what is looked for, for the sentence that nothing was found
 _KINDS = {
     "angles": ("angle-offset", "camera-turn"),
-    "scales": ("speed-scale", "spin-scale"),
+    "scales": _SCALES,
     "inertia factor": ("inertia-factor",),
     "spin before": ("incoming-spin", "incoming-roll"),
     "drifts along the table": ("restitution-drift", "friction-drift", "sticking-drift"),
@@ -53,6 +54,8 @@ def slip_words(problem: Problem, named: Sequence[Slip], effects: Sequence[str], 
     else_ += [f"series that do not share {series}"] if series else []
     alike = f", not told apart from {joined(else_, 'or')}" if else_ else ""
     p = f"p = {p_text(first.p)}; " if first.sd else ""
+    if first.name in _SCALES:  # one of them harms where it is another
+        remedy = "; or ".join([remedy, *(_words(problem, one)[1] for one in others if one.name in _SCALES)])
     if set(effects) & {"sticking-law", "sliding-law"}:
         remedy = f"ifrfit compare tells closures from one another first; then {remedy}"
     of = f"series {first.series}" if first.series else "the table"
@@ -126,6 +129,18 @@ def _speed(problem: Problem, slip: Slip) -> tuple[str, str]:
     )
 
 
+def _along(problem: Problem, slip: Slip) -> tuple[str, str]:
+    tried = (
+        ""
+        if slip.is_least
+        else f"; to try it, divide those along it, before and after, by {1.0 + slip.size:.4g}"
+    )
+    return (
+        f"lengths along the wall {_percent(slip)} off beside those across it",
+        f"check that pixels are squares and that the camera looks along the wall{tried}",
+    )
+
+
 def _spin(problem: Problem, slip: Slip) -> tuple[str, str]:
     what = f"spins {_percent(slip)} off beside the speeds"
     if slip.is_least:
@@ -173,6 +188,7 @@ _SIZED = {
     "angle-offset": _offset,
     "camera-turn": _turn,
     "speed-scale": _speed,
+    "scale-along-wall": _along,
     "spin-scale": _spin,
     "incoming-spin": _incoming,
     "incoming-roll": _rolled,
@@ -283,6 +299,8 @@ def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:
     if name == "sign":
         option = "--convention beta=opposite-sign" if observable == "beta" else "turn the sign round"
         return f"the opposite sign in {observable}", option
+    if name == "squared":
+        return f"{observable} as a ratio of energies or heights", f"take the square root of {observable}"
     if name == "percent":
         return f"{observable} in percent", f"divide {observable} by 100"
     if name == "radians":

@@ -77,6 +77,8 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         yield read("camera-turn", 10.0, 2.0, lambda x: Flaw(turn=x))
     if "velocity" in measured or any(not each.numerator for each in oblique):
         yield read("speed-scale", 0.5, 0.05, lambda x: Flaw(speed=x))
+        if any(each.has_angle for each in oblique):
+            yield read("scale-along-wall", 0.5, 0.05, lambda x: Flaw(along=x))
     if "spin" in measured or problem.rows.incidence.spin_y.any():
         yield read("spin-scale", 0.5, 0.2, lambda x: Flaw(spin=x))
     # who knows the velocity of the contact point before impact knows its spin

@@ -65,6 +65,11 @@ class Slip:
         return self.drop - self.unlikely**2 / (self.usual**2 + self.sd**2)
 
     @property
+    def log_bayes_factor(self) -> float:
+        """Of the law with a size of this prior over the law without, by Laplace's approximation."""
+        return 0.5 * self.rank + math.log(self.sd / math.hypot(self.usual, self.sd))
+
+    @property
     def unlikely(self) -> float:
         """Distance of the size from the nearest likely one."""
         return min(abs(self.size - each) for each in self.likely)
