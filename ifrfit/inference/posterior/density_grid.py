@@ -285,8 +285,8 @@ class DensityGrid:
 def _followed_outside(log_density: Array, axis: QuadratureAxis, limits: tuple[Array, Array]) -> Array:
     """The log density as far as integrals between limits need it beyond them.
 
-    A panel that a limit cuts keeps its nodes, and the likelihood may be as much larger beyond the domain as it
-    likes: without an end to that, what lies inside would lose its digits. Panels outside hold nothing.
+    A panel that a limit cuts keeps its nodes, and the likelihood beyond the domain may be larger by any factor:
+    without an end to that, what lies inside would lose its digits. Panels outside hold nothing.
 
     Parameters
     ----------

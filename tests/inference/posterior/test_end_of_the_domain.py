@@ -1,4 +1,4 @@
-"""Closure F where the likelihood rises beyond the domain, or the domain cuts the panels: against dense sums."""
+"""Closure F where the likelihood rises beyond the domain, or its ends cut panels: against dense sums."""
 
 from __future__ import annotations
 
@@ -74,7 +74,9 @@ RANDOM = tuple(
 # what `brute` looks at: beyond it there is nothing
 QUESTIONS = {
     "e_n of each series": (Question(CLEAN, "f", separate=("e_n",)), (0.095, 0.107), (0.0, 1.0)),
-    "mu ends below its optimum": (Question(CLEAN, "f", bounds={"mu": (0.0, 0.095)}), (0.093, 0.095), (0.6, 1.0)),
+    "mu ends below its optimum": (
+        Question(CLEAN, "f", bounds={"mu": (0.0, 0.095)}), (0.093, 0.095), (0.6, 1.0)
+    ),
     "e_n ends below its optimum": (
         Question(CLEAN, "f", bounds={"e_n": (0.0, 0.6)}, separate=("e_n",)), (0.095, 0.107), (0.3, 0.6)
     ),
