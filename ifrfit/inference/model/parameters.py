@@ -361,7 +361,8 @@ def make_parameters(
 def _check_prior(name: str, mean: float, sd: float, lower: float, upper: float) -> None:
     if 0.0 < sd < _SMALLEST_SD:
         raise UsageError(
-            f"--prior {name}={mean:g},{sd:g}: an sd below {_SMALLEST_SD:g} fixes {name}. Use --fix {name}={mean:g}."
+            f"--prior {name}={mean:g},{sd:g}: an sd below {_SMALLEST_SD:g} fixes {name}. "
+            f"Use --fix {name}={mean:g}."
         )
     if not 0.0 < sd <= _LARGEST:
         raise UsageError(

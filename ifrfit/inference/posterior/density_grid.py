@@ -149,13 +149,23 @@ class DensityGrid:
             share = share.sum(axis=1, keepdims=True)
         return np.asarray((share / np.maximum(self.mass, _TINY))[:, :, None, None])
 
-    def expectation(self, value: Array) -> Array:
-        """Mean of a value at the nodes, (m, n_e, n_x, n_c), broadcastable, at each outer node, (2, m)."""
-        if value.shape[-1] == 1:
-            inner = self.g * value[..., 0]
-        else:
-            product = self.f * value
+    def expectation(self, *values: Array) -> Array:
+        """Mean of a product of values at the nodes, at each outer node, (2, m).
+
+        The values are (m, n_e, n_x, n_c), broadcastable. What does not vary with the closure constant is
+        multiplied once that is integrated over: e_n times c at all nodes would be larger than any other
+        array, by as much as there are nodes of e_n.
+        """
+        product = self.f
+        inner = self.g
+        with_c = [value for value in values if value.shape[-1] > 1]
+        if with_c:
+            for value in with_c:
+                product = product * value
             inner = np.stack([self.factor * (product @ w) for w in self.c_weight])
+        for value in values:
+            if value.shape[-1] == 1:
+                inner = inner * value[..., 0]
         return np.asarray((inner * self.weight).sum(axis=(2, 3)) / np.maximum(self.mass, _TINY))
 
     def e_probabilities(self) -> Array:
@@ -285,8 +295,8 @@ class DensityGrid:
 def _followed_outside(log_density: Array, axis: QuadratureAxis, limits: tuple[Array, Array]) -> Array:
     """The log density as far as integrals between limits need it beyond them.
 
-    A panel that a limit cuts keeps its nodes, and the likelihood beyond the domain may be larger by any factor:
-    without an end to that, what lies inside would lose its digits. Panels outside hold nothing.
+    A panel that a limit cuts keeps its nodes, and the likelihood may be larger beyond the domain by any
+    factor: without an end to that, what lies inside would lose its digits. Panels outside hold nothing.
 
     Parameters
     ----------
