@@ -101,6 +101,8 @@ def predict(
         table = found.predict(angles, spin_x, spin_y, observable=name, series=series)
         table.insert(0, "observable", name)
         tables.append(table)
+    for warning in dict.fromkeys(text for table in tables for text in table.attrs["warnings"]):
+        typer.echo(f"ifrfit: {warning}", err=True)
     typer.echo(pd.concat(tables).to_csv(index=False, float_format="%.10g", lineterminator="\n"), nl=False)
 
 

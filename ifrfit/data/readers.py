@@ -22,6 +22,7 @@ from ifrfit.data.observations import Observations, Source, make_table
 from ifrfit.data.partial_table import Piece, source_headers
 from ifrfit.data.raw_velocities import is_raw, read_raw
 from ifrfit.data.schema import PROVENANCES, provenance_name
+from ifrfit.data.summary_rows import refuse_summary_rows
 from ifrfit.data.tabular import read_cells
 from ifrfit.data.validate import drop_missing, validate
 from ifrfit.data.wide_table import read_wide
@@ -67,6 +68,7 @@ def read(
     named = conventions.mentioned
     cells = read_cells(path, lambda text: text.strip() in named or role_of(text).kind != "unknown")
     layout = identify(cells, conventions)
+    refuse_summary_rows(layout)
     pieces = _read_form(layout, conventions, inertia_factor)
     kept: list[Piece] = []
     skipped: Counter[str] = Counter()

@@ -163,3 +163,11 @@ def test_a_file_that_is_no_result_is_3(cli, tmp_path, text):
     assert found.stdout == ""
     assert found.stderr.startswith(f"ifrfit: {path}")
     assert "Traceback" not in found.stderr
+
+
+def test_more_friction_than_two_mu_is_told_once(cli, saved):
+    outcome = cli("predict", saved, "--gamma", "45,89", "--observable", "mu_app", "--observable", "beta")
+    assert outcome.returncode == 0
+    assert len(outcome.stdout.splitlines()) == 5
+    (line,) = outcome.stderr.splitlines()
+    assert line.startswith("ifrfit: The apparent friction exceeds 2 mu at 1 of 2 incidences and is ")

@@ -191,3 +191,9 @@ def test_readings_of_one_impact_may_differ_a_little(read):
     assert len(read(text.format(20, 20.3))) == 2
     with pytest.raises(DataError, match=r"Number the impacts through the whole table\.$"):
         read(text.format(20, 21))
+
+
+def test_a_table_of_means_may_be_called_so(tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_text("series,gamma_deg,beta\nmean,10,0.4\nmean,20,0.3\n", encoding="utf-8")
+    assert set(data.read(path).table["series"]) == {"mean"}

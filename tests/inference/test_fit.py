@@ -11,6 +11,7 @@ from scipy import stats
 import ifrfit
 from ifrfit import DataError, UsageError
 from ifrfit.data.catalogue import printed_constants
+from ifrfit.inference.estimators import ESTIMATORS, MCMC, Bootstrap
 
 GAMMA = np.linspace(4.0, 86.0, 34)
 
@@ -166,15 +167,34 @@ USAGE = [
     ({"seed": -1}, r"--seed -1: it must be 0 or more"),
     ({"fix": {"mu": 1e300}}, r"--fix mu=1e\+300: no impact has such a value"),
     ({"prior": {"mu": (1e300, 1.0)}}, r"--prior mu: no impact has a mean of 1e\+300"),
-    ({"prior": {"mu": (0.1, 1e-300)}}, r"must be positive and sensible"),
+    ({"prior": {"mu": (0.1, 1e-300)}}, r"--prior mu=0\.1,1e-300: an sd below 1e-05 fixes mu"),
+    ({"prior": {"mu": (0.1, 9e-6)}}, r"an sd below 1e-05 fixes mu\. Use --fix mu=0\.1\."),
+    ({"prior": {"mu": (0.1, -1.0)}}, r"--prior mu: the standard deviation must be positive and sensible"),
     ({"bounds": {"e_t": (-np.inf, np.inf)}}, r"--bounds e_t: both ends must be finite"),
 ]
+
+QUICK = {"bootstrap": Bootstrap(replicates=100), "mcmc": MCMC(max_steps=1000)}
 
 
 @pytest.mark.parametrize(("choices", "text"), USAGE)
 def test_wrong_choices_are_refused_in_words(choices, text, impacts):
     with pytest.raises(UsageError, match=text):
         ifrfit.fit(impacts(gamma=GAMMA), **choices)
+
+
+@pytest.mark.parametrize(
+    "method", [pytest.param(m, marks=pytest.mark.long) if m == "bootstrap" else m for m in ESTIMATORS]
+)
+def test_the_narrowest_prior_is_as_good_as_a_fixed_value(method, impacts):
+    path = impacts({"gamma": GAMMA, "noise": 0.03, "seed": 3, "observables": ("beta", "e_n")})
+    narrow = ifrfit.fit(path, prior={"mu": (0.1, 1e-5)}, method=QUICK.get(method, method))
+    fixed = ifrfit.fit(path, fix={"mu": 0.1}, method="lsq")
+    assert narrow.constants["mu"].value == pytest.approx(0.1, abs=2e-5)
+    for name in ("e_n", "e_t"):
+        # a median lies beside the optimum, and a few draws scatter
+        allowed = 0.5 * fixed.constants[name].stderr
+        assert narrow.constants[name].value == pytest.approx(fixed.constants[name].value, abs=allowed)
+        assert narrow.constants[name].status == "determined"
 
 
 def test_nothing_to_fit_is_refused():

@@ -20,7 +20,7 @@ Index = NDArray[np.intp]
 
 _OUTSIDE = 3.0  # sd by which an earlier measurement may lie outside the domain
 _LARGEST = 1e6  # of a number that can be meant seriously
-_SMALLEST_SD = 1e-12
+_SMALLEST_SD = 1e-5  # of a prior that leaves a constant free: the grids of every method resolve it
 _PRIOR_MU = 2.0  # upper end of the default prior of mu; matters only where the data do not determine mu
 
 
@@ -359,7 +359,12 @@ def make_parameters(
 
 
 def _check_prior(name: str, mean: float, sd: float, lower: float, upper: float) -> None:
-    if not _SMALLEST_SD <= sd <= _LARGEST:
+    if 0.0 < sd < _SMALLEST_SD:
+        raise UsageError(
+            f"--prior {name}={mean:g},{sd:g}: an sd below {_SMALLEST_SD:g} fixes {name}. "
+            f"Use --fix {name}={mean:g}."
+        )
+    if not 0.0 < sd <= _LARGEST:
         raise UsageError(
             f"--prior {name}: the standard deviation must be positive and sensible, as in {name}=0.1,0.02."
         )

@@ -299,11 +299,15 @@ class Refinement:
             self._allowed *= 0.1
         marginals = self.marginals if self.evidence_error <= self.tolerance else {}
         errors = errors_of_quantiles(marginals, self.tolerance)
+        # before any panel changes: marginals are read from the density on the present ones
+        kinks = [
+            marginal.kinks(quantiles_at_levels(marginal, self.tolerance)[0])
+            for marginal in marginals.values()
+            if marginal.kinks is not None and marginal.moments(0)[1] > 0.0
+        ]
         changed = self._integral.refine(self.density, self._allowed, errors)
-        for marginal in marginals.values():
-            if marginal.kinks is not None:
-                axis, places = marginal.kinks(quantiles_at_levels(marginal, self.tolerance)[0])
-                changed |= axis.split(places)
+        for axis, places in kinks:
+            changed |= axis.split(places)
         while not changed and self._allowed > _SMALLEST_ALLOWED:
             self._allowed *= 0.1
             changed = self._integral.refine(self.density, self._allowed, errors)

@@ -26,6 +26,7 @@ PanelErrors = tuple[QuadratureAxis | SeriesIntegral, Array, Array]
 _SINGLE = np.ones((2, 1))  # weights of a single node
 _TINY = 1e-300
 _NEGLIGIBLE = 1e-14  # probability of a node that is left out of a discrete law
+_MOST_OUTSIDE = 1.0  # log density above that of the domain up to which it is followed beyond the domain's end
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,8 @@ class DensityGrid:
         """
         top = logs[0].max(axis=-1)
         whole = top + logs[1]
+        if limits is not None and series.x_axis is not None:
+            whole = _followed_outside(whole, series.x_axis, limits)
         shift = whole.max(axis=(1, 2))
         shift = np.where(np.isfinite(shift), shift, 0.0)
         with np.errstate(invalid="ignore"):
@@ -136,8 +139,9 @@ class DensityGrid:
 
     @property
     def log_mass(self) -> Array:
-        """Log of the integral at each outer node, (2, m)."""
-        return np.asarray(np.log(np.maximum(self.mass, _TINY)) + self.shift)
+        """Log of the integral at each outer node, (2, m); -inf where no node of it has any density."""
+        found = np.log(np.maximum(self.mass, _TINY)) + self.shift
+        return np.where((self.factor > 0.0).any(axis=(1, 2)), found, -np.inf)
 
     def outer(self, share: Array) -> Array:
         """Factor that turns densities into posterior ones, (2, m, 1, 1)."""
@@ -145,13 +149,23 @@ class DensityGrid:
             share = share.sum(axis=1, keepdims=True)
         return np.asarray((share / np.maximum(self.mass, _TINY))[:, :, None, None])
 
-    def expectation(self, value: Array) -> Array:
-        """Mean of a value at the nodes, (m, n_e, n_x, n_c), broadcastable, at each outer node, (2, m)."""
-        if value.shape[-1] == 1:
-            inner = self.g * value[..., 0]
-        else:
-            product = self.f * value
+    def expectation(self, *values: Array) -> Array:
+        """Mean of a product of values at the nodes, at each outer node, (2, m).
+
+        The values are (m, n_e, n_x, n_c), broadcastable. What does not vary with the closure constant is
+        multiplied once that is integrated over: e_n times c at all nodes would be larger than any other
+        array, by as much as there are nodes of e_n.
+        """
+        product = self.f
+        inner = self.g
+        with_c = [value for value in values if value.shape[-1] > 1]
+        if with_c:
+            for value in with_c:
+                product = product * value
             inner = np.stack([self.factor * (product @ w) for w in self.c_weight])
+        for value in values:
+            if value.shape[-1] == 1:
+                inner = inner * value[..., 0]
         return np.asarray((inner * self.weight).sum(axis=(2, 3)) / np.maximum(self.mass, _TINY))
 
     def e_probabilities(self) -> Array:
@@ -276,3 +290,31 @@ class DensityGrid:
         if axis is self.series.x_axis:
             return np.asarray((inner * (outer * self.e_weight[0][:, None])).reshape(-1, *axis.shape))
         return np.asarray(((inner * self.x_weight[0]).sum(axis=-1) * outer[..., 0]).reshape(-1, *axis.shape))
+
+
+def _followed_outside(log_density: Array, axis: QuadratureAxis, limits: tuple[Array, Array]) -> Array:
+    """The log density as far as integrals between limits need it beyond them.
+
+    A panel that a limit cuts keeps its nodes, and the likelihood may be larger beyond the domain by any
+    factor: without an end to that, what lies inside would lose its digits. Panels outside hold nothing.
+
+    Parameters
+    ----------
+    log_density : ndarray, (m, n_e, n_x), broadcastable
+    axis : QuadratureAxis
+        Panels of the transition's coordinate, n_x nodes in all.
+    limits : (ndarray, ndarray)
+        Ends of the domain in that coordinate, (m, n_e).
+
+    Returns
+    -------
+    ndarray, (m, n_e, n_x)
+    """
+    low, high = (end[..., None] for end in limits)
+    nodes = axis.nodes()
+    beyond = np.maximum(np.maximum(low - nodes, nodes - high), 0.0)
+    nearest = beyond == beyond.min(axis=-1, keepdims=True)  # all nodes inside, or the one next to the domain
+    top = np.where(nearest, log_density, -np.inf).max(axis=-1, keepdims=True)
+    first, last = axis.panels[:, 0], axis.panels[:, 1]
+    is_cut = np.repeat((last >= low) & (first <= high), axis.order + 1, axis=-1)
+    return np.where(is_cut, np.minimum(log_density, top + _MOST_OUTSIDE), -np.inf)

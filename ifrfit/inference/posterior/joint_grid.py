@@ -23,6 +23,7 @@ _COARSE = 4  # order of a first look
 _LARGEST_C_ORDER = 128
 _BLIND = 3.0  # change of the log evidence at which a first look has seen nothing
 _REHEARSALS = 16  # rounds at most
+_LEAST_LOG = -1e300  # log density told from none
 
 
 @dataclass
@@ -77,13 +78,14 @@ class JointIntegral:
                 for level in (0, 1)
             ]
         )
-        shift = float(log_f.max())
+        shift = max(float(log_f.max()), _LEAST_LOG)
         density = np.exp(log_f - shift)
         z = (weights * density).sum(axis=1)
-        share = weights * density / z[:, None]
+        # the coarse rules may miss all that there is, in a first panel with its mass at an end
+        per_z = np.divide(1.0, z, out=np.zeros(2), where=z > 0.0)[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             log_z = np.log(z) + shift
-        return JointDensity(self, at, grids, density / z[:, None], share, log_z)
+        return JointDensity(self, at, grids, density * per_z, weights * density * per_z, log_z)
 
     def size(self) -> int:
         """Values of the density that the present nodes ask for."""

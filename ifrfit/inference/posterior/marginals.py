@@ -147,11 +147,14 @@ def covariance(density: JointDensity, marginals: Sequence[Marginal]) -> Array:
 
 def _mean_product(density: JointDensity, factors: tuple[tuple[int, Array], ...]) -> Array:
     """Mean of a product at each outer node, (m,); series are independent there."""
-    by_series: dict[int, Array] = {}
+    by_series: dict[int, list[Array]] = {}
     for number, values in factors:
-        by_series[number] = by_series[number] * values if number in by_series else values
+        by_series.setdefault(number, []).append(values)
     found: Array = np.ones(1)
-    for number, values in by_series.items():
-        mean = values if number == OUTER else density.grids[number].expectation(values)[0]
+    for number, of_series in by_series.items():
+        if number == OUTER:
+            mean = np.asarray(math.prod(of_series))
+        else:
+            mean = density.grids[number].expectation(*of_series)[0]
         found = found * mean
     return found

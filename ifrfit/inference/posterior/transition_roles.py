@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 _LEAST_MU = 1e-12  # mu below which e_n does not follow from the transition
 _LEAST_KAPPA = 1e-9  # kappa below which the closure constant does not follow from the transition
+_BEYOND = 0.2  # share of 1 + e_n at the ends of its domain by which it is followed beyond them
 _TINY = 1e-300
 
 
@@ -130,6 +131,9 @@ class RestitutionFree(TransitionRole):
         """e_n at transitions, with d e_n/dx = b(c)/mu."""
         with np.errstate(divide="ignore", invalid="ignore"):
             per_x = sticking_bound(self.k, known.c) / np.maximum(known.mu, _LEAST_MU)
+            # panels that the domain cuts are followed a little beyond it, where numbers are still tame
+            ends = (1.0 - _BEYOND) * (1.0 + self.e_n.lower), (1.0 + _BEYOND) * (1.0 + self.e_n.upper)
+            x = np.clip(x, ends[0] / per_x, ends[1] / per_x)
             e_n = np.maximum(x * per_x, _LEAST_MU) - 1.0
             return Values(e_n, known.c, known.mu), x, np.asarray(np.log(per_x + 0.0 * x))
 

@@ -101,6 +101,8 @@ class FitResult(Findings, Display):
         DataFrame
             gamma_deg, spin_x, spin_y, value, lo68, hi68, lo95, hi95 (credible) and
             new_lo68, new_hi68, new_lo95, new_hi95 (predictive: one more measurement, nan without a sigma).
+            `attrs["warnings"]` is a tuple of sentences, of where the apparent friction exceeds 2 mu; empty
+            where it does not.
 
         Raises
         ------

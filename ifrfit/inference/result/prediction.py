@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 _DRAWS = 2000
 _AT_ONCE = 500  # incidences
 _QUANTILES = tuple(BANDS.values())
+_MOST_FRICTION = 2.0  # in mu: apparent friction above which more than half of it is not Coulomb's
 
 
 def draw(result: Findings, n: int, rng: np.random.Generator) -> pd.DataFrame:
@@ -82,8 +83,9 @@ def predict(
         "spin_y": s_y,
         "value": _curves(result, wanted, incidence, result.state.point[None], own_series)[0],
     }
+    warnings = tuple(filter(None, [_excess_friction(result, incidence, own_series)]))
     if not bands:
-        return pd.DataFrame(table)
+        return _with_warnings(pd.DataFrame(table), warnings)
     rng = np.random.default_rng(result.seed)
     sample = result.state.sample
     if sample is None:
@@ -99,7 +101,36 @@ def predict(
     noise = own * error_model.law.draw(rng, (sample.shape[0], 1), error_model.dof)
     new = np.quantile(curves + noise, _QUANTILES, axis=0)
     table |= {f"new_{end}": curve for end, curve in zip(BANDS, new, strict=True)}
-    return pd.DataFrame(table)
+    return _with_warnings(pd.DataFrame(table), warnings)
+
+
+def _with_warnings(table: pd.DataFrame, warnings: tuple[str, ...]) -> pd.DataFrame:
+    table.attrs["warnings"] = warnings
+    return table
+
+
+def _excess_friction(result: Findings, incidence: Incidence, series: str) -> str:
+    """Where the apparent friction exceeds 2 mu; empty where it does not.
+
+    Sliding under IFR has an impulse a |U_t| beside Coulomb's kappa U_n, with a = (1 + e_t) J/(1 + J), and so
+    an apparent friction of mu (1 + a tau/kappa): the first part has outgrown the second where that is above
+    2 mu. No bound of friction holds it.
+    """
+    closure = get_closure(result.closure)
+    point = _constants(result.state, result.state.point[None], closure.constant, series)
+    e_n, c, mu = (part[0] for part in point)
+    friction = rebound_of(incidence, closure, e_n, c, mu, result.inertia_factor).mu_app_magnitude
+    above = friction > _MOST_FRICTION * mu  # not where it is nan, without an approach
+    if not above.any():
+        return ""
+    worst = float(friction[above].max())
+    times = f" ({worst / mu:.3g} mu)" if mu > 0.0 else ""
+    return (
+        f"The apparent friction exceeds 2 mu at {np.count_nonzero(above)} of {above.size} incidences and is "
+        f"{worst:.3g}{times} at the worst: sliding under closure {closure.title} has an impulse that grows "
+        "with the slip beside Coulomb's friction. Do not rely on it so near to grazing, or with such a spin; "
+        "closure FR has no such part."
+    )
 
 
 def _curves(result: Findings, observable: Observable, incidence: Incidence, phi: Array, series: str) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import tracemalloc
 from dataclasses import replace
 from functools import cache
 
@@ -41,6 +42,23 @@ def test_the_last_grid_that_fits_is_what_there_is(monkeypatch: pytest.MonkeyPatc
     assert not post.converged
     assert post.quantile("mu", 0.5) == pytest.approx(whole.quantile("mu", 0.5), abs=1e-3)
     assert all(np.isfinite(x).all() for x in post.draws(50, np.random.default_rng(1)).values())
+
+
+def test_the_covariance_takes_no_array_larger_than_the_grid() -> None:
+    """With a prior of mu e_n has an axis on which c does not depend: their product is larger than either."""
+    gamma = [61.0, 64.0, 67.0, 70.0, 73.0, 76.0, 79.0, 82.0, 85.0, 88.0]
+    rows = measured("beta_cm", gamma, seed=2, sigma=0.003, c=-0.66, mu=1.0, e_n=0.45)
+    post = integrate(Question(rows, "ifr", prior={"mu": (1.0, 1e-3)}).problem(), tolerance=1e-3)
+    grid = post.density.grids[0]
+    assert grid.f.shape[1] == 1 < grid.nodes.e_n.shape[1]
+    tracemalloc.start()
+    found = post.covariance(("e_n", "e_t"))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 40 * post.density.integral.size()  # bytes: five numbers a value
+    e_n, c = grid.nodes.e_n[..., None], grid.nodes.c
+    product = float((grid.expectation(e_n * c)[0] * post.density.share[0]).sum())
+    assert found[0, 1] == pytest.approx(product - post.mean("e_n") * post.mean("e_t"), rel=1e-6)
 
 
 FAN = (8.0, 17.0, 26.0, 35.0, 50.0, 70.0)

@@ -103,3 +103,22 @@ def test_without_bands_the_same_values_are_all_there_is(impacts):
     whole, bare = found.predict(GAMMA), found.predict(GAMMA, bands=False)
     assert list(bare) == ["gamma_deg", "spin_x", "spin_y", "value"]
     np.testing.assert_array_equal(bare, whole[list(bare)])
+
+
+@pytest.mark.parametrize("bands", [True, False])
+def test_more_friction_than_two_mu_is_told(impacts, bands):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), fix={"e_n": 0.94}, method="lsq")
+    e_t, mu = found.constants["e_t"].value, found.constants["mu"].value
+    # mu (1 + (2/7)(1 + e_t) tau/kappa) = 2 mu
+    limit = np.degrees(np.arctan(3.5 * mu * 1.94 / (1.0 + e_t)))
+    assert found.predict([10.0, limit - 0.01], bands=bands).attrs["warnings"] == ()
+    (warning,) = found.predict([10.0, limit + 0.01], observable="mu_app", bands=bands).attrs["warnings"]
+    assert f"exceeds 2 mu at 1 of 2 incidences and is {2.0 * mu:.3g} (2 mu) at the worst" in warning
+    assert "sliding under closure IFR has an impulse that grows with the slip" in warning
+    assert "at 1 of 1 incidences" in found.predict([45.0], spin_y=50.0).attrs["warnings"][0]
+    assert found.predict([90.0]).attrs["warnings"] == ()  # where there is no impact
+
+
+def test_sliding_by_coulomb_alone_never_exceeds_mu(impacts):
+    found = ifrfit.fit(impacts(gamma=GAMMA, noise=0.03, sigma=0.03, c=-0.8), closure="fr", fix={"e_n": 0.94})
+    assert found.predict([10.0, 89.9, 90.0], spin_y=[0.0, 50.0, 0.0]).attrs["warnings"] == ()
