@@ -90,7 +90,7 @@ OTHERS = [
 
 
 @pytest.mark.parametrize("seeds", SEEDS)
-@pytest.mark.parametrize("noise", ["known", "unknown"])
+@pytest.mark.parametrize("noise", rest_long(("unknown", "known")))
 @pytest.mark.parametrize(("law", "spins", "j"), OTHERS)
 def test_data_of_another_law_are_refuted(law, spins, j, noise, seeds):
     assert refuted(fits(law, spins, j, noise, seeds)) >= seeds - max(seeds // 20, 1)

@@ -241,7 +241,7 @@ def test_every_closure_goes_through_every_command(cli: Callable[..., str], tmp_p
 
 
 @pytest.mark.usefixtures("brief_costs")
-@pytest.mark.parametrize("name", ["maw", "grip", "bend"])
+@pytest.mark.parametrize("name", rest_long(("grip", "bend", "maw")))
 def test_inference_with_closures_of_every_kind_has_costs(
     cli: Callable[..., str], tmp_path: Path, name: str
 ) -> None:

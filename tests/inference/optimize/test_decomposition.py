@@ -177,7 +177,7 @@ def linked_random_problems(number: int) -> list[Decomposition]:
     return found
 
 
-@pytest.mark.parametrize(("number", "samples"), [(12, 120), pytest.param(25, 400, marks=pytest.mark.long)])
+@pytest.mark.parametrize(("number", "samples"), [(8, 120), pytest.param(25, 400, marks=pytest.mark.long)])
 def test_random_decompositions_are_certified_and_no_sample_lies_lower(number, samples):
     linked = linked_random_problems(number)
     assert len(linked) == number

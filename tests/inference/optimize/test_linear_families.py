@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from factories import BILINEAR, own_constant
+from factories import BILINEAR, own_constant, rest_long
 
 import ifrfit
 from ifrfit.data import read
@@ -64,7 +64,7 @@ def test_a_noisy_problem_is_certified_and_no_grid_point_lies_lower(name, impacts
 
 
 @pytest.mark.parametrize("bounds", [{}, {"bounds": {"mu": (0.02, 0.4)}}], ids=["free", "bounded"])
-@pytest.mark.parametrize("gamma", [GAMMA, np.linspace(8.0, 40.0, 8)], ids=["all angles", "steep"])
+@pytest.mark.parametrize("gamma", rest_long((GAMMA, np.linspace(8.0, 40.0, 8))), ids=["all angles", "steep"])
 @pytest.mark.parametrize("name", ["kappa", "friction", "impulse", "rebound"])
 def test_at_a_given_kappa_one_solve_finds_what_a_search_over_e_n_finds(
     name, gamma, bounds, impacts, monkeypatch

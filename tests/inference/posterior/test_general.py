@@ -127,8 +127,19 @@ NESTED["mu separate in ten series"] = Question(
 )
 
 QUESTIONS = {**MIXTURES, **NESTED}
-# a fourth dimension; transitions that differ under one mu
-DEAR = ("mu_app and e_n, a common factor", "e_n separate")
+# a second or more each; the others have their dimensions, closures and observables between them
+DEAR = (
+    "mu_app and e_n, a common factor",
+    "e_n separate",
+    "mu separate under a prior",
+    "FR, delta and beta",
+    "IFR-contact, beta_tot and beta",
+    "delta, two spins",
+    "mu separate in ten series",
+    "mu_app, mu separate",
+    "delta and a prior of e_n",
+    "mu separate, a noise each",
+)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from factories import impacts_file, problem_of
+from factories import impacts_file, problem_of, rest_long
 
 from ifrfit.data import read
 from ifrfit.inference.optimize.batched_search import FollowingMu
@@ -31,7 +31,7 @@ def fitted(folder, closure, observables=("beta", "e_n"), noise=None, **choices):
 
 
 @pytest.mark.parametrize("closure", ["ifr", "fr"])
-@pytest.mark.parametrize("noise", [None, "unknown"])
+@pytest.mark.parametrize("noise", rest_long(("unknown", None)))
 def test_entries_are_those_of_the_certified_method(tmp_path, closure, noise) -> None:
     problem, fit, misfit = fitted(tmp_path, closure, noise=noise)
     for place, theta in enumerate(fit.optimum.theta.tolist()):
