@@ -37,7 +37,12 @@ def path(impacts):
     ("error_model", "methods", "notes"),
     [  # as in the table of docs/noise.md
         ({"tails": "student-t"}, {"lsq", "exact", "mcmc"}, PLAIN_ONLY),
-        ({"angle_errors": "effective", "sigma_gamma": 1.0}, {"lsq", "exact", "mcmc"}, PLAIN_ONLY),
+        pytest.param(
+            {"angle_errors": "effective", "sigma_gamma": 1.0},
+            {"lsq", "exact", "mcmc"},
+            PLAIN_ONLY,
+            marks=pytest.mark.long,
+        ),
         (
             {"angle_errors": "set", "sigma_gamma": 1.0},
             {"exact", "mcmc"},

@@ -219,7 +219,8 @@ def _named_and_repaired(pair: tuple[FitResult, FitResult]) -> None:
 def _case(
     name: str, what: str, answer: str, run: Callable[..., Any], check: Callable[[Any], None], **more: Any
 ) -> HardCase:
-    return HardCase(name, "numerics", what, answer, run, check, METHODS, **more)
+    choices = {"slow": ("profile", "mcmc"), **more}
+    return HardCase(name, "numerics", what, answer, run, check, METHODS, **choices)
 
 
 _CERTIFICATE = (

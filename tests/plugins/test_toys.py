@@ -229,7 +229,7 @@ def costs(cli: Callable[..., str], folder: Path, options: tuple[str, ...]) -> se
     return {cost["method"] for cost in json.loads(measured)["costs"]}
 
 
-@pytest.mark.parametrize("name", rest_long(("grip", "bend", "maw", *(x for x in CLOSURES if x != "maw")), 3))
+@pytest.mark.parametrize("name", rest_long(("grip", "bend", "maw", *(x for x in CLOSURES if x != "maw")), 2))
 def test_every_closure_goes_through_every_command(cli: Callable[..., str], tmp_path: Path, name: str) -> None:
     chosen = ("--closure", name)
     content = through_every_command(cli, tmp_path, (*chosen, "--method", "lsq"))

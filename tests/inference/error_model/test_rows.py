@@ -112,7 +112,13 @@ def test_true_angles_are_integrated_out(law, observable):
     assert found == pytest.approx(expected, abs=3e-6)
 
 
-@pytest.mark.parametrize(("observable", "gamma"), [("beta_cm", (0.5, 3.0, 8.0)), ("mu_app", (82.0, 88.0))])
+@pytest.mark.parametrize(
+    ("observable", "gamma"),
+    [
+        ("beta_cm", (0.5, 3.0, 8.0)),
+        pytest.param("mu_app", (82.0, 88.0), marks=pytest.mark.long),
+    ],
+)
 def test_angles_whose_scatter_reaches_where_the_value_is_not_defined(observable, gamma):
     """beta_cm at normal and mu_app at grazing incidence: pieces of no width have their nodes there."""
     error_model = LAWS["set"]
