@@ -19,10 +19,8 @@ reproduce: $(READY)
 test: lint
 	$(MAKE) --jobs 2 types suite
 
-# each worker and each process of a test reads compiled files, wherever the environment keeps Python from them;
-# files in their order, small ones last: by the number of tests the dearest would run last, beside an idle worker
-PYTEST = PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile \
-         --no-loadscope-reorder
+# each worker and each process of a test reads compiled files, wherever the environment keeps Python from them
+PYTEST = PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 suite: $(READY)
 	$(PYTEST)
