@@ -153,7 +153,8 @@ class _OneKind:
         """As they would be given, (k, m, n)."""
         found = self.shift + self.factor * self.problem.predict(theta)
         found = np.where(self.folded, np.abs(found), found) if self.folded.any() else found
-        return np.where(self.squared, found**2, found) if self.squared.any() else found
+        with np.errstate(over="ignore"):  # a step that leads so far is not taken
+            return np.where(self.squared, found**2, found) if self.squared.any() else found
 
 
 def alternatives(
