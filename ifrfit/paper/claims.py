@@ -17,7 +17,7 @@ from ifrfit.errors import DataError, IfrfitError
 from ifrfit.inference.diagnostics.pooling import DECIDED, sharing
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.problem import Problem, make_problem
-from ifrfit.inference.posterior import integrate
+from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.paper.cases import case_named
 from ifrfit.paper.recovered_constants import FittedCase, case_constants, fit_case
@@ -149,7 +149,7 @@ def _by_evidence(
     """Weigh one constant for all rows against one for each label."""
     try:
         problem = _labelled(result, labels)
-        shared = sharing(problem, integrate(problem).log_evidence, integrate, names)
+        shared = sharing(problem, log_evidence(problem), log_evidence, names)
     except DataError as error:
         return Answer(about, "not answerable", str(error))
     if shared is None:
