@@ -156,7 +156,7 @@ def noise_modes(problem: Problem, start: Array | None = None, *, proven: bool = 
         return NoiseModes(tuple(search.modes), None)
     search.descend(first)
     if not proven:
-        search.descend_from_each_group()
+        search.descend_from_each_group(proven=False)
         return NoiseModes(tuple(search.modes), None)
     gap = search.prove()
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
@@ -452,16 +452,16 @@ class _Search:
         lowest = min(left_out, queue[0].bound if queue else np.inf)
         return max(0.0, self.modes[0].value - lowest)
 
-    def descend_from_each_group(self) -> Array:
-        """Look for a mode from each group alone; gives the least S_g/n_g of each, proven."""
+    def descend_from_each_group(self, *, proven: bool = True) -> Array:
+        """Look for a mode from each group alone; gives the least S_g/n_g of each, proven or as found."""
         plain = self.problem.with_parameters([replace(each, prior=None) for each in self.problem.parameters])
         found = np.empty(len(self.groups))
         for number, rows in enumerate(self.groups):
-            alone = solve(plain.with_rows(rows), self.base[rows])
+            alone = solve(plain.with_rows(rows), self.base[rows], proven=proven)
             self.all_proven &= alone.gap is not None
             found[number] = max((alone.objective - (alone.gap or 0.0)) / rows.size, self._least)
         for variance in self._each_alone(self.modes[0].variance, np.maximum(found, 1e-12)):
-            self.descend(self.solve(variance))
+            self.descend(solve(self.problem, self.sigma(variance), proven=False))
         return found
 
     def _top(self, low: Array) -> Array:
