@@ -159,9 +159,14 @@ def free(text: str, **options: Any) -> Callable[[Path, str], FitResult]:
 
 
 def slip(
-    name: str, what: str, answer: str, run: Callable[..., object], check: Callable[..., None]
+    name: str,
+    what: str,
+    answer: str,
+    run: Callable[..., object],
+    check: Callable[..., None],
+    slow: tuple[str, ...] = ("lsq",),
 ) -> HardCase:
-    return HardCase(name, "slips", what, answer, run, check, METHODS, slow=("lsq",))
+    return HardCase(name, "slips", what, answer, run, check, METHODS, slow=slow)
 
 
 IDS = "impact_id,gamma_deg,v_x,v_n\n" + "".join(
@@ -202,6 +207,7 @@ CASES = (
         "The constants are right, the offset is, and nothing is found wrong.",
         free(raw(measured(ANGLES + 2.0)), noise=Noise(angles=AngleErrors(offset_sd=1.0))),
         mended,
+        slow=("exact",),
     ),
     slip(
         "speeds off by 2 %",
