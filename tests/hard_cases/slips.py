@@ -164,9 +164,8 @@ def slip(
     answer: str,
     run: Callable[..., object],
     check: Callable[..., None],
-    slow: tuple[str, ...] = ("lsq",),
 ) -> HardCase:
-    return HardCase(name, "slips", what, answer, run, check, METHODS, slow=slow)
+    return HardCase(name, "slips", what, answer, run, check, METHODS)
 
 
 IDS = "impact_id,gamma_deg,v_x,v_n\n" + "".join(
@@ -207,7 +206,6 @@ CASES = (
         "The constants are right, the offset is, and nothing is found wrong.",
         free(raw(measured(ANGLES + 2.0)), noise=Noise(angles=AngleErrors(offset_sd=1.0))),
         mended,
-        slow=("exact",),
     ),
     slip(
         "speeds off by 2 %",
