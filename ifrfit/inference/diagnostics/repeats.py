@@ -115,15 +115,13 @@ def _lack(jacobian: Array, mean: Array, pure: float, dof_pure: int) -> float:
 
 def repeated(problem: Problem, fit: LeastSquaresFit, r: Array) -> list[Repeated]:
     """The observables that were measured repeatedly at one setting, with standardised residuals `r`."""
-    rows, i = problem.rows, problem.rows.incidence
-    inputs = np.column_stack((rows.series, i.sine, i.cosine, i.spin_x, i.spin_y))
+    rows = problem.rows
     jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free]
     by_angle = slope_by_offset(problem, fit.optimum.theta)
     found = []
     for observable in rows.observables:
         own = rows.rows_of(observable.name)
-        _, first, setting = np.unique(inputs[own], axis=0, return_index=True, return_inverse=True)
-        setting = setting.reshape(-1)
+        _, first, setting = np.unique(rows.setting[own], return_index=True, return_inverse=True)
         count = first.size
         if own.size - count < _FEWEST:
             continue

@@ -190,7 +190,7 @@ class BatchedSearch:
     def objective(self, theta: Array, dof: Array) -> tuple[Array, Array]:
         """Objective, (m,), and residuals in units of base, (m, n); infinite where a value is undefined."""
         with np.errstate(all="ignore"):
-            z = (self.problem.rows.value - self.problem.predict(theta)) / self.base
+            z = self.problem.residual(theta) / self.base
             return self._of_residuals(z, dof) + self._prior_chi2(theta), z
 
     def lowest(self, theta: Sequence[Array] | Array, dof: Array, most: int) -> Array:
@@ -306,8 +306,7 @@ class BatchedSearch:
     @cached_property
     def _least(self) -> Array:
         """Sum of squares of each group below which there is nothing but rounding."""
-        value = np.abs(self.problem.rows.value / self.base)
-        return np.array([(1e-13 * (float(value[rows].max()) + 1.0)) ** 2 * rows.size for rows in self.groups])
+        return np.array([self.problem.rounding_variance(rows) * rows.size for rows in self.groups])
 
     @cached_property
     def _priors(self) -> tuple[Index, Array, Array]:

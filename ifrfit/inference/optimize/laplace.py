@@ -165,7 +165,7 @@ def weighted_jacobian(
     """
     names, phi, to_theta = kappa_coordinates(problem, theta)
     jacobian = problem.jacobian(theta) / sigma[:, None]
-    residual = (problem.rows.value - problem.predict(theta)) / sigma
+    residual = problem.residual(theta) / sigma
     entries = problem.parameters.entries
     if with_priors:
         index = [i for i, c in enumerate(entries) if c.prior is not None]
