@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.slips.refit import Misfit, search, starts
+from ifrfit.inference.diagnostics.slips.refit import Misfit, refitted, starts
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array, Bool, Index
 from ifrfit.physics.angles import Incidence
@@ -136,7 +135,7 @@ def _divided(
     problem: Problem, other: Problem, misfit: Misfit, reading: _Reading, theta: Array, sigma: Array
 ) -> tuple[Bool, Array]:
     """Rows that are nearer in the other way, and residuals, with constants fitted in turns from a start."""
-    impacts, free = problem.rows.impacts, np.ones(theta.size, dtype=bool)
+    impacts = problem.rows.impacts
     at, residual = np.zeros(len(problem.rows), dtype=bool), problem.residual(theta)
     for _ in range(_ROUNDS):
         plain, read = (np.nan_to_num(each.residual(theta), nan=1e3) for each in (problem, other))
@@ -145,15 +144,6 @@ def _divided(
         if np.array_equal(chosen, at):
             break
         at = chosen
-        mixed = _read(problem, reading, at)
-        x, after = search(
-            partial(_values_of, mixed), misfit, mixed.rows.value, theta[None],
-            problem.parameters.bounds(), free,
-        )  # fmt: skip
-        theta, residual = x[0], after[0]
+        theta, residual = refitted(_read(problem, reading, at), misfit, theta)
         sigma = misfit.sigma(residual)
     return at, residual
-
-
-def _values_of(problem: Problem, theta: Array, _: Index) -> Array:
-    return problem.predict(theta)
