@@ -201,7 +201,7 @@ def settings_scatter(problem: Problem, fit: LeastSquaresFit, residuals: Residual
         "within": first.within,
     }
     if first.alone is not None and len(scattered) == 1:
-        says = _one_setting(problem, fit, first, first.alone)
+        says = _one_setting(problem, first, first.alone)
     else:
         says = _many_settings(scattered, every)
     return Fact(False, says, figures, FACTS["repeats"])
@@ -246,7 +246,7 @@ def few_settings(problem: Problem, fit: LeastSquaresFit, r: Array) -> str:
     )
 
 
-def _one_setting(problem: Problem, fit: LeastSquaresFit, found: _Scatter, setting: int) -> str:
+def _one_setting(problem: Problem, found: _Scatter, setting: int) -> str:
     rows = found.of.rows[found.of.setting == setting]
     gamma = problem.rows.gamma_deg[rows[0]]
     _, off, sd = found.of.without(setting)

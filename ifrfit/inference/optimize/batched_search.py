@@ -156,12 +156,12 @@ class BatchedSearch:
         ]
         return Found(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
-    def polish(self, found: Found, dof: Array, x: Array | None = None) -> Found:
+    def polish(self, found: Found, dof: Array) -> Found:
         """Take the last digits of theta, where the objective no longer tells one place from the next.
 
         Full steps of the model, as long as each promises less than the one before.
         """
-        x = np.zeros(len(found.theta)) if x is None else x
+        x = np.zeros(len(found.theta))
         dof = np.broadcast_to(dof, (len(found.theta), len(self.groups)))
         theta = found.theta.copy()
         active = np.flatnonzero(found.converged)
