@@ -191,14 +191,13 @@ class BatchedSearch:
         """Objective, (m,), and residuals in units of base, (m, n); infinite where a value is undefined."""
         with np.errstate(all="ignore"):
             z = self.problem.residual(theta) / self.base
-            return self._of_residuals(z, dof) + self._prior_chi2(theta), z
+            prior = np.square(self.problem.parameters.prior_residuals(theta)).sum(axis=1)
+            return self._of_residuals(z, dof) + prior, z
 
     def lowest(self, theta: Sequence[Array] | Array, dof: Array, most: int) -> Array:
         """The lowest of several places, best first, with what is fixed at its value, (m, p)."""
-        entries = self.problem.parameters.entries
-        fixed = [0.0 if each.fixed is None else each.fixed for each in entries]
-        nothing = np.zeros(len(theta))
-        places = self.at(np.where(self.problem.parameters.free, theta, fixed), nothing)
+        parameters, nothing = self.problem.parameters, np.zeros(len(theta))
+        places = self.at(np.where(parameters.free, theta, parameters.fixed), nothing)
         value, _ = self.objective(places, dof)
         return np.asarray(places[np.argsort(np.nan_to_num(value, nan=np.inf), kind="stable")[:most]])
 
@@ -308,17 +307,6 @@ class BatchedSearch:
         """Sum of squares of each group below which there is nothing but rounding."""
         return np.array([self.problem.rounding_variance(rows) * rows.size for rows in self.groups])
 
-    @cached_property
-    def _priors(self) -> tuple[Index, Array, Array]:
-        """Places in theta of what is known before, with mean and sd."""
-        known = [(i, *each.prior) for i, each in enumerate(self.problem.parameters.entries) if each.prior]
-        place, mean, sd = (np.array(column) for column in zip(*known, strict=True)) if known else ([],) * 3
-        return np.asarray(place, dtype=np.intp), np.asarray(mean, float), np.asarray(sd, float)
-
-    def _prior_chi2(self, theta: Array) -> Array:
-        place, mean, sd = self._priors
-        return np.asarray((((theta[:, place] - mean) / sd) ** 2).sum(axis=1))
-
     def _squares(self, z: Array) -> Array:
         """Sum of squares of each group, (m, groups)."""
         if not self.groups:
@@ -385,7 +373,7 @@ class BatchedSearch:
         gradient = -2.0 * (slopes.transpose(0, 2, 1) @ (weight * z)[..., None])[..., 0]
         scaled = slopes * np.sqrt(weight)[..., None]
         hessian = 2.0 * scaled.transpose(0, 2, 1) @ scaled
-        place, mean, sd = self._priors
+        place, mean, sd = self.problem.parameters.priors
         if place.size:
             rows_of_prior = np.zeros((len(theta), place.size, theta.shape[1]))
             rows_of_prior[:, np.arange(place.size), place] = 1.0 / sd

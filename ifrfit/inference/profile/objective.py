@@ -107,7 +107,7 @@ class Misfit:
 
     def _of_known(self, theta: Array, residual: Array) -> Array:
         """chi2 of rows whose sigma is given and of the priors, (m,)."""
-        prior = np.array([self.problem.parameters.prior_residuals(each) for each in theta])
+        prior = self.problem.parameters.prior_residuals(theta)
         known = residual[:, self.problem.noise.is_given]
         return np.asarray(np.square(known).sum(axis=1) + np.square(prior).sum(axis=1))
 
