@@ -158,7 +158,7 @@ def score_test(problem: Problem, wider: Problem, found: LeastSquaresFit, k: int)
     if problem.noise.is_known:
         return float(special.chdtrc(k, gained))
     dof = len(problem.rows) - float(expansion.leverage.sum())
-    z = (problem.rows.value - problem.predict(found.optimum.theta)) / found.sigma
+    z = problem.residual(found.optimum.theta) / found.sigma
     left = float(z @ z) - expansion.decrease
     if dof <= 1.0 or left <= 0.0:
         return None
@@ -190,7 +190,7 @@ def fitted_test(
     gained = max(narrow.objective - fit.optimum.objective, 0.0)
     dof = fit.noise_dof
     if problem.noise.is_mixed:
-        dof = _dof_behind(wider, fit, problem.rows.value - problem.predict(narrow.theta))
+        dof = _dof_behind(wider, fit, problem.residual(narrow.theta))
     if math.isinf(dof):
         return fit, float(special.chdtrc(k, gained))
     if dof > 1.0:
@@ -200,7 +200,7 @@ def fitted_test(
 
 def _dof_behind(wider: Problem, fit: LeastSquaresFit, before: Array) -> float:
     """Degrees of freedom behind what a fit gains over residuals: each noise by its share of the gain."""
-    after = wider.rows.value - wider.predict(fit.optimum.theta)
+    after = wider.residual(fit.optimum.theta)
     gained = (before**2 - after**2) / fit.sigma**2
     each = np.abs([float(gained[rows].sum()) for rows in wider.noise_groups().values()])
     whole = max(float(gained.sum()), float(each.sum()), 1e-300)
@@ -247,7 +247,7 @@ def _scatter_by_series(
     problem: Problem, found: LeastSquaresFit, rows: np.ndarray
 ) -> list[tuple[str, tuple[float, float]]]:
     """Sum of squares and degrees of freedom of the rows of each series."""
-    residual = problem.rows.value - problem.predict(found.optimum.theta)
+    residual = problem.residual(found.optimum.theta)
     made = []
     for number, series in enumerate(problem.series):
         own = rows[problem.rows.series[rows] == number]

@@ -30,6 +30,7 @@ from ifrfit.inference.optimize.multistart import best_start, starts
 from ifrfit.inference.optimize.noise_components import (
     Component,
     SolvedComponent,
+    least_variance,
     noise_components,
     without_restitution,
 )
@@ -50,7 +51,6 @@ _SAME_NOISE = 1e-6  # relative; modes whose noises are nearer than this are one
 _SAME_PHI = 1e-3  # and whose Phi are nearer than this
 _SLACK = 0.1  # share of `NOISE_GAP` that the fit of a box may be off
 _EDGE = 0.1  # a cut keeps this share of the box on either side
-_SMALLEST = 1e-26  # of S_g over the squares of the values: below it is rounding
 _CLOSED = 0.002  # share of `NOISE_GAP` to which cells are bounded: it costs no more than the whole
 _MOST_COMBINED = 3  # minima of one component that are combined with those of others
 _MOST_PRODUCTS = 1000
@@ -339,12 +339,11 @@ class _Search:
 
     @cached_property
     def _least(self) -> float:
-        own = np.concatenate(self.groups)
-        return _SMALLEST * max(1.0, float(np.square(self.problem.rows.value[own] / self.base[own]).max()))
+        return least_variance(self.problem)
 
     def at(self, theta: Array) -> tuple[float, Array]:
         """Phi at theta, and S_g/n_g of each group, kept off zero."""
-        residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
+        residual = self.problem.residual(theta) / self.base
         squares = [float(residual[rows] @ residual[rows]) for rows in self.groups]
         variance = np.array([max(s / n, self._least) for s, n in zip(squares, self.sizes, strict=True)])
         known, prior = residual[self.known], self.problem.parameters.prior_residuals(theta)
