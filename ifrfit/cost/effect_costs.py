@@ -112,8 +112,7 @@ def _added(less: Callable[[], object], more: Callable[[], object], number: int, 
 
 def _timing(seconds: Sequence[float]) -> Timing:
     """Never below zero: a difference that is lost in the noise is no gain of time."""
-    low, middle, high = (max(0.0, x) for x in (min(seconds), statistics.median(seconds), max(seconds)))
-    return Timing(middle, low, high, len(seconds))
+    return Timing.of([max(0.0, each) for each in seconds])
 
 
 def _cost(line: PlanLine, added: Timing) -> Cost:

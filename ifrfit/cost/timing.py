@@ -79,11 +79,9 @@ class Cost:
     error_unit: str
 
 
-def timed(
-    call: Callable[[], object], *, repeats: int = 5, enough: float = 0.05, most: float = math.inf
-) -> Timing:
+def timed(call: Callable[[], object], *, repeats: int = 5, enough: float = 0.05) -> Timing:
     """Wall time of a call; parameters as `in_turns`."""
-    return in_turns({"": call}, repeats=repeats, enough=enough, most=most)[""][1]
+    return in_turns({"": call}, repeats=repeats, enough=enough)[""][1]
 
 
 def in_turns(

@@ -15,7 +15,7 @@ from ifrfit.data.cell_table import show
 from ifrfit.data.column_layout import Layout
 from ifrfit.data.column_names import role_of
 from ifrfit.data.column_roles import identify
-from ifrfit.data.conventions import Conventions, parse_conventions
+from ifrfit.data.conventions import parse_conventions
 from ifrfit.data.impact_numbers import refuse_restarted_impacts
 from ifrfit.data.long_table import read_long
 from ifrfit.data.observations import Observations, Source, make_table
@@ -69,7 +69,7 @@ def read(
     cells = read_cells(path, lambda text: text.strip() in named or role_of(text).kind != "unknown")
     layout = identify(cells, conventions)
     refuse_summary_rows(layout)
-    pieces = _read_form(layout, conventions, inertia_factor)
+    pieces = _read_form(layout, inertia_factor)
     kept: list[Piece] = []
     skipped: Counter[str] = Counter()
     for piece in pieces:
@@ -81,7 +81,7 @@ def read(
     return _assemble(path, layout, kept, dict(skipped), total)
 
 
-def _read_form(layout: Layout, conventions: Conventions, inertia_factor: float) -> list[Piece]:
+def _read_form(layout: Layout, inertia_factor: float) -> list[Piece]:
     if layout.has("observable") or layout.has("value"):
         pieces = read_long(layout)
     elif is_raw(layout):

@@ -18,7 +18,7 @@ from ifrfit.errors import DataError, IfrfitError
 from ifrfit.inference.diagnostics.pooling import DECIDED, sharing
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.problem import Problem, make_problem
-from ifrfit.inference.posterior import integrate
+from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.paper.cases import case_named
 from ifrfit.paper.recovered_constants import FittedCase, case_constants, fit_case
@@ -151,8 +151,8 @@ def _by_evidence(
     """Weigh one constant for all rows against one for each label."""
     try:
         problem = _labelled(result, labels)
-        evidence = partial(integrate, tolerance=_EVIDENCE)
-        shared = sharing(problem, evidence(problem).log_evidence, evidence, names)
+        evidence = partial(log_evidence, tolerance=_EVIDENCE)
+        shared = sharing(problem, evidence(problem), evidence, names)
     except DataError as error:
         return Answer(about, "not answerable", str(error))
     if shared is None:

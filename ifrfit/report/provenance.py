@@ -91,12 +91,12 @@ def contents(result: FitResult, source: Source) -> str:
     return f"{text}, {provenance_words(kinds_of(result, source))}, {sigma_words(result)}"
 
 
-def source_sentences(result: FitResult, source: Source, *, full: bool = False) -> list[str]:
+def source_sentences(result: FitResult, source: Source) -> list[str]:
     """Everything about a source: what it holds, where that comes from, its reference, what was left out."""
     sentences = [
         f"{source.name}: {contents(result, source)}.",
         *provenance_sentences(result, source),
-        reference(source, full=full),
+        reference(source, full=True),
         left_out(source),
     ]
     return [sentence for sentence in sentences if sentence]

@@ -102,7 +102,7 @@ def _latex_cells(row: Row) -> tuple[str, ...]:
 
 
 def _provenance(result: FitResult) -> list[str]:
-    return [" ".join(source_sentences(result, source, full=True)) for source in result.inputs]
+    return [" ".join(source_sentences(result, source)) for source in result.inputs]
 
 
 def _regimes(result: FitResult, sign: str) -> list[str]:

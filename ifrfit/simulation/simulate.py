@@ -172,7 +172,7 @@ def _from_fit(scene: Scene, n: int, points: int, rng: np.random.Generator) -> _C
     if not closure.effect:
         given["tangential"] = f"the fit's {closure.constant or 'closure'}"
     contact = replace(scene.contact, inertia_factor=_inertia(scene, result))
-    return _Constants(result.closure, contact, values, given, tuple(_fit_warnings(result, scene)))
+    return _Constants(result.closure, contact, values, given, tuple(_fit_warnings(result)))
 
 
 def _column(columns: list[str], name: str, scene: Scene) -> str:
@@ -196,7 +196,7 @@ def _inertia(scene: Scene, result: FitResult) -> float:
     return result.inertia_factor
 
 
-def _fit_warnings(result: FitResult, scene: Scene) -> list[str]:
+def _fit_warnings(result: FitResult) -> list[str]:
     """What must not be lost of the fit: stand-ins, and constants its data leave open."""
     warnings = [
         f"The constants come from a fit to {source.name}, a STAND-IN: generated from printed constants, not "

@@ -195,8 +195,7 @@ class BatchedSolver:
             total, number = square[:, rows].sum(axis=1), counts[:, rows].sum(axis=1)
             dof = number - leverage[:, rows].sum(axis=1)
             # a misfit of nothing but rounding says nothing of the noise
-            size = float(np.abs(self.problem.rows.value[rows] / base[rows]).max()) + 1.0
-            fine = (dof >= 0.5) & (total > (1e-13 * size) ** 2 * number)
+            fine = (dof >= 0.5) & (total > self.problem.rounding_variance(rows) * number)
             new[fine, i] = np.sqrt(total[fine] / dof[fine])
             tells &= fine
         return new, tells

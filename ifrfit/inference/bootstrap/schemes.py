@@ -279,7 +279,7 @@ class Wild(Scheme):
 
 def corrected(problem: Problem, found: LeastSquaresFit) -> Array:
     """Residuals over sqrt(1 - leverage), with the variance of their noise; 0 where a row fits itself."""
-    raw = problem.rows.value - problem.predict(found.optimum.theta)
+    raw = problem.residual(found.optimum.theta)
     left = 1.0 - found.gaussian.leverage
     return np.asarray(np.where(left > _OWN, raw / np.sqrt(np.maximum(left, _OWN)), 0.0))
 

@@ -7,17 +7,8 @@ from collections.abc import Mapping, Sequence
 
 from ifrfit.inference.comparison.result import Entry
 from ifrfit.inference.comparison.verdict import INDIFFERENT, SCALE
-from ifrfit.text import plus_minus
-
-# what is off, and by how much in which unit
-_FLAWS = {
-    "angle-offset": ("angles of incidence", -1.0, "degrees"),
-    "camera-turn": ("the camera", 1.0, "degrees"),
-    "speed-scale": ("speeds after impact", 100.0, "%"),
-    "scale-along-wall": ("lengths along the wall", 100.0, "%"),
-    "spin-scale": ("spins", 100.0, "%"),
-}
-
+from ifrfit.inference.diagnostics.slips.messages import FLAWS
+from ifrfit.inference.diagnostics.slips.slip import Slip
 
 _STRONG = min(least for least, word in SCALE if word == "strong")
 
@@ -37,8 +28,7 @@ def rivals_with_flaws(entries: Mapping[str, Entry], ranked: Sequence[str]) -> di
     Returns
     -------
     dict
-        Closure to the flaw in words (what is off by how much), and to the log Bayes factor that is left of
-        the best closure over it.
+        Closure to the flaw in words, and to the log Bayes factor that is left of the best closure over it.
     """
     best, *others = ranked
     level = entries[best].log_evidence + max(0.0, _best_flaw(entries[best])[0])
@@ -55,10 +45,10 @@ def _best_flaw(entry: Entry) -> tuple[float, str]:
     """Largest log Bayes factor of a flaw, and the flaw in words; -inf where none was tried."""
     fact = entry.fit.facts.get("slips")
     tests = {} if fact is None else fact.figures["tests"]
-    known = {name: tests[name] for name in _FLAWS if "log_bayes_factor" in tests.get(name, ())}
+    known = {name: tests[name] for name in FLAWS if "log_bayes_factor" in tests.get(name, ())}
     if not known:
         return -math.inf, ""
     name = max(known, key=lambda one: known[one]["log_bayes_factor"])
-    what, factor, unit = _FLAWS[name]
-    size = plus_minus(factor * known[name]["size"], abs(factor) * known[name]["sd"])
-    return known[name]["log_bayes_factor"], f"{what} off by {size} {unit}"
+    test = known[name]
+    slip = Slip(name, test["drop"], test["p"], test["size"], test["sd"])
+    return test["log_bayes_factor"], FLAWS[name](slip)

@@ -121,7 +121,7 @@ def _under_it(
 ) -> tuple[Fact, float]:
     """Outliers where sigma grows so, and the error of the numerator."""
     sigma = fit.sigma.copy()
-    left = problem.rows.value - problem.predict(fit.optimum.theta)
+    left = problem.residual(fit.optimum.theta)
     for one in found:
         square = float(((left[one.rows] / one.amplification) ** 2).mean())
         sigma[one.rows] = one.amplification * math.sqrt(square)

@@ -42,7 +42,7 @@ def identifiable(
         limits = _limits(problem, constants)
         says = limits or "the data determine every free constant"
         return Fact(not limits, says, figures, FACTS["identifiable"])
-    return Fact(False, _advice(problem, fit, loose, n_sticking, n_sliding), figures, FACTS["identifiable"])
+    return Fact(False, _advice(problem, loose, n_sticking, n_sliding), figures, FACTS["identifiable"])
 
 
 def _limits(problem: Problem, constants: Constants) -> str:
@@ -80,7 +80,7 @@ def _combination(names: tuple[str, ...], vector: np.ndarray) -> str:
     return " ".join(parts)
 
 
-def _advice(problem: Problem, fit: LeastSquaresFit, loose: list[str], n_sticking: int, n_sliding: int) -> str:
+def _advice(problem: Problem, loose: list[str], n_sticking: int, n_sliding: int) -> str:
     """What is open, why, and what to measure."""
     observed = ", ".join(problem.rows.names)
     says = []

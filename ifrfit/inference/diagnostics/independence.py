@@ -144,10 +144,7 @@ def _pairs(problem: Problem, name: str, along: str, rows: Index) -> _Order:
 
 def _repeats(problem: Problem, rows: Index) -> Index | None:
     """Which rows repeat one another, where most are repeated often enough to tell errors from the law."""
-    i = problem.rows.incidence
-    inputs = np.column_stack([x[rows] for x in (problem.rows.series, i.sine, i.spin_x, i.spin_y)])
-    _, group = np.unique(inputs, axis=0, return_inverse=True)
-    group = group.reshape(-1)
+    _, group = np.unique(problem.rows.setting[rows], return_inverse=True)
     count = int(group.max()) + 1
     often = rows.size >= _REPEATED * count and rows.size - count >= _FEWEST_REPEATS
     return group if often else None

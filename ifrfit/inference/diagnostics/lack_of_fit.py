@@ -171,10 +171,8 @@ def _pure_error(problem: Problem, fit: LeastSquaresFit, r: Array, dof: int) -> d
 
     Alone an observable has constants of its own: together, others dilute what is wrong in one.
     """
-    i = problem.rows.incidence
-    inputs = np.column_stack((problem.rows.series, problem.rows.which, i.sine, i.cosine, i.spin_x, i.spin_y))
-    _, group = np.unique(inputs, axis=0, return_inverse=True)
-    group = group.reshape(-1)
+    rows = problem.rows
+    _, group = np.unique(rows.setting * len(rows.names) + rows.which, return_inverse=True)
     count = np.bincount(group)
     mean = np.bincount(group, r) / count
     pure = float(((r - mean[group]) ** 2).sum())

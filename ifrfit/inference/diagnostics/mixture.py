@@ -12,6 +12,7 @@ from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.noise_modes import noise_factors
 from ifrfit.inference.result.types import Fact
 
 _FEWEST = 12  # impacts below which no two kinds are looked for
@@ -56,7 +57,7 @@ def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
         return None
     sigma = _likely_sigma(problem, fit)
     jacobian = problem.jacobian(fit.optimum.theta) / sigma[:, None]
-    residual = (problem.rows.value - problem.predict(fit.optimum.theta)) / sigma
+    residual = problem.residual(fit.optimum.theta) / sigma
     best: _Kinds | None = None
     for place in np.flatnonzero(problem.parameters.free).tolist():
         spread = _spread(problem, jacobian[:, place], residual)
@@ -85,11 +86,7 @@ def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
 
 def _likely_sigma(problem: Problem, fit: LeastSquaresFit) -> Array:
     """Standard uncertainty of each row at the most likely noises."""
-    sigma = fit.sigma.copy()
-    residual = problem.rows.value - problem.predict(fit.optimum.theta)
-    for rows in problem.noise_groups().values():
-        sigma[rows] *= math.sqrt(float(((residual[rows] / sigma[rows]) ** 2).mean()))
-    return sigma
+    return problem.noise.base * noise_factors(problem, fit.optimum.theta)
 
 
 def _by_impact(problem: Problem, of_rows: Array) -> Array:
@@ -175,7 +172,7 @@ def _fitted(problem: Problem, fit: LeastSquaresFit, place: int, spread: float) -
 def _log_likelihoods(problem: Problem, fit: LeastSquaresFit, theta: Array) -> Array:
     """Log likelihood of each impact with one kind, at the most likely noises, but for a constant."""
     sigma = _likely_sigma(problem, fit)
-    z = (problem.rows.value - problem.predict(theta)) / sigma
+    z = problem.residual(theta) / sigma
     return _by_impact(problem, -0.5 * z * z - np.log(sigma))
 
 
@@ -188,7 +185,7 @@ def _mixed(
     sigma: Array | None = None,
 ) -> tuple[Array, Array, Array]:
     """Log likelihood of each impact under the mixture, the probability of the second kind, and sigma."""
-    left = problem.rows.value - problem.predict(np.stack((first, second)))
+    left = problem.residual(np.stack((first, second)))
     sigma = fit.sigma if sigma is None else sigma
     for _ in range(3):  # noises at their best for these kinds
         each = -0.5 * (left / sigma) ** 2 - np.log(sigma)
@@ -227,7 +224,7 @@ def _search(
             own[:, :-2] = jacobian[:, others]
             own[:, -2 + column] = jacobian[:, place]
             blocks.append(own)
-            left.append((problem.rows.value - problem.predict(theta)) * root)
+            left.append(problem.residual(theta) * root)
         step = np.linalg.lstsq(np.concatenate(blocks), np.concatenate(left), rcond=_LOOSE)[0]
         moved = first.copy(), second.copy()
         for theta, column in zip(moved, (-2, -1), strict=True):

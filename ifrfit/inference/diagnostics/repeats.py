@@ -115,15 +115,13 @@ def _lack(jacobian: Array, mean: Array, pure: float, dof_pure: int) -> float:
 
 def repeated(problem: Problem, fit: LeastSquaresFit, r: Array) -> list[Repeated]:
     """The observables that were measured repeatedly at one setting, with standardised residuals `r`."""
-    rows, i = problem.rows, problem.rows.incidence
-    inputs = np.column_stack((rows.series, i.sine, i.cosine, i.spin_x, i.spin_y))
+    rows = problem.rows
     jacobian = problem.jacobian(fit.optimum.theta)[:, problem.parameters.free]
     by_angle = slope_by_offset(problem, fit.optimum.theta)
     found = []
     for observable in rows.observables:
         own = rows.rows_of(observable.name)
-        _, first, setting = np.unique(inputs[own], axis=0, return_index=True, return_inverse=True)
-        setting = setting.reshape(-1)
+        _, first, setting = np.unique(rows.setting[own], return_index=True, return_inverse=True)
         count = first.size
         if own.size - count < _FEWEST:
             continue
@@ -203,7 +201,7 @@ def settings_scatter(problem: Problem, fit: LeastSquaresFit, residuals: Residual
         "within": first.within,
     }
     if first.alone is not None and len(scattered) == 1:
-        says = _one_setting(problem, fit, first, first.alone)
+        says = _one_setting(problem, first, first.alone)
     else:
         says = _many_settings(scattered, every)
     return Fact(False, says, figures, FACTS["repeats"])
@@ -248,7 +246,7 @@ def few_settings(problem: Problem, fit: LeastSquaresFit, r: Array) -> str:
     )
 
 
-def _one_setting(problem: Problem, fit: LeastSquaresFit, found: _Scatter, setting: int) -> str:
+def _one_setting(problem: Problem, found: _Scatter, setting: int) -> str:
     rows = found.of.rows[found.of.setting == setting]
     gamma = problem.rows.gamma_deg[rows[0]]
     _, off, sd = found.of.without(setting)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ifrfit.inference.diagnostics.quadratic_forms import Array
-from ifrfit.inference.diagnostics.thresholds import RANK
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
@@ -39,7 +38,7 @@ def residuals_of(problem: Problem, fit: LeastSquaresFit) -> Residuals:
     Where sigma comes from the misfit, a row is left out of its own yardstick (external studentisation), so
     that an outlier does not hide behind the noise it feigns.
     """
-    raw = problem.rows.value - problem.predict(fit.optimum.theta)
+    raw = problem.residual(fit.optimum.theta)
     standardised = raw / fit.sigma
     own = 1.0 - fit.gaussian.leverage
     # a row that the constants run through has no residual, whatever rounding leaves of it
@@ -65,7 +64,7 @@ def residuals_of(problem: Problem, fit: LeastSquaresFit) -> Residuals:
 def fitted_directions(problem: Problem, fit: LeastSquaresFit) -> Array:
     """Rows of A, (n, k), where A A' takes weighted values to their fit: the leverage is its diagonal."""
     local = fit.gaussian
-    seen = local.singular > RANK * local.singular.max(initial=0.0)
+    seen = local.seen
     by_phi = problem.jacobian(fit.optimum.theta) @ local.to_theta / fit.sigma[:, None]
     if fit.angle_offset is None:
         return np.asarray(by_phi @ local.vectors[:, seen] / local.singular[seen])

@@ -150,9 +150,7 @@ def score_test(problem: Problem, wider: Problem, found: LeastSquaresFit, k: int)
 
     A bound is not looked at: what it forbids counts as gained, and is left to a fit.
     """
-    theta = np.empty(len(wider.parameters.names))
-    for name, places in wider.parameters.positions.items():
-        theta[places] = found.optimum.theta[problem.parameters.positions[name]]
+    theta = _widened(problem, wider, found.optimum.theta)
     expansion = gaussian_approximation(wider, found.sigma, theta)
     before = problem.parameters.prior_residuals(found.optimum.theta)
     after = wider.parameters.prior_residuals(theta)
@@ -160,11 +158,24 @@ def score_test(problem: Problem, wider: Problem, found: LeastSquaresFit, k: int)
     if problem.noise.is_known:
         return float(special.chdtrc(k, gained))
     dof = len(problem.rows) - float(expansion.leverage.sum())
-    z = (problem.rows.value - problem.predict(found.optimum.theta)) / found.sigma
+    z = problem.residual(found.optimum.theta) / found.sigma
     left = float(z @ z) - expansion.decrease
     if dof <= 1.0 or left <= 0.0:
         return None
     return float(special.fdtrc(k, dof, gained / k / (left / dof)))
+
+
+def _widened(problem: Problem, wider: Problem, theta: Array) -> Array:
+    """theta of a problem that parts constants which this one shares, each series at the shared value."""
+    out = np.empty(len(wider.parameters.names))
+    for name, places in wider.parameters.positions.items():
+        out[places] = theta[problem.parameters.positions[name]]
+    return out
+
+
+def _shared_start(problem: Problem, wider: Problem, theta: Array) -> Array | None:
+    """Where a search of the wider problem begins; None where its optimum is computed without a start."""
+    return None if problem.closure.bilinear else _widened(problem, wider, theta)
 
 
 def fitted_test(
@@ -172,14 +183,14 @@ def fitted_test(
 ) -> tuple[LeastSquaresFit, float] | None:
     """Fit and p value of a problem wider by k numbers, at its noise; None where there are too few rows."""
     try:
-        fit = refit(wider, found.sigma)
+        fit = refit(wider, found.sigma, _shared_start(problem, wider, found.optimum.theta))
     except DataError:
         return None
-    narrow = solve(problem, fit.sigma)
+    narrow = solve(problem, fit.sigma, _shared_start(problem, problem, found.optimum.theta))
     gained = max(narrow.objective - fit.optimum.objective, 0.0)
     dof = fit.noise_dof
     if problem.noise.is_mixed:
-        dof = _dof_behind(wider, fit, problem.rows.value - problem.predict(narrow.theta))
+        dof = _dof_behind(wider, fit, problem.residual(narrow.theta))
     if math.isinf(dof):
         return fit, float(special.chdtrc(k, gained))
     if dof > 1.0:
@@ -189,7 +200,7 @@ def fitted_test(
 
 def _dof_behind(wider: Problem, fit: LeastSquaresFit, before: Array) -> float:
     """Degrees of freedom behind what a fit gains over residuals: each noise by its share of the gain."""
-    after = wider.rows.value - wider.predict(fit.optimum.theta)
+    after = wider.residual(fit.optimum.theta)
     gained = (before**2 - after**2) / fit.sigma**2
     each = np.abs([float(gained[rows].sum()) for rows in wider.noise_groups().values()])
     whole = max(float(gained.sum()), float(each.sum()), 1e-300)
@@ -236,7 +247,7 @@ def _scatter_by_series(
     problem: Problem, found: LeastSquaresFit, rows: np.ndarray
 ) -> list[tuple[str, tuple[float, float]]]:
     """Sum of squares and degrees of freedom of the rows of each series."""
-    residual = problem.rows.value - problem.predict(found.optimum.theta)
+    residual = problem.residual(found.optimum.theta)
     made = []
     for number, series in enumerate(problem.series):
         own = rows[problem.rows.series[rows] == number]

@@ -119,7 +119,7 @@ def minimizer_result(result: Findings) -> Any:
 
     def residual(p: Any) -> Any:
         at = np.array([p[label].value for label in labels])
-        data = (problem.rows.value - problem.predict(at)) / sigma
+        data = problem.residual(at) / sigma
         return np.concatenate((data, problem.parameters.prior_residuals(at)))
 
     return lmfit.minimize(residual, params, method="least_squares", scale_covar=False, xtol=1e-14, ftol=1e-14)

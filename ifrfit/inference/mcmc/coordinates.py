@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,29 +40,17 @@ class Coordinates:
         """Number of coordinates."""
         return len(self.density.names)
 
-    @cached_property
-    def replaced(self) -> tuple[tuple[int, int | None, float], ...]:
-        """Of each kappa: its place, the place of its e_n (None if fixed), and the value of a fixed e_n."""
-        parameters = self.problem.parameters
-        place = np.cumsum(parameters.free) - 1  # among the free entries
-        found: list[tuple[int, int | None, float]] = []
-        for mu, e_n in parameters.kappa_places:
-            if parameters.free[mu]:
-                value = parameters.entries[e_n].fixed
-                found.append((int(place[mu]), *((int(place[e_n]), 0.0) if value is None else (None, value))))
-        return tuple(found)
-
     def points(self, at: Array) -> Array:
         """Points of the density, (..., d), at coordinates (..., d)."""
         points = np.array(at, dtype=float)
-        for mu, e_n, value in self.replaced:
+        for mu, e_n, value in self.problem.parameters.free_kappas:
             points[..., mu] = at[..., mu] / (1.0 + (value if e_n is None else at[..., e_n]))
         return points
 
     def at(self, points: Array) -> Array:
         """Coordinates, (..., d), of points of the density, (..., d)."""
         at = np.array(points, dtype=float)
-        for mu, e_n, value in self.replaced:
+        for mu, e_n, value in self.problem.parameters.free_kappas:
             at[..., mu] = points[..., mu] * (1.0 + (value if e_n is None else points[..., e_n]))
         return at
 
@@ -71,7 +58,7 @@ class Coordinates:
         """Log density, (m,); -inf outside the domain."""
         with np.errstate(all="ignore"):  # outside the domain anything may come out, and is not used
             found = self.density(self.points(at))
-            for _, e_n, _ in self.replaced:
+            for _, e_n, _ in self.problem.parameters.free_kappas:
                 if e_n is not None:
                     found = found - np.log(np.maximum(1.0 + at[:, e_n], np.finfo(float).tiny))
         return np.where(np.isnan(found), -np.inf, found)

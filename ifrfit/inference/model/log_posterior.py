@@ -174,11 +174,7 @@ class Density:
 
     def theta(self, points: Array) -> Array:
         """Entries of theta, fixed ones included, (m, p)."""
-        free = self.problem.parameters.free
-        fixed = [0.0 if c.fixed is None else c.fixed for c in self.problem.parameters.entries]
-        theta = np.tile(fixed, (points.shape[0], 1))
-        theta[:, free] = points[:, : len(self.unknowns)]
-        return theta
+        return self.problem.parameters.theta(points[:, : len(self.unknowns)])
 
     def sigma(self, points: Array) -> Array:
         """Noise of each row, (m, n) or (1, n)."""

@@ -88,6 +88,11 @@ class Parameter:
         return replace(self, fixed=value, prior=None)
 
     @property
+    def ends(self) -> tuple[float, float]:
+        """Lowest and highest value that it may have: the fixed one, or the bounds."""
+        return (self.lower, self.upper) if self.fixed is None else (self.fixed, self.fixed)
+
+    @property
     def prior_upper(self) -> float:
         """Upper end of the default prior, finite."""
         return _prior_upper(self.lower, self.upper)
@@ -147,8 +152,7 @@ class Kappa:
     @property
     def domain(self) -> Domain:
         """Its domain: kappa rises with both."""
-        e_n, mu = self.e_n, self.mu
-        low_e, high_e = (e_n.lower, e_n.upper) if e_n.fixed is None else (e_n.fixed, e_n.fixed)
+        mu, (low_e, high_e) = self.mu, self.e_n.ends
         low, high, prior = mu.lower, mu.upper, mu.prior_upper
         if mu.fixed is not None:
             low = high = prior = mu.fixed
@@ -267,15 +271,47 @@ class ParameterSet:
         """Lower and upper bounds of the entries of theta, (p,) each."""
         return np.array([p.lower for p in self.entries]), np.array([p.upper for p in self.entries])
 
+    @cached_property
+    def priors(self) -> tuple[Index, Array, Array]:
+        """Places in theta of what is known before, with mean and sd, (k,) each."""
+        known = [(i, *each.prior) for i, each in enumerate(self.entries) if each.prior is not None]
+        place, mean, sd = np.array(known).reshape(-1, 3).T
+        return place.astype(np.intp), mean, sd
+
     def prior_residuals(self, theta: Array) -> Array:
-        """Standardised distance of each entry with a prior from the prior's mean."""
-        return np.array(
-            [
-                (value - p.prior[0]) / p.prior[1]
-                for p, value in zip(self.entries, theta, strict=True)
-                if p.prior is not None
-            ]
-        )
+        """Standardised distance of each entry with a prior from the prior's mean, (..., p) to (..., k)."""
+        place, mean, sd = self.priors
+        return np.asarray((theta[..., place] - mean) / sd)
+
+    @cached_property
+    def fixed(self) -> Array:
+        """Fixed value of each entry of theta, (p,); 0 of those that are free."""
+        return np.array([0.0 if p.fixed is None else p.fixed for p in self.entries])
+
+    @cached_property
+    def free_places(self) -> Index:
+        """Place of each entry of theta among the free ones, (p,); of fixed ones without meaning."""
+        return np.asarray(np.cumsum(self.free) - 1)
+
+    def theta(self, free: Array) -> Array:
+        """Entries of theta, fixed ones included, (m, p), from the free ones, (m, k)."""
+        theta = np.tile(self.fixed, (free.shape[0], 1))
+        theta[:, self.free] = free
+        return theta
+
+    @cached_property
+    def free_kappas(self) -> tuple[tuple[int, int | None, float], ...]:
+        """Of each free mu in whose place kappa can stand: its place among the free entries, and its e_n.
+
+        Of e_n the place, None if it is fixed, and the fixed value.
+        """
+        found: list[tuple[int, int | None, float]] = []
+        for mu, e_n in self.kappa_places:
+            if self.free[mu]:
+                value = self.entries[e_n].fixed
+                own = (int(self.free_places[e_n]), 0.0) if value is None else (None, value)
+                found.append((int(self.free_places[mu]), *own))
+        return tuple(found)
 
     def with_parameters(self, parameters: Iterable[Parameter]) -> ParameterSet:
         """The same set with other parameters in the place of those of the same names."""

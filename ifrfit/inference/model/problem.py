@@ -26,6 +26,7 @@ _CAREFUL: tuple[Policy, ...] = ("unknown", "scaled")
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 OFFSET = "angle_offset"  # among the quantities of a distribution
 _OBLIQUE_BY = 1e-6  # degrees from 0 and from 90 where ratios of velocities have no value
+_ROUNDING = 1e-13  # relative error of a residual by rounding
 _STEP = 1e-6  # of central differences of the curved observables: error about 1e-11
 
 
@@ -99,6 +100,15 @@ class Problem:
         law = self.closure.law(self.inertia_factor)
         k, _ = law.impulse(self.rows.incidence, c, mu * (1.0 + e_n))
         return self.values_with(k, e_n, mu)
+
+    def residual(self, theta: Array) -> Array:
+        """Measured value less `predict` of each row, (..., n), at theta, (..., p)."""
+        return np.asarray(self.rows.value - self.predict(theta))
+
+    def rounding_variance(self, rows: Index) -> float:
+        """Mean square of residuals of some rows, over their base, that rounding may leave."""
+        scaled = self.rows.value[rows] / self.noise.base[rows]
+        return (_ROUNDING * (float(np.abs(scaled).max()) + 1.0)) ** 2
 
     def _columns(self, theta: Array) -> tuple[Array, Array, Array]:
         """(e_n, closure constant, mu), each (..., n), or (..., 1) where all rows share it."""
@@ -219,7 +229,7 @@ class Problem:
     def row_log_likelihood(self, theta: Array, noise: Array) -> Array:
         """Log likelihood of each row under Gaussian errors, (m, n), at theta, (m, p), and noises, (m, k)."""
         sigma = self.noise.sigma_at(noise, self.noise_groups().values())
-        z = (self.rows.value - self.predict(theta)) / sigma
+        z = self.residual(theta) / sigma
         return np.asarray(-0.5 * z * z - np.log(sigma) - _HALF_LOG_2PI)
 
     def groups(self) -> Mapping[str, Index]:

@@ -171,6 +171,13 @@ class Rows:
         number[np.argsort(first)] = np.arange(first.size)
         return number[inverse]
 
+    @cached_property
+    def setting(self) -> Index:
+        """Setting of each row, (n,): rows of one number have the same series, angle and spins."""
+        i = self.incidence
+        inputs = np.column_stack((self.series, i.sine, i.cosine, i.spin_x, i.spin_y))
+        return np.unique(inputs, axis=0, return_inverse=True)[1].reshape(-1)
+
     def normal_factor(self, at: Index | Bool) -> Array:
         """What e_n is multiplied by in rows of the normal kind, of which `at` are some."""
         factor = np.ones(self.which.size)

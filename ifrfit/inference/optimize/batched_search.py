@@ -156,12 +156,12 @@ class BatchedSearch:
         ]
         return Found(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
-    def polish(self, found: Found, dof: Array, x: Array | None = None) -> Found:
+    def polish(self, found: Found, dof: Array) -> Found:
         """Take the last digits of theta, where the objective no longer tells one place from the next.
 
         Full steps of the model, as long as each promises less than the one before.
         """
-        x = np.zeros(len(found.theta)) if x is None else x
+        x = np.zeros(len(found.theta))
         dof = np.broadcast_to(dof, (len(found.theta), len(self.groups)))
         theta = found.theta.copy()
         active = np.flatnonzero(found.converged)
@@ -190,15 +190,14 @@ class BatchedSearch:
     def objective(self, theta: Array, dof: Array) -> tuple[Array, Array]:
         """Objective, (m,), and residuals in units of base, (m, n); infinite where a value is undefined."""
         with np.errstate(all="ignore"):
-            z = (self.problem.rows.value - self.problem.predict(theta)) / self.base
-            return self._of_residuals(z, dof) + self._prior_chi2(theta), z
+            z = self.problem.residual(theta) / self.base
+            prior = np.square(self.problem.parameters.prior_residuals(theta)).sum(axis=1)
+            return self._of_residuals(z, dof) + prior, z
 
     def lowest(self, theta: Sequence[Array] | Array, dof: Array, most: int) -> Array:
         """The lowest of several places, best first, with what is fixed at its value, (m, p)."""
-        entries = self.problem.parameters.entries
-        fixed = [0.0 if each.fixed is None else each.fixed for each in entries]
-        nothing = np.zeros(len(theta))
-        places = self.at(np.where(self.problem.parameters.free, theta, fixed), nothing)
+        parameters, nothing = self.problem.parameters, np.zeros(len(theta))
+        places = self.at(np.where(parameters.free, theta, parameters.fixed), nothing)
         value, _ = self.objective(places, dof)
         return np.asarray(places[np.argsort(np.nan_to_num(value, nan=np.inf), kind="stable")[:most]])
 
@@ -306,19 +305,7 @@ class BatchedSearch:
     @cached_property
     def _least(self) -> Array:
         """Sum of squares of each group below which there is nothing but rounding."""
-        value = np.abs(self.problem.rows.value / self.base)
-        return np.array([(1e-13 * (float(value[rows].max()) + 1.0)) ** 2 * rows.size for rows in self.groups])
-
-    @cached_property
-    def _priors(self) -> tuple[Index, Array, Array]:
-        """Places in theta of what is known before, with mean and sd."""
-        known = [(i, *each.prior) for i, each in enumerate(self.problem.parameters.entries) if each.prior]
-        place, mean, sd = (np.array(column) for column in zip(*known, strict=True)) if known else ([],) * 3
-        return np.asarray(place, dtype=np.intp), np.asarray(mean, float), np.asarray(sd, float)
-
-    def _prior_chi2(self, theta: Array) -> Array:
-        place, mean, sd = self._priors
-        return np.asarray((((theta[:, place] - mean) / sd) ** 2).sum(axis=1))
+        return np.array([self.problem.rounding_variance(rows) * rows.size for rows in self.groups])
 
     def _squares(self, z: Array) -> Array:
         """Sum of squares of each group, (m, groups)."""
@@ -386,7 +373,7 @@ class BatchedSearch:
         gradient = -2.0 * (slopes.transpose(0, 2, 1) @ (weight * z)[..., None])[..., 0]
         scaled = slopes * np.sqrt(weight)[..., None]
         hessian = 2.0 * scaled.transpose(0, 2, 1) @ scaled
-        place, mean, sd = self._priors
+        place, mean, sd = self.problem.parameters.priors
         if place.size:
             rows_of_prior = np.zeros((len(theta), place.size, theta.shape[1]))
             rows_of_prior[:, np.arange(place.size), place] = 1.0 / sd

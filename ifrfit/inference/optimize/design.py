@@ -61,12 +61,12 @@ class Frame:
         first, second, third = (None if c is None else c.fixed for c in constants)
         return cls((first, second, third))
 
-    def tie(self, unknown: int, constant: float, to: int, factor: float) -> None:
-        """Make one unknown a function of another: constant + factor * other."""
+    def tie(self, unknown: int, constant: float, factor: float) -> None:
+        """Make one unknown a function of the first: constant + factor * first."""
         self.free[unknown] = False
-        self.base[unknown] = constant + (0.0 if self.free[to] else factor * self.base[to])
-        if self.free[to]:
-            self.columns[unknown, to] = factor
+        self.base[unknown] = constant + (0.0 if self.free[0] else factor * self.base[0])
+        if self.free[0]:
+            self.columns[unknown, 0] = factor
 
     def matrix(self) -> Array:
         """Columns of the free unknowns, (3, q)."""
@@ -116,12 +116,12 @@ class Forms:
         """Values of the rows that switch."""
         return values if self.all else values[self.switching]
 
-    def add_normal(self, unknown: int) -> None:
-        """Rows of the normal kind, such as e_n and v_n = e_n cos gamma."""
+    def add_normal(self) -> None:
+        """Rows of the normal kind, such as e_n and v_n = e_n cos gamma; e_n is the first unknown."""
         at = self.group.rows.of_kind("normal")
         if not at.any():
             return
-        self._add(unknown, self.group.rows.normal_factor(at), np.flatnonzero(at))
+        self._add(0, self.group.rows.normal_factor(at), np.flatnonzero(at))
 
     def add_friction(self, unknown: int, factor: float) -> None:
         """LinearRows of mu."""
@@ -150,12 +150,11 @@ class Forms:
         self,
         frame: Frame,
         domain: Domain,
-        kappa: list[float],
         bound: list[float],
         bound0: float,
         back: Callable[[Array], Constants],
     ) -> LinearForm:
-        """Reduce to the free unknowns."""
+        """Reduce to the free unknowns; the last one is kappa, or what stands for it."""
         matrix, base = frame.matrix(), frame.base
         weight, value = self.of(self.group.weight), self.of(self.group.rows.value)
         tau = self.of(self.group.rows.tau)
@@ -190,8 +189,8 @@ class Forms:
             stick,
             slide,
             always,
-            np.array(kappa) @ matrix,
-            float(np.array(kappa) @ base),
+            matrix[-1],
+            float(base[-1]),
             np.array(bound) @ matrix,
             bound0 + float(np.array(bound) @ base),
             reduced[real],

@@ -165,13 +165,11 @@ def weighted_jacobian(
     """
     names, phi, to_theta = kappa_coordinates(problem, theta)
     jacobian = problem.jacobian(theta) / sigma[:, None]
-    residual = (problem.rows.value - problem.predict(theta)) / sigma
-    entries = problem.parameters.entries
+    residual = problem.residual(theta) / sigma
     if with_priors:
-        index = [i for i, c in enumerate(entries) if c.prior is not None]
-        extra = np.zeros((len(index), theta.size))
-        for row, i in enumerate(index):
-            extra[row, i] = 1.0 / entries[i].prior[1]  # type: ignore[index]
+        place, _, sd = problem.parameters.priors
+        extra = np.zeros((place.size, theta.size))
+        extra[np.arange(place.size), place] = 1.0 / sd
         jacobian = np.concatenate((jacobian, extra))
         residual = np.concatenate((residual, -problem.parameters.prior_residuals(theta)))
     return names, phi, to_theta, jacobian @ to_theta, residual

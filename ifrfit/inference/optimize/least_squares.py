@@ -298,7 +298,7 @@ def _iteratively_reweighted(problem: Problem) -> LeastSquaresFit:
     for _ in range(_REWEIGHTINGS):
         theta = found.optimum.theta
         wide = _effective_sigma(problem, theta, factor)
-        z = (problem.rows.value - problem.predict(theta)) / wide
+        z = problem.residual(theta) / wide
         weight = law.weight(z, nu)
         if problem.noise.is_scaled:
             dof = max(z.size - float(found.gaussian.leverage.sum()), 0.5)
@@ -338,14 +338,13 @@ def _factors(
     problem: Problem, theta: Array, base: Array, groups: Mapping[str, Index], gaussian: GaussianApproximation
 ) -> Array:
     """Noise factor of each row: misfit of its group over the degrees of freedom that the group keeps."""
-    residual = (problem.rows.value - problem.predict(theta)) / base
+    residual = problem.residual(theta) / base
     factor = np.ones(base.size)
     for name, rows in groups.items():
         square = float(residual[rows] @ residual[rows])
         dof = rows.size - float(gaussian.leverage[rows].sum())
         # a misfit of nothing but rounding says nothing of the noise
-        size = float(np.abs(problem.rows.value[rows] / base[rows]).max()) + 1.0
-        if dof < 0.5 or square <= (1e-13 * size) ** 2 * rows.size:
+        if dof < 0.5 or square <= problem.rounding_variance(rows) * rows.size:
             raise DataError(needs_sigma(problem, name, rows))
         factor[rows] = math.sqrt(square / dof)
     return factor

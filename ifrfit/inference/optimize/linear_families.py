@@ -61,16 +61,8 @@ def kappa_form(group: ParameterGroup, kappa: float | None = None) -> LinearForm:
     if e is not None:
         factor[group.rows.of_scale("impulse")] = 1.0 / (1.0 + e)
         factor[group.rows.of_scale("rebound")] = 1.0 / max(e, _TINY)
-    offset, slope = group.rows.linear_parts(group.inertia_factor)
-    k = group.coefficients
-    tangential = group.rows.of_kind("tangential")
-    forms = Forms(group, tangential)
-    forms.stick[1] = forms.of(slope * factor * (k.a1 + k.b1))
-    forms.stick0 = forms.of(factor * (offset + slope * (k.a0 + k.b0)))
-    forms.slide[1] = forms.of(slope * factor * k.a1)
-    forms.slide[2] = forms.of(_over_tau(slope * factor, group.rows.tau))
-    forms.slide0 = forms.of(factor * (offset + slope * k.a0))
-    forms.add_normal(0)
+    forms = _rows_of_kappa(group, factor)
+    forms.add_normal()
     if e is not None:
         forms.add_friction(2, 1.0 / (1.0 + e))
         forms.add_prior(group.mu, 2, 1.0 / (1.0 + e))
@@ -78,33 +70,23 @@ def kappa_form(group: ParameterGroup, kappa: float | None = None) -> LinearForm:
     forms.add_prior(group.c, 1)
     frame = Frame.of(group.e_n, group.c, None)
     if kappa is not None:
-        frame.tie(2, kappa, 0, 0.0)
+        frame.tie(2, kappa, 0.0)
     elif group.mu.fixed is not None:
-        frame.tie(2, group.mu.fixed, 0, group.mu.fixed)  # kappa = mu + mu e_n
+        frame.tie(2, group.mu.fixed, group.mu.fixed)  # kappa = mu + mu e_n
     domain = Domain()
     domain.between(0, group.e_n)
     domain.between(1, group.c)
-    domain.constraint([group.mu.lower, 0.0, -1.0], -group.mu.lower)  # kappa >= mu_lo (1 + e_n)
-    if math.isfinite(group.mu.upper):
-        domain.constraint([-group.mu.upper, 0.0, 1.0], group.mu.upper)
+    _friction_bounds(domain, group.mu)
 
     def back(full: Array) -> Constants:
         return full[0], full[1], full[2] / (1.0 + full[0])
 
-    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, k.b1, 0.0], k.b0, back)
+    return forms.finish(frame, domain, [0.0, group.coefficients.b1, 0.0], group.coefficients.b0, back)
 
 
 def _friction_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
     """Unknowns mu, c, kappa; e_n = kappa/mu - 1."""
-    offset, slope = group.rows.linear_parts(group.inertia_factor)
-    k = group.coefficients
-    tangential = group.rows.of_kind("tangential")
-    forms = Forms(group, tangential)
-    forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
-    forms.stick0 = forms.of(offset + slope * (k.a0 + k.b0))
-    forms.slide[1] = forms.of(slope * k.a1)
-    forms.slide[2] = forms.of(_over_tau(slope, group.rows.tau))
-    forms.slide0 = forms.of(offset + slope * k.a0)
+    forms = _rows_of_kappa(group, 1.0)
     forms.add_friction(0, 1.0)
     forms.add_prior(group.mu, 0)
     forms.add_prior(group.c, 1)
@@ -121,21 +103,13 @@ def _friction_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
 
     frame = Frame.of(group.mu, group.c, None)
     if kappa is not None:
-        frame.tie(2, kappa, 0, 0.0)
-    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, k.b1, 0.0], k.b0, back)
+        frame.tie(2, kappa, 0.0)
+    return forms.finish(frame, domain, [0.0, group.coefficients.b1, 0.0], group.coefficients.b0, back)
 
 
 def _impulse_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
     """Unknowns w = 1/(1 + e_n), c w, mu."""
-    _, slope = group.rows.linear_parts(group.inertia_factor)
-    tangential = group.rows.of_kind("tangential")
-    forms = Forms(group, tangential)
-    k = group.coefficients
-    forms.stick[0] = forms.of(slope * (k.a0 + k.b0))
-    forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
-    forms.slide[0] = forms.of(slope * k.a0)
-    forms.slide[1] = forms.of(slope * k.a1)
-    forms.slide[2] = forms.of(_over_tau(slope, group.rows.tau))
+    forms = _rows_of_reciprocal(group)
     forms.add_friction(2, 1.0)
     forms.add_prior(group.mu, 2)
     domain = Domain()
@@ -149,48 +123,39 @@ def _impulse_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
 
     frame = Frame.of(None, None, group.mu)
     if kappa is not None:
-        frame.tie(2, 0.0, 0, kappa)  # mu = kappa w
+        frame.tie(2, 0.0, kappa)  # mu = kappa w
     if group.c.fixed is not None:
-        frame.tie(1, 0.0, 0, group.c.fixed)
-    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
+        frame.tie(1, 0.0, group.c.fixed)
+    return forms.finish(frame, domain, [group.coefficients.b0, group.coefficients.b1, 0.0], 0.0, back)
 
 
 def _rebound_family(group: ParameterGroup, kappa: float | None) -> LinearForm:
     """Unknowns w = 1/e_n, c w, kappa w."""
-    offset, slope = group.rows.linear_parts(group.inertia_factor)
-    forms = Forms(group, np.ones(group.rows.tau.size, dtype=bool))
-    k = group.coefficients
-    forms.stick[0] = _cleared(offset, slope * (k.a0 + k.b0))
-    forms.stick[1] = slope * (k.a1 + k.b1)
-    forms.slide[0] = _cleared(offset, slope * k.a0)
-    forms.slide[1] = slope * k.a1
-    forms.slide[2] = _over_tau(slope, group.rows.tau)
+    forms = _rows_of_reciprocal(group)
     domain = Domain()
     domain.constraint([-1.0, 0.0, 0.0], -1.0 / max(group.e_n.upper, LOWEST))
     domain.constraint([1.0, 0.0, 0.0], 1.0 / max(group.e_n.lower, LOWEST))
     _product_bounds(domain, group.c)
-    domain.constraint([group.mu.lower, 0.0, -1.0], -group.mu.lower)  # kappa w >= mu_lo (1 + w)
-    if math.isfinite(group.mu.upper):
-        domain.constraint([-group.mu.upper, 0.0, 1.0], group.mu.upper)
+    _friction_bounds(domain, group.mu)
 
     def back(full: Array) -> Constants:
         return 1.0 / full[0], full[1] / full[0], full[2] / (full[0] + 1.0)
 
     frame = Frame.of(None, None, None)
     if group.c.fixed is not None:
-        frame.tie(1, 0.0, 0, group.c.fixed)
+        frame.tie(1, 0.0, group.c.fixed)
     if kappa is not None:
-        frame.tie(2, 0.0, 0, kappa)
+        frame.tie(2, 0.0, kappa)
     elif group.mu.fixed is not None:
-        frame.tie(2, group.mu.fixed, 0, group.mu.fixed)
-    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [k.b0, k.b1, 0.0], 0.0, back)
+        frame.tie(2, group.mu.fixed, group.mu.fixed)
+    return forms.finish(frame, domain, [group.coefficients.b0, group.coefficients.b1, 0.0], 0.0, back)
 
 
 def _direct_family(group: ParameterGroup) -> LinearForm:
     """Unknowns e_n, c, mu: without oblique rows nothing ties one to another."""
     forms = Forms(group, np.zeros(group.rows.tau.size, dtype=bool))
     domain = Domain()
-    forms.add_normal(0)
+    forms.add_normal()
     forms.add_friction(2, 1.0)
     for unknown, constant in enumerate((group.e_n, group.c, group.mu)):
         forms.add_prior(constant, unknown)
@@ -200,7 +165,38 @@ def _direct_family(group: ParameterGroup) -> LinearForm:
     def back(full: Array) -> Constants:
         return full[0], full[1], full[2]
 
-    return forms.finish(frame, domain, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], 0.0, back)
+    return forms.finish(frame, domain, [0.0, 0.0, 0.0], 0.0, back)
+
+
+def _rows_of_kappa(group: ParameterGroup, factor: Array | float) -> Forms:
+    """Tangential rows, each times a factor; c and kappa are the last two unknowns."""
+    offset, slope = group.rows.linear_parts(group.inertia_factor)
+    k, forms = group.coefficients, Forms(group, group.rows.of_kind("tangential"))
+    forms.stick[1] = forms.of(slope * factor * (k.a1 + k.b1))
+    forms.stick0 = forms.of(factor * (offset + slope * (k.a0 + k.b0)))
+    forms.slide[1] = forms.of(slope * factor * k.a1)
+    forms.slide[2] = forms.of(_over_tau(slope * factor, group.rows.tau))
+    forms.slide0 = forms.of(factor * (offset + slope * k.a0))
+    return forms
+
+
+def _rows_of_reciprocal(group: ParameterGroup) -> Forms:
+    """Tangential rows that are divided by 1 + e_n or e_n; w, c w and kappa w are the unknowns."""
+    offset, slope = group.rows.linear_parts(group.inertia_factor)
+    k, forms = group.coefficients, Forms(group, group.rows.of_kind("tangential"))
+    forms.stick[0] = forms.of(_cleared(offset, slope * (k.a0 + k.b0)))
+    forms.stick[1] = forms.of(slope * (k.a1 + k.b1))
+    forms.slide[0] = forms.of(_cleared(offset, slope * k.a0))
+    forms.slide[1] = forms.of(slope * k.a1)
+    forms.slide[2] = forms.of(_over_tau(slope, group.rows.tau))
+    return forms
+
+
+def _friction_bounds(domain: Domain, mu: Parameter) -> None:
+    """mu_lo (1 + e_n) <= kappa <= mu_hi (1 + e_n), or the same times w = 1/e_n."""
+    domain.constraint([mu.lower, 0.0, -1.0], -mu.lower)
+    if math.isfinite(mu.upper):
+        domain.constraint([-mu.upper, 0.0, 1.0], mu.upper)
 
 
 def _product_bounds(domain: Domain, c: Parameter) -> None:

@@ -30,8 +30,6 @@ from ifrfit.inference.optimize.solve import independent_groups, whole_group
 
 Index = NDArray[np.intp]
 
-_SMALLEST = 1e-26  # of S_g over the squares of the values: below it is rounding
-
 
 @dataclass(frozen=True)
 class NoiseComponent:
@@ -176,7 +174,7 @@ def _components(problem: Problem, parts: Sequence[tuple[ParameterGroup, Index]])
     for number, rows in enumerate(names):
         label[rows] = number
     scaled = problem.rows.value / problem.noise.base
-    least = _SMALLEST * max(1.0, float(np.square(scaled[label >= 0]).max()))
+    least = least_variance(problem)
     made: list[Component] = []
     for part, at in parts:
         groups = np.unique(label[at])
@@ -198,6 +196,11 @@ def _components(problem: Problem, parts: Sequence[tuple[ParameterGroup, Index]])
         made.append(NoiseComponent(form, groups, of_row, sizes, scatter, least))
     every = np.concatenate([each.groups for each in made])
     return made if np.unique(every).size == every.size else None
+
+
+def least_variance(problem: Problem) -> float:
+    """S_g/n_g, of any group of a problem with unknown noises, below which there is nothing but rounding."""
+    return max(problem.rounding_variance(rows) for rows in problem.noise_groups().values())
 
 
 def _mean_of(part: ParameterGroup, groups: Index, least: float) -> SolvedComponent:

@@ -85,6 +85,6 @@ def thetas_of(problem: Problem, combinations: list[list[Constants]]) -> Array:
 
 def objective_at(problem: Problem, sigma: Array, theta: Array) -> float:
     """chi2 plus prior_chi2 at theta, from the rows themselves."""
-    residual = (problem.rows.value - problem.predict(theta)) / sigma
+    residual = problem.residual(theta) / sigma
     prior = problem.parameters.prior_residuals(theta)
     return float(residual @ residual + prior @ prior)

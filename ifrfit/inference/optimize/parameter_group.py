@@ -66,8 +66,13 @@ def restitution_sums(group: ParameterGroup) -> tuple[float, float, float]:
     at = group.rows.of_kind("normal")
     factor = group.rows.normal_factor(at) * group.weight[at]
     value = group.rows.value[at] * group.weight[at]
-    if group.e_n.prior is not None:
-        mean, sd = group.e_n.prior
+    return direct_sums(group.e_n, factor, value)
+
+
+def direct_sums(constant: Parameter, factor: Array, value: Array) -> tuple[float, float, float]:
+    """Sums (w, w y, w y^2) of what measures a constant directly: weighted rows, and its prior."""
+    if constant.prior is not None:
+        mean, sd = constant.prior
         factor, value = np.append(factor, 1.0 / sd), np.append(value, mean / sd)
     return float(factor @ factor), float(factor @ value), float(value @ value)
 

@@ -20,6 +20,7 @@ from ifrfit.inference.optimize.parameter_group import (
     Constants,
     GroupOptimum,
     ParameterGroup,
+    direct_sums,
     kappa_range,
     restitution_sums,
 )
@@ -131,15 +132,8 @@ class _RestitutionAndFriction:
     @classmethod
     def of(cls, group: ParameterGroup) -> _RestitutionAndFriction:
         at = group.rows.of_kind("friction")
-        weight, value = group.weight[at], group.rows.value[at]
-        p, q = float(weight @ weight), float((weight * weight) @ value)
-        r = float((weight * value) @ (weight * value))
-        if group.mu.prior is not None:
-            mean, sd = group.mu.prior
-            p, q, r = p + sd**-2, q + mean * sd**-2, r + (mean / sd) ** 2
-        mu = group.mu
-        ends = (mu.lower, mu.upper) if mu.fixed is None else (mu.fixed, mu.fixed)
-        return cls(*restitution_sums(group), p, q, r, (group.e_n.lower, group.e_n.upper), ends)
+        of_mu = direct_sums(group.mu, group.weight[at], group.rows.value[at] * group.weight[at])
+        return cls(*restitution_sums(group), *of_mu, (group.e_n.lower, group.e_n.upper), group.mu.ends)
 
     def lower_bound(self, low: float, high: float, multiplier: float) -> float:
         """Minimum with the multiplier over all kappa, or over those above `low`, whatever `high` is.

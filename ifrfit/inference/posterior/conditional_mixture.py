@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from ifrfit.inference.posterior.lattice_rule import Array
-from ifrfit.inference.posterior.mixture_proposal import Component, Domain, between, cut_quantile
+from ifrfit.inference.posterior.mixture_proposal import Component, Domain, Uniform, between
 
 WIDE, WIDER = 0.15, 5.0  # share of components that are wider by a factor
 LONG = 0.1  # share of the component that is as long as the domain along one coordinate
@@ -65,11 +65,7 @@ class ConditionalMixture:
                 found.append((share, number, Component(each.centre, root)))
         if long:
             largest = self.components[int(self.shares.argmax())]
-            for j in range(k, self.domain.dimensions):
-                low, high = self.domain.ends(j, largest.centre[None])
-                root = largest.root.copy()
-                root[:, j] *= max(1.0, 0.25 * float((high - low)[0]) / float(root[j, j]))
-                found.append((long / self.own, None, Component(largest.centre, root)))
+            found += [(long / self.own, None, each) for each in largest.lengthened(self.domain, k)]
         return found
 
     def _of_given(self, at: Array) -> tuple[Array, Array]:
@@ -109,21 +105,11 @@ class ConditionalMixture:
             rows = np.flatnonzero(chosen == number)
             if not rows.size:
                 continue
-            part, z = found[rows], np.empty((rows.size, d))
+            z = np.empty((rows.size, d))
             z[:, :k] = z_given[self._parent(parent), outer[rows]]
-            for j in range(k, d):
-                centre = law.centre[j] + z[:, :j] @ law.root[j, :j]
-                size = law.root[j, j]
-                low, high = self.domain.ends(j, part)
-                z[:, j] = cut_quantile((low - centre) / size, (high - centre) / size, flat[rows, 1 + j - k])
-                part[:, j] = np.clip(centre + size * z[:, j], low, high)
-            found[rows] = part
+            found[rows] = law.draw_rest(self.domain, found[rows], z, flat[rows, 1:])
         rows = np.flatnonzero(chosen == len(self._laws))
-        part = found[rows]
-        for j in range(k, d):
-            low, high = self.domain.ends(j, part)
-            part[:, j] = low + (high - low) * flat[rows, 1 + j - k]
-        found[rows] = part
+        found[rows] = Uniform().draw_rest(self.domain, found[rows], flat[rows, 1:])
         return found.reshape(n, m, d)
 
     def log_density(self, at: Array) -> Array:

@@ -92,21 +92,17 @@ class ConstantsDensity:
     def coordinates(self) -> tuple[Coordinate, ...]:
         """What the coordinates stand for."""
         parameters = self.problem.parameters
-        place = np.cumsum(parameters.free) - 1  # among the free entries
-        partner = dict(parameters.kappa_places)
+        e_n_of = {mu: value if e_n is None else e_n for mu, e_n, value in parameters.free_kappas}
         lifted = self.problem.rows.has_rebound_scale  # values over the outgoing velocity
         found = []
-        for entry, unknown in zip(np.flatnonzero(parameters.free), self.problem.free_parameters, strict=True):
-            e_n: int | float | None = None
-            if int(entry) in partner:
-                other = partner[int(entry)]
-                fixed = parameters.entries[other].fixed
-                e_n = int(place[other]) if fixed is None else float(fixed)
+        for place, (entry, unknown) in enumerate(
+            zip(np.flatnonzero(parameters.free), self.problem.free_parameters, strict=True)
+        ):
             if lifted and entry in parameters.positions["e_n"]:
                 unknown = FreeParameter(
                     unknown.name, max(unknown.lower, LOWEST), unknown.upper, unknown.prior, unknown.log_scale
                 )
-            found.append(Coordinate(unknown, e_n))
+            found.append(Coordinate(unknown, e_n_of.get(place)))
         bounds = self.problem.noise_bounds() if self.sampled_noises else {}
         for name in self.sampled_noises:
             log_low, log_high = map(math.log, bounds[name])
@@ -156,11 +152,7 @@ class ConstantsDensity:
 
     def theta(self, values: Array) -> Array:
         """All entries of theta, fixed ones included, (m, p), of parameters (m, d)."""
-        free = self.problem.parameters.free
-        fixed = [0.0 if each.fixed is None else each.fixed for each in self.problem.parameters.entries]
-        theta = np.tile(fixed, (values.shape[0], 1))
-        theta[:, free] = values[:, : self.free]
-        return theta
+        return self.problem.parameters.theta(values[:, : self.free])
 
     @cached_property
     def free(self) -> int:

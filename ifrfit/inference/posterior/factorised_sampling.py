@@ -27,6 +27,7 @@ from ifrfit.inference.posterior.importance_sampling import (
     ImportancePosterior,
     known_modes,
     noise_marginals,
+    replicated_evidence,
     standard_error,
 )
 from ifrfit.inference.posterior.lattice_rule import Array, lattice
@@ -35,6 +36,7 @@ from ifrfit.inference.posterior.mixture_proposal import MixtureProposal, Uniform
 from ifrfit.inference.posterior.proposal_adaptation import (
     Gaussian,
     component_about,
+    effective_share,
     fitted_components,
     fitted_proposal,
     further_seeds,
@@ -174,7 +176,7 @@ class _Sampler:
             shared = self._shared(laws, n, self._rng.random(1 + len(self.density.shared)))
             points = self._points(laws, shared, [_TRIED_OF_SERIES] * len(laws.series))
             laws = self._fitted(laws, points)
-            if n > _TRIED[0] // self._rarer and _effective_share(points.log_weights) >= _EVEN:
+            if n > _TRIED[0] // self._rarer and effective_share(points.log_weights) >= _EVEN:
                 break
         return laws
 
@@ -273,17 +275,15 @@ class _Sampler:
             parts.append(part)
         if points.shared.shape[1]:
             errors.append(standard_error(parts[0].values, outer, {}, {}, np.empty((outer.size, 0))))
-        each = log_weights.reshape(REPLICATES, -1)
-        log_z = special.logsumexp(each, axis=1) - math.log(each.shape[1])
-        relative = np.exp(log_z - log_z.max())
+        log_evidence, error_evidence = replicated_evidence(log_weights)
         return ImportancePosterior(
             drawn.values,
             drawn.transitions,
             joint,
             problem,
-            float(special.logsumexp(log_z) - math.log(REPLICATES)),
+            log_evidence,
             max(errors),
-            float(relative.std(ddof=1) / relative.mean()) / math.sqrt(REPLICATES),
+            error_evidence,
             SAMPLING_ERROR,
             max(float(part.weights.max()) for part in parts),
             noises,
@@ -362,17 +362,12 @@ def _tempered(log_weights: Array) -> Array:
     """Log weights times the largest power up to one that leaves enough of the points effective."""
     low, high = 0.0, 1.0
     log_weights = np.where(np.isfinite(log_weights), log_weights, -1e300)
-    if _effective_share(log_weights) >= _TEMPERED:
+    if effective_share(log_weights) >= _TEMPERED:
         return log_weights
     for _ in range(30):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if _effective_share(middle * log_weights) >= _TEMPERED else (low, middle)
+        low, high = (middle, high) if effective_share(middle * log_weights) >= _TEMPERED else (low, middle)
     return np.asarray(low * log_weights)
-
-
-def _effective_share(log_weights: Array) -> float:
-    weights = special.softmax(log_weights)
-    return float(1.0 / np.sum(weights**2)) / weights.size
 
 
 def _flat(x: Array) -> Array:

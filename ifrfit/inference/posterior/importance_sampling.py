@@ -33,6 +33,7 @@ from ifrfit.inference.posterior.noise_scale import NoiseScale
 from ifrfit.inference.posterior.proposal_adaptation import (
     Gaussian,
     adapted_proposal,
+    effective_share,
     proposal_about,
     refitted,
 )
@@ -303,17 +304,13 @@ class _Replicates:
     @property
     def effective_share(self) -> float:
         """Effective draws over points."""
-        weights = special.softmax(self.log_weights)
-        return float(1.0 / np.sum(weights**2)) / weights.size
+        return effective_share(self.log_weights)
 
     def evidence(self) -> tuple[float, float]:
         """Log evidence and its standard error; infinite where few draws carry the weight."""
-        each = self.log_weights.reshape(REPLICATES, -1)
-        log_z = special.logsumexp(each, axis=1) - math.log(each.shape[1])
-        relative = np.exp(log_z - log_z.max())
-        error = float(relative.std(ddof=1) / relative.mean()) / math.sqrt(REPLICATES)
+        found, error = replicated_evidence(self.log_weights)
         is_even = float(special.softmax(self.log_weights).max()) <= LARGEST_WEIGHT
-        return float(special.logsumexp(log_z) - math.log(REPLICATES)), error if is_even else math.inf
+        return found, error if is_even else math.inf
 
     def posterior(self) -> ImportancePosterior:
         """All replicates together, with the standard error of their mean."""
@@ -321,17 +318,15 @@ class _Replicates:
         drawn = Draws.of(density.problem, self._draws())
         weights = special.softmax(self.log_weights)
         noises = noise_marginals(density.noises, weights, self._squares)
-        each = self.log_weights.reshape(REPLICATES, -1)
-        log_z = special.logsumexp(each, axis=1) - math.log(each.shape[1])
-        relative = np.exp(log_z - log_z.max())
+        log_evidence, error_evidence = replicated_evidence(self.log_weights)
         return ImportancePosterior(
             drawn.values,
             drawn.transitions,
             weights,
             density.problem,
-            float(special.logsumexp(log_z) - math.log(REPLICATES)),
+            log_evidence,
             standard_error(drawn.values, weights, noises, density.noises, self._squares),
-            float(relative.std(ddof=1) / relative.mean()) / math.sqrt(REPLICATES),
+            error_evidence,
             SAMPLING_ERROR,
             float(weights.max()),
             noises,
@@ -349,6 +344,21 @@ class _Replicates:
         for (name, scale), square in zip(density.noises.items(), self._squares.T, strict=True):
             found[noise_name(name)] = scale.draw(square, self._rng)
         return found
+
+
+def replicated_evidence(log_weights: Array) -> tuple[float, float]:
+    """Log of the mean weight, and its standard error from the scatter of the replicates' means, eq. (18).
+
+    Parameters
+    ----------
+    log_weights : ndarray, (m,)
+        Log of density over the one drawn from, replicate by replicate.
+    """
+    each = log_weights.reshape(REPLICATES, -1)
+    log_z = special.logsumexp(each, axis=1) - math.log(each.shape[1])
+    relative = np.exp(log_z - log_z.max())
+    error = float(relative.std(ddof=1) / relative.mean()) / math.sqrt(REPLICATES)
+    return float(special.logsumexp(log_z) - math.log(REPLICATES)), error
 
 
 def noise_marginals(scales: Mapping[str, NoiseScale], weights: Array, squares: Array) -> dict[str, Marginal]:

@@ -177,8 +177,7 @@ def _refuse_negative_bound(settings: GridSettings) -> None:
         return
     k = settings.problem.closure.coefficients(settings.problem.inertia_factor)
     constant = settings.parameter("c")
-    ends = (constant.lower, constant.upper) if constant.fixed is None else (constant.fixed, constant.fixed)
-    if min(k.b0 + k.b1 * end for end in ends) < -1e-12:
+    if min(k.b0 + k.b1 * end for end in constant.ends) < -1e-12:
         side = ">=" if k.b1 > 0.0 else "<="
         raise UsageError(
             f"The exact posterior needs {constant.name} {side} {-k.b0 / k.b1:g}, where sticking has a "

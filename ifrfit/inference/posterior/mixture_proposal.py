@@ -51,43 +51,50 @@ class Component:
 
     def draw(self, domain: Domain, u: Array) -> Array:
         """Points (m, d) from uniform numbers (m, d)."""
-        at, z = np.zeros(u.shape), np.zeros(u.shape)
-        for j, centre, size, low, high in self._conditionals(domain, at, z):
-            z[:, j] = cut_quantile(low, high, u[:, j])
-            ends = domain.ends(j, at)
-            at[:, j] = np.clip(centre + size * z[:, j], *ends)
+        return self.draw_rest(domain, np.zeros(u.shape), np.zeros(u.shape), u)
+
+    def draw_rest(self, domain: Domain, at: Array, z: Array, u: Array) -> Array:
+        """Points (m, d) whose first coordinates and their z are given, from uniform numbers of the others."""
+        first = at.shape[1] - u.shape[1]
+        for j, centre, size, low, high in self._conditionals(domain, at, z, range(first, at.shape[1])):
+            z[:, j] = cut_quantile(low, high, u[:, j - first])
+            at[:, j] = np.clip(centre + size * z[:, j], *domain.ends(j, at))
         return at
 
     def log_density(self, domain: Domain, at: Array) -> Array:
         """Log density at points of the domain, (m,)."""
-        z, total = np.empty(at.shape), np.full(at.shape[0], self._log_scale)
-        for j, centre, size, low, high in self._conditionals(domain, at, z):
-            z[:, j] = (at[:, j] - centre) / size
-            # the logarithm of a product is cheaper than the logarithms of both
-            total -= np.log((1.0 + 0.25 * z[:, j] ** 2) ** 2.5 * np.maximum(between(low, high), _TINY))
-        return total
+        return self.log_density_of_first(domain, at, domain.dimensions)[0]
 
     def log_density_of_first(self, domain: Domain, at: Array, first: int) -> tuple[Array, Array]:
         """Log density of the first coordinates alone, (m,), and their z, (m, first), at points (m, first)."""
         z, total = np.empty((at.shape[0], first)), np.zeros(at.shape[0])
-        for j in range(first):
-            size = float(self.root[j, j])
-            centre = self.centre[j] + z[:, :j] @ self.root[j, :j]
-            low, high = domain.ends(j, at)
+        for j, centre, size, low, high in self._conditionals(domain, at, z, range(first)):
             z[:, j] = (at[:, j] - centre) / size
-            inside = np.maximum(between((low - centre) / size, (high - centre) / size), _TINY)
+            inside = np.maximum(between(low, high), _TINY)
+            # the logarithm of a product is cheaper than the logarithms of all
             total -= np.log((1.0 + 0.25 * z[:, j] ** 2) ** 2.5 * inside * (size / 0.375))
         return total, z
 
-    @property
-    def _log_scale(self) -> float:
-        return float(np.log(0.375 / np.diag(self.root)).sum())
+    def lengthened(self, domain: Domain, first: int = 0) -> list[Component]:
+        """The component as long as the domain along one coordinate, the later ones following it.
+
+        One for each coordinate but the first ones. A posterior given few rows with an unknown noise has tails
+        that no normal law has, along a constant that the others hardly depend on: points that are uniform in
+        all of them miss it.
+        """
+        found = []
+        for j in range(first, domain.dimensions):
+            low, high = domain.ends(j, self.centre[None])
+            root = self.root.copy()
+            root[:, j] *= max(1.0, 0.25 * float((high - low)[0]) / float(root[j, j]))
+            found.append(Component(self.centre, root))
+        return found
 
     def _conditionals(
-        self, domain: Domain, at: Array, z: Array
+        self, domain: Domain, at: Array, z: Array, places: range
     ) -> Iterator[tuple[int, Array, float, Array, Array]]:
         """Of each coordinate: its number, centre, size, and ends in units of it, given those before."""
-        for j in range(domain.dimensions):
+        for j in places:
             centre = self.centre[j] + z[:, :j] @ self.root[j, :j]
             size = float(self.root[j, j])
             low, high = domain.ends(j, at)
@@ -100,10 +107,14 @@ class Uniform:
 
     def draw(self, domain: Domain, u: Array) -> Array:
         """Points (m, d) from uniform numbers (m, d)."""
-        at = np.zeros(u.shape)
-        for j in range(domain.dimensions):
+        return self.draw_rest(domain, np.zeros(u.shape), u)
+
+    def draw_rest(self, domain: Domain, at: Array, u: Array) -> Array:
+        """Points (m, d) whose first coordinates are given, from uniform numbers of the others."""
+        first = at.shape[1] - u.shape[1]
+        for j in range(first, at.shape[1]):
             low, high = domain.ends(j, at)
-            at[:, j] = low + (high - low) * u[:, j]
+            at[:, j] = low + (high - low) * u[:, j - first]
         return at
 
     def log_density(self, domain: Domain, at: Array) -> Array:

@@ -219,7 +219,7 @@ def _kappa_kinks(
     )
 
 
-def transition_marginal(density: JointDensity, number: int, name: str) -> Marginal:
+def transition_marginal(density: JointDensity, number: int) -> Marginal:
     """Of tau/(tau + unit) of one series: it has an end and moments also where the transition has none."""
     grid = density.grids[number]
     series, x = grid.series, grid.nodes.x
@@ -231,13 +231,13 @@ def transition_marginal(density: JointDensity, number: int, name: str) -> Margin
     if law is None:
         below = grid.x_cdf(density.share)
         moments = _moments(density, grid, (x / (x + unit))[..., None])
-        return Marginal(name, 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None], levels))
+        return Marginal("tau", 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None], levels))
     x = x[..., None]
     moments = _moments(density, grid, x / np.maximum(x + unit * law.bound(grid.nodes.c), _TINY))
     if not (series.integrates_c and isinstance(series.c, FreeParameter)):
         below, bound = grid.x_cdf(density.share), law.bound(grid.nodes.c[..., 0])[..., 0]
         return Marginal(
-            name, 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None] * bound, levels)
+            "tau", 0.0, 1.0, moments, lambda s, levels: below(tau(s)[:, None, None] * bound, levels)
         )
     by_c = ConditionalCdf(
         grid,
@@ -248,5 +248,5 @@ def transition_marginal(density: JointDensity, number: int, name: str) -> Margin
     up_to = by_c.probability
     ends = law.bound(np.array([series.c.lower, series.c.upper]))
     if ends[0] > ends[1]:  # kappa/bound(c) rises with c
-        return Marginal(name, 0.0, 1.0, moments, up_to)
-    return Marginal(name, 0.0, 1.0, moments, lambda s, levels: 1.0 - up_to(s, levels))
+        return Marginal("tau", 0.0, 1.0, moments, up_to)
+    return Marginal("tau", 0.0, 1.0, moments, lambda s, levels: 1.0 - up_to(s, levels))

@@ -130,7 +130,7 @@ def proposal_about(domain: Domain, modes: Sequence[Gaussian]) -> MixtureProposal
 def _defended(domain: Domain, shares: Array, near: Sequence[Component], long: float) -> MixtureProposal:
     """Components by their shares, beside them wider ones, some as long as the domain, and the uniform law."""
     wide = [Component(each.centre, WIDER * each.root) for each in near]
-    lengthened = _along_each_coordinate(domain, near[int(shares.argmax())])
+    lengthened = near[int(shares.argmax())].lengthened(domain)
     weights = np.concatenate(
         (
             (1.0 - DEFENSIVE - TAILS - long) * shares,
@@ -190,19 +190,10 @@ def further_seeds(
     ]
 
 
-def _along_each_coordinate(domain: Domain, component: Component) -> list[Component]:
-    """The component as long as the domain along one coordinate, the later ones following it; d of them.
-
-    A posterior given few rows with an unknown noise has tails that no normal law has, along a constant that
-    the others hardly depend on: points that are uniform in all of them miss it.
-    """
-    found = []
-    for j in range(domain.dimensions):
-        low, high = domain.ends(j, component.centre[None])
-        root = component.root.copy()
-        root[:, j] *= max(1.0, 0.25 * float((high - low)[0]) / float(root[j, j]))
-        found.append(Component(component.centre, root))
-    return found
+def effective_share(log_weights: Array) -> float:
+    """Kish's effective sample size over the number of points."""
+    weights = special.softmax(log_weights)
+    return float(1.0 / np.sum(weights**2)) / weights.size
 
 
 class _Population:
@@ -240,8 +231,7 @@ class _Population:
     @property
     def effective_share(self) -> float:
         """Effective points over those that were not drawn uniformly."""
-        weights = special.softmax(self.log_weights)
-        return float(1.0 / np.sum(weights**2)) / max(sum(self._counts[1:]), 1)
+        return effective_share(self.log_weights) * sum(self._counts) / max(sum(self._counts[1:]), 1)
 
     def component_at_largest_weight(self) -> Component:
         """A component about the point of the largest weight, as wide as the points near it are spread."""

@@ -133,7 +133,7 @@ class QuadraturePosterior:
         own = self.layout.integral.series[block]
         c = self.layout.parameters["c", block]
         if own.squares.law is not None or (own.is_unbounded and isinstance(c, FreeParameter)):
-            scaled = transition_marginal(self.density, block, "tau")
+            scaled = transition_marginal(self.density, block)
             share = quantiles_of(scaled, p, self.tolerance)
             return np.asarray(own.unit * share / np.maximum(1.0 - share, _LAST_SHARE))
         b = float(own.squares.b(0.0 if isinstance(c, FreeParameter) else c))

@@ -132,13 +132,12 @@ class FactorisedDensity:
         """Series of each coordinate; None of what all share."""
         parameters = self.problem.parameters
         found: list[int | None] = [None] * self.whole.dimensions
-        place = np.cumsum(parameters.free) - 1
         for parameter in parameters:
             if not parameter.separate:
                 continue
             for number, entry in enumerate(parameters.positions[parameter.name]):
                 if parameters.free[entry]:
-                    found[int(place[entry])] = number
+                    found[int(parameters.free_places[entry])] = number
         return tuple(found)
 
     @cached_property

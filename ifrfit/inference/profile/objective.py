@@ -41,7 +41,7 @@ class Misfit:
     base : ndarray
         Sigma of each row up to its group's factor.
     modes : tuple of NoiseAtMode
-        The fit first, then the rivals within `_WITHIN` of it; empty where sigma is known.
+        The fit first, then the rivals within `_WITHIN` of it.
     """
 
     problem: Problem
@@ -54,47 +54,33 @@ class Misfit:
     def of(cls, problem: Problem, fit: LeastSquaresFit) -> Misfit:
         """The misfit under the problem's noise policy."""
         groups, base = tuple(problem.noise_groups().values()), problem.noise.base
-        if not groups:
-            return cls(problem, fit, groups, base)
         dof = np.array([rows.size - float(fit.gaussian.leverage[rows].sum()) for rows in groups])
         theta = fit.optimum.theta
-        squares = cls(problem, fit, groups, base)._squares(theta)
+        squares = cls(problem, fit, groups, base)._squares_of(problem.residual(theta[None]) / base)[0]
         rivals = [noise_at_mode(problem, place, rise) for rise, place in fit.rivals if rise <= _WITHIN]
-        return cls(problem, fit, groups, base, (NoiseAtMode(0.0, theta, fit.sigma, dof, squares), *rivals))
+        own = NoiseAtMode(0.0, theta, fit.sigma, dof, squares)
+        return cls(problem, fit, groups, base, (own, *rivals))
 
     def rise(self, theta: Array) -> float:
         """Rise of the objective at theta over the fit."""
-        if not self.groups:
-            change = self._prior(theta) - self._prior(self.fit.optimum.theta)
-            return self._chi2(theta) - self._chi2(self.fit.optimum.theta) + change
-        squares = self._squares(theta)
-        mode = self._nearest(squares)
-        change = self._prior(theta) - self._prior(mode.theta) + self._chi2(theta) - self._chi2(mode.theta)
-        return mode.rise + float(mode.dof @ np.log(squares / mode.squares)) + change
+        return float(self.rises(theta[None])[0])
 
     def rises(self, theta: Array) -> Array:
         """`rise` at several theta, (m, p) to (m,); infinite where a value is undefined."""
         with np.errstate(all="ignore"):
-            residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
-            prior = np.array([self._prior(each) for each in theta])
-            total = np.square(residual[:, self._known]).sum(axis=1) + prior
-            if not self.groups:
-                found = total - self._chi2(self.fit.optimum.theta) - self._prior(self.fit.optimum.theta)
-            else:
-                log = np.log(self._squares_of(residual))
-                every = [
-                    mode.rise + (log - np.log(mode.squares)) @ mode.dof + total - at
-                    for mode, at in zip(self.modes, self._totals, strict=True)
-                ]
-                found = np.array(every)[self.nearest(log), np.arange(len(theta))]
+            residual = self.problem.residual(theta) / self.base
+            total, log = self._of_known(theta, residual), np.log(self._squares_of(residual))
+            every = [
+                mode.rise + (log - np.log(mode.squares)) @ mode.dof + total - at
+                for mode, at in zip(self.modes, self._totals, strict=True)
+            ]
+            found = np.array(every)[self.nearest(log), np.arange(len(theta))]
         return np.where(np.isnan(found), np.inf, found)
 
     def dof_at(self, theta: Array) -> Array:
         """Degrees of freedom of each group in the mode nearest to each theta, (m, p) to (m, groups)."""
-        if not self.groups:
-            return np.zeros((len(theta), 0))
         with np.errstate(all="ignore"):
-            residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
+            residual = self.problem.residual(theta) / self.base
             log = np.log(self._squares_of(np.nan_to_num(residual)))
         return np.array([mode.dof for mode in self.modes])[self.nearest(log)]
 
@@ -104,13 +90,10 @@ class Misfit:
         return np.asarray(np.abs(log_squares[:, None] - modes).sum(axis=2).argmin(axis=1))
 
     @cached_property
-    def _totals(self) -> tuple[float, ...]:
+    def _totals(self) -> Array:
         """chi2 of rows with a known sigma and of the priors at each mode."""
-        return tuple(self._prior(mode.theta) + self._chi2(mode.theta) for mode in self.modes)
-
-    def _nearest(self, squares: Array) -> NoiseAtMode:
-        """The mode whose sums of squares are nearest, by their logarithms."""
-        return self.modes[int(self.nearest(np.log(squares)[None])[0])]
+        theta = np.array([mode.theta for mode in self.modes])
+        return self._of_known(theta, self.problem.residual(theta) / self.base)
 
     def dof_of(self, functional: Array) -> float:
         """Degrees of freedom behind the sd of functional @ phi, after Satterthwaite.
@@ -122,35 +105,19 @@ class Misfit:
         shares = information_shares(self.problem, self.fit, functional)
         return self.fit.noise_dof if shares is None else satterthwaite(shares, self.modes[0].dof)
 
-    def _prior(self, theta: Array) -> float:
-        residual = self.problem.parameters.prior_residuals(theta)
-        return float(residual @ residual)
-
-    @cached_property
-    def _known(self) -> Index:
-        """Rows whose sigma is given."""
-        return np.flatnonzero(self.problem.noise.is_given)
-
-    def _chi2(self, theta: Array) -> float:
-        """Of the rows whose sigma is given."""
-        if not self._known.size:
-            return 0.0
-        residual = ((self.problem.rows.value - self.problem.predict(theta)) / self.base)[self._known]
-        return float(residual @ residual)
-
-    def _squares(self, theta: Array) -> Array:
-        residual = (self.problem.rows.value - self.problem.predict(theta)) / self.base
-        return np.asarray(self._squares_of(residual[None])[0])
+    def _of_known(self, theta: Array, residual: Array) -> Array:
+        """chi2 of rows whose sigma is given and of the priors, (m,)."""
+        prior = self.problem.parameters.prior_residuals(theta)
+        known = residual[:, self.problem.noise.is_given]
+        return np.asarray(np.square(known).sum(axis=1) + np.square(prior).sum(axis=1))
 
     def _squares_of(self, residual: Array) -> Array:
         """Sum of squares of each group, (m, n) to (m, groups)."""
-        value = self.problem.rows.value / self.base
         found = np.empty((len(residual), len(self.groups)))
         for i, rows in enumerate(self.groups):
             # what is below rounding says nothing of the noise
-            least = (1e-13 * (float(np.abs(value[rows]).max()) + 1.0)) ** 2 * rows.size
             square = (residual[:, None, rows] @ residual[:, rows, None])[:, 0, 0]
-            found[:, i] = np.maximum(square, least)
+            found[:, i] = np.maximum(square, self.problem.rounding_variance(rows) * rows.size)
         return found
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Domain, Parameter
+from ifrfit.inference.model.parameters import Domain
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.batched_search import FollowingMu
@@ -164,7 +164,7 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
             return Constraint(mu=FollowingMu(i_mu, i_e, None, law, (mu.lower, mu.upper)))
         return None
 
-    high_e = e_n.upper if e_n.fixed is None else e_n.fixed
+    high_e = e_n.ends[1]
     lowest = max(e_n.lower, min(lowest_e_n(problem), e_n.upper))
     far = _level(problem, i_mu)
     return Quantity(
@@ -228,14 +228,10 @@ def _level(problem: Problem, place: int) -> float | None:
     (series,) = (0,) if shared else np.flatnonzero(problem.parameters.positions["mu"] == place)[:1].tolist()
     at = np.isfinite(problem.rows.tau) & (shared | (problem.rows.series == series))
     law = problem.closure.law(problem.inertia_factor)
-    c = [x for c in problem.parameters if c.name == problem.closure.constant for x in _ends(c)] or [0.0]
+    c = [x for c in problem.parameters if c.name == problem.closure.constant for x in c.ends] or [0.0]
     bound = max(float(law.bound(x)) for x in c)
-    e_n = min(_ends(problem.parameters["e_n"]))
+    e_n = problem.parameters["e_n"].ends[0]
     return max(1.05 * bound * float(problem.rows.tau[at].max(initial=0.1)) / (1.0 + e_n), 1e-3)
-
-
-def _ends(constant: Parameter) -> tuple[float, ...]:
-    return (constant.lower, constant.upper) if constant.fixed is None else (constant.fixed,)
 
 
 def outlying(optimum: Optimum) -> list[Array]:

@@ -29,7 +29,8 @@ def test_a_scale_that_lets_fr_look_like_ifr_is_named(tmp_path):
     assert found.verdict.kind == "preferred"
     assert found.ranked[0] == "ifr", "beta read small feigns IFR"
     words, left = rivals_with_flaws(found.entries, found.ranked)["fr"]
-    assert words.startswith("speeds after impact off by -")
+    assert words.startswith("speeds after impact -")
+    assert words.endswith(" % off beside those before")
     assert left < 3.0 < found.verdict.log_bayes_factor
     assert "note  the verdict rests on the measurement: by log Bayes factors, FR with" in found.summary()
 

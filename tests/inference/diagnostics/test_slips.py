@@ -13,7 +13,7 @@ from slips_scenes import Cause, Scene, experiment
 
 from ifrfit.inference.diagnostics.slips.flawed_readings import Flaw, readings
 from ifrfit.inference.diagnostics.slips.messages import slip_words
-from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
+from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, starts
 from ifrfit.inference.diagnostics.slips.slip import Slip
 from ifrfit.inference.fit import fit
 from ifrfit.physics import rebound
@@ -209,18 +209,16 @@ def test_readings_against_the_study(cause, flaw):
 def test_the_search_finds_the_certified_optimum(known):
     result = fitted(Scene(policy="known" if known else "unknown", spins=True), Cause(), 5)
     problem, theta = result.problem, result.least_squares.optimum.theta
-    misfit, free = Misfit.of(problem), problem.parameters.free
+    misfit = Misfit.of(problem)
     start = best_start(
         lambda x, rows: problem.with_rows(rows).predict(x),
         misfit,
         problem.rows.value,
         starts(problem, theta)[:-1],
     )
-    _, residual = search(
-        lambda x, _: problem.predict(x), misfit, problem.rows.value, start, problem.parameters.bounds(), free
-    )
+    _, residual = refitted(problem, misfit, start[0])
     certified = problem.rows.value - problem.predict(theta)
-    assert float(misfit.likelihood(residual[0])) <= float(misfit.likelihood(certified)) + 0.01
+    assert float(misfit.likelihood(residual)) <= float(misfit.likelihood(certified)) + 0.01
 
 
 def test_a_size_on_the_limit_of_the_search_is_a_least_one():

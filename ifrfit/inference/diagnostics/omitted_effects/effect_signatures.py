@@ -152,7 +152,7 @@ def _kappa_factor(problem: Problem, theta: Array, columns: Array, sigma: Array) 
 
     Where the contact is compliant, a closure that ties sticking to sliding finds a kappa that lies off.
     """
-    residual = (problem.rows.value - problem.predict(theta)) / sigma
+    residual = problem.residual(theta) / sigma
     step = np.linalg.lstsq(columns / sigma[:, None], residual, rcond=_STEP)[0]
     places, series = problem.parameters.positions, problem.rows.series
     at_e, at_mu = places["e_n"][series], places["mu"][series]

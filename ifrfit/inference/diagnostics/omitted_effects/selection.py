@@ -44,7 +44,7 @@ def effect_scores(
     theta = fit.optimum.theta
     jacobian = problem.jacobian(theta)
     every = directions(problem, theta, jacobian, fit.sigma, chi=chi, speed=speed, e_n_known=e_n_known)
-    residual = (problem.rows.value - problem.predict(theta)) / fit.sigma
+    residual = problem.residual(theta) / fit.sigma
     tested = scores(
         [replace(d, change=d.change / fit.sigma) for d in every],
         jacobian / fit.sigma[:, None],

@@ -12,7 +12,7 @@ import numpy as np
 from ifrfit.inference.diagnostics.omitted_effects.score_tests import Score
 from ifrfit.inference.diagnostics.slips.alternatives import Alternative, Tables
 from ifrfit.inference.diagnostics.slips.nuisances import Sized
-from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
+from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, search, starts
 from ifrfit.inference.diagnostics.thresholds import DECISIVE
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
@@ -47,16 +47,7 @@ class ComparedFit:
     @cached_property
     def before(self) -> Array:
         """Residuals of the table as it stands, (n,); fixed constants are free, too, as in the score tests."""
-        problem, theta = self.problem, self.fit.optimum.theta
-        _, residual = search(
-            lambda x, _: problem.predict(x),
-            self.misfit,
-            problem.rows.value,
-            theta[None],
-            problem.parameters.bounds(),
-            np.ones(theta.size, dtype=bool),
-        )
-        return np.asarray(residual[0])
+        return refitted(self.problem, self.misfit, self.fit.optimum.theta)[1]
 
     @cached_property
     def likelihood(self) -> float:
@@ -83,7 +74,6 @@ class ComparedFit:
                 problem.rows.value,
                 np.append(theta, start)[None],
                 bounds,
-                np.ones(theta.size + 1, dtype=bool),
             )
             drop, found = self.likelihood - float(self.misfit.likelihood(after[0])), float(x[0, -1])
             constants = x[0, :-1]
@@ -94,7 +84,6 @@ class ComparedFit:
         """Each with its residuals, in the unit of the given values."""
         problem, value = self.problem, self.problem.rows.value
         places = starts(problem, self.fit.optimum.theta)
-        free = np.ones(places.shape[1], dtype=bool)
         many = max(1, _AT_ONCE // (len(places) * min(len(value), 60) + 5 * len(value)))
         for first in range(0, len(every), many):
             tables = Tables(problem, every[first : first + many])
@@ -110,7 +99,6 @@ class ComparedFit:
                 value,
                 start,
                 problem.parameters.bounds(),
-                free,
                 target=self.likelihood - DECISIVE + _ROOM,
             )
             yield from zip(tables.every, after, strict=True)

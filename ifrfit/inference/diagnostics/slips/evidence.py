@@ -41,7 +41,7 @@ def too_few(problem: Problem, fit: LeastSquaresFit) -> bool:
 
 def tried(problem: Problem, fit: LeastSquaresFit, *, differ: bool = False) -> list[Slip]:
     """Every slip that these rows could show, `differ` where series do not share constants."""
-    residual = problem.rows.value - problem.predict(fit.optimum.theta)
+    residual = problem.residual(fit.optimum.theta)
     plain = problem.error_model.is_plain
     # under other errors their weights at the fit stand for a known sigma
     misfit = Misfit.of(problem) if plain else Misfit(fit.sigma, ())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from ifrfit.inference.diagnostics.omitted_effects.messages import short_words
@@ -102,18 +102,35 @@ def _words(problem: Problem, slip: Slip) -> tuple[str, str]:
     return _unsized(problem, slip)
 
 
+def _percent(slip: Slip) -> str:
+    if slip.is_least:
+        return f"at least {abs(100.0 * slip.size):.0f} %"
+    return f"{plus_minus(100.0 * slip.size, 100.0 * slip.sd)} %"
+
+
+# small flaws of the measurement: what is off, and by how much
+FLAWS: dict[str, Callable[[Slip], str]] = {
+    "angle-offset": lambda slip: f"angles of incidence off by {plus_minus(-slip.size, slip.sd)} degrees",
+    "camera-turn": lambda slip: (
+        f"a camera turned against the wall by {plus_minus(slip.size, slip.sd)} degrees"
+    ),
+    "speed-scale": lambda slip: f"speeds after impact {_percent(slip)} off beside those before",
+    "scale-along-wall": lambda slip: f"lengths along the wall {_percent(slip)} off beside those across it",
+    "spin-scale": lambda slip: f"spins {_percent(slip)} off beside the speeds",
+}
+
+
 def _offset(problem: Problem, slip: Slip) -> tuple[str, str]:
     prior = max(1.0, math.ceil(abs(slip.size)))
     return (
-        f"angles of incidence off by {plus_minus(-slip.size, slip.sd)} degrees",
+        FLAWS[slip.name](slip),
         f"check the zero of the angle, or let it be fitted with --angle-offset {prior:.1f}",
     )
 
 
 def _turn(problem: Problem, slip: Slip) -> tuple[str, str]:
-    size = plus_minus(slip.size, slip.sd)
     return (
-        f"a camera turned against the wall by {size} degrees",
+        FLAWS[slip.name](slip),
         f"take {slip.size:.2g} degrees off the directions before impact, add them to those after",
     )
 
@@ -124,7 +141,7 @@ def _speed(problem: Problem, slip: Slip) -> tuple[str, str]:
         tried += f", which makes e_n {slip.e_n:.2g}"
     much = ", which is much for a slip of the hand" if abs(slip.size) > _MUCH else ""
     return (
-        f"speeds after impact {_percent(slip)} off beside those before{much}",
+        f"{FLAWS[slip.name](slip)}{much}",
         f"check scale and times of the camera{tried}",
     )
 
@@ -136,13 +153,13 @@ def _along(problem: Problem, slip: Slip) -> tuple[str, str]:
         else f"; to try it, divide those along it, before and after, by {1.0 + slip.size:.4g}"
     )
     return (
-        f"lengths along the wall {_percent(slip)} off beside those across it",
+        FLAWS[slip.name](slip),
         f"check that pixels are squares and that the camera looks along the wall{tried}",
     )
 
 
 def _spin(problem: Problem, slip: Slip) -> tuple[str, str]:
-    what = f"spins {_percent(slip)} off beside the speeds"
+    what = FLAWS[slip.name](slip)
     if slip.is_least:
         return what, "check their unit (rpm, rev/s, rad/s), and radius against diameter"
     return what, f"check the radius and the scale; to try it, divide the spins by {1.0 + slip.size:.4g}"
@@ -237,12 +254,6 @@ _SPIN_WORDS = {
         "multiply the spins by 60/(2 pi)",
     ),
 }
-
-
-def _percent(slip: Slip) -> str:
-    if slip.is_least:
-        return f"at least {abs(100.0 * slip.size):.0f} %"
-    return f"{plus_minus(100.0 * slip.size, 100.0 * slip.sd)} %"
 
 
 def _unsized(problem: Problem, slip: Slip) -> tuple[str, str]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy import special
 
-from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, search, starts
+from ifrfit.inference.diagnostics.slips.refit import Misfit, best_start, refitted, starts
 from ifrfit.inference.diagnostics.slips.slip import Slip
 from ifrfit.inference.diagnostics.thresholds import REFUTED
 from ifrfit.inference.model.noise import resolution
@@ -51,26 +51,18 @@ def _far_from_rest(
     own = rows.rows_of(name)
     kept = np.setdiff1d(np.arange(len(rows)), at)
     part = problem.with_rows(kept)
-    theta = fit.optimum.theta
     misfit = Misfit.of(part)
     start = best_start(
         lambda tried, some: part.with_rows(some).predict(tried),
         misfit,
         part.rows.value,
-        starts(problem, theta),
+        starts(problem, fit.optimum.theta),
     )
-    places, left = search(
-        lambda x, _: part.predict(x),
-        misfit,
-        part.rows.value,
-        start,
-        problem.parameters.bounds(),
-        np.ones(theta.size, dtype=bool),
-    )
-    sigma = misfit.sigma(left[0])[rows.which[kept] == rows.names.index(name)]
+    theta, left = refitted(part, misfit, start[0])
+    sigma = misfit.sigma(left)[rows.which[kept] == rows.names.index(name)]
     # readings scatter by their rounding at least
     floor = resolution(rows.value[own]) / math.sqrt(12.0)
-    z = (rows.value - problem.predict(places[0]))[at] / max(float(np.sqrt((sigma**2).mean())), floor)
+    z = problem.residual(theta)[at] / max(float(np.sqrt((sigma**2).mean())), floor)
     dof = max(sigma.size - theta.size, 1)
     far = np.abs(z) > -float(special.stdtrit(dof, 0.5 * REFUTED / own.size))
     least = float(np.abs(z[far]).min(initial=np.inf))

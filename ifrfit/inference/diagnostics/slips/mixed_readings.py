@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.slips.refit import Misfit, search, starts
+from ifrfit.inference.diagnostics.slips.refit import Misfit, refitted, starts
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import OBLIQUE, Array, Bool, Index
 from ifrfit.physics.angles import Incidence
@@ -116,9 +115,7 @@ def _classified(problem: Problem, misfit: Misfit, theta: Array, reading: _Readin
     """The best division of the rows, from several starts; None where few or most are meant so."""
     other = _read(problem, reading, reading.possible)
     every = starts(problem, theta)
-    left = np.stack(
-        [np.nan_to_num(each.rows.value - each.predict(every), nan=1e3) for each in (problem, other)]
-    )
+    left = np.stack([np.nan_to_num(each.residual(every), nan=1e3) for each in (problem, other)])
     nearer = np.where(np.abs(left[1]) < np.abs(left[0]), left[1], left[0])
     best: tuple[float, Bool, Array] | None = None
     for start in np.argsort(misfit.likelihood(nearer))[:_STARTS]:
@@ -138,26 +135,15 @@ def _divided(
     problem: Problem, other: Problem, misfit: Misfit, reading: _Reading, theta: Array, sigma: Array
 ) -> tuple[Bool, Array]:
     """Rows that are nearer in the other way, and residuals, with constants fitted in turns from a start."""
-    impacts, free = problem.rows.impacts, np.ones(theta.size, dtype=bool)
-    at, residual = np.zeros(len(problem.rows), dtype=bool), problem.rows.value - problem.predict(theta)
+    impacts = problem.rows.impacts
+    at, residual = np.zeros(len(problem.rows), dtype=bool), problem.residual(theta)
     for _ in range(_ROUNDS):
-        plain, read = (
-            np.nan_to_num(each.rows.value - each.predict(theta), nan=1e3) for each in (problem, other)
-        )
+        plain, read = (np.nan_to_num(each.residual(theta), nan=1e3) for each in (problem, other))
         gain = np.where(reading.possible, (plain**2 - read**2) / sigma**2, 0.0)
         chosen = reading.possible & (np.bincount(impacts, gain) > reading.gain)[impacts]
         if np.array_equal(chosen, at):
             break
         at = chosen
-        mixed = _read(problem, reading, at)
-        x, after = search(
-            partial(_values_of, mixed), misfit, mixed.rows.value, theta[None],
-            problem.parameters.bounds(), free,
-        )  # fmt: skip
-        theta, residual = x[0], after[0]
+        theta, residual = refitted(_read(problem, reading, at), misfit, theta)
         sigma = misfit.sigma(residual)
     return at, residual
-
-
-def _values_of(problem: Problem, theta: Array, _: Index) -> Array:
-    return problem.predict(theta)

@@ -57,7 +57,6 @@ def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
         problem.rows.value,
         np.append(fit.optimum.theta, _nearest_offsets(problem, fit))[None],
         (bounds[0], bounds[1]),
-        np.ones(lower.size + count, dtype=bool),
     )
     drop = whole.likelihood - float(whole.misfit.likelihood(after[0]))
     size = x[0, lower.size :]

@@ -18,7 +18,7 @@ def build(given: ReportInput) -> Sequence[Block]:
     result = given.result
     paragraphs = []
     for source in result.inputs:
-        sentences = source_sentences(result, source, full=True)
+        sentences = source_sentences(result, source)
         if STAND_IN in kinds_of(result, source):
             # of several kinds this one is told first
             paragraphs.append(Paragraph(f"{source.name}: {sentences.pop(1)}", "stand-in"))
