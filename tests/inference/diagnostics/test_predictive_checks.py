@@ -290,7 +290,7 @@ def test_used_twice_the_p_values_crowd_around_one_half():
     """What the docstring warns of: with a real posterior p is conservative, never the other way."""
     rng = np.random.default_rng(13)
     p = []
-    for _ in range(120):
+    for _ in range(200):
         value = 0.9 + SIGMA * rng.standard_normal(4)
         problem = with_values(build(4, ("e_n",)), value)
         draws = {name: np.full(200, x[0]) for name, x in TRUTH.items()}
