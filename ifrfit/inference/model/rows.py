@@ -178,6 +178,11 @@ class Rows:
         inputs = np.column_stack((self.series, i.sine, i.cosine, i.spin_x, i.spin_y))
         return np.unique(inputs, axis=0, return_inverse=True)[1].reshape(-1)
 
+    @cached_property
+    def repeated(self) -> Index:
+        """Observable and setting of each row as one number, (n,): rows of one number repeat one another."""
+        return np.asarray(np.unique(self.setting * len(self.names) + self.which, return_inverse=True)[1])
+
     def normal_factor(self, at: Index | Bool) -> Array:
         """What e_n is multiplied by in rows of the normal kind, of which `at` are some."""
         factor = np.ones(self.which.size)

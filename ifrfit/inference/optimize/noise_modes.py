@@ -272,7 +272,7 @@ class _Search:
         self.known = np.flatnonzero(problem.noise.is_given)
         self.modes: list[Mode] = []
         self.all_proven = True  # every weighted fit so far; one that was only searched bounds nothing
-        scale = np.array([each.prior_sd for each in problem.parameters.entries])
+        scale = problem.parameters.prior_sd
         self.scale = np.where(np.isfinite(scale) & (scale > 0.0), scale, 1.0)
 
     @property
