@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Bool = NDArray[np.bool_]
 
+LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
 OBLIQUE = ("tangential", "curved")  # kinds of observables that know the closure
 
 
@@ -147,9 +148,9 @@ class Rows:
         return self._mask(("angle",), [o.has_angle for o in self.observables])
 
     @property
-    def has_rebound_scale(self) -> bool:
-        """Whether any value is over the outgoing normal velocity, which has no limit at e_n = 0."""
-        return any(o.scale == "rebound" for o in self.observables)
+    def lowest_e_n(self) -> float:
+        """The e_n below which a value over the outgoing normal velocity is not meant seriously; else 0."""
+        return LOWEST if any(o.scale == "rebound" for o in self.observables) else 0.0
 
     def _mask(self, key: tuple[str, ...], of_observable: Sequence[bool]) -> Bool:
         """Rows of some observables, read-only; worked out once, asked for some dozen times a fit."""
