@@ -202,6 +202,11 @@ def noise_factors(problem: Problem, theta: Array) -> Array:
     return search.sigma(search.variance(theta)) / search.base
 
 
+def likely_sigma(problem: Problem, theta: Array) -> Array:
+    """Standard uncertainty of each row at the most likely noises, uncorrected for constants, (n,)."""
+    return problem.noise.base * noise_factors(problem, theta)
+
+
 @dataclass(frozen=True)
 class NoiseAtMode:
     """The noise that goes with a mode, and how far the mode lies above the best.

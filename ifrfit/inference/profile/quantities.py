@@ -23,7 +23,7 @@ from ifrfit.inference.profile.constrained_fit import (
     separable_e_n,
 )
 from ifrfit.inference.profile.constrained_series import ConstrainedSeries
-from ifrfit.inference.profile.curve import FINE, ProfileCurve, Resolution
+from ifrfit.inference.profile.curve import ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
 from ifrfit.inference.profile.searched_profile import Constraint, SearchedProfile
 from ifrfit.inference.summary.gaussian import kappa_at
@@ -237,9 +237,7 @@ def outlying(optimum: Optimum) -> list[Array]:
     return [theta for _, theta in optimum.minima[1:]] + list(optimum.extremes)
 
 
-def profile_curve(
-    misfit: Misfit, quantity: Quantity, dof: float, resolution: Resolution = FINE
-) -> ProfileCurve:
+def profile_curve(misfit: Misfit, quantity: Quantity, dof: float, resolution: Resolution) -> ProfileCurve:
     """Trace the profile of a quantity from all optima of the fit."""
     fit = misfit.fit
     value = quantity.of(fit.optimum.theta)
