@@ -43,11 +43,14 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 @pytest.fixture
 def brief_costs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """``--quick`` costs of inference by one short run of each method, where their errors do not matter."""
+    """``--quick`` costs by one short run of each method, law and precision, where errors do not matter."""
+    from ifrfit.cost import physics_costs
     from ifrfit.cost.inference_costs import Extent
 
     brief = Extent(tolerances=(1e-1, 1e-3), replicates=(100,), steps=(50,), seeds=1, repeats=1, longest=0.7)
     monkeypatch.setattr("ifrfit.cost.measure.QUICK", brief)
+    monkeypatch.setattr(physics_costs, "QUICK", physics_costs.Extent((50, 200), (10,), 1000, 1, 0.0))
+    monkeypatch.setattr("ifrfit.cost.arithmetic_costs.QUICK_IMPACTS", 10)
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,14 @@ from scipy import optimize, special
 _DEEP = -60.0  # log of the share of the posterior that may lie outside the box
 
 
+@cache
+def rule(order: int) -> tuple[Array, Array, Array]:
+    """Gauss-Legendre nodes and weights, and the Legendre polynomials below that order at the nodes."""
+    x, w = np.polynomial.legendre.leggauss(order)
+    legendre = np.array([special.eval_legendre(n, x) for n in range(order)])
+    return x, w, legendre
+
+
 @dataclass(frozen=True)
 class Axis:
     """Nodes and weights of equal rules on panels."""
@@ -27,15 +36,15 @@ class Axis:
     edges: Array
     order: int
 
-    @property
+    @cached_property
     def nodes(self) -> Array:
-        x, _ = np.polynomial.legendre.leggauss(self.order)
+        x, _, _ = rule(self.order)
         half = 0.5 * np.diff(self.edges)[:, None]
         return (self.edges[:-1, None] + half * (1.0 + x)).ravel()
 
-    @property
+    @cached_property
     def weights(self) -> Array:
-        _, w = np.polynomial.legendre.leggauss(self.order)
+        _, w, _ = rule(self.order)
         return (0.5 * np.diff(self.edges)[:, None] * w).ravel()
 
     def until(self, x: Array) -> tuple[Array, Array, Array]:
@@ -43,12 +52,11 @@ class Axis:
         panel = np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, self.edges.size - 2)
         low, high = self.edges[panel], self.edges[panel + 1]
         u = np.clip(2.0 * (x - low) / (high - low) - 1.0, -1.0, 1.0)
-        nodes, w = np.polynomial.legendre.leggauss(self.order)
-        inside = np.tile(u[..., None] + 1.0, self.order)
-        for n in range(1, self.order):
-            # the integral of P_n from -1 to u
-            reach = special.eval_legendre(n + 1, u) - special.eval_legendre(n - 1, u)
-            inside = inside + special.eval_legendre(n, nodes) * reach[..., None]
+        _, w, legendre = rule(self.order)
+        at_u = [special.eval_legendre(n, u) for n in range(self.order + 1)]
+        # the integrals of (2 n + 1) P_n from -1 to u
+        reach = np.stack([u + 1.0, *(at_u[n + 1] - at_u[n - 1] for n in range(1, self.order))], axis=-1)
+        inside = reach @ legendre
         return panel, 0.5 * w * inside * 0.5 * (high - low)[..., None], panel * self.order
 
 
@@ -481,17 +489,16 @@ class Dense:
             assert axis is not None
             ends = (float(axis.edges[0]), float(axis.edges[-1]))
 
-            def cdf(x: float) -> float:
-                return float(_below(axis, marginal[None, :], np.array([x]))[0])
-
-            return mean, sd, cdf, ends
+            below = _below(axis, marginal[None, :])
+            return mean, sd, lambda x: float(below(np.array([x]))[0]), ends
         axis = self.axes[s][2]
         if axis is None:  # mu is fixed, e_n is not: kappa grows with e_n
             first = self.axes[s][0]
             assert first is not None
             marginal = mass.sum(axis=(1, 2))
             mu = self.question.fix["mu"]
-            return mean, sd, lambda x: float(_below(first, marginal[None], np.array([x / mu - 1.0]))[0]), ends
+            below = _below(first, marginal[None])
+            return mean, sd, lambda x: float(below(np.array([x / mu - 1.0]))[0]), ends
         _, _, b0, b1 = self.question.linear()
         e, c, _ = self._values(s)
         flat = mass if b1 else mass.sum(axis=1, keepdims=True)
@@ -503,10 +510,8 @@ class Dense:
         factor = np.broadcast_to(factor, (*flat.shape[:2], 1))[..., 0].ravel()
         masses = flat.reshape(-1, flat.shape[2])
 
-        def of_third(x: float) -> float:
-            return float(_below(axis, masses, x / factor).sum())
-
-        return mean, sd, of_third, (0.0, float(axis.edges[-1] * factor.max()))
+        below = _below(axis, masses)
+        return mean, sd, lambda x: float(below(x / factor).sum()), (0.0, float(axis.edges[-1] * factor.max()))
 
     def _noise_law(self, s: str, group: Noise, mass: Array) -> Any:
         at = self.groups.index(group)
@@ -549,12 +554,15 @@ def _binned(w: Array, x: Array, bins: int = 6000) -> tuple[Array, Array]:
     return mass[held] / mass.sum(), moment[held] / mass[held]
 
 
-def _below(axis: Axis, masses: Array, x: Array) -> Array:
+def _below(axis: Axis, masses: Array) -> Callable[[Array], Array]:
     """Mass below x along the last direction; one x a row of masses (which include the weights)."""
-    x = np.clip(x, axis.edges[0], axis.edges[-1])
-    _, inside, first = axis.until(x)
     full = np.concatenate([np.zeros((len(masses), 1)), np.cumsum(masses, axis=1)], axis=1)
     rows = np.arange(len(masses))
-    columns = first[:, None] + np.arange(axis.order)
-    density = masses[rows[:, None], columns] / axis.weights[columns]
-    return np.asarray(full[rows, first] + (density * inside).sum(axis=1))
+
+    def below(x: Array) -> Array:
+        _, inside, first = axis.until(np.clip(x, axis.edges[0], axis.edges[-1]))
+        columns = first[:, None] + np.arange(axis.order)
+        density = masses[rows[:, None], columns] / axis.weights[columns]
+        return np.asarray(full[rows, first] + (density * inside).sum(axis=1))
+
+    return below

@@ -57,7 +57,7 @@ class Precise:
     def __init__(self, question: Question, order: int = 20) -> None:
         self.question, self.order = question, order
         self.prior_mass: dict[str, Any] = {}
-        self.rough = Dense(question, pieces=(8, 8, 18), order=6)
+        self.rough = Dense(question, pieces=(8, 8, 12), order=6)
         if "mu" not in question.fix and "e_n" not in question.fix and not question.prior.get("mu"):
             _, _, cdf, _ = self.rough._law(question.series[0], 2)
             if 1.0 - cdf(0.9 * question.domain("mu")[1]) > 1e-12:

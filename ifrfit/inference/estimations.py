@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ifrfit.errors import DataError
+from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.diagnostics.collect import noise_converged
 from ifrfit.inference.diagnostics.pooling import sharing
 from ifrfit.inference.diagnostics.thresholds import FACTS, SAMPLED
 from ifrfit.inference.distributions.mixture import Mixture
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
 from ifrfit.inference.posterior import (
     TOLERANCE,
     ExactPosterior,
     ImportancePosterior,
     QuadraturePosterior,
     exact_posterior,
+    log_evidence,
 )
 from ifrfit.inference.result.estimation import Estimation
 from ifrfit.inference.result.types import Fact
@@ -57,11 +58,12 @@ def exact_estimation(
         tolerance = TOLERANCE if problem.error_model.is_plain else COARSE
     posterior = exact_posterior(problem, tolerance, optimum, integrator=integrator, seed=seed)
 
-    def of_other(other: Problem) -> ExactPosterior:
-        found = exact_posterior(other, integrator=integrator, seed=seed)
-        if _is_doubtful(found):
-            raise DataError("The evidence of other questions about sharing did not converge.")
-        return found
+    def of_other(other: Problem) -> float:
+        found = least_squares(other, proven=False)
+        try:
+            return log_evidence(other, tolerance, found)
+        except UsageError as error:
+            raise DataError("The evidence of another question about sharing did not converge.") from error
 
     return posterior_estimation(problem, optimum, posterior, of_other)
 
@@ -70,17 +72,17 @@ def posterior_estimation(
     problem: Problem,
     optimum: LeastSquaresFit,
     posterior: ExactPosterior,
-    integrate: Callable[[Problem], ExactPosterior] | None,
+    evidence_of: Callable[[Problem], float] | None,
 ) -> Estimation:
-    """An integrated posterior; other questions about sharing are put to `integrate`, if there is one."""
+    """An integrated posterior; other questions about sharing are put to `evidence_of`, if there is one."""
     of_noise = noise_converged(optimum)
     if isinstance(posterior, ImportancePosterior):
         diagnostics = {"converged": _by_sampling(posterior, of_noise)}
     else:
         diagnostics = {"converged": _by_grid(posterior, of_noise)}
     shared = None
-    if integrate is not None and not _is_doubtful(posterior):
-        shared = sharing(problem, posterior.log_evidence, integrate)
+    if evidence_of is not None and not _is_doubtful(posterior):
+        shared = sharing(problem, posterior.log_evidence, evidence_of)
     if shared is not None:
         diagnostics["sharing"] = shared
     return Estimation("exact", posterior, diagnostics, is_posterior=True, log_evidence=posterior.log_evidence)

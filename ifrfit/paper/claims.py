@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from ifrfit.errors import DataError, IfrfitError
 from ifrfit.inference.diagnostics.pooling import DECIDED, sharing
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.problem import Problem, make_problem
-from ifrfit.inference.posterior import integrate
+from ifrfit.inference.posterior import log_evidence
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.paper.cases import case_named
 from ifrfit.paper.recovered_constants import FittedCase, case_constants, fit_case
@@ -126,6 +127,7 @@ def reading(done: FittedCase) -> Answer | None:
 
 
 _DECIDED = math.log(DECIDED)
+_EVIDENCE = 1e-3  # of a log evidence: factors of it are told by two digits
 
 
 def _misfit(result: FitResult, reading: str, constants: Mapping[str, float]) -> float:
@@ -149,7 +151,8 @@ def _by_evidence(
     """Weigh one constant for all rows against one for each label."""
     try:
         problem = _labelled(result, labels)
-        shared = sharing(problem, integrate(problem).log_evidence, integrate, names)
+        evidence = partial(log_evidence, tolerance=_EVIDENCE)
+        shared = sharing(problem, evidence(problem), evidence, names)
     except DataError as error:
         return Answer(about, "not answerable", str(error))
     if shared is None:

@@ -45,11 +45,13 @@ def summary(result: FitResult, style: str = "text") -> str:
     UsageError
         For any other style.
     """
+    if style == "text":
+        return text(result)
     from ifrfit.report.tables import latex, markdown
 
-    styles: dict[str, Callable[[FitResult], str]] = {"text": text, "markdown": markdown, "latex": latex}
+    styles: dict[str, Callable[[FitResult], str]] = {"markdown": markdown, "latex": latex}
     if style not in styles:
-        raise UsageError(f"There is no summary style '{style}'. Choose one of {', '.join(styles)}.")
+        raise UsageError(f"There is no summary style '{style}'. Choose one of text, {', '.join(styles)}.")
     return styles[style](result)
 
 

@@ -11,7 +11,7 @@ import pytest
 CROSS = ("cost", "cross-2019", "--fix", "e_n=0.94", "--kind", "inference", "--quick")
 
 
-@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.usefixtures("brief_costs", "blank_pictures")
 def test_contact_laws_and_precisions_stand_beside_one_another(cli):
     found = cli(
         "cost", "kharaz-2001", "--prior", "e_n=0.98,0.01", "--quick", "--out", "out",

@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +60,14 @@ class HardCase:
     check: Callable[[Any], None]
     methods: tuple[str, ...] = ()
     slow: tuple[str, ...] = ("mcmc",)
+
+
+def by_turns(cases: Sequence[HardCase]) -> tuple[HardCase, ...]:
+    """Of cases with two methods one by the first and the next by the second; the other way is slow."""
+    return tuple(
+        replace(case, slow=(case.methods[i % 2],)) if len(case.methods) == 2 else case
+        for i, case in enumerate(cases)
+    )
 
 
 @dataclass(frozen=True)

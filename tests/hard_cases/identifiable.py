@@ -119,9 +119,9 @@ def _refusal(text: str, *options: str) -> Callable[[Path, str], Told]:
 
 
 def _case(
-    name: str, what: str, answer: str, run: Callable[..., Any], check: Callable[[Any], None]
+    name: str, what: str, answer: str, run: Callable[..., Any], check: Callable[[Any], None], **more: Any
 ) -> HardCase:
-    return HardCase(name, "identifiability", what, answer, run, check, METHODS)
+    return HardCase(name, "identifiability", what, answer, run, check, METHODS, **more)
 
 
 def _needs_sigma(name: str, what: str, text: str, *options: str) -> HardCase:
@@ -159,9 +159,14 @@ _BOUNDS = tuple(
         "the other constants are determined.",
         fitted(_bound_table(seed, **{constant: bound}), fix={}),
         _on_bound(constant, bound, sign),
+        slow=slow,
     )
     for constant, bound, sign in (("e_t", -1.0, 1), ("mu", 0.0, 1), ("e_n", 1.0, -1))
-    for noise, seed in (("without noise", None), ("with noise", 1), ("with other noise", 2))
+    for noise, seed, slow in (
+        ("without noise", None, ("profile", "mcmc")),
+        ("with noise", 1, ("mcmc",)),
+        ("with other noise", 2, ("profile", "mcmc")),
+    )
 )
 
 CASES = (

@@ -159,9 +159,13 @@ def free(text: str, **options: Any) -> Callable[[Path, str], FitResult]:
 
 
 def slip(
-    name: str, what: str, answer: str, run: Callable[..., object], check: Callable[..., None]
+    name: str,
+    what: str,
+    answer: str,
+    run: Callable[..., object],
+    check: Callable[..., None],
 ) -> HardCase:
-    return HardCase(name, "slips", what, answer, run, check, METHODS, slow=("lsq",))
+    return HardCase(name, "slips", what, answer, run, check, METHODS)
 
 
 IDS = "impact_id,gamma_deg,v_x,v_n\n" + "".join(

@@ -224,7 +224,7 @@ def _case(
     *,
     fits: bool = True,
 ) -> HardCase:
-    return HardCase(name, "strangers", what, answer, run, check, METHODS if fits else (), slow=("lsq",))
+    return HardCase(name, "strangers", what, answer, run, check, METHODS if fits else ())
 
 
 CASES = (

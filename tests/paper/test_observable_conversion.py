@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ifrfit.paper.observable_conversion import convert_observable
@@ -14,6 +14,7 @@ SHOWN = ("beta", "psi_after_deg", "mu_app", "delta_deg")
 
 @pytest.mark.parametrize("wanted", SHOWN)
 @pytest.mark.parametrize("measured", TANGENTIAL)
+@settings(max_examples=40)
 @given(
     gamma=st.floats(5.0, 85.0),
     spin_y=st.floats(0.0, 0.8),

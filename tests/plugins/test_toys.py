@@ -192,6 +192,7 @@ def test_a_scene_takes_the_closure(fits: dict[str, Any], folder: Path, name: str
         ifrfit.simulate(scene)
 
 
+@pytest.mark.usefixtures("brief_costs")
 def test_costs_name_every_closure(folder: Path) -> None:
     found = ifrfit.measure_costs(
         table(folder, GRIP), closure="grip", fix={"e_n": 0.9}, kinds="physics", quick=True

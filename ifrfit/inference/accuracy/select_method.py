@@ -13,7 +13,7 @@ from ifrfit.inference.accuracy.tolerance_ladder import refine
 from ifrfit.inference.estimations import least_squares_estimation, posterior_estimation, sample_estimation
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
-from ifrfit.inference.posterior import ExactPosterior, exact_posterior, integrate
+from ifrfit.inference.posterior import ExactPosterior, integrate, log_evidence
 from ifrfit.inference.posterior.adaptive_quadrature import GridTooLargeError
 from ifrfit.inference.posterior.integral_layout import no_grid
 from ifrfit.inference.posterior.integrators import sampled_posterior
@@ -112,7 +112,7 @@ def _exact(
     problem: Problem, optimum: LeastSquaresFit, posterior: ExactPosterior, request: Request
 ) -> Estimation:
     if request.budget is None:
-        found = posterior_estimation(problem, optimum, posterior, exact_posterior)
+        found = posterior_estimation(problem, optimum, posterior, log_evidence)
     else:
         try:
             found = posterior_estimation(problem, optimum, posterior, lambda other: _evidence(other, request))
@@ -122,8 +122,8 @@ def _exact(
     return _with_effort(found, request, "", tolerance=posterior.tolerance, reached=posterior.error)
 
 
-def _evidence(problem: Problem, request: Request) -> ExactPosterior:
-    """The posterior of another question, as exactly as its evidence needs.
+def _evidence(problem: Problem, request: Request) -> float:
+    """The log evidence of another question, while there is time for it.
 
     Raises
     ------
@@ -133,11 +133,11 @@ def _evidence(problem: Problem, request: Request) -> ExactPosterior:
     if request.over:
         raise TimeoutError
     if no_grid(problem):
-        return sampled_posterior(problem, least_squares(problem))
+        return sampled_posterior(problem, least_squares(problem)).log_evidence
     found = integrate(problem, _OTHERS, over=lambda: request.over)
     if found.error_evidence > _OTHERS:
         raise TimeoutError
-    return found
+    return found.log_evidence
 
 
 def _with_effort(

@@ -22,13 +22,14 @@ from ifrfit.inference.comparison.psi_plane import psi_plane
 from ifrfit.inference.comparison.result import Comparison, Entry
 from ifrfit.inference.comparison.types import Loo
 from ifrfit.inference.comparison.verdict import verdict_of
-from ifrfit.inference.estimations import exact_estimation
+from ifrfit.inference.estimations import posterior_estimation
 from ifrfit.inference.estimators import Exact
 from ifrfit.inference.fit import Data, make_question
 from ifrfit.inference.keywords import QuestionKeywords, check_keywords, model_of, noise_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import at_fitted_offset, least_squares
 from ifrfit.inference.options import Model, Noise
+from ifrfit.inference.posterior import ExactPosterior, exact_posterior
 from ifrfit.inference.result.build import build_result
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
@@ -105,8 +106,9 @@ def compare(
 def compare_result(result: FitResult) -> Comparison:
     """Weigh all closures by the impacts, constants and noise of a fit, each to a tolerance of 1e-2.
 
-    The fits are brief: outliers, remedies and effects are not looked for, impacts not left out, and optima
-    over unknown noises not proven where that takes long.
+    A fit by exact posterior stands for its own closure. Those of the others are brief: outliers, remedies,
+    effects and sharing are not looked for, impacts not left out, and optima over unknown noises not proven
+    where that takes long.
 
     Parameters
     ----------
@@ -125,19 +127,22 @@ def compare_result(result: FitResult) -> Comparison:
     """
     problem, _ = question_of(result)
     closures, notes = known_to(problem.error_model.is_plain)
-    fits = {closure.name: _fitted(closure, problem, result.seed) for closure in closures}
+    fits = {closure.name: _fitted(closure, problem, result) for closure in closures}
     return _weighed(fits, notes, loo=False, seed=result.seed)
 
 
-def _fitted(closure: Closure, problem: Problem, seed: int) -> FitResult:
+def _fitted(closure: Closure, problem: Problem, result: FitResult) -> FitResult:
+    if closure.name == result.closure and isinstance(result.distribution, ExactPosterior):
+        return result
     try:
         other = problem.with_closure(closure)
         reason = Exact().refuses(other)
         if reason:
             raise UsageError(reason)
         optimum = least_squares(other, proven=False)
-        estimation = exact_estimation(other, optimum, _TOLERANCE)
-        return build_result(other, optimum, estimation, seed=seed, brief=True)
+        posterior = exact_posterior(other, _TOLERANCE, optimum, seed=result.seed)
+        estimation = posterior_estimation(other, optimum, posterior, None)
+        return build_result(other, optimum, estimation, seed=result.seed, brief=True)
     except (UsageError, DataError) as error:
         raise type(error)(f"Closure {closure.title}: {error}") from None
 

@@ -24,7 +24,9 @@ from ifrfit.physics.closures import get_closure
 MU_WIDTHS = (0.25, 0.5, 2.0)  # times the stated width: 0.5, 1 and 4 of the default 2
 OWN_WIDTH = 0.5
 _NOTHING = 1e-6  # share of the posterior that no evidence feels
-_ENOUGH = 1e-3  # share of the posterior below which its distribution function has too few digits
+_ENOUGH = (
+    1e-3  # share of the posterior below which its distribution function has too few digits, or no weight
+)
 
 
 def prior_of(problem: Problem) -> dict[str, dict[str, float]]:
@@ -100,18 +102,20 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
     """Log evidence with a uniform prior of one constant between other ends.
 
     A narrower uniform prior cuts the posterior: the evidence gains the ratio of the widths and keeps the
-    posterior's share between the ends. A wider one loses that ratio where the posterior has died out in the
+    posterior's share between the ends; of several entries the shares outside add up, where they are next to
+    nothing. A wider one loses that ratio where the posterior has died out in the
     upper half of the old domain; else it is integrated afresh.
     """
     problem, optimum = fit.problem_and_optimum()
     posterior = posterior_of(fit)
     old = FreeParameter.of(name, problem.parameters[name])
     labels = _labels(problem, name)
-    if len(labels) == 1 and old.lower <= ends[0] and ends[1] <= old.upper:
-        below, within = (float(x) for x in np.asarray(posterior.cdf(labels[0], np.array(ends))))
-        if within - below > _ENOUGH:
+    if old.lower <= ends[0] and ends[1] <= old.upper:
+        cuts = [np.asarray(posterior.cdf(label, np.array(ends))) for label in labels]
+        outside = [1.0 - float(upper - lower) for lower, upper in cuts]
+        if 1.0 - sum(outside) > (_ENOUGH if len(labels) == 1 else 1.0 - _ENOUGH):
             gain = math.log((old.upper - old.lower) / (ends[1] - ends[0]))
-            return _log_evidence(fit) + gain + math.log(within - below)
+            return _log_evidence(fit) + len(labels) * gain + math.log1p(-sum(outside))
     if ends[0] == old.lower and ends[1] >= old.upper:
         middle = 0.5 * (old.lower + old.upper)
         if all(1.0 - float(np.asarray(posterior.cdf(label, middle))) <= _NOTHING for label in labels):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -21,19 +20,10 @@ _MOST = 3  # constants that are also tried one by one
 _READABLE = 1e4  # factors beyond are written as powers of e
 
 
-class Evidence(Protocol):
-    """What exploring a posterior gives, as far as it matters here."""
-
-    @property
-    def log_evidence(self) -> float:
-        """Log of the integral of likelihood times normalised prior."""
-        ...
-
-
 def sharing(
     problem: Problem,
     log_evidence: float,
-    integrate: Callable[[Problem], Evidence],
+    evidence_of: Callable[[Problem], float],
     names: Collection[str] = (),
 ) -> Fact | None:
     """Weigh constants that are separate for each series against ones that all series share.
@@ -44,8 +34,8 @@ def sharing(
         The question as asked.
     log_evidence : float
         Its evidence.
-    integrate : callable
-        From a problem to something with a `log_evidence`.
+    evidence_of : callable
+        From another question to its log evidence. One that it refuses by `DataError` is passed over.
     names : collection of str
         Empty: the separate constants are tried shared, all at once and, where there are several, one by one.
         Else: the shared constants of these names are tried separate in the same way (fixed ones are passed
@@ -79,7 +69,7 @@ def sharing(
     for flipped in [tested, *([name] for name in tested[:_MOST] if len(tested) > 1)]:
         try:
             other = _with_separate(problem, now ^ frozenset(flipped))
-            models.append(_Model(now ^ frozenset(flipped), float(integrate(other).log_evidence)))
+            models.append(_Model(now ^ frozenset(flipped), evidence_of(other)))
         except DataError:  # too few rows for so many constants
             continue
     models = [model for model in models if math.isfinite(model.log_evidence)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 RANK = 1e-6
 HALF = 0.5
 GAP = 1e-9
-NOISE_GAP = 0.02
+NOISE_GAP = 0.05
 RIVAL = 0.01
 ALIKE = 4.0
 REFUTED = 0.001  # of each fact, so that all together stay near or below 0.01 a fit on clean data

@@ -1,6 +1,6 @@
 """Markov chain Monte Carlo that stops on evidence: independent ensembles of emcee are the chains.
 
-Importing this package imports emcee and arviz-stats.
+Importing this package imports emcee.
 """
 
 from ifrfit.inference.mcmc.chain_diagnostics import Evidence as Evidence

@@ -1,4 +1,7 @@
-"""What chains say of themselves: autocorrelation, R-hat over ensembles, effective draws."""
+"""What chains say of themselves: autocorrelation, R-hat over ensembles, effective draws.
+
+arviz-stats is imported where it is asked: it takes a second, and processes that only walk do without.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from arviz_stats.base.array import array_stats
 from emcee.autocorr import integrated_time
 from numpy.typing import NDArray
 from scipy import special, stats
@@ -115,6 +117,8 @@ def rhat(x: Array) -> float:
     """
     if x.shape[1] < 4 or np.ptp(x) == 0.0:
         return math.inf
+    from arviz_stats.base.array import array_stats
+
     with np.errstate(all="ignore"):
         found = float(array_stats.rhat(x.reshape(x.shape[0], -1), method="rank"))
     return found if math.isfinite(found) else math.inf
@@ -164,6 +168,8 @@ def effective(z: Array) -> float:
     means = z.mean(axis=2)
     if means.shape[1] < 4 or np.ptp(means) == 0.0:
         return 0.0
+    from arviz_stats.base.array import array_stats
+
     with np.errstate(all="ignore"):
         of_means = float(array_stats.ess(means, method="mean"))
     found = float(z.var()) / float(means.var()) * of_means

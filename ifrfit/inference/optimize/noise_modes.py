@@ -45,13 +45,13 @@ _ROUGH_STEPS = 4
 _DEGREES_OF_FREEDOM = 200  # iterations of leverage and noise, at the most
 _LAST_CHANGE = 1e-10
 _CUTS = 60  # boxes that are cut, at the most
-_CUTS_OF_GROUPS = 200  # the same, times the number of groups: of many the bound does not close
+_CUTS_OF_GROUPS = 120  # the same, times the number of groups: of many the bound does not close
 _SAME = 1e-4  # modes nearer than this, in units of each constant's prior sd, are one
 _SAME_NOISE = 1e-6  # relative; modes whose noises are nearer than this are one
 _SAME_PHI = 1e-3  # and whose Phi are nearer than this
 _SLACK = 0.1  # share of `NOISE_GAP` that the fit of a box may be off
 _EDGE = 0.1  # a cut keeps this share of the box on either side
-_CLOSED = 0.005  # share of `NOISE_GAP` to which cells are bounded: it costs no more than the whole
+_CLOSED = 0.002  # share of `NOISE_GAP` to which cells are bounded: it costs no more than the whole
 _MOST_COMBINED = 3  # minima of one component that are combined with those of others
 _MOST_PRODUCTS = 1000
 _MOST_RIVALS = 16  # modes beside the best
@@ -156,7 +156,7 @@ def noise_modes(problem: Problem, start: Array | None = None, *, proven: bool = 
         return NoiseModes(tuple(search.modes), None)
     search.descend(first)
     if not proven:
-        search.descend_from_each_group()
+        search.descend_from_each_group(proven=False)
         return NoiseModes(tuple(search.modes), None)
     gap = search.prove()
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
@@ -456,16 +456,16 @@ class _Search:
         lowest = min(left_out, queue[0].bound if queue else np.inf)
         return max(0.0, self.modes[0].value - lowest)
 
-    def descend_from_each_group(self) -> Array:
-        """Look for a mode from each group alone; gives the least S_g/n_g of each, proven."""
+    def descend_from_each_group(self, *, proven: bool = True) -> Array:
+        """Look for a mode from each group alone; gives the least S_g/n_g of each, proven or as found."""
         plain = self.problem.with_parameters([replace(each, prior=None) for each in self.problem.parameters])
         found = np.empty(len(self.groups))
         for number, rows in enumerate(self.groups):
-            alone = solve(plain.with_rows(rows), self.base[rows])
+            alone = solve(plain.with_rows(rows), self.base[rows], proven=proven)
             self.all_proven &= alone.gap is not None
             found[number] = max((alone.objective - (alone.gap or 0.0)) / rows.size, self._least)
         for variance in self._each_alone(self.modes[0].variance, np.maximum(found, 1e-12)):
-            self.descend(self.solve(variance))
+            self.descend(solve(self.problem, self.sigma(variance), proven=False))
         return found
 
     def _top(self, low: Array) -> Array:

@@ -224,6 +224,8 @@ class Refinement:
             has_marginals = self.evidence_error <= self.tolerance or is_last
             if has_marginals:
                 self.marginals = self._marginals_of(self.layout, self.density)
+                if not self.errors and self.kappa_reaches_end():
+                    return  # finer panels would not part e_n from it
                 self._estimate_error()
                 if max(self.error, self.evidence_error) <= self.tolerance or is_last or self._is_stalled():
                     return

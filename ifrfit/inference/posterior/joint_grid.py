@@ -142,16 +142,18 @@ class JointIntegral:
         """Refine the transitions as far as a low order along everything else shows their errors.
 
         Kinks along them take most rounds to resolve, and the other axes have little to do with these: without
-        it the grid of reagle-2013 under closure FR becomes more than twice as large.
+        it the grid of reagle-2013 under closure FR becomes more than twice as large. It ends where the grid
+        that comes of it would take too much work.
 
         Returns
         -------
         float
             The work that this took: little more than `most_work`.
         """
-        done = 0.0
+        done, whole = 0.0, self.work()
         others = [axis for axis in self.axes if not any(axis is series.x_axis for series in self.series)]
         with self._low_order(others):
+            per_work = whole / self.work()  # panels of the transitions make both larger alike
             for _ in range(_REHEARSALS):
                 done += self.work()
                 found = self._error_sources(self.evaluate(), ())
@@ -161,7 +163,7 @@ class JointIntegral:
                     if any(place is series.x_axis for series in self.series)
                     if isinstance(place, QuadratureAxis)
                 ]
-                if not any(changed) or done + self.work() > most_work:
+                if not any(changed) or done + max(1.0, per_work) * self.work() > most_work:
                     break
         return done
 

@@ -258,11 +258,11 @@ def component_about(domain: Domain, centre: Array, covariance: Array) -> Compone
 
 
 def _root(covariance: Array, least_sd: Array) -> Array:
-    """Lower triangular root of a covariance that may be singular but for rounding, (d, d)."""
-    size = np.sqrt(np.maximum(np.diag(covariance), least_sd**2))
-    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    repaired = (vectors * np.maximum(values, 1e-10)) @ vectors.T
-    return np.asarray(size[:, None] * np.linalg.cholesky(repaired))
+    """Lower triangular roots of covariances that may be singular but for rounding, (..., d, d)."""
+    size = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), least_sd**2))
+    values, vectors = np.linalg.eigh(covariance / (size[..., :, None] * size[..., None, :]))
+    repaired = (vectors * np.maximum(values, 1e-10)[..., None, :]) @ vectors.swapaxes(-1, -2)
+    return np.asarray(size[..., :, None] * np.linalg.cholesky(repaired))
 
 
 def _least_sd(domain: Domain, at: Array) -> Array:
@@ -278,26 +278,26 @@ def _gaussian_mixture(
 
     Those with less than the `least` share are dropped, but for the largest.
     """
-    shares, fitted = np.full(len(start), 1.0 / len(start)), list(start)
+    shares = np.full(len(start), 1.0 / len(start))
+    centres, covariances = (np.stack(each) for each in zip(*start, strict=True))
     for step in range(steps):
-        log_q = np.stack([_log_normal(at, *each, least_sd) for each in fitted]) + np.log(shares)[:, None]
+        log_q = _log_normal(at, centres, covariances, least_sd) + np.log(shares)[:, None]
         share_of = special.softmax(log_q, axis=0)
         shares = share_of.mean(axis=1)
         kept = shares >= min(least, float(shares.max()))
         if step > steps // 2 and kept.sum() > most:
             kept &= shares >= np.sort(shares)[-most]
         shares, share_of = shares[kept] / shares[kept].sum(), share_of[kept]
-        fitted = []
-        for own in share_of:
-            own = own / own.sum()
-            centre = own @ at
-            away = at - centre
-            fitted.append((centre, (away * own[:, None]).T @ away + np.diag(least_sd**2)))
-    return shares, fitted
+        share_of /= share_of.sum(axis=1, keepdims=True)
+        centres = share_of @ at
+        away = at - centres[:, None]
+        covariances = (away * share_of[..., None]).swapaxes(1, 2) @ away + np.diag(least_sd**2)
+    return shares, list(zip(centres, covariances, strict=True))
 
 
-def _log_normal(at: Array, centre: Array, covariance: Array, least_sd: Array) -> Array:
-    """Log density of a normal law up to the constant that all share, (m,)."""
-    root = _root(covariance, least_sd)
-    z = np.linalg.solve(root, (at - centre).T)
-    return np.asarray(-0.5 * np.einsum("ij,ij->j", z, z) - np.log(np.diag(root)).sum())
+def _log_normal(at: Array, centres: Array, covariances: Array, least_sd: Array) -> Array:
+    """Log densities of normal laws up to the constant that all share, (laws, m)."""
+    roots = _root(covariances, least_sd)
+    z = np.linalg.inv(roots) @ (at - centres[:, None]).swapaxes(1, 2)
+    size = np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(axis=1)
+    return np.asarray(-0.5 * np.einsum("kij,kij->kj", z, z) - size[:, None])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from xml.sax.saxutils import escape
+from html import escape
 
 from ifrfit.report.page.blocks import Picture
 from ifrfit.report.page.charts.chart import Chart
@@ -41,7 +41,7 @@ def file_text(picture: Picture) -> str:
 def _chart(picture: Picture, chart: Chart, alone: bool) -> str:
     attributes = {**_named(picture), **_size(chart.width / MM_PER_INCH, chart.height / MM_PER_INCH, alone)}
     head = "".join(
-        f'<{tag} id="{picture.name}-{part}">{escape(text)}</{tag}>'
+        f'<{tag} id="{picture.name}-{part}">{escape(text, quote=False)}</{tag}>'
         for tag, part, text in (
             ("title", "title", picture.title),
             ("desc", "description", picture.description),

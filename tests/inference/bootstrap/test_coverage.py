@@ -22,7 +22,7 @@ def held(
     for seed in range(experiments):
         problem, found = fitted(scene(n, seed=1000 + seed, noise="unknown", copies=copies))
         rows = Cases.of(problem, np.arange(problem.rows.value.size)) if apart else scheme
-        draws = bootstrap(problem, found, scheme=rows, replicates=400, seed=seed).draws
+        draws = bootstrap(problem, found, scheme=rows, replicates=300, seed=seed).draws
         for level, tails in LEVELS.items():
             for i, (name, truth) in enumerate(TRUTH.items()):
                 low, high = np.quantile(draws[name], tails)
@@ -43,7 +43,7 @@ def expected(n: int, level: float) -> tuple[float, float]:
 
 
 def test_percentile_intervals_hold_the_truth_nearly_as_often_as_they_say() -> None:
-    n, experiments = 40, 40
+    n, experiments = 40, 24
     for level, share in held(n, experiments, "cases").items():
         low, high = expected(n, level)
         # three constants, hardly correlated

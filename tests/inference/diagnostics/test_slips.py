@@ -53,7 +53,7 @@ def test_a_cause_is_named(name, scene, cause, known, seed):
     assert name in named, named
 
 
-QUICK, MANY = 20, 400  # clean fits
+QUICK, MANY = 12, 400  # clean fits
 
 
 def false_alarms(first, count):

@@ -73,7 +73,7 @@ def check(problem, low, high, n, *, tolerance=1e-3, allowed=0.01):
 def test_posterior_of_two_constants(law):
     # by effective variance sigma jumps where a row changes its regime, which a grid feels
     allowed = 0.03 if law == "effective" else 0.01
-    check(scattered(LAWS[law]), (-1.0, 0.08), (-0.7, 0.26), 80, allowed=allowed)
+    check(scattered(LAWS[law]), (-1.0, 0.08), (-0.7, 0.26), 60, allowed=allowed)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_other_closures(closure, law):
     free = problem.parameters.free
     low, high = lower[free].copy(), upper[free].copy()
     low[-1], high[-1] = 0.02, 0.4
-    check(problem, low, high, 80 if closure != "f" else 2000, allowed=0.02)
+    check(problem, low, high, 60 if closure != "f" else 1000, allowed=0.02)
 
 
 @pytest.mark.parametrize("law", rest_long(("student", "set")))
@@ -104,7 +104,7 @@ def test_a_common_factor_on_sigma(law):
 
 def test_constants_of_their_own_in_each_series():
     problem = scattered(LAWS["set"], fix={"e_n": 0.9, "e_t": -0.85}, separate=["mu"])
-    check(problem, (0.05, 0.05), (0.3, 0.3), 90)
+    check(problem, (0.05, 0.05), (0.3, 0.3), 60)
 
 
 def test_prior_of_mu_and_open_e_n():

@@ -76,7 +76,7 @@ def test_at_a_given_kappa_one_solve_finds_what_a_search_over_e_n_finds(
     (of_kappa,) = problem.parameters.kappas
     best = of_kappa.value(near)
     kinks = 0.4 * problem.rows.tau[np.isfinite(problem.rows.tau)]  # where rows change their regime
-    places = (0.5 * best, best, 1.2 * best, *kinks[(kinks > 0.05) & (kinks < 0.4)][::2])
+    places = (0.5 * best, best, 1.2 * best, *kinks[(kinks > 0.05) & (kinks < 0.4)][::3])
     ranges = [range_of_e_n(kappa, problem.parameters["mu"]) for kappa in places]
 
     def optima():

@@ -144,7 +144,7 @@ def test_unknown_noise(question: Question) -> None:
 
 
 @pytest.mark.parametrize(
-    ("question", "pieces", "order"),
+    ("question", "pieces", "order", "tolerance"),
     [
         pytest.param(
             Question(
@@ -155,6 +155,7 @@ def test_unknown_noise(question: Question) -> None:
             ),
             (12, 8, 60),
             10,  # the tails are long
+            1e-4,
             marks=pytest.mark.long,
         ),
         (
@@ -164,14 +165,17 @@ def test_unknown_noise(question: Question) -> None:
                 noise_bounds={"": (0.1, 10.0)},
             ),
             (8, 6, 30),
-            8,  # itself right to 3e-5
+            8,  # itself right to 4e-5
+            1e-3,
         ),
     ],
     ids=["a noise each", "common factor"],
 )
-def test_unknown_noise_beside_e_n(question: Question, pieces: tuple[int, int, int], order: int) -> None:
+def test_unknown_noise_beside_e_n(
+    question: Question, pieces: tuple[int, int, int], order: int, tolerance: float
+) -> None:
     known = Dense(question, pieces, order).summary()
-    check(integrate(question.problem()), known, 1e-4)
+    check(integrate(question.problem(), tolerance), known, tolerance)
 
 
 @functools.cache

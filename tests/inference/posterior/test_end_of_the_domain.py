@@ -13,7 +13,7 @@ from posterior_questions import Question, Row, measured
 from ifrfit.inference.posterior import integrate
 
 FAN = (6.0, 11.0, 16.0, 21.0, 26.0, 33.0, 41.0, 52.0, 63.0, 75.0)
-N_E, N_MU = 2000, 2001
+N_E, N_MU = 1000, 1001
 
 
 def brute(question: Question, mu_ends: tuple[float, float], e_ends: tuple[float, float]) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,8 +14,13 @@ from ifrfit.errors import UsageError
 from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.model.error_model import ErrorModel
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.least_squares import least_squares
-from ifrfit.inference.posterior import exact_posterior, factorised_sampling, integrate
+from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squares
+from ifrfit.inference.posterior import (
+    QuadraturePosterior,
+    exact_posterior,
+    factorised_sampling,
+    integrate,
+)
 from ifrfit.inference.posterior.conditional_mixture import ConditionalMixture
 from ifrfit.inference.posterior.factorised_sampling import sample_by_series
 from ifrfit.inference.posterior.importance_sampling import ImportancePosterior
@@ -111,13 +117,24 @@ def agree(sampled: ImportancePosterior, exact) -> None:
         assert (np.minimum(moved, below) <= allowed).all(), name
 
 
-@pytest.mark.parametrize("name", rest_long(PROBLEMS, 3))
-def test_it_agrees_with_quadrature(name: str) -> None:
+@cache
+def by_quadrature(name: str) -> tuple[Problem, LeastSquaresFit, QuadraturePosterior]:
     problem = PROBLEMS[name]()
     start = least_squares(problem)
-    exact = integrate(problem, 1e-3, start)
+    return problem, start, integrate(problem, 1e-3, start)
+
+
+@cache
+def sampled_with(name: str, seed: int) -> ImportancePosterior:
+    problem, start, _ = by_quadrature(name)
+    return sample_by_series(problem, start, seed)
+
+
+@pytest.mark.parametrize("name", rest_long(PROBLEMS, 3))
+def test_it_agrees_with_quadrature(name: str) -> None:
+    _, _, exact = by_quadrature(name)
     assert exact.converged
-    sampled = sample_by_series(problem, start)
+    sampled = sampled_with(name, 0)
     agree(sampled, exact)
     transition = "transition_tau[s1]"
     assert sampled.quantile(transition, 0.5) == pytest.approx(exact.quantile(transition, 0.5), rel=0.05)
@@ -182,10 +199,8 @@ def test_a_noise_that_series_with_own_constants_share_is_sampled() -> None:
 
 @pytest.mark.parametrize("seeds", rest_long((4, 8)))
 def test_errors_are_honest_over_seeds(seeds: int) -> None:
-    problem = PROBLEMS["known noise"]()
-    start = least_squares(problem)
-    exact = integrate(problem, 1e-3, start)
-    found = [sample_by_series(problem, start, seed) for seed in range(seeds)]
+    _, _, exact = by_quadrature("known noise")
+    found = [sampled_with("known noise", seed) for seed in range(seeds)]
     z = [(each.log_evidence - exact.log_evidence) / each.error_evidence for each in found]
     assert 0.1 < np.mean(np.square(z)) < 4.0
     off = [
@@ -195,8 +210,9 @@ def test_errors_are_honest_over_seeds(seeds: int) -> None:
 
 
 def test_the_seed_decides() -> None:
-    problem = PROBLEMS["known noise"]()
-    first, again = (sample_by_series(problem, seed=3) for _ in range(2))
+    problem, start, _ = by_quadrature("known noise")
+    first, again = sampled_with("known noise", 3), sample_by_series(problem, start, 3)
+    assert first.log_evidence != sampled_with("known noise", 0).log_evidence
     assert first.log_evidence == again.log_evidence
     assert first.quantile("mu[s0]", 0.5) == again.quantile("mu[s0]", 0.5)
 

@@ -16,7 +16,7 @@ from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
 FAN = (25.0, 35.0, 45.0, 55.0, 65.0, 75.0)
 DROPS = (Row("e_n", 5.0, 0.8, 0.03),)
-N_E, N_C, N_MU = 24, 400, 800
+N_E, N_C, N_MU = 20, 300, 600
 
 
 def bundled(name: str) -> Question:

@@ -198,11 +198,10 @@ def test_the_seed_decides_the_draws_and_errors_are_honest_over_seeds() -> None:
     problem = QUESTIONS["unknown noises"].problem()
     start = least_squares(problem)
     exact = integrate(problem, 1e-3, start)
-    first, again = (sample_by_importance(problem, start, seed=3) for _ in range(2))
-    assert first.log_evidence == again.log_evidence
-    found = [sample_by_importance(problem, start, seed) for seed in range(12)]
+    found = [sample_by_importance(problem, start, seed) for seed in range(8)]
+    assert sample_by_importance(problem, start, seed=3).log_evidence == found[3].log_evidence
     z = [(each.log_evidence - exact.log_evidence) / each.error_evidence for each in found]
-    # t with 15 degrees of freedom each: their mean square is 15/13, with an sd of about 0.6
+    # t with 15 degrees of freedom each: their mean square is 15/13, with an sd of about 0.7
     assert 0.1 < np.mean(np.square(z)) < 4.0
 
 

@@ -89,7 +89,7 @@ def test_a_common_factor_under_a_tilted_bound_makes_no_fourth_axis(name: str) ->
 @pytest.mark.parametrize("name", rest_long(ASKED))
 def test_a_common_factor_is_the_mixture_over_its_values(name: str) -> None:
     asked, (low, high) = ASKED[name], FACTOR["noise_bounds"][""]  # type: ignore[index]
-    x, w = np.polynomial.legendre.leggauss(24)
+    x, w = np.polynomial.legendre.leggauss(16)
     start, end = math.log(0.2), math.log(high)  # a fifth of the stated noise is out of the question
     log_factor = 0.5 * (start + end) + 0.5 * (end - start) * x
     weight = 0.5 * (end - start) * w / math.log(high / low)

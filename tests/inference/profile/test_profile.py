@@ -185,7 +185,7 @@ def test_a_prior_that_narrows_is_named(tmp_path: Path) -> None:
 
 
 def test_separate_constants_under_a_shared_one(tmp_path: Path) -> None:
-    few = FAN[::2]  # what profiles cost grows with the rows
+    few = FAN[::3]  # what profiles cost grows with the rows
     second = table(few, sigma=0.02, seed=2, mu=0.2, e_t=-0.9).removeprefix(HEADER).replace("run,", "second,")
     text = table(few, sigma=0.02, seed=1, e_t=-0.9) + second
     problem, fit = question(tmp_path, text, separate="mu")

@@ -52,8 +52,17 @@ def assert_scaled(one: Estimate, other: Estimate, factor: float) -> None:
         assert one.stderr == pytest.approx(factor * (other.stderr or 0.0), rel=1e-3, abs=1e-15)
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("choice", CHOICES)
+# every choice by the optimum and the posterior, every method by choices of each kind
+EVERYWHERE = ("lsq", "exact")
+KINDS = ("free", "on the upper bound", "prior and bound")
+PAIRS = [
+    pytest.param(method, choice, marks=() if method in EVERYWHERE or choice in KINDS else pytest.mark.long)
+    for choice in CHOICES
+    for method in METHODS
+]
+
+
+@pytest.mark.parametrize(("method", "choice"), PAIRS)
 def test_mu_and_kappa_agree_where_e_n_is_fixed(method: str, choice: str) -> None:
     found = ifrfit.fit(
         "kharaz-2001", fix={"e_n": 0.98}, **{"gamma_min": 15.0, **CHOICES[choice], **METHODS[method]}

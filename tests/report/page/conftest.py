@@ -40,7 +40,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], FitResu
         if name == "digitised":
             return ifrfit.fit("kharaz-2001", prior={"e_n": (0.98, 0.01)}, gamma_min=15.0)
         if name == "hostile":
-            few = {**one, "gamma": gamma[::2]}  # what separate constants cost grows with the rows
+            few = {**one, "gamma": gamma[::3]}  # what separate constants cost grows with the rows
             parts = (
                 {**few, "series": HOSTILE[0]},
                 {**few, "series": HOSTILE[1], "mu": 0.2, "spin_y": -0.3, "seed": 3},

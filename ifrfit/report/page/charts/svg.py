@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from xml.sax.saxutils import quoteattr
+from html import escape
 
 import numpy as np
 
@@ -136,7 +136,7 @@ class _Writer:
         body = "".join(self.panel(panel) for panel in chart.panels)
         body += "" if chart.legend is None else self.legend(chart.legend)
         definitions = "".join(text.replace("ID", name, 1) for text, name in self.defined.items())
-        others = "".join(f" {key}={quoteattr(value)}" for key, value in attributes.items())
+        others = "".join(f' {key}="{escape(value)}"' for key, value in attributes.items())
         extent = f"{number(chart.width * POINTS_PER_MM)} {number(chart.height * POINTS_PER_MM)}"
         return (
             f'<svg viewBox="0 0 {extent}"{others} font-family="{FAMILY}" stroke-linejoin="round">{head}'

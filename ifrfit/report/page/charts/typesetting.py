@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from xml.sax.saxutils import escape
+from html import escape
 
 SUBSCRIPT = 0.72  # size of sub- and superscripts
 LOWERED, RAISED = 0.22, -0.38  # by shares of the size
@@ -120,7 +120,7 @@ def content(text: str, size: float) -> str:
     """A text as the content of an svg ``text`` element of that size: escaped, symbols as ``tspan``."""
     pieces, lowered = [], 0.0
     for run in runs(text):
-        words = escape(_INVALID.sub("", run.text))
+        words = escape(_INVALID.sub("", run.text), quote=False)
         place = size * (LOWERED if run.level < 0 else RAISED if run.level > 0 else 0.0)
         attributes = f' dy="{place - lowered:.1f}"' if place != lowered else ""
         attributes += ' font-style="italic"' if run.is_slanted else ""
