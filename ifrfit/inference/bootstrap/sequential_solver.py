@@ -106,14 +106,12 @@ def replicate(problem: Problem, replicates: ReplicateData, number: int) -> Probl
 def _loose(problem: Problem, local: GaussianApproximation) -> Bool:
     """Entries of theta that take part in a direction that the rows do not see."""
     share = np.abs(local.to_theta @ local.vectors[:, ~local.seen])
-    prior_sd = np.array([c.prior_sd for c in problem.parameters.entries])
-    return np.asarray((share > _LOADED * prior_sd[:, None]).any(axis=1))
+    return np.asarray((share > _LOADED * problem.parameters.prior_sd[:, None]).any(axis=1))
 
 
 def _why(drawn: Problem, found: LeastSquaresFit) -> str:
     """Why a replicate leaves a constant open."""
-    kinds = drawn.rows.kinds
-    oblique = np.isin(kinds, ("tangential", "curved"))
+    oblique = drawn.rows.is_oblique
     _, sticks = drawn.impulse(*drawn.per_row(found.optimum.theta))
     if oblique.any() and sticks[oblique].all():
         return NO_SLIDING

@@ -142,8 +142,7 @@ def _open(found: BootstrapDraws, reasons: Mapping[str, int], draws: Array) -> Un
 
 def _leaves_open(problem: Problem, local: GaussianApproximation) -> bool:
     """Whether the data leave anything loose, but e_n and mu that only share kappa."""
-    prior_sd = np.array([c.prior_sd for c in problem.parameters.entries])
-    loose = np.abs(local.vectors[:, ~local.seen]) > _LOADED * prior_sd[:, None]
+    loose = np.abs(local.vectors[:, ~local.seen]) > _LOADED * problem.parameters.prior_sd[:, None]
     if only_kappa_is_seen(problem):
         loose[sorted(set(problem.parameters.positions["e_n"].tolist()))] = False
     return bool(loose.any())

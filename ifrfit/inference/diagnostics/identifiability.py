@@ -31,7 +31,7 @@ def identifiable(
     local = fit.gaussian
     n_free = int(problem.parameters.free.sum())
     loose = [
-        _combination(local.names, local.vectors[:, i] / _prior_scale(problem))
+        _combination(local.names, local.vectors[:, i] / problem.parameters.prior_sd)
         for i in np.flatnonzero(~local.tight)
     ]
     figures = {"rank": local.rank, "free": n_free, "loose": loose}
@@ -59,10 +59,6 @@ def _limits(problem: Problem, constants: Constants) -> str:
         else:
             says.append(f"{name}: {estimate.reason}; add impacts at other angles, or a sigma that is smaller")
     return "; ".join(says)
-
-
-def _prior_scale(problem: Problem) -> np.ndarray:
-    return np.array([c.prior_sd for c in problem.parameters.entries])
 
 
 def _combination(names: tuple[str, ...], vector: np.ndarray) -> str:

@@ -171,8 +171,7 @@ def _pure_error(problem: Problem, fit: LeastSquaresFit, r: Array, dof: int) -> d
 
     Alone an observable has constants of its own: together, others dilute what is wrong in one.
     """
-    rows = problem.rows
-    _, group = np.unique(rows.setting * len(rows.names) + rows.which, return_inverse=True)
+    group = problem.rows.repeated
     count = np.bincount(group)
     mean = np.bincount(group, r) / count
     pure = float(((r - mean[group]) ** 2).sum())

@@ -12,7 +12,7 @@ from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.optimize.noise_modes import noise_factors
+from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.result.types import Fact
 
 _FEWEST = 12  # impacts below which no two kinds are looked for
@@ -55,7 +55,7 @@ def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
     count = int(problem.rows.impacts.max(initial=-1)) + 1
     if not _FEWEST <= count <= _MOST or not problem.error_model.is_plain:
         return None
-    sigma = _likely_sigma(problem, fit)
+    sigma = likely_sigma(problem, fit.optimum.theta)
     jacobian = problem.jacobian(fit.optimum.theta) / sigma[:, None]
     residual = problem.residual(fit.optimum.theta) / sigma
     best: _Kinds | None = None
@@ -82,11 +82,6 @@ def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
     )
     figures = {"constant": best.name, "values": list(values), "drop": best.drop, "of_second": many}
     return Fact(False, says, figures, FACTS["mixture"])
-
-
-def _likely_sigma(problem: Problem, fit: LeastSquaresFit) -> Array:
-    """Standard uncertainty of each row at the most likely noises."""
-    return problem.noise.base * noise_factors(problem, fit.optimum.theta)
 
 
 def _by_impact(problem: Problem, of_rows: Array) -> Array:
@@ -171,7 +166,7 @@ def _fitted(problem: Problem, fit: LeastSquaresFit, place: int, spread: float) -
 
 def _log_likelihoods(problem: Problem, fit: LeastSquaresFit, theta: Array) -> Array:
     """Log likelihood of each impact with one kind, at the most likely noises, but for a constant."""
-    sigma = _likely_sigma(problem, fit)
+    sigma = likely_sigma(problem, fit.optimum.theta)
     z = problem.residual(theta) / sigma
     return _by_impact(problem, -0.5 * z * z - np.log(sigma))
 

@@ -76,18 +76,16 @@ def _fact(problem: Problem, found: list[tuple[int, float]], limit: float | None)
     named = "; ".join(f"{row_name(problem, i)} at {z:+.1f} sigma" for i, z in found)
     many = len(found) > 1
     count = f"{len(found)} outlier{'s' if many else ''}{' or more' if len(found) == _MOST else ''}"
-    remedy = " ".join(f"--exclude {exclude_name(problem, i)}" for i, _ in found)
-    them = "them" if many else "it"
     if len(found) == _MOST and problem.noise.is_known:
         remedy = "with so many, sigma is rather too small for the scatter: --noise scaled or unknown"
-        return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
-    if len(found) > max(2.0, _FEW * problem.rows.value.size):
+    elif len(found) > max(2.0, _FEW * problem.rows.value.size):
         remedy = (
             "so many of so few rows are no outliers: the law does not hold for them, or sigma is too small"
         )
-        return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
-    says = f"{count}: {named}; check {them}, or leave {them} out with {remedy}"
-    return Fact(False, says, figures, FACTS["outliers"])
+    else:
+        them, left_out = "them" if many else "it", [f"--exclude {exclude_name(problem, i)}" for i, _ in found]
+        remedy = f"check {them}, or leave {them} out with {' '.join(left_out)}"
+    return Fact(False, f"{count}: {named}; {remedy}", figures, FACTS["outliers"])
 
 
 def row_name(problem: Problem, i: int) -> str:

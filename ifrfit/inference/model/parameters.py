@@ -272,6 +272,11 @@ class ParameterSet:
         return np.array([p.lower for p in self.entries]), np.array([p.upper for p in self.entries])
 
     @cached_property
+    def prior_sd(self) -> Array:
+        """Standard deviation of the default prior of each entry of theta, (p,)."""
+        return np.array([p.prior_sd for p in self.entries])
+
+    @cached_property
     def priors(self) -> tuple[Index, Array, Array]:
         """Places in theta of what is known before, with mean and sd, (k,) each."""
         known = [(i, *each.prior) for i, each in enumerate(self.entries) if each.prior is not None]

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Bool = NDArray[np.bool_]
 
+LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
 OBLIQUE = ("tangential", "curved")  # kinds of observables that know the closure
 
 
@@ -147,9 +148,9 @@ class Rows:
         return self._mask(("angle",), [o.has_angle for o in self.observables])
 
     @property
-    def has_rebound_scale(self) -> bool:
-        """Whether any value is over the outgoing normal velocity, which has no limit at e_n = 0."""
-        return any(o.scale == "rebound" for o in self.observables)
+    def lowest_e_n(self) -> float:
+        """The e_n below which a value over the outgoing normal velocity is not meant seriously; else 0."""
+        return LOWEST if any(o.scale == "rebound" for o in self.observables) else 0.0
 
     def _mask(self, key: tuple[str, ...], of_observable: Sequence[bool]) -> Bool:
         """Rows of some observables, read-only; worked out once, asked for some dozen times a fit."""
@@ -177,6 +178,11 @@ class Rows:
         i = self.incidence
         inputs = np.column_stack((self.series, i.sine, i.cosine, i.spin_x, i.spin_y))
         return np.unique(inputs, axis=0, return_inverse=True)[1].reshape(-1)
+
+    @cached_property
+    def repeated(self) -> Index:
+        """Observable and setting of each row as one number, (n,): rows of one number repeat one another."""
+        return np.asarray(np.unique(self.setting * len(self.names) + self.which, return_inverse=True)[1])
 
     def normal_factor(self, at: Index | Bool) -> Array:
         """What e_n is multiplied by in rows of the normal kind, of which `at` are some."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.thresholds import HALF, RANK
+from ifrfit.inference.diagnostics.thresholds import HALF
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.optimize.laplace import weighted_jacobian
+from ifrfit.inference.optimize.laplace import first_order_move
 from ifrfit.inference.optimize.noise_modes import best_mode_from
 from ifrfit.inference.optimize.optimum import Array
 from ifrfit.inference.optimize.scalar_search import scalar_minima
@@ -119,22 +119,13 @@ def offset_at(
     prior_sd : float
     """
     common = slope_by_offset(problem, theta) * prior_sd
-    _, phi, to_theta, by_phi, _ = weighted_jacobian(problem, sigma, theta)
-    free = problem.parameters.free
-    scale = (np.array([c.prior_sd for c in problem.parameters.entries]) / np.abs(np.diag(to_theta)))[free]
-    columns = by_phi[:, free] * scale
-    weighted = np.zeros(by_phi.shape[0])
-    weighted[: sigma.size] = common / sigma
-    share, *_ = np.linalg.lstsq(columns, weighted, rcond=RANK)
-    rest = weighted - columns @ share
-    carried = np.zeros(phi.size)
-    carried[free] = -share * scale / prior_sd
+    moved, rest = first_order_move(problem, sigma, theta, common)
     (best, value), *others = found
     return AngleOffset(
         value,
         float(prior_sd / np.sqrt(1.0 + rest @ rest)),
         prior_sd,
-        carried,
+        moved / prior_sd,
         common,
         tuple((other - best, place) for other, place in others),
     )

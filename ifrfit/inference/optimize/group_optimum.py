@@ -13,6 +13,7 @@ from ifrfit.inference.optimize.parameter_group import (
     GroupOptimum,
     ParameterGroup,
     is_separable,
+    range_of_e_n,
     restitution_optimum,
     without_normal_rows,
 )
@@ -78,7 +79,6 @@ def center_free_e_n(group: ParameterGroup, constants: Constants) -> Constants:
     kappa = mu * (1.0 + e_n)
     if touched or kappa <= 0.0:
         return constants
-    low = max(group.e_n.lower, kappa / group.mu.upper - 1.0)
-    high = min(group.e_n.upper, kappa / group.mu.lower - 1.0 if group.mu.lower > 0.0 else math.inf)
-    middle = 0.5 * (low + high)
+    low, high = range_of_e_n(kappa, group.mu)
+    middle = 0.5 * (max(group.e_n.lower, low) + min(group.e_n.upper, high))
     return middle, c, kappa / (1.0 + middle)

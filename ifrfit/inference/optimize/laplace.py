@@ -125,7 +125,6 @@ def gaussian_approximation(
     """
     names, phi, to_theta, by_phi, residual = weighted_jacobian(problem, sigma, theta, with_priors=with_priors)
     n = problem.rows.value.size
-    entries = problem.parameters.entries
     gradient = -2.0 * (by_phi.T @ residual)
     unit = np.zeros(n) if common is None else common / sigma
     size = float(unit @ unit)
@@ -135,7 +134,7 @@ def gaussian_approximation(
     by_phi = by_phi.copy()
     by_phi[:n] -= shrunk * np.outer(unit, unit @ by_phi[:n])
     free = problem.parameters.free
-    scale = np.array([c.prior_sd for c in entries]) / np.abs(np.diag(to_theta))
+    scale = problem.parameters.prior_sd / np.abs(np.diag(to_theta))
     scaled = by_phi[:, free] * scale[free]
     left, singular, right = np.linalg.svd(scaled, full_matrices=False)
     p = int(free.sum())
@@ -173,6 +172,27 @@ def weighted_jacobian(
         jacobian = np.concatenate((jacobian, extra))
         residual = np.concatenate((residual, -problem.parameters.prior_residuals(theta)))
     return names, phi, to_theta, jacobian @ to_theta, residual
+
+
+def first_order_move(problem: Problem, sigma: Array, theta: Array, change: Array) -> tuple[Array, Array]:
+    """By how much the optimum moves where every row's value is predicted larger by a change, (n,).
+
+    Returns
+    -------
+    moved : ndarray, (p,)
+        In the coordinates of the expansion.
+    rest : ndarray, (n + priors,)
+        What is left of the change over sigma.
+    """
+    _, _, to_theta, by_phi, _ = weighted_jacobian(problem, sigma, theta)
+    free = problem.parameters.free
+    scale = (problem.parameters.prior_sd / np.abs(np.diag(to_theta)))[free]
+    columns, weighted = by_phi[:, free] * scale, np.zeros(len(by_phi))
+    weighted[: sigma.size] = change / sigma
+    share, *_ = np.linalg.lstsq(columns, weighted, rcond=RANK)
+    moved = np.zeros(theta.size)
+    moved[free] = -share * scale
+    return moved, weighted - columns @ share
 
 
 def kappa_coordinates(problem: Problem, theta: Array) -> tuple[tuple[str, ...], Array, Array]:

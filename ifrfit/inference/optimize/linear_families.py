@@ -22,11 +22,11 @@ import math
 import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.rows import LOWEST
 from ifrfit.inference.optimize.design import Domain, Forms, Frame, LinearForm
 from ifrfit.inference.optimize.parameter_group import Array, Constants, ParameterGroup
 
 _TINY = 1e-300
-LOWEST = 1e-3  # e_n below which a value over the outgoing normal velocity is not meant seriously
 
 
 def linear_form(group: ParameterGroup, kappa: float | None = None) -> LinearForm | None:

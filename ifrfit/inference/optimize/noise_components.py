@@ -225,7 +225,7 @@ def _parts(problem: Problem) -> list[tuple[ParameterGroup, Index]] | None:
 def _split(group: ParameterGroup, at: Index) -> Sequence[tuple[ParameterGroup, Index]]:
     """What measures e_n alone, and the rest, where they share no constant."""
     normal = group.rows.of_kind("normal")
-    oblique = bool(group.rows.of_kind("tangential", "curved").any())
+    oblique = bool(group.rows.is_oblique.any())
     if group.e_n.fixed is not None or (oblique and not is_separable(group)):
         return [(group, at)]
     alone, own = _restitution(group, np.flatnonzero(normal))

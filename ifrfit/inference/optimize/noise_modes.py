@@ -202,6 +202,11 @@ def noise_factors(problem: Problem, theta: Array) -> Array:
     return search.sigma(search.variance(theta)) / search.base
 
 
+def likely_sigma(problem: Problem, theta: Array) -> Array:
+    """Standard uncertainty of each row at the most likely noises, uncorrected for constants, (n,)."""
+    return problem.noise.base * noise_factors(problem, theta)
+
+
 @dataclass(frozen=True)
 class NoiseAtMode:
     """The noise that goes with a mode, and how far the mode lies above the best.
@@ -272,7 +277,7 @@ class _Search:
         self.known = np.flatnonzero(problem.noise.is_given)
         self.modes: list[Mode] = []
         self.all_proven = True  # every weighted fit so far; one that was only searched bounds nothing
-        scale = np.array([each.prior_sd for each in problem.parameters.entries])
+        scale = problem.parameters.prior_sd
         self.scale = np.where(np.isfinite(scale) & (scale > 0.0), scale, 1.0)
 
     @property

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ifrfit.inference.model.parameters import Parameter
+from ifrfit.inference.model.rows import LOWEST
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.decomposition import PiecewiseMember, lagrangian_bound
-from ifrfit.inference.optimize.linear_families import LOWEST, kappa_form, linear_form
+from ifrfit.inference.optimize.linear_families import kappa_form, linear_form
 from ifrfit.inference.optimize.parameter_group import (
     Constants,
     GroupOptimum,

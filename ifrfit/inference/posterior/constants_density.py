@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.linear_families import LOWEST
 from ifrfit.inference.posterior.lattice_rule import Array
 from ifrfit.inference.posterior.noise_scale import NoiseScale
 
@@ -93,15 +93,10 @@ class ConstantsDensity:
         """What the coordinates stand for."""
         parameters = self.problem.parameters
         e_n_of = {mu: value if e_n is None else e_n for mu, e_n, value in parameters.free_kappas}
-        lifted = self.problem.rows.has_rebound_scale  # values over the outgoing velocity
         found = []
-        for place, (entry, unknown) in enumerate(
-            zip(np.flatnonzero(parameters.free), self.problem.free_parameters, strict=True)
-        ):
-            if lifted and entry in parameters.positions["e_n"]:
-                unknown = FreeParameter(
-                    unknown.name, max(unknown.lower, LOWEST), unknown.upper, unknown.prior, unknown.log_scale
-                )
+        for place, unknown in enumerate(self.problem.free_parameters):
+            if quantity_of(unknown.name) == "e_n":
+                unknown = replace(unknown, lower=max(unknown.lower, self.problem.rows.lowest_e_n))
             found.append(Coordinate(unknown, e_n_of.get(place)))
         bounds = self.problem.noise_bounds() if self.sampled_noises else {}
         for name in self.sampled_noises:

@@ -15,7 +15,6 @@ from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
-from ifrfit.inference.optimize.linear_families import LOWEST
 from ifrfit.inference.posterior.grid_settings import GridSettings, ladder
 from ifrfit.inference.posterior.initial_panels import Known, make_series, thinned
 from ifrfit.inference.posterior.joint_grid import JointIntegral, SharedParameter
@@ -164,11 +163,9 @@ def _block_parameter(settings: GridSettings, kind: str, block: int) -> FreeParam
     if constant.fixed is not None or at is None:
         return constant.fixed or 0.0
     free = FreeParameter.of(settings.problem.parameters.names[at], constant)
-    rows = settings.problem.rows
-    if kind == "e_n" and rows.has_rebound_scale:
-        # values over the outgoing velocity have no meaning at e_n = 0
-        return replace(free, lower=max(free.lower, LOWEST))
-    return free
+    if kind != "e_n":
+        return free
+    return replace(free, lower=max(free.lower, settings.problem.rows.lowest_e_n))
 
 
 def _refuse_negative_bound(settings: GridSettings) -> None:

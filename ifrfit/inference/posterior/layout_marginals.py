@@ -31,7 +31,7 @@ def marginals_of(layout: IntegralLayout, density: JointDensity) -> dict[str, Mar
             if layout.separable and kind == "mu" and isinstance(e_n, FreeParameter):
                 numbers = block, layout.restitution_series[block]
                 kappa = kappas[layout.kappa_names[block]]
-                made = quotient_marginal(density, kappa, found[e_n.name], numbers, parameter, parameter.name)
+                made = quotient_marginal(density, kappa, found[e_n.name], numbers, parameter)
             else:
                 made = _parameter_marginal(layout, density, kind, block, parameter)
             found[parameter.name] = made
@@ -60,11 +60,11 @@ def _parameter_marginal(
 ) -> Marginal:
     """Of e_n, c or mu, where mu is no quotient."""
     if layout.separable and kind == "e_n":
-        return series_marginal(density, layout.restitution_series[block], "e_n", parameter.name, parameter)
+        return series_marginal(density, layout.restitution_series[block], "e_n", parameter)
     number = layout.integral.number_of(kind)
     if number is not None:
         return shared_marginal(density, number, parameter.name)
-    return series_marginal(density, block, kind, parameter.name, parameter)
+    return series_marginal(density, block, kind, parameter)
 
 
 def _kappa_marginal(layout: IntegralLayout, density: JointDensity, block: int, name: str) -> Marginal:

@@ -24,9 +24,7 @@ Errors = Callable[[Array, Array], list[PanelErrors]]
 _TINY = 1e-300
 
 
-def series_marginal(
-    density: JointDensity, number: int, kind: str, name: str, parameter: FreeParameter
-) -> Marginal:
+def series_marginal(density: JointDensity, number: int, kind: str, parameter: FreeParameter) -> Marginal:
     """Of e_n, c or mu of one series.
 
     Parameters
@@ -35,7 +33,6 @@ def series_marginal(
     number : int
         Of the series.
     kind : {"e_n", "c", "mu"}
-    name : str
     parameter : FreeParameter
         The one that the series integrates over.
     """
@@ -46,7 +43,7 @@ def series_marginal(
         "c": (_c, nodes.c),
         "mu": (_mu, nodes.mu),
     }[kind]
-    made = make(density, grid, name, parameter)
+    made = make(density, grid, parameter)
     return replace(made, factors=((number, values),))
 
 
@@ -54,7 +51,7 @@ def _moments(density: JointDensity, grid: DensityGrid, values: Array) -> Moments
     return moments_of(lambda of: (density.share * grid.expectation(of(values))).sum(axis=1))
 
 
-def _e_n(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParameter) -> Marginal:
+def _e_n(density: JointDensity, grid: DensityGrid, parameter: FreeParameter) -> Marginal:
     series = grid.series
     moments = _moments(density, grid, grid.nodes.e_n[..., None])
     if series.e_axis is None:  # e_n = x b/mu - 1
@@ -65,12 +62,12 @@ def _e_n(density: JointDensity, grid: DensityGrid, name: str, parameter: FreePar
         def cdf(t: Array, levels: int) -> Array:
             return below((mu * (1.0 + t[:, None, None, None]) / b)[..., 0], levels)
 
-        return Marginal(name, parameter.lower, parameter.upper, moments, cdf)
+        return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf)
     rows = PanelCdf.of_levels(series.e_axis, grid.e_density(density.share))
-    return Marginal(name, parameter.lower, parameter.upper, moments, rows.below_in_all)
+    return Marginal(parameter.name, parameter.lower, parameter.upper, moments, rows.below_in_all)
 
 
-def _c(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParameter) -> Marginal:
+def _c(density: JointDensity, grid: DensityGrid, parameter: FreeParameter) -> Marginal:
     moments = _moments(density, grid, grid.nodes.c)
     # b(c) = mu (1 + e_n)/x falls as x rises, and c with it where b1 > 0
     if isinstance(grid.series.role, ClosureConstantFree):
@@ -84,16 +81,18 @@ def _c(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParam
                 x = np.where(b > 0.0, kappa / b, np.inf)
             return 1.0 - below(x, levels) if k.b1 > 0.0 else below(x, levels)
 
-        return Marginal(name, parameter.lower, parameter.upper, moments, cdf)
+        return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf)
     by_c = ConditionalCdf(grid, density.share, np.zeros((1, 1, 1)), lambda t, zero: t + zero)
     errors = _errors_by_c(density, grid, by_c)
-    return Marginal(name, parameter.lower, parameter.upper, moments, by_c.probability, errors=errors)
+    return Marginal(
+        parameter.name, parameter.lower, parameter.upper, moments, by_c.probability, errors=errors
+    )
 
 
-def _mu(density: JointDensity, grid: DensityGrid, name: str, parameter: FreeParameter) -> Marginal:
+def _mu(density: JointDensity, grid: DensityGrid, parameter: FreeParameter) -> Marginal:
     cdf, errors = _friction(density, grid, 1.0 + grid.nodes.e_n)
     moments = _moments(density, grid, grid.nodes.mu)
-    return Marginal(name, parameter.lower, parameter.upper, moments, cdf, errors=errors)
+    return Marginal(parameter.name, parameter.lower, parameter.upper, moments, cdf, errors=errors)
 
 
 def _friction(density: JointDensity, grid: DensityGrid, divisor: Array) -> tuple[Cdf, Errors]:
@@ -182,7 +181,7 @@ def kappa_marginal(density: JointDensity, number: int, name: str) -> Marginal:
     low, high = (mu * (1.0 + e_n) for mu, e_n in zip(mu_ends, e_ends, strict=True))
     if isinstance(series.role, ClosureConstantFree) and isinstance(series.e_n, FreeParameter):
         mu = float(nodes.mu.reshape(-1)[0])  # it is given, so e_n alone moves kappa
-        e_n = _e_n(density, grid, name, series.e_n)
+        e_n = _e_n(density, grid, series.e_n)
         return Marginal(name, low, high, moments, lambda t, levels: e_n.cdf(t / mu - 1.0, levels))
     cdf, errors = _friction(density, grid, np.ones((1, 1, 1)))
     return Marginal(name, low, high, moments, cdf, kinks=_kappa_kinks(density, grid), errors=errors)

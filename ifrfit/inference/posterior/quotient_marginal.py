@@ -124,7 +124,6 @@ def quotient_marginal(
     e_n: Marginal,
     numbers: tuple[int, int],
     parameter: FreeParameter,
-    name: str,
 ) -> Marginal:
     """mu = kappa/(1 + e_n) where nothing in the data ties the two.
 
@@ -136,11 +135,10 @@ def quotient_marginal(
         Of the series that hold kappa and e_n.
     parameter : FreeParameter
         mu.
-    name : str
     """
     quotient = _Quotient(density, kappa, e_n, numbers)
     return Marginal(
-        name,
+        parameter.name,
         parameter.lower,
         parameter.upper,
         lambda level: quotient.moments[level],

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.branch_and_bound import minimise
 from ifrfit.inference.optimize.group_optimum import center_free_e_n
@@ -19,7 +17,6 @@ from ifrfit.inference.optimize.scalar_search import minimum_near
 from ifrfit.inference.optimize.solve import series_groups, solve, whole_group
 from ifrfit.inference.profile.constrained_series import ConstrainedSeries
 
-LOWEST = 1e-3
 _SHARE = 0.05  # of the range of e_n about the neighbour's, where the best one is sought first
 _GRID = 7  # values over the whole range that are looked at where it is not there
 _XATOL = 1e-7
@@ -110,7 +107,7 @@ def best_at_kappa(
         return theta_of(problem, [constants] * len(problem.series))
     e_n = problem.parameters["e_n"]
     i_e, i_mu = 0, len(problem.parameters.names) - 1
-    low = min(max(e_n.lower, range_of_e_n[0], lowest_e_n(problem)), e_n.upper)
+    low = min(max(e_n.lower, range_of_e_n[0], problem.rows.lowest_e_n), e_n.upper)
     high = max(low, min(e_n.upper, range_of_e_n[1]))
     seen: dict[float, tuple[float, Array]] = {}
 
@@ -121,14 +118,3 @@ def best_at_kappa(
 
     minimum_near(total, float(near[i_e]), low, high, share=_SHARE, n_grid=_GRID, xatol=_XATOL)
     return min(seen.values(), key=lambda pair: pair[0])[1]
-
-
-def lowest_e_n(problem: Problem) -> float:
-    """The e_n below which a value over the outgoing normal velocity is not meant seriously; else 0."""
-    return LOWEST if problem.rows.has_rebound_scale else 0.0
-
-
-def kappa_range(kappa: float, mu: Parameter) -> tuple[float, float]:
-    """What e_n may be at a given kappa for mu = kappa/(1 + e_n) to stay in its domain."""
-    low = kappa / mu.upper - 1.0 if mu.upper > 0.0 else -math.inf
-    return low, kappa / mu.lower - 1.0 if mu.lower > 0.0 else math.inf

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ifrfit.inference.distributions.truncated_normal import half_width
-from ifrfit.inference.profile.curve import ProfileCurve
-from ifrfit.inference.profile.objective import limit
-from ifrfit.inference.profile.quantities import Quantity
+from ifrfit.inference.optimize.effective_dof import dof_of_functional
+from ifrfit.inference.profile.curve import FINE, ProfileCurve, Resolution
+from ifrfit.inference.profile.objective import Misfit, limit
+from ifrfit.inference.profile.quantities import Quantity, profile_curve
 from ifrfit.inference.profile.types import ProfileLikelihood, closed, hull, shape_of
 from ifrfit.inference.summary.status import Known, Marginal, OneSided, estimate_of
 
@@ -16,23 +17,22 @@ _NEAR = 1.5  # one-sided 95 % widths from the bound within which the optimum sta
 
 
 def profile_of(
-    quantity: Quantity, curve: ProfileCurve, value: float, dof: float, known: Known, *, fill: bool = True
+    misfit: Misfit, quantity: Quantity, known: Known, resolution: Resolution = FINE, *, fill: bool = True
 ) -> ProfileLikelihood:
-    """The profile of a quantity from its curve.
+    """Trace the profile of a quantity, and cut it.
 
     Parameters
     ----------
+    misfit : Misfit
     quantity : Quantity
-    curve : ProfileCurve
-        Explored, see `ifrfit.inference.profile.quantities.profile_curve`.
-    value : float
-        The optimum.
-    dof : float
-        Degrees of freedom behind the cut.
     known : Known
+    resolution : Resolution
     fill : bool
         Whether to add places until the curve can be drawn.
     """
+    dof = dof_of_functional(misfit.problem, misfit.fit, quantity.functional)
+    curve = profile_curve(misfit, quantity, dof, resolution)
+    value = curve.best_place(quantity.of(misfit.fit.optimum.theta))
     two_sided = [limit(level, dof) for level in (0.68, 0.95, *((_COVERED,) if fill else ()))]
     curve.cross([*two_sided, *(limit(level, dof, one_sided=True) for level in (0.68, 0.95))])
     pieces68, pieces = curve.pieces(limit(0.68, dof)), curve.pieces(limit(0.95, dof))

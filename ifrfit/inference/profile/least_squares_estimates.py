@@ -17,7 +17,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.curve import COARSE
 from ifrfit.inference.profile.intervals import profile_of
 from ifrfit.inference.profile.objective import Misfit
-from ifrfit.inference.profile.quantities import Quantity, entry, kappa, outlying, profile_curve
+from ifrfit.inference.profile.quantities import Quantity, entry, kappa, outlying
 from ifrfit.inference.result.types import Constants, Estimate, Interval
 from ifrfit.inference.summary.estimates import by_constant, marginal_of_normal
 from ifrfit.inference.summary.gaussian import prior_reasons
@@ -74,12 +74,8 @@ def _profiled(problem: Problem, fit: LeastSquaresFit, quantity: Quantity, known:
     A quantity that depends on a direction the data do not see is never called determined, however short its
     profile: that is what the bounds of another constant leave of it.
     """
-    misfit = Misfit.of(problem, fit)
-    dof = misfit.dof_of(quantity.functional)
-    curve = profile_curve(misfit, quantity, dof, COARSE)
-    value = curve.best_place(quantity.of(fit.optimum.theta))
     known = replace(known, plain=known.plain or "by its profile")
-    return profile_of(quantity, curve, value, dof, known, fill=False).estimate()
+    return profile_of(Misfit.of(problem, fit), quantity, known, COARSE, fill=False).estimate()
 
 
 def through_kappa(problem: Problem, constant: Parameter, kappa: Estimate) -> Estimate:

@@ -11,7 +11,7 @@ import numpy as np
 from ifrfit.inference.distributions.truncated_normal import half_width
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.optimize.effective_dof import information_shares, satterthwaite
+from ifrfit.inference.optimize.effective_dof import group_dof
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.noise_modes import NoiseAtMode, noise_at_mode
 from ifrfit.inference.optimize.optimum import Array
@@ -54,7 +54,7 @@ class Misfit:
     def of(cls, problem: Problem, fit: LeastSquaresFit) -> Misfit:
         """The misfit under the problem's noise policy."""
         groups, base = tuple(problem.noise_groups().values()), problem.noise.base
-        dof = np.array([rows.size - float(fit.gaussian.leverage[rows].sum()) for rows in groups])
+        dof = group_dof(problem, fit)
         theta = fit.optimum.theta
         squares = cls(problem, fit, groups, base)._squares_of(problem.residual(theta[None]) / base)[0]
         rivals = [noise_at_mode(problem, place, rise) for rise, place in fit.rivals if rise <= _WITHIN]
@@ -94,16 +94,6 @@ class Misfit:
         """chi2 of rows with a known sigma and of the priors at each mode."""
         theta = np.array([mode.theta for mode in self.modes])
         return self._of_known(theta, self.problem.residual(theta) / self.base)
-
-    def dof_of(self, functional: Array) -> float:
-        """Degrees of freedom behind the sd of functional @ phi, after Satterthwaite.
-
-        Each group counts by its share of the information, and what a prior knows counts as known.
-        """
-        if not self.groups:
-            return math.inf
-        shares = information_shares(self.problem, self.fit, functional)
-        return self.fit.noise_dof if shares is None else satterthwaite(shares, self.modes[0].dof)
 
     def _of_known(self, theta: Array, residual: Array) -> Array:
         """chi2 of rows whose sigma is given and of the priors, (m,)."""

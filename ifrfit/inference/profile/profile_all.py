@@ -17,7 +17,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.profile.intervals import profile_of
 from ifrfit.inference.profile.least_squares_estimates import through_kappa
 from ifrfit.inference.profile.objective import Misfit
-from ifrfit.inference.profile.quantities import Quantity, profile_curve, quantities_of, transition_tau
+from ifrfit.inference.profile.quantities import quantities_of, transition_tau
 from ifrfit.inference.profile.types import ProfileLikelihood
 from ifrfit.inference.result.types import Angles, Constants, Estimate
 from ifrfit.inference.summary.derived import (
@@ -62,7 +62,7 @@ def profile_all(
     found = {}
     for name, quantity in quantities_of(problem, fit).items():
         sd = math.sqrt(fit.gaussian.variance(quantity.functional, quantity.domain.prior_sd))
-        found[name] = _profile(misfit, quantity, known_of(problem, fit, name, sd, reasons), curves)
+        found[name] = profile_of(misfit, quantity, known_of(problem, fit, name, sd, reasons), fill=curves)
     e_n = problem.parameters["e_n"]
     if e_n.fixed is not None:
         factor = 1.0 + e_n.fixed
@@ -88,13 +88,6 @@ def profile_all(
     return found
 
 
-def _profile(misfit: Misfit, quantity: Quantity, known: Known, curves: bool) -> ProfileLikelihood:
-    dof = misfit.dof_of(quantity.functional)
-    curve = profile_curve(misfit, quantity, dof)
-    value = curve.best_place(quantity.of(misfit.fit.optimum.theta))
-    return profile_of(quantity, curve, value, dof, known, fill=curves)
-
-
 def _meant(meaning: Meaning, inertia_factor: float, c: float) -> float:
     return meaning.value(c, inertia_factor)
 
@@ -111,7 +104,7 @@ def _transition_tau(
     if b is not None:
         return kappa.mapped("transition_tau", lambda x: x / b)
     quantity = transition_tau(problem, fit, number)
-    return None if quantity is None else _profile(misfit, quantity, Known(kappa.has_value), curves)
+    return None if quantity is None else profile_of(misfit, quantity, Known(kappa.has_value), fill=curves)
 
 
 def _transitions(

@@ -15,17 +15,15 @@ from ifrfit.inference.optimize.batched_search import FollowingMu
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.optimize.linear_families import linear_form
 from ifrfit.inference.optimize.optimum import Array, Optimum
-from ifrfit.inference.optimize.parameter_group import is_separable
+from ifrfit.inference.optimize.parameter_group import is_separable, range_of_e_n
 from ifrfit.inference.optimize.solve import whole_group
 from ifrfit.inference.profile.constrained_fit import (
     best_at_kappa,
     best_with,
-    kappa_range,
-    lowest_e_n,
     separable_e_n,
 )
 from ifrfit.inference.profile.constrained_series import ConstrainedSeries
-from ifrfit.inference.profile.curve import FINE, ProfileCurve, Resolution
+from ifrfit.inference.profile.curve import ProfileCurve, Resolution
 from ifrfit.inference.profile.objective import Misfit, limit
 from ifrfit.inference.profile.searched_profile import Constraint, SearchedProfile
 from ifrfit.inference.summary.gaussian import kappa_at
@@ -114,7 +112,7 @@ def entry(problem: Problem, fit: LeastSquaresFit, place: int) -> Quantity:
     constant = problem.parameters.entries[place]
     lower = constant.lower
     if constant.name == "e_n":
-        lower = max(lower, min(lowest_e_n(problem), constant.upper))
+        lower = max(lower, min(problem.rows.lowest_e_n, constant.upper))
     far = None
     if constant.name == "mu":
         far = _level(problem, place)
@@ -142,7 +140,7 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
         if best_e_n is not None:
             at = {i_mu: x / (1.0 + best_e_n)} | ({} if e_n.fixed is not None else {i_e: best_e_n})
             return best_with(problem, sigma, at, near)
-        found = best_at_kappa(problem, sigma, x, kappa_range(x, mu), near)
+        found = best_at_kappa(problem, sigma, x, range_of_e_n(x, mu), near)
         if found is None:
             raise ValueError("no certified method knows this kappa: it takes a search")
         return found
@@ -165,7 +163,7 @@ def kappa(problem: Problem, fit: LeastSquaresFit, series: int) -> Quantity:
         return None
 
     high_e = e_n.ends[1]
-    lowest = max(e_n.lower, min(lowest_e_n(problem), e_n.upper))
+    lowest = max(e_n.lower, min(problem.rows.lowest_e_n, e_n.upper))
     far = _level(problem, i_mu)
     return Quantity(
         own.name,
@@ -239,9 +237,7 @@ def outlying(optimum: Optimum) -> list[Array]:
     return [theta for _, theta in optimum.minima[1:]] + list(optimum.extremes)
 
 
-def profile_curve(
-    misfit: Misfit, quantity: Quantity, dof: float, resolution: Resolution = FINE
-) -> ProfileCurve:
+def profile_curve(misfit: Misfit, quantity: Quantity, dof: float, resolution: Resolution) -> ProfileCurve:
     """Trace the profile of a quantity from all optima of the fit."""
     fit = misfit.fit
     value = quantity.of(fit.optimum.theta)

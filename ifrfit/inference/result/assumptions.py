@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ifrfit.inference.diagnostics.thresholds import RANK
 from ifrfit.inference.model.entry_names import entry_name
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.angle_offset import slope_by_offset
-from ifrfit.inference.optimize.laplace import weighted_jacobian
+from ifrfit.inference.optimize.laplace import first_order_move, kappa_coordinates
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 from ifrfit.inference.result.types import Constants, Estimate, NoiseSummary, by_entry
 from ifrfit.physics.angles import Incidence
@@ -61,10 +60,8 @@ def assumed_of(
 
 def _of_repeats(problem: Problem) -> str:
     """That repeats share no error, where most angles are repeated."""
-    rows, i = problem.rows, problem.rows.incidence
-    oblique = np.flatnonzero(rows.is_oblique)
-    inputs = np.column_stack((rows.which, rows.series, i.sine, i.spin_x, i.spin_y))[oblique]
-    settings = len(np.unique(inputs, axis=0))
+    oblique = np.flatnonzero(problem.rows.is_oblique)
+    settings = np.unique(problem.rows.repeated[oblique]).size
     # its angle as well: with --angle-errors each row has an error of its own
     return ", also those of repeats at one angle" if oblique.size >= 2 * settings > 0 else ""
 
@@ -134,13 +131,8 @@ def moved_by_offset(problem: Problem, fit: LeastSquaresFit) -> dict[str, float]:
 def _moved_by(problem: Problem, fit: LeastSquaresFit, change: Array) -> dict[str, float]:
     """By how much the optimum moves where every row's value is predicted larger by a change, (n,)."""
     theta = fit.optimum.theta
-    names, _, to_theta, by_phi, _ = weighted_jacobian(problem, fit.sigma, theta)
-    free = problem.parameters.free
-    scale = np.array([each.prior_sd for each in problem.parameters.entries])[free]
-    slope = np.zeros(len(by_phi))
-    slope[: fit.sigma.size] = change / fit.sigma
-    moved = np.zeros(theta.size)
-    moved[free] = -np.linalg.lstsq(by_phi[:, free] * scale, slope, rcond=RANK)[0] * scale
+    moved, _ = first_order_move(problem, fit.sigma, theta, change)
+    names, _, to_theta = kappa_coordinates(problem, theta)
     in_theta = to_theta @ moved
     by_name = dict(zip(names, moved.tolist(), strict=True))
     return by_name | dict(zip(problem.parameters.names, in_theta.tolist(), strict=True))

@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.optimize.noise_modes import likely_sigma
 from ifrfit.inference.result.types import FitStatistics
 
 
@@ -26,14 +27,11 @@ def statistics_of(
     is_chi2 = problem.noise.is_known and problem.error_model.is_plain
     prior = problem.parameters.prior_residuals(found.optimum.theta)
     offset = found.angle_offset
-    groups = problem.noise_groups()
-    likely = found.sigma.copy()  # the most likely noise, without the correction for the constants
-    for rows in groups.values():
-        likely[rows] *= math.sqrt(float(((r[rows] / likely[rows]) ** 2).mean()))
+    likely = likely_sigma(problem, found.optimum.theta)
     log_l = float(-0.5 * ((r / likely) ** 2).sum() - np.log(likely).sum() - 0.5 * n * math.log(2.0 * math.pi))
     if not problem.error_model.is_plain:
         log_l = math.nan  # not Gaussian; the posterior's evidence is what compares
-    k = found.gaussian.rank + len(groups) + (offset is not None and offset.is_determined)
+    k = found.gaussian.rank + len(problem.noise_groups()) + (offset is not None and offset.is_determined)
     regime = problem.rows.is_oblique
     return FitStatistics(
         n=n,

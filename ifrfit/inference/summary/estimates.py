@@ -231,15 +231,7 @@ def noise_of(
     for name in distribution.names:
         if not name.startswith("noise"):
             continue
-        low95, low68, median, high68, high95 = (float(q) for q in distribution.quantile(name, LEVELS))
-        estimates[split_name(name)[1] or FACTOR] = Estimate(
-            median,
-            distribution.sd(name),
-            (low68, high68),
-            (low95, high95),
-            "determined",
-            mean=distribution.mean(name),
-        )
+        estimates[split_name(name)[1] or FACTOR] = _central(distribution, name)
     sigma = dict(local.sigma)
     if problem.noise.has_unknown:
         for name in sigma:
@@ -264,21 +256,21 @@ def angle_offset_of(found: AngleOffset, distribution: Distribution) -> Estimate:
     "prior" where the data do not halve the sd of its prior, else "determined".
     """
     if OFFSET in distribution.names:
-        low95, low68, value, high68, high95 = (float(q) for q in distribution.quantile(OFFSET, LEVELS))
-        mean, sd = distribution.mean(OFFSET), distribution.sd(OFFSET)
+        own = _central(distribution, OFFSET)
     else:
-        value, mean, sd = found.value, None, found.sd
-        low95, low68, high68, high95 = (value + sd * float(special.ndtri(p)) for p in LEVELS if p != 0.5)
-    determined = sd < HALF * found.prior_sd
-    return Estimate(
-        value,
-        sd,
-        (low68, high68),
-        (low95, high95),
-        "determined" if determined else "prior",
-        "" if determined else "rests on its prior",
-        mean=mean,
-    )
+        value, sd = found.value, found.sd
+        low95, low68, _, high68, high95 = (value + sd * float(special.ndtri(p)) for p in LEVELS)
+        own = Estimate(value, sd, (low68, high68), (low95, high95), "determined")
+    if own.stderr is not None and own.stderr < HALF * found.prior_sd:
+        return own
+    return replace(own, status="prior", reason="rests on its prior")
+
+
+def _central(distribution: Distribution, name: str) -> Estimate:
+    """Median, standard deviation, mean and central intervals of a quantity that is determined."""
+    low95, low68, median, high68, high95 = (float(q) for q in distribution.quantile(name, LEVELS))
+    mean, sd = distribution.mean(name), distribution.sd(name)
+    return Estimate(median, sd, (low68, high68), (low95, high95), "determined", mean=mean)
 
 
 def correlation_of(distribution: Distribution, names: tuple[str, ...]) -> Array:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from ifrfit.inference.diagnostics.identifiability import only_kappa_is_seen
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
@@ -51,7 +49,7 @@ def _bounds(problem: Problem, constant: Parameter) -> str:
 def too_few(problem: Problem, constant: Parameter) -> bool:
     """Whether there are no more oblique rows than constants that only they know: then nothing is tested."""
     kinds = problem.rows.kinds
-    oblique = int(np.isin(kinds, ("tangential", "curved")).sum())
+    oblique = int(problem.rows.is_oblique.sum())
     direct = {"e_n": "normal", "mu": "friction"}
     if oblique == 0 or constant.is_informed or direct.get(constant.name) in kinds:
         return False

@@ -13,9 +13,10 @@ from ifrfit.data import read
 from ifrfit.inference.model.parameters import make_parameters
 from ifrfit.inference.model.problem import make_problem
 from ifrfit.inference.optimize.optimum import objective_at
+from ifrfit.inference.optimize.parameter_group import range_of_e_n
 from ifrfit.inference.optimize.solve import solve
 from ifrfit.inference.profile import constrained_fit
-from ifrfit.inference.profile.constrained_fit import best_at_kappa, kappa_range
+from ifrfit.inference.profile.constrained_fit import best_at_kappa
 from ifrfit.physics import CLOSURES, OBSERVABLES, get_closure
 
 GAMMA = np.linspace(4.0, 86.0, 25)
@@ -76,7 +77,7 @@ def test_at_a_given_kappa_one_solve_finds_what_a_search_over_e_n_finds(
     best = of_kappa.value(near)
     kinks = 0.4 * problem.rows.tau[np.isfinite(problem.rows.tau)]  # where rows change their regime
     places = (0.5 * best, best, 1.2 * best, *kinks[(kinks > 0.05) & (kinks < 0.4)][::3])
-    ranges = [kappa_range(kappa, problem.parameters["mu"]) for kappa in places]
+    ranges = [range_of_e_n(kappa, problem.parameters["mu"]) for kappa in places]
 
     def optima():
         pairs = zip(places, ranges, strict=True)
