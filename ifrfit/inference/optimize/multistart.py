@@ -13,7 +13,7 @@ from ifrfit.inference.optimize.optimum import Array, Optimum
 from ifrfit.inference.optimize.piecewise import NEAR
 
 _TRANSITIONS = 9
-_REFINED = 8  # starts that are followed down to their minimum
+_REFINED = 32  # starts that are followed down to their minimum
 
 
 def multistart(problem: Problem, sigma: Array, near: Array | None = None) -> Optimum:

@@ -482,13 +482,16 @@ class _Search:
         """Slope of the chord of log s between e^low and e^high, for each group."""
         width = high - low
         narrow = width < 1e-9
-        rise = np.expm1(np.where(narrow, 1.0, width))
+        with np.errstate(over="ignore"):  # beyond all numbers the chord is level
+            rise = np.expm1(np.where(narrow, 1.0, width))
         return np.where(narrow, np.exp(-low), width / rise * np.exp(-low))
 
     def _box(self, low: Array, high: Array, number: int, at_least: float = -np.inf) -> _Box:
         """Bound Phi over a box by the certified fit with the chords' slopes for weights."""
         slope = self._slope(low, high)
-        optimum = solve(self.problem, self.sigma(1.0 / slope), slack=_SLACK * NOISE_GAP)
+        with np.errstate(divide="ignore"):  # under a level chord the group has no weight
+            variance = 1.0 / slope
+        optimum = solve(self.problem, self.sigma(variance), slack=_SLACK * NOISE_GAP)
         self.all_proven &= optimum.gap is not None
         linear = optimum.objective - (optimum.gap or 0.0)
         bound = linear + float(self.sizes @ (low - slope * np.exp(low)))

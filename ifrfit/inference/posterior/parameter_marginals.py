@@ -168,8 +168,9 @@ def _bound(grid: DensityGrid) -> Array:
 
 
 def _x_per_friction(grid: DensityGrid, divisor: Array) -> Array:
-    """The transition over x b(c)/divisor, (m, n_e)."""
-    return np.asarray((divisor / _bound(grid))[..., 0])
+    """The transition over x b(c)/divisor, (m, n_e); infinite where a bound of 0 leaves no friction."""
+    with np.errstate(divide="ignore"):
+        return np.asarray((divisor / _bound(grid))[..., 0])
 
 
 def kappa_marginal(density: JointDensity, number: int, name: str) -> Marginal:
