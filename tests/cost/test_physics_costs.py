@@ -111,17 +111,26 @@ def test_impacts_are_thinned_and_those_without_beta_left_out():
     np.testing.assert_allclose(scene.incidence.tau[[0, -1]], tau, rtol=1e-9)
 
 
+@pytest.fixture
+def brief(monkeypatch):
+    """What is tried, and not how exact it is."""
+    monkeypatch.setattr(physics, "QUICK", physics.Extent((50, 200), (10,), 2000, 1, 0.0))
+
+
+@pytest.mark.usefixtures("brief")
 def test_near_the_normal_alone_friction_is_not_needed():
     costs = physics_costs(gamma_deg=[1.0, 2.0], **CALL, quick=True)
     assert np.isfinite([cost.error for cost in costs]).all()
 
 
+@pytest.mark.usefixtures("brief")
 def test_beyond_the_table_there_is_none():
     costs = physics_costs(gamma_deg=[5.0, 30.0], **CALL | {"chi": 3.5}, quick=True)
     assert "table" not in {cost.method for cost in costs}
 
 
-def test_without_numba(monkeypatch, costs):
+@pytest.mark.usefixtures("brief")
+def test_without_numba(monkeypatch):
     monkeypatch.setattr(physics, "available", lambda: False)
     plain = physics_costs(gamma_deg=[5.0, 40.0], **CALL, quick=True)
     assert not any("compiled" in cost.setting for cost in plain)

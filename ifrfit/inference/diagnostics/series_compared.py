@@ -150,7 +150,9 @@ def score_test(problem: Problem, wider: Problem, found: LeastSquaresFit, k: int)
 
     A bound is not looked at: what it forbids counts as gained, and is left to a fit.
     """
-    theta = _widened(problem, wider, found.optimum.theta)
+    theta = np.empty(len(wider.parameters.names))
+    for name, places in wider.parameters.positions.items():
+        theta[places] = found.optimum.theta[problem.parameters.positions[name]]
     expansion = gaussian_approximation(wider, found.sigma, theta)
     before = problem.parameters.prior_residuals(found.optimum.theta)
     after = wider.parameters.prior_residuals(theta)
@@ -165,28 +167,15 @@ def score_test(problem: Problem, wider: Problem, found: LeastSquaresFit, k: int)
     return float(special.fdtrc(k, dof, gained / k / (left / dof)))
 
 
-def _widened(problem: Problem, wider: Problem, theta: Array) -> Array:
-    """theta of a problem that parts constants which this one shares, each series at the shared value."""
-    out = np.empty(len(wider.parameters.names))
-    for name, places in wider.parameters.positions.items():
-        out[places] = theta[problem.parameters.positions[name]]
-    return out
-
-
-def _shared_start(problem: Problem, wider: Problem, theta: Array) -> Array | None:
-    """Where a search of the wider problem begins; None where its optimum is computed without a start."""
-    return None if problem.closure.bilinear else _widened(problem, wider, theta)
-
-
 def fitted_test(
     problem: Problem, wider: Problem, found: LeastSquaresFit, k: int
 ) -> tuple[LeastSquaresFit, float] | None:
     """Fit and p value of a problem wider by k numbers, at its noise; None where there are too few rows."""
     try:
-        fit = refit(wider, found.sigma, _shared_start(problem, wider, found.optimum.theta))
+        fit = refit(wider, found.sigma)
     except DataError:
         return None
-    narrow = solve(problem, fit.sigma, _shared_start(problem, problem, found.optimum.theta))
+    narrow = solve(problem, fit.sigma)
     gained = max(narrow.objective - fit.optimum.objective, 0.0)
     dof = fit.noise_dof
     if problem.noise.is_mixed:

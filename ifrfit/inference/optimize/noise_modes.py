@@ -156,7 +156,8 @@ def noise_modes(problem: Problem, start: Array | None = None, *, proven: bool = 
         return NoiseModes(tuple(search.modes), None)
     search.descend(first)
     if not proven:
-        search.descend_from_each_group(proven=False)
+        variance = search.modes[0].variance
+        search.descend_from_each_group(variance, variance)
         return NoiseModes(tuple(search.modes), None)
     gap = search.prove()
     return NoiseModes(tuple(search.modes), gap if search.all_proven else None)
@@ -432,7 +433,9 @@ class _Search:
 
     def prove(self) -> float:
         """Cut boxes until their bounds meet the best mode; gives what is left between them."""
-        low = np.log(self.descend_from_each_group())
+        least = self.least_of_each_group()
+        self.descend_from_each_group(self.modes[0].variance, np.maximum(least, 1e-12))
+        low = np.log(least)
         counter = itertools.count()
         left_out = np.inf  # least bound of the boxes that need no cut
         queue = [self._box(low, self._top(low), next(counter))]
@@ -456,16 +459,19 @@ class _Search:
         lowest = min(left_out, queue[0].bound if queue else np.inf)
         return max(0.0, self.modes[0].value - lowest)
 
-    def descend_from_each_group(self, *, proven: bool = True) -> Array:
-        """Look for a mode from each group alone; gives the least S_g/n_g of each, proven or as found."""
+    def descend_from_each_group(self, variance: Array, own: Array) -> None:
+        """Look for a mode from each group alone, with its own variance; see `_each_alone`."""
+        for each in self._each_alone(variance, own):
+            self.descend(solve(self.problem, self.sigma(each), proven=False))
+
+    def least_of_each_group(self) -> Array:
+        """The least S_g/n_g that any constants give a group, proven."""
         plain = self.problem.with_parameters([replace(each, prior=None) for each in self.problem.parameters])
         found = np.empty(len(self.groups))
         for number, rows in enumerate(self.groups):
-            alone = solve(plain.with_rows(rows), self.base[rows], proven=proven)
+            alone = solve(plain.with_rows(rows), self.base[rows])
             self.all_proven &= alone.gap is not None
             found[number] = max((alone.objective - (alone.gap or 0.0)) / rows.size, self._least)
-        for variance in self._each_alone(self.modes[0].variance, np.maximum(found, 1e-12)):
-            self.descend(solve(self.problem, self.sigma(variance), proven=False))
         return found
 
     def _top(self, low: Array) -> Array:

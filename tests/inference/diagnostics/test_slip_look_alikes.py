@@ -18,7 +18,7 @@ def hollow(names, seed, known=False):
     return experiment(Scene(names, 40, 0.01, policy="known" if known else "unknown"), HOLLOW, seed)
 
 
-@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("known", rest_long((False, True)))
 @pytest.mark.parametrize("names", OBSERVED, ids=",".join)
 def test_a_hollow_ball_is_named_without_spins(names, known):
     """Spin before, some -2/3 of pure rolling, gives the same numbers: both are named."""

@@ -32,7 +32,8 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def by_mcmc(path: Path) -> ifrfit.FitResult:
-    return ifrfit.fit(path, method="mcmc", separate="mu", noise="unknown", seed=3)
+    # shorter than to convergence, which none of these tests asks for
+    return ifrfit.fit(path, method=ifrfit.MCMC(max_steps=300), separate="mu", noise="unknown", seed=3)
 
 
 @pytest.fixture(scope="module")

@@ -132,13 +132,13 @@ def only_local(target: Modes, starts: np.ndarray, steps: int) -> Evidence:
 
 def test_a_mode_that_all_ensembles_miss_is_missed() -> None:
     # why starts are put at every optimum: no diagnostic can see what no walker ever saw
-    evidence = only_local(FAR, FAR.starts(signs([1.0, 1.0, 1.0, 1.0])), 800)
+    evidence = only_local(FAR, FAR.starts(signs([1.0, 1.0, 1.0, 1.0])), 500)
     assert evidence.rhat["x"] < 1.01
     assert evidence.kept["x"].min() > 0.0
 
 
 def test_ensembles_in_different_modes_are_caught() -> None:
-    evidence = only_local(FAR, FAR.starts(signs([1.0, 0.0, 1.0, 0.0])), 800)
+    evidence = only_local(FAR, FAR.starts(signs([1.0, 0.0, 1.0, 0.0])), 500)
     verdict = verdict_of(evidence)
     assert evidence.rhat["x"] > 1.5
     assert "rhat" in verdict.failed
@@ -147,7 +147,7 @@ def test_ensembles_in_different_modes_are_caught() -> None:
 
 def test_shares_that_do_not_settle_are_caught() -> None:
     # every ensemble has walkers in both modes, and none of them ever changes over
-    evidence = only_local(FAR, FAR.starts(signs([0.5, 0.75, 0.25, 0.5])), 800)
+    evidence = only_local(FAR, FAR.starts(signs([0.5, 0.75, 0.25, 0.5])), 500)
     assert evidence.rhat["x"] > 1.01
     assert not verdict_of(evidence).ok
 

@@ -53,7 +53,7 @@ def grid_of(density, n=400):
 def test_integral_of_the_density_is_the_exact_evidence(choice):
     problem = beta_of(**choice)
     density = Density(problem)
-    points, cell = grid_of(density, 700)
+    points, cell = grid_of(density, 400)
     found = np.log(np.exp(density(points)).sum() * cell)
     assert found == pytest.approx(integrate(problem).log_evidence, abs=2e-3)
 
@@ -62,7 +62,7 @@ def test_each_noise_of_its_own_is_in_the_exact_evidence():
     problem = beta_of(fix={"e_n": 0.9, "e_t": -0.8, "mu": 0.15}, noise="unknown", separate_noise=True)
     density = Density(problem)
     assert density.names == ("noise[a/beta]", "noise[b/beta]")
-    points, cell = grid_of(density, 900)
+    points, cell = grid_of(density, 500)
     found = np.log(np.exp(density(points)).sum() * cell)
     # with all constants fixed the posterior is that of the two noises alone
     rows = problem.rows.value - problem.predict(np.array([0.9, -0.8, 0.15]))

@@ -219,7 +219,7 @@ def test_the_seed_decides() -> None:
 
 def test_laws_that_miss_most_of_the_posterior_do_not_converge(monkeypatch: pytest.MonkeyPatch) -> None:
     # the control: the law of one series far from its posterior, and never fitted
-    problem = PROBLEMS["a noise each"]()
+    problem, start, _ = by_quadrature("a noise each")
     known = factorised_sampling.known_modes
 
     def far(density, start):
@@ -230,7 +230,7 @@ def test_laws_that_miss_most_of_the_posterior_do_not_converge(monkeypatch: pytes
     monkeypatch.setattr(factorised_sampling, "_TRIED", ())
     monkeypatch.setattr("ifrfit.inference.posterior.conditional_mixture.UNIFORM", 1e-4)
     monkeypatch.setattr("ifrfit.inference.posterior.conditional_mixture.WIDER", 1.0)
-    assert not sample_by_series(problem).converged
+    assert not sample_by_series(problem, start).converged
 
 
 class Wedge:

@@ -187,7 +187,7 @@ def test_the_points_inside_the_page_give_the_same_fit(results, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     for name, choices in (
         ("digitised", {"prior": {"e_n": (0.98, 0.01)}, "noise": "scaled"}),
-        ("hostile", {"fix": {"e_n": 0.94}, "separate": "mu", "noise": "known"}),
+        ("hostile", {"fix": {"e_n": 0.94, "e_t": -0.8}, "separate": "mu", "noise": "known"}),
     ):
         report = reports(name)
         blocks = section(report, "repeat").blocks
