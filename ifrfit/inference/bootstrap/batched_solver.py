@@ -122,7 +122,7 @@ class BatchedSolver:
     @cached_property
     def noise_matters(self) -> bool:
         """Whether the optimum depends on the unknown noise: where rows of several, or a prior, meet."""
-        code = _codes(self.groups, self.problem.rows.value.size)
+        code = self.problem.noise_numbers
         for batched in self.parameter_groups:
             for rows, prior in (
                 (np.concatenate((batched.switching, batched.always)), bool((batched.always < 0).any())),
@@ -151,7 +151,7 @@ class BatchedSolver:
         if not self.groups:
             return base[None]
         factor = np.column_stack((noise, np.ones(noise.shape[0])))  # 1 on a sigma that is given
-        return np.asarray(base * factor[:, _codes(self.groups, base.size)])
+        return np.asarray(base * factor[:, self.problem.noise_numbers])
 
     def _solve_groups(self, replicates: ReplicateData, noise: Array) -> list[GroupFits]:
         """Solve every group at the given noise."""
@@ -248,14 +248,6 @@ class BatchedSolver:
         grazing = batched.always[(batched.always >= 0) & np.isinf(self.problem.rows.tau[batched.always])]
         slides = bool(left[batched.switching[n_stick:]].any() or left[grazing].any())
         return slides, bool(left[batched.switching[:n_stick]].any())
-
-
-def _codes(groups: Mapping[str, Index], n: int) -> Index:
-    """Number of the group of each row; -1 of those whose sigma is given."""
-    code = np.full(n, -1)
-    for i, rows in enumerate(groups.values()):
-        code[rows] = i
-    return code
 
 
 def _different(columns: Array, counts: Array) -> Index:

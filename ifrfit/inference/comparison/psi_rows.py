@@ -113,10 +113,7 @@ def psi_rows(problem: Problem) -> tuple[PsiRows | None, dict[str, str]]:
         return None, left_out
     rows, value, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
     base = problem.noise.base[rows]
-    group = np.full(rows.size, -1)
-    for number, own in enumerate(problem.noise_groups().values()):
-        group[np.isin(rows, own)] = number
-    return PsiRows(problem.rows.tau[rows], value, weight, base, group), left_out
+    return PsiRows(problem.rows.tau[rows], value, weight, base, problem.noise_numbers[rows]), left_out
 
 
 def _reason(name: str, e_n: float | None) -> str:

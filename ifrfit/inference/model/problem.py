@@ -249,6 +249,14 @@ class Problem:
         """Rows that share an unknown noise, by the name of the group; see `NoiseModel`."""
         return self.noise.groups(self.groups(), len(self.series))
 
+    @cached_property
+    def noise_numbers(self) -> Index:
+        """Number of each row's group among the noise groups, (n,); -1 where sigma is given."""
+        found = np.full(len(self.rows), -1)
+        for number, rows in enumerate(self.noise_groups().values()):
+            found[rows] = number
+        return found
+
     def noise_bounds(self) -> Mapping[str, tuple[float, float]]:
         """Ends of the log-uniform prior of each unknown noise, by the name of its group."""
         return self.noise.bounds(self.rows, self.groups(), len(self.series))

@@ -170,9 +170,7 @@ def noise_components(problem: Problem) -> list[Component] | None:
 def _components(problem: Problem, parts: Sequence[tuple[ParameterGroup, Index]]) -> list[Component] | None:
     """The parts in linear form, or solved; None where one has no such form, or two share a noise."""
     names = list(problem.noise_groups().values())
-    label = np.full(len(problem.rows), -1)
-    for number, rows in enumerate(names):
-        label[rows] = number
+    label = problem.noise_numbers
     scaled = problem.rows.value / problem.noise.base
     least = least_variance(problem)
     made: list[Component] = []

@@ -208,10 +208,7 @@ class ConstantsDensity:
     @cached_property
     def _known(self) -> Index:
         """Rows whose sigma is known."""
-        unknown = np.zeros(len(self.problem.rows), dtype=bool)
-        for rows in self.problem.noise_groups().values():
-            unknown[rows] = True
-        return np.flatnonzero(~unknown)
+        return np.flatnonzero(self.problem.noise.is_given)
 
     def _scattered(self, values: Array) -> Array:
         """Log likelihood where errors of angles or heavy tails make it other than plain."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.result import Entry
-from ifrfit.text import decimals, fixed, p_text, sd_text
+from ifrfit.text import fixed, p_text, plus_minus
 
 Column = tuple[str, Callable[[Entry], str]]
 
@@ -56,7 +56,7 @@ def _difference(entry: Entry) -> str:
         return "the best"
     if not loo.se_difference > 0.0:
         return fixed(loo.difference, 1)
-    return f"{fixed(loo.difference, decimals(loo.se_difference))} +- {sd_text(loo.se_difference)}"
+    return plus_minus(loo.difference, loo.se_difference)
 
 
 def _refits(entry: Entry) -> str:
