@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from strangers import draw
 
 from ifrfit import fit, rebound
+from ifrfit.inference.optimize.multistart import multistart
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -29,3 +31,15 @@ def test_repeated_angles_do_not_crowd_the_starts(seed, tmp_path):
     result = fit(path, method="lsq")
     assert result.fit.chi2 < chi2 + 1e-3
     assert result.facts["lack_of_fit"].ok
+
+
+@pytest.mark.parametrize(("number", "better"), [(130, (0.182, -0.4, 0.386)), (246, (1.0, -0.407, 0.0804))])
+def test_the_best_of_many_minima_is_among_those_that_are_followed(tmp_path, number, better):
+    """Drawn tables whose lowest minimum lies downhill from none of the eight lowest starts."""
+    path = tmp_path / "table.csv"
+    table = draw(11, number)
+    path.write_text(table.text, encoding="utf-8")
+    problem = table.problem(path)
+    found = multistart(problem, problem.noise.base)
+    near = multistart(problem, problem.noise.base, np.array(better))
+    assert found.objective <= near.objective + 1e-6
