@@ -6,6 +6,7 @@ Eq. (6) of ``docs/theory/posterior.md``.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,8 @@ from ifrfit.physics.impulse_laws import Coefficients
 Array = NDArray[np.float64]
 
 _STEPS = 4  # Gauss-Newton steps to the mode where rows are not linear
+_DESCENTS = 6  # the same from a place that is likelier than that mode, at the noises of each step
+_LIKELIER = 1.0  # log density by which it is
 _DIFFERENCE = 1e-6  # of the closure constant, in derivatives
 _CURVED = 3.0  # how much further the tails of rows are followed that are not linear
 
@@ -97,6 +100,7 @@ def conditional_coordinate(
     domain: tuple[Array, Array],
     tail: float,
     row_law: RowLaw | None = None,
+    places: Sequence[float] = (),
 ) -> ConditionalCoordinate:
     """Find the conditional mode inside its domain, its spread, and how far both tails are followed.
 
@@ -114,11 +118,17 @@ def conditional_coordinate(
         Fall of the log density beyond which nothing is counted.
     row_law : RowLaw, optional
         Of the rows, where `squares` is only near to it.
+    places : sequence of float
+        The constant at the modes of the noises that are known: about another one it may lie elsewhere.
     """
     lower, upper = domain
     weight = [1.0 / s**2 for s in sigma]
     at, d, curvature, count = _conditional_mode(squares, noise, weight, c, given, domain)
     reference = squares.reference.c
+    reach: Array = np.zeros((1, 1, 1))
+    if noise is not None and row_law is None:
+        competing = CompetingNoises(squares, noise, c, given, (lower - reference, upper - reference))
+        at, d, curvature, reach = competing.likeliest(at, d, curvature, np.asarray(places) - reference, tail)
     # rounding leaves a curvature a little below 0 where the constant takes no part
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.where(curvature > 0.0, 1.0 / np.sqrt(curvature), upper - lower)
@@ -137,6 +147,7 @@ def conditional_coordinate(
         far = np.where((slope > 0.0) | (np.abs(mode - at) > size), np.inf, far)
     if row_law is not None and row_law.error_model.tails != GAUSSIAN.name:
         far = np.full(far.shape, np.inf)  # rows that disagree keep places likely that are far from the mode
+    far = np.maximum(far, 2.0 * reach)
     size = size / (1.0 + slope)
     room = np.stack((mode - lower, upper - mode), axis=-1)
     u_max = np.arcsinh(np.minimum(room, far[..., None]) / size[..., None])
@@ -166,7 +177,7 @@ def _conditional_mode(
         slope: Array = np.asarray(added * mean)
         curvature: Array = np.asarray(added)
         at = reference + np.clip(d, lower - reference, upper - reference)
-        curved = [_gauss_newton(squares, rows, given, at) for rows in squares.curved_rows]
+        curved = [_gauss_newton(squares, rows, given, at)[1:] for rows in squares.curved_rows]
         for w, q, (more_slope, more_curvature) in zip(weight, given.squares, curved, strict=True):
             if np.ndim(q.slope) == np.ndim(more_slope) == 0:
                 continue  # the closure constant takes no part in this group
@@ -184,6 +195,118 @@ def _conditional_mode(
                 for group, q, w in zip(noise, given.squares, weight, strict=True)
             ]
     return at, d, np.asarray(curvature), count
+
+
+@dataclass(frozen=True)
+class CompetingNoises:
+    """Groups of rows with noises of their own, which may disagree about the closure constant.
+
+    Each is taken at its word about its own minimum, and the others are called noisy there: the conditional
+    density may have a mode about each of them, and the one that follows from the noises at the optimum need
+    not be the likeliest. All places are distances d from the reference, (m, n_e, n_x).
+    """
+
+    squares: SumOfSquares
+    noise: tuple[Scale, ...]
+    c: FreeParameter
+    given: ConditioningValues
+    ends: tuple[Array, Array]
+
+    def likeliest(
+        self, at: Array, d: Array, curvature: Array, places: Array, tail: float
+    ) -> tuple[Array, Array, Array, Array]:
+        """A likelier mode, where there is one, and how far from it other places count.
+
+        Parameters
+        ----------
+        at : ndarray
+            Where the last step to the mode began, as the constant itself.
+        d, curvature : ndarray
+            The mode that was found, and the curvature of minus the log density there.
+        places : ndarray, (p,)
+            Where else to look, beside the minima of the groups.
+        tail : float
+            Fall of the log density beyond which nothing is counted.
+        """
+        tried = [*self._minima(), *(np.full((1, 1, 1), place) for place in places)]
+        if self._n_groups < 2 or not tried:
+            return at, d, curvature, np.zeros((1, 1, 1))
+        tried = [np.clip(place, *self.ends) for place in tried]
+        density = [self._log_density(place) for place in tried]
+        own = best = self._log_density(np.clip(d, *self.ends))
+        chosen = d
+        for place, its in zip(tried, density, strict=True):
+            chosen, best = np.where(its > best, place, chosen), np.maximum(its, best)
+        better = best > own + _LIKELIER
+        if better.any():
+            reference = self.squares.reference.c
+            for _ in range(_DESCENTS):
+                began = np.clip(chosen, *self.ends)
+                chosen, steep = self._step(began)
+            d, curvature = np.where(better, chosen, d), np.where(better, steep, curvature)
+            at = np.where(better, reference + began, at)
+        inside = np.clip(d, *self.ends)
+        best = np.maximum(best, self._log_density(inside))
+        away = [
+            np.where(its > best - tail, np.abs(place - inside), 0.0)
+            for place, its in zip(tried, density, strict=True)
+        ]
+        return at, d, curvature, np.max(np.broadcast_arrays(*away), axis=0)
+
+    @property
+    def _n_groups(self) -> int:
+        """Number of groups that the constant takes part in."""
+        return sum(
+            np.ndim(q.slope) > 0 or rows.size > 0
+            for q, rows in zip(self.given.squares, self.squares.curved_rows, strict=True)
+        )
+
+    def _minima(self) -> list[Array]:
+        """Where each group's own sum of squares is least, of those whose rows are linear."""
+        found = []
+        for q, rows in zip(self.given.squares, self.squares.curved_rows, strict=True):
+            if np.ndim(q.slope) and not rows.size:
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    found.append(np.where(q.curvature > 0.0, q.slope / q.curvature, 0.0))
+        return found
+
+    def _log_density(self, d: Array) -> Array:
+        """Log of the density of the constant, up to what does not depend on it."""
+        total: Array = np.zeros((1, 1, 1))
+        if self.c.prior:
+            mean, sd = self.c.prior
+            total = -0.5 * ((d - (mean - self.squares.reference.c)) / sd) ** 2
+        for number, own in enumerate(self.noise):
+            square, _, _ = self._group(number, d)
+            if np.ndim(square):
+                total = total + own.log_likelihood(np.maximum(square, 0.0))
+        return total
+
+    def _group(self, number: int, d: Array) -> tuple[Array | float, Array | float, Array | float]:
+        """Sum of squares of a group at d, minus half its slope, half its curvature; 0 without a part."""
+        q, rows = self.given.squares[number], self.squares.curved_rows[number]
+        if not np.ndim(q.slope) and not rows.size:
+            return 0.0, 0.0, 0.0
+        more = _gauss_newton(self.squares, rows, self.given, self.squares.reference.c + d)
+        return q.at(d) + more[0], q.slope - q.curvature * d + more[1], q.curvature + more[2]
+
+    def _step(self, d: Array) -> tuple[Array, Array]:
+        """A Gauss-Newton step, each noise at its likeliest, and the curvature of minus the log density."""
+        slope: Array = np.zeros((1, 1, 1))
+        curvature: Array = np.zeros((1, 1, 1))
+        if self.c.prior:
+            mean, sd = self.c.prior
+            slope, curvature = slope + (mean - self.squares.reference.c - d) / sd**2, curvature + 1.0 / sd**2
+        for number, own in enumerate(self.noise):
+            square, down, steep = self._group(number, d)
+            if not np.ndim(square):
+                continue
+            weight: Array | float = 1.0
+            if isinstance(own, NoiseScale):
+                weight = own.n / np.maximum(square, own.n * own.lower**2)
+            slope, curvature = slope + weight * down, curvature + weight * steep
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return d + np.where(curvature > 0.0, slope / curvature, 0.0), curvature
 
 
 def _half_width_of_known(squares: list[Quadratic], noise: tuple[Scale, ...], d: Array, tail: float) -> Array:
@@ -214,19 +337,20 @@ def _broadcast(values: Array, shape: tuple[int, ...]) -> Array:
 
 def _gauss_newton(
     squares: SumOfSquares, rows: Index, given: ConditioningValues, c: Array
-) -> tuple[Array | float, Array | float]:
-    """Slope and curvature by c of the sum of squares of curved rows; zeros where there are none."""
+) -> tuple[Array | float, Array | float, Array | float]:
+    """Sum of squares of curved rows, minus half its slope and half its curvature by c; zeros without any."""
     if not rows.size:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     shape = np.broadcast_shapes(given.e_n.shape, given.x.shape, c.shape)
     e, x, c = (np.broadcast_to(y, shape).reshape(-1) for y in (given.e_n, given.x, c))
-    slope, curvature = np.empty(e.size), np.empty(e.size)
+    square, slope, curvature = np.empty(e.size), np.empty(e.size), np.empty(e.size)
     step = max(1, AT_ONCE // rows.size)
     for start in range(0, slope.size, step):
         at = slice(start, start + step)
         left = squares.curved_values(rows, e[at], x[at], c[at])
         right = squares.curved_values(rows, e[at], x[at], c[at] + _DIFFERENCE)
         by_c = (left - right) / _DIFFERENCE
+        square[at] = np.einsum("ij,ij->i", left, left)
         slope[at] = np.einsum("ij,ij->i", by_c, left)
         curvature[at] = np.einsum("ij,ij->i", by_c, by_c)
-    return slope.reshape(shape), curvature.reshape(shape)
+    return square.reshape(shape), slope.reshape(shape), curvature.reshape(shape)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,9 +14,11 @@ from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit
+from ifrfit.inference.posterior.known_modes import fits_at_modes
 
 Array = NDArray[np.float64]
 
+_RISE = 50.0  # of minus twice the log likelihood up to which a mode may hold mass that its width makes up for
 LADDER = np.array([1.5, 4.0, 8.0, 16.0, 40.0, 120.0, 400.0, 2e3, 1e4, 1e5])  # first panels, in sd
 
 
@@ -86,6 +88,16 @@ class GridSettings:
         at = self.place(kind, block)
         return 0.0 if at is None else float(self.start.optimum.theta[at])
 
+    @cached_property
+    def at_modes(self) -> tuple[GridSettings, ...]:
+        """The same about each mode that the least squares know; about the optimum itself first."""
+        others = fits_at_modes(self.problem, self.start, _RISE)[1:]
+        return self, *(replace(self, start=one) for one in others)
+
+    def spreads(self, kind: str, block: int) -> list[tuple[float, float]]:
+        """`spread` about each mode, without those that are next to another one."""
+        return apart([one.spread(kind, block) for one in self.at_modes])
+
     def spread(self, kind: str, block: int) -> tuple[float, float]:
         """Optimum and local standard deviation of e_n, c, mu or kappa in a block."""
         value, to_theta = self.optimum(kind, block), self.start.gaussian.to_theta
@@ -103,9 +115,22 @@ class GridSettings:
         return value, min(max(sd, 1e-9 * max(abs(value), 1.0)), prior_sd)
 
 
-def ladder(center: float, sd: float, lower: float, upper: float) -> Array:
-    """Edges at growing distances from the centre, out to both ends."""
-    steps = sd * LADDER
-    edges = np.concatenate((center - steps, [center], center + steps))
+def ladder(places: Sequence[tuple[float, float]], lower: float, upper: float) -> Array:
+    """Edges at growing distances from centres, each with its sd, out to both ends."""
+    reach = [center + np.concatenate((-sd * LADDER, [0.0], sd * LADDER)) for center, sd in places]
+    edges = np.unique(np.concatenate(reach))
     edges = edges[(edges > lower) & (edges < upper)]
     return np.concatenate(([lower], edges, [upper]))
+
+
+def apart(places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Centres with their sd, without those that are within an sd of an earlier one, and alike in it."""
+
+    def next_to(one: tuple[float, float], other: tuple[float, float]) -> bool:
+        return abs(one[0] - other[0]) <= min(one[1], other[1]) and 0.2 * other[1] < one[1] < 5.0 * other[1]
+
+    kept: list[tuple[float, float]] = []
+    for place in places:
+        if not any(next_to(place, other) for other in kept):
+            kept.append(place)
+    return kept

@@ -20,11 +20,10 @@ from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.distributions.weighted_draws import WeightedDraws
 from ifrfit.inference.model.noise import noise_name
 from ifrfit.inference.model.problem import OFFSET, Problem
-from ifrfit.inference.optimize.laplace import gaussian_approximation
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, at_fitted_offset, least_squares
-from ifrfit.inference.optimize.noise_modes import noise_at_mode
 from ifrfit.inference.posterior.constants_density import ConstantsDensity
 from ifrfit.inference.posterior.convergence import quantiles_of
+from ifrfit.inference.posterior.known_modes import fits_at_modes
 from ifrfit.inference.posterior.lattice_rule import lattice
 from ifrfit.inference.posterior.marginals import Marginal
 from ifrfit.inference.posterior.mixture_proposal import MixtureProposal
@@ -51,7 +50,6 @@ _REFITS = 4  # of the law to draw from
 _FITS_FIRST = 3  # of the law about the modes, before one is adapted
 _EVEN = 0.15  # effective share of the points at which the law is not fitted again
 _RISE = 25.0  # of minus twice the log likelihood to other modes: beyond, they have no weight
-_MODES = 8
 _NEGLIGIBLE = 1e-12  # probability of sums of squares that noises leave out
 _NORMAL = np.exp(-0.5 * special.ndtri(np.array(LEVELS)) ** 2) / math.sqrt(2.0 * math.pi)  # its density there
 _ROUGHLY = 1e-2  # accuracy of quantiles of noises: a hundredth of a standard error
@@ -216,17 +214,11 @@ def evidence_by_importance(problem: Problem, start: LeastSquaresFit, seed: int =
 def known_modes(density: ConstantsDensity, start: LeastSquaresFit) -> list[Gaussian]:
     """Centre and covariance, in coordinates, of the posterior about each mode that least squares knows."""
     problem = at_fitted_offset(density.problem, start)
-    thetas = [start.optimum.theta, *(theta for rise, theta in start.rivals if rise <= _RISE)]
-    if not start.rivals:
-        thetas += [theta for _, theta in start.optimum.minima[1:]]
     free = problem.parameters.free
-    low, high = problem.parameters.bounds()
     found = []
-    for theta in thetas[:_MODES]:
-        theta = np.where(np.isfinite(theta), theta, np.where(np.isfinite(low), low, high))
-        sigma = noise_at_mode(problem, theta, 0.0).sigma if start.rivals else start.sigma
-        covariance = gaussian_approximation(problem, sigma, theta).covariance(capped=True)
-        found.append(_in_coordinates(density, start, theta[free], covariance[np.ix_(free, free)], sigma))
+    for mode in fits_at_modes(problem, start, _RISE):
+        theta, covariance = mode.optimum.theta, mode.gaussian.covariance(capped=True)
+        found.append(_in_coordinates(density, start, theta[free], covariance[np.ix_(free, free)], mode.sigma))
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.row_likelihood import RowLaw
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.posterior.grid_settings import LADDER, GridSettings, ladder
+from ifrfit.inference.posterior.grid_settings import LADDER, GridSettings, apart, ladder
 from ifrfit.inference.posterior.kink_minima import local_minima
 from ifrfit.inference.posterior.noise_scale import KnownScale, NoiseScale, Scale
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
@@ -71,20 +72,26 @@ def make_series(
     e_n, c, mu = (known[kind] for kind in ("e_n", "c", "mu"))
     series = SeriesIntegral(squares, noise, e_n, c, mu, sigma, friction_count, row_law=row_law)
     series.c_order, series.tail = settings.c_order, settings.tail
+    series.c_places = tuple(one.optimum("c", block) for one in settings.at_modes[1:])
     if series.is_unbounded and not squares.is_quadratic:
         # the density of c given curved rows is uneven where the bound of mu runs with c
         series.c_order += 2 * (settings.c_order // 4)
     if series.integrates_e_n and isinstance(e_n, FreeParameter):
-        center, sd = settings.spread("e_n", block)
-        series.e_axis = QuadratureAxis.of(ladder(center, sd, e_n.lower, e_n.upper), settings.order)
+        edges = ladder(settings.spreads("e_n", block), e_n.lower, e_n.upper)
+        series.e_axis = QuadratureAxis.of(edges, settings.order)
     if series.role.has_axis:
-        b = max(float(squares.b(optimum["c"])), 1e-6)
-        kappa, kappa_sd = settings.spread("kappa", block)
-        center, sd = kappa / b, max(kappa_sd / b, 1e-12)
-        series.unit = max(center, 1e-3)
-        edges = _x_edges(series, center, sd, known, settings.kink_distance)
+        modes = [_transition(squares, one, block) for one in settings.at_modes]
+        series.unit = max(modes[0][0], 1e-3)
+        edges = _x_edges(series, modes, known, settings.kink_distance)
         series.x_axis = QuadratureAxis.of(edges, settings.order)
     return series, names
+
+
+def _transition(squares: SumOfSquares, settings: GridSettings, block: int) -> tuple[float, float]:
+    """The transition x = kappa/b(c) at an optimum, with its local standard deviation."""
+    b = max(float(squares.b(settings.optimum("c", block))), 1e-6)
+    kappa, sd = settings.spread("kappa", block)
+    return kappa / b, max(sd / b, 1e-12)
 
 
 def _noise(
@@ -124,19 +131,22 @@ def _noise(
     return (), everything, None, weight, np.ones(1)  # the factor is shared
 
 
-def _x_edges(series: SeriesIntegral, center: float, sd: float, known: Known, kink_distance: float) -> Array:
-    """First edges of the transition: a ladder about the optimum, and the kinks of the data.
+def _x_edges(
+    series: SeriesIntegral, modes: Sequence[tuple[float, float]], known: Known, kink_distance: float
+) -> Array:
+    """First edges of the transition: ladders about the modes, and the kinks of the data.
 
     Parameters
     ----------
     series : SeriesIntegral
-    center, sd : float
-        Optimum and local standard deviation of the transition.
+    modes : sequence of (float, float)
+        The transition at each known mode with its local standard deviation, the best first.
     known : mapping
         As `make_series`.
     kink_distance : float
         In sd, below which two kinks go into one panel.
     """
+    center, sd = modes[0]
     # a shared parameter may be anywhere that the default domain allows
     e_low, e_high = _ends(known["e_n"], 0.0, 1.0)
     c_low, c_high = _ends(known["c"], 0.0, 0.0)
@@ -163,9 +173,8 @@ def _x_edges(series: SeriesIntegral, center: float, sd: float, known: Known, kin
     c_ends, prior = (-np.inf, np.inf), None
     if isinstance(known["c"], FreeParameter):
         c_ends, prior = (known["c"].lower, known["c"].upper), known["c"].prior
-    places = [(center, sd), *local_minima(series.squares, series.sigma, c_ends, prior, 4.0 * series.tail)]
     # a minimum that is next to another one is on its ladder already
-    places = [p for i, p in enumerate(places) if not any(_next_to(p, q) for q in places[:i])]
+    places = apart([*modes, *local_minima(series.squares, series.sigma, c_ends, prior, 4.0 * series.tail)])
     reach = np.concatenate([x + np.concatenate((-s * LADDER, [0.0], s * LADDER)) for x, s in places])
     edges = series.to_t(np.concatenate((kept, reach[reach > 0.0])))
     edges = np.unique(edges[(edges > low) & (edges < high)])
@@ -176,11 +185,6 @@ def _x_edges(series: SeriesIntegral, center: float, sd: float, known: Known, kin
         close = np.concatenate(([False], np.diff(edges) < scale))
         edges = edges[~close]
     return np.concatenate(([low], edges, [high]))
-
-
-def _next_to(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether two places are within a spread of each other, and alike in spread."""
-    return abs(one[0] - other[0]) <= min(one[1], other[1]) and 0.2 < one[1] / other[1] < 5.0
 
 
 def _ends(known: FreeParameter | float | None, lower: float, upper: float) -> tuple[float, float]:

@@ -143,8 +143,8 @@ def make_layout(
         is_kappa = separated and kind == "mu"
         parameter = _kappa(parameters, 0) if is_kappa else parameters[kind, 0]
         if isinstance(parameter, FreeParameter):
-            spread = settings.spread("kappa" if is_kappa else kind, 0)
-            shared.append(_shared_parameter(settings, kind, parameter, spread, series))
+            places = settings.spreads("kappa" if is_kappa else kind, 0)
+            shared.append(_shared_parameter(settings, kind, parameter, places, series))
     return IntegralLayout(
         JointIntegral(shared, series),
         restitution,
@@ -236,7 +236,7 @@ def _shared_noise(settings: GridSettings, series: Sequence[SeriesIntegral]) -> l
     factor = float(np.median(settings.start.sigma / problem.noise.sigma))
     relative = 1.0 / math.sqrt(2.0 * max(problem.rows.value.size - 3, 1))
     parameter = FreeParameter("noise", low, high, None, -math.log(math.log(high / low)))
-    edges = ladder(math.log(factor), relative, math.log(low), math.log(high))
+    edges = ladder([(math.log(factor), relative)], math.log(low), math.log(high))
     return [SharedParameter("noise", parameter, QuadratureAxis.of(edges, settings.order), log=True)]
 
 
@@ -244,17 +244,16 @@ def _shared_parameter(
     settings: GridSettings,
     kind: str,
     parameter: FreeParameter,
-    spread: tuple[float, float],
+    places: Sequence[tuple[float, float]],
     series: Sequence[SeriesIntegral],
 ) -> SharedParameter:
-    """A parameter that series share, on panels about its optimum, and about kinks where these stand still."""
-    center, sd = spread
-    edges = ladder(center, sd, parameter.lower, parameter.upper)
+    """A parameter that series share, on panels about its modes, and about kinks where these stand still."""
+    edges = ladder(places, parameter.lower, parameter.upper)
     e_n = series[0].e_n
     kinks_stand_still = not any(one.is_unbounded for one in series)
     if kind == "mu" and kinks_stand_still and e_n is not None and not isinstance(e_n, FreeParameter):
         kinks = np.unique(np.concatenate([one.squares.kinks for one in series]))
         kinks = kinks * series[0].squares.coefficients.b0 / (1.0 + e_n)
-        near = kinks[np.abs(kinks - center) <= 8.0 * sd]
+        near = kinks[np.any([np.abs(kinks - center) <= 8.0 * sd for center, sd in places], axis=0)]
         edges = np.concatenate((edges, thinned(near, _MOST_KINKS)))
     return SharedParameter(kind, parameter, QuadratureAxis.of(edges, settings.order))

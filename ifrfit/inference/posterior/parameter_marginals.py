@@ -126,7 +126,9 @@ def friction_cdf(grid: DensityGrid, divisor: Array, share: Array) -> Cdf:
         return _friction_by_c(grid, divisor, share).probability
     ratio = _x_per_friction(grid, divisor)
     below = grid.x_cdf(share)
-    return lambda t, levels: below(t[:, None, None] * ratio, levels)
+    frictionless = np.isinf(ratio)  # below every value, 0 too
+    finite = np.where(frictionless, 1.0, ratio)
+    return lambda t, levels: below(np.where(frictionless, np.inf, t[:, None, None] * finite), levels)
 
 
 def _friction_by_c(grid: DensityGrid, divisor: Array, share: Array) -> ConditionalCdf:

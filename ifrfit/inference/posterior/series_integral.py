@@ -52,6 +52,8 @@ class SeriesIntegral:
         Order of the rules on either side of the conditional mode of c.
     tail : float
         Fall of the log density beyond which c is not followed.
+    c_places : tuple of float
+        c at further modes of the noises that are known.
     row_law : RowLaw or None
         Likelihood of the rows where errors are not independent and Gaussian in the values alone.
     c_independent_axes : tuple of int
@@ -74,6 +76,7 @@ class SeriesIntegral:
     x_axis: QuadratureAxis | None = None
     c_order: int = 16
     tail: float = 40.0
+    c_places: tuple[float, ...] = ()
     row_law: RowLaw | None = None
     c_independent_axes: tuple[int, ...] = ()
     role: TransitionRole = field(init=False)

@@ -62,7 +62,7 @@ def density_on_grid(series: SeriesIntegral, shared: Mapping[str, Array]) -> Dens
         near = series.squares.with_mu(squares, values.e_n, x)
         at = ConditioningValues(near, values.e_n, x, None if noise is None else noise[..., 0])
         own = (series.squares, series.noise, series.sigma, series.c)
-        coordinate = conditional_coordinate(*own, at, domain, series.tail, series.row_law)
+        coordinate = conditional_coordinate(*own, at, domain, series.tail, series.row_law, series.c_places)
         c_nodes, log_by_c = coordinate.nodes(series.c_order)
         log_measure = log_measure + log_by_c
     mu = series.role.friction(values, x, c_nodes)
