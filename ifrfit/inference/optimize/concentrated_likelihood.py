@@ -304,7 +304,8 @@ class _Proof:
         floor = made.phi(least, made.least_known)
         high = self.minima[0].value + 2.0 * NEAR
         near = np.flatnonzero(floor < high)
-        most = least * np.exp(np.maximum(high - floor, 0.0)[:, None] / made.sizes)
+        with np.errstate(over="ignore"):
+            most = least * np.exp(np.maximum(high - floor, 0.0)[:, None] / made.sizes)
         last = -1 if np.isfinite(least[-1]).all() else int(floor.argmin())  # where there is no last cell
         ends = self._ends(least[last], most[last], high)
         if ends is None:

@@ -279,7 +279,8 @@ class CompetingNoises:
         for number, own in enumerate(self.noise):
             square, _, _ = self._group(number, d)
             if np.ndim(square):
-                total = total + own.log_likelihood(np.maximum(square, 0.0))
+                known = isinstance(own, KnownScale)
+                total = total + own.log_likelihood(np.asarray(square if known else np.maximum(square, 0.0)))
         return total
 
     def _group(self, number: int, d: Array) -> tuple[Array | float, Array | float, Array | float]:
@@ -288,7 +289,10 @@ class CompetingNoises:
         if not np.ndim(q.slope) and not rows.size:
             return 0.0, 0.0, 0.0
         more = _gauss_newton(self.squares, rows, self.given, self.squares.reference.c + d)
-        return q.at(d) + more[0], q.slope - q.curvature * d + more[1], q.curvature + more[2]
+        # where sigma is known, what does not vary with d may vary with e_n, on whose nodes d has no axis
+        known = isinstance(self.noise[number], KnownScale)
+        square = d * (q.curvature * d - 2.0 * q.slope) if known else q.at(d)
+        return square + more[0], q.slope - q.curvature * d + more[1], q.curvature + more[2]
 
     def _step(self, d: Array) -> tuple[Array, Array]:
         """A Gauss-Newton step, each noise at its likeliest, and the curvature of minus the log density."""

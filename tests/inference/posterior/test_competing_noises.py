@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from strangers import draw
 
@@ -26,3 +27,11 @@ def test_quadrature_sees_the_modes_that_importance_sampling_sees(tmp_path, numbe
     for name in problem.parameters.free_names:
         assert abs(grid.mean(name) - draws.mean(name)) < 5.0 * draws.error * draws.sd(name)
         assert grid.sd(name) == pytest.approx(draws.sd(name), rel=0.1)
+
+
+def test_known_rows_of_e_n_beside_others_have_no_say_in_the_closure_constant(tmp_path):
+    """A drawn table under `mixed`: rows of known sigma, of e_n among them, beside others of unknown sigma."""
+    path = tmp_path / "table.csv"
+    table = draw(13, 275)
+    path.write_text(table.text, encoding="utf-8")
+    assert np.isfinite(exact_posterior(table.problem(path)).log_evidence)
