@@ -50,6 +50,7 @@ _SAME = 1e-4  # modes nearer than this, in units of each constant's prior sd, ar
 _SAME_NOISE = 1e-6  # relative; modes whose noises are nearer than this are one
 _SAME_PHI = 1e-3  # and whose Phi are nearer than this
 _SLACK = 0.1  # share of `NOISE_GAP` that the fit of a box may be off
+_LARGEST = 700.0  # logarithm of a number
 _EDGE = 0.1  # a cut keeps this share of the box on either side
 _CLOSED = 0.002  # share of `NOISE_GAP` to which cells are bounded: it costs no more than the whole
 _MOST_COMBINED = 3  # minima of one component that are combined with those of others
@@ -480,11 +481,15 @@ class _Search:
 
     def _slope(self, low: Array, high: Array) -> Array:
         """Slope of the chord of log s between e^low and e^high, for each group."""
+        return np.asarray(self._drop(low, high) * np.exp(-low))
+
+    def _drop(self, low: Array, high: Array) -> Array:
+        """How far that chord falls from e^low to 0: its slope times e^low, which has no number at times."""
         width = high - low
         narrow = width < 1e-9
         with np.errstate(over="ignore"):  # beyond all numbers the chord is level
             rise = np.expm1(np.where(narrow, 1.0, width))
-        return np.where(narrow, np.exp(-low), width / rise * np.exp(-low))
+        return np.where(narrow, 1.0, width / rise)
 
     def _box(self, low: Array, high: Array, number: int, at_least: float = -np.inf) -> _Box:
         """Bound Phi over a box by the certified fit with the chords' slopes for weights."""
@@ -494,14 +499,15 @@ class _Search:
         optimum = solve(self.problem, self.sigma(variance), slack=_SLACK * NOISE_GAP)
         self.all_proven &= optimum.gap is not None
         linear = optimum.objective - (optimum.gap or 0.0)
-        bound = linear + float(self.sizes @ (low - slope * np.exp(low)))
+        bound = linear + float(self.sizes @ (low - self._drop(low, high)))
         return _Box(max(bound, at_least), number, low, high, optimum)
 
     def _cut(self, box: _Box) -> list[tuple[Array, Array]]:
         """Cut a box in the group whose chord lies furthest below the logarithm at the fit."""
         log = np.clip(np.log(self.variance(box.optimum.theta)), box.low, box.high)
-        slope = self._slope(box.low, box.high)
-        error = self.sizes * (log - box.low - slope * (np.exp(log) - np.exp(box.low)))
+        above = log - box.low
+        on_chord = self._drop(box.low, box.high) * np.expm1(np.minimum(above, _LARGEST))
+        error = self.sizes * (above - on_chord)
         if error.max() <= 0.1 * NOISE_GAP:
             error = self.sizes * (box.high - box.low) ** 2
         at = int(error.argmax())
