@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import followed
-from ifrfit.inference.posterior import log_evidence
+from ifrfit.inference.posterior import ExactPosterior, log_evidence
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
 from ifrfit.inference.result.types import Interval
@@ -24,9 +24,9 @@ from ifrfit.physics.closures import get_closure
 MU_WIDTHS = (0.25, 0.5, 2.0)  # times the stated width: 0.5, 1 and 4 of the default 2
 OWN_WIDTH = 0.5
 _NOTHING = 1e-6  # share of the posterior that no evidence feels
-_ENOUGH = (
-    1e-3  # share of the posterior below which its distribution function has too few digits, or no weight
-)
+_ENOUGH = 1e-3  # share of a posterior, within or outside, that its distribution function tells
+_DRAWS = 20_000  # behind a joint share
+_TOLD = 0.02  # standard error of its logarithm that will do
 
 
 def prior_of(problem: Problem) -> dict[str, dict[str, float]]:
@@ -98,12 +98,25 @@ def _half(fit: FitResult, constant: Parameter) -> Interval:
     return low, low + width
 
 
+def _share_between(posterior: ExactPosterior, labels: Sequence[str], ends: Interval) -> float | None:
+    """Share of a posterior in which all entries lie between two ends; None where its digits are too few."""
+    cuts = [np.asarray(posterior.cdf(label, np.array(ends))) for label in labels]
+    outside = sum(1.0 - float(upper - lower) for lower, upper in cuts)
+    if len(labels) == 1 or outside <= _ENOUGH:
+        return 1.0 - outside if 1.0 - outside > _ENOUGH else None
+    drawn = posterior.draws(_DRAWS, np.random.default_rng(0))
+    inside = np.all([(drawn[label] >= ends[0]) & (drawn[label] <= ends[1]) for label in labels], axis=0)
+    share = float(inside.mean())
+    error = math.sqrt((1.0 - share) / max(share * min(_DRAWS, posterior.n_draws), 1e-300))
+    return share if error <= _TOLD else None
+
+
 def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
     """Log evidence with a uniform prior of one constant between other ends.
 
     A narrower uniform prior cuts the posterior: the evidence gains the ratio of the widths and keeps the
-    posterior's share between the ends; of several entries the shares outside add up, where they are next to
-    nothing. A wider one loses that ratio where the posterior has died out in the
+    posterior's share between the ends, that of several entries by joint draws, where these tell it well. A
+    wider one loses that ratio where the posterior has died out in the
     upper half of the old domain; else it is integrated afresh.
     """
     problem, optimum = fit.problem_and_optimum()
@@ -111,11 +124,10 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
     old = FreeParameter.of(name, problem.parameters[name])
     labels = _labels(problem, name)
     if old.lower <= ends[0] and ends[1] <= old.upper:
-        cuts = [np.asarray(posterior.cdf(label, np.array(ends))) for label in labels]
-        outside = [1.0 - float(upper - lower) for lower, upper in cuts]
-        if 1.0 - sum(outside) > (_ENOUGH if len(labels) == 1 else 1.0 - _ENOUGH):
+        share = _share_between(posterior, labels, ends)
+        if share is not None:
             gain = math.log((old.upper - old.lower) / (ends[1] - ends[0]))
-            return _log_evidence(fit) + len(labels) * gain + math.log1p(-sum(outside))
+            return _log_evidence(fit) + len(labels) * gain + math.log(share)
     if ends[0] == old.lower and ends[1] >= old.upper:
         middle = 0.5 * (old.lower + old.upper)
         if all(1.0 - float(np.asarray(posterior.cdf(label, middle))) <= _NOTHING for label in labels):
