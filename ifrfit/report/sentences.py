@@ -23,6 +23,7 @@ HEADLINES = {
     "pooling": "the series do not share their constants",
     "unequal_noise": "the series do not share their noise",
     "scatter_too_small": "the data scatter less than their sigma",
+    "scatter_too_large": "the data scatter more than their sigma",
     "mixture": "the table looks as if it held impacts of two kinds",
     "independence": "errors are not independent",
     "normal_restitution": "the readings of e_n contradict what is taken of them",

@@ -421,6 +421,13 @@ CASES = (
         _looks("scatter_too_small", "sigma is too large"),
     ),
     _case(
+        "sigma too small",
+        "Values that scatter by 0.04 with a sigma of 0.02.",
+        "The first line says that the data scatter more than their sigma, before the law is blamed.",
+        fitted(table(sigma=0.02, true_sigma=0.04, seed=6)),
+        _looks("scatter_too_large", "sigma is too small"),
+    ),
+    _case(
         "a prior that says nothing",
         "beta alone, which fixes kappa only, with --prior e_n=0.9,5.",
         "e_n and mu stay not determined, as without the prior.",

@@ -26,7 +26,7 @@ OWN_WIDTH = 0.5
 _NOTHING = 1e-6  # share of the posterior that no evidence feels
 _ENOUGH = 1e-3  # share of a posterior, within or outside, that its distribution function tells
 _DRAWS = 20_000  # behind a joint share
-_TOLD = 0.02  # standard error of its logarithm that will do
+_ERROR_OF_SHARE = 0.02  # standard error of its logarithm that will do
 
 
 def prior_of(problem: Problem) -> dict[str, dict[str, float]]:
@@ -108,7 +108,7 @@ def _share_between(posterior: ExactPosterior, labels: Sequence[str], ends: Inter
     inside = np.all([(drawn[label] >= ends[0]) & (drawn[label] <= ends[1]) for label in labels], axis=0)
     share = float(inside.mean())
     error = math.sqrt((1.0 - share) / max(share * min(_DRAWS, posterior.n_draws), 1e-300))
-    return share if error <= _TOLD else None
+    return share if error <= _ERROR_OF_SHARE else None
 
 
 def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:

@@ -99,6 +99,13 @@ def _refuted(entries: Mapping[str, Entry], ranked: Sequence[str]) -> Verdict | N
     """Verdict where the best closure does not describe the data; None where it does."""
     lack = {name: entries[name].fit.facts["lack_of_fit"] for name in ranked}
     best = ranked[0]
+    wide = entries[best].fit.facts.get("scatter_too_large")
+    if wide is not None:
+        says = (
+            f"At the sigma given no closure holds, not even {title(best)}, the best of them, but the law "
+            f"need not be the reason: {wide.says}."
+        )
+        return Verdict("refuted", says, (best,))
     if lack[best].ok:
         return None
     p, where = lack[best].figures["p"], lack[best].figures.get("where", "in no one place")

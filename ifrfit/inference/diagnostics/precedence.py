@@ -65,6 +65,7 @@ _ORDER = (
     "mixture",
     "growing_scatter",
     "scatter_too_small",
+    "scatter_too_large",
     "normal_restitution",
     "outliers",
     "slips",
@@ -180,7 +181,12 @@ def misfit_facts(
         if fact is not None:
             findings.facts[question.name] = fact
             _withdraw(findings, question.name)
-    return {name: findings.facts[name] for name in _ORDER if name in findings.facts}
+    return in_order(findings.facts)
+
+
+def in_order(facts: Mapping[str, Fact]) -> dict[str, Fact]:
+    """Facts of the residuals as the report tells them."""
+    return {name: facts[name] for name in _ORDER if name in facts}
 
 
 def _withdraw(findings: Findings, new: str) -> None:

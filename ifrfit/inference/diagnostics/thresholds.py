@@ -88,6 +88,11 @@ FACTS = {
     "the score test that the variance of an unknown noise goes with a power of one over the observable's "
     "denominator, also without the row that speaks most; a rank correlation at 0.01, and a fall of -2 log "
     f"likelihood of {ALIKE:g} where it is in proportion; outliers are those under a noise that grows so",
+    "scatter_too_large": (
+        f"stands only where it fails: p < {REFUTED:g} of chi2, for known sigma, where no slip or effect "
+        "leaves p >= 0.01, and with the noise taken from the scatter there is no lack of fit (p >= 0.01), no "
+        "outlier, and no slip or effect"
+    ),
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "
     "that speaks most for the effect: of the directions in which tangential compliance, e_n(v) by "

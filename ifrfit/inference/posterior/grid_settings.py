@@ -96,7 +96,7 @@ class GridSettings:
 
     def spreads(self, kind: str, block: int) -> list[tuple[float, float]]:
         """`spread` about each mode, without those that are next to another one."""
-        return apart([one.spread(kind, block) for one in self.at_modes])
+        return distinct_places([one.spread(kind, block) for one in self.at_modes])
 
     def spread(self, kind: str, block: int) -> tuple[float, float]:
         """Optimum and local standard deviation of e_n, c, mu or kappa in a block."""
@@ -123,7 +123,7 @@ def ladder(places: Sequence[tuple[float, float]], lower: float, upper: float) ->
     return np.concatenate(([lower], edges, [upper]))
 
 
-def apart(places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def distinct_places(places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Centres with their sd, without those that are within an sd of an earlier one, and alike in it."""
 
     def next_to(one: tuple[float, float], other: tuple[float, float]) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.row_likelihood import RowLaw
 from ifrfit.inference.model.rows import Index
-from ifrfit.inference.posterior.grid_settings import LADDER, GridSettings, apart, ladder
+from ifrfit.inference.posterior.grid_settings import LADDER, GridSettings, distinct_places, ladder
 from ifrfit.inference.posterior.kink_minima import local_minima
 from ifrfit.inference.posterior.noise_scale import KnownScale, NoiseScale, Scale
 from ifrfit.inference.posterior.quadrature_axis import QuadratureAxis
@@ -174,7 +174,9 @@ def _x_edges(
     if isinstance(known["c"], FreeParameter):
         c_ends, prior = (known["c"].lower, known["c"].upper), known["c"].prior
     # a minimum that is next to another one is on its ladder already
-    places = apart([*modes, *local_minima(series.squares, series.sigma, c_ends, prior, 4.0 * series.tail)])
+    places = distinct_places(
+        [*modes, *local_minima(series.squares, series.sigma, c_ends, prior, 4.0 * series.tail)]
+    )
     reach = np.concatenate([x + np.concatenate((-s * LADDER, [0.0], s * LADDER)) for x, s in places])
     edges = series.to_t(np.concatenate((kept, reach[reach > 0.0])))
     edges = np.unique(edges[(edges > low) & (edges < high)])

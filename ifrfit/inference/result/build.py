@@ -18,9 +18,10 @@ from ifrfit.inference.diagnostics.modes import several_modes
 from ifrfit.inference.diagnostics.omitted_effects.assess import causes_of, criteria_of
 from ifrfit.inference.diagnostics.omitted_effects.experimental_conditions import Setting
 from ifrfit.inference.diagnostics.omitted_effects.types import EffectLine
-from ifrfit.inference.diagnostics.precedence import misfit_facts
+from ifrfit.inference.diagnostics.precedence import in_order, misfit_facts
 from ifrfit.inference.diagnostics.predictive_checks import predictive
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
+from ifrfit.inference.diagnostics.scatter_too_large import scatter_too_large
 from ifrfit.inference.distributions.protocol import Distribution
 from ifrfit.inference.distributions.truncated_gaussian import TruncatedGaussian
 from ifrfit.inference.model.apply_error_model import reported_policy
@@ -249,6 +250,12 @@ def _facts(
     several = several_modes(problem, optimum)
     causes = {} if brief else causes_of(problem, optimum, conditions, about.constants)
     found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
+    wide = scatter_too_large(problem, optimum, about.residuals, found)
+    if wide is not None:  # whatever else is asked is asked at the noise that the values show
+        causes = {} if brief else causes_of(wide.problem, wide.fit, conditions, about.constants)
+        if all(fact.ok for name, fact in causes.items() if name != "pooling"):
+            others = misfit_facts(wide.problem, wide.fit, wide.residuals, causes, brief=brief)
+            found = in_order({**others, "scatter_too_large": wide.fact})
     # a slip says more than that velocities and spins do not close
     by_hand = ("duplicates", "slips", "angular_momentum", "rounded_readings", "censoring", "truncation")
     slips = {name: found[name] for name in by_hand if name in found}

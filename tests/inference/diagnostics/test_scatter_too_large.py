@@ -1,0 +1,70 @@
+"""A sigma that is too small is doubted before the law is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from factories import at_most, impacts_file
+
+from ifrfit import compare, fit
+
+ANGLES = np.linspace(8.0, 80.0, 30)
+TABLES = 15
+
+
+def _table(path, seed, sigma, **more):
+    """beta and e_n with noises of 0.03 and 0.02."""
+    beta = {"gamma": ANGLES, "noise": 0.03, "sigma": 0.03 * sigma, "seed": seed} | more
+    e_n = {"gamma": ANGLES, "observables": ("e_n",), "noise": 0.02, "sigma": 0.02 * sigma, "seed": 100 + seed}
+    return impacts_file(path, beta, e_n)
+
+
+@pytest.mark.parametrize("times", [1.5, 3.0])
+def test_a_sigma_that_is_too_small_is_named_before_the_law(tmp_path, times):
+    first = []
+    for seed in range(TABLES):
+        facts = fit(_table(tmp_path / "t.csv", seed, 1.0 / times), method="lsq").facts
+        first.append(next(name for name, fact in facts.items() if not fact.ok))
+    # the scatter may look like a trend, or hold an outlier, in a hundredth or two of the tables
+    assert first.count("scatter_too_large") >= TABLES - at_most(TABLES, 0.03)
+
+
+def test_the_first_line_and_the_remedy(tmp_path):
+    path = _table(tmp_path / "t.csv", 1, 0.5)
+    result = fit(path)
+    assert result.summary().startswith("LOOK  the data scatter more than their sigma")
+    fact = result.facts["scatter_too_large"]
+    assert fact.figures["factor"] == pytest.approx(2.0, rel=0.2)
+    assert "--noise scaled takes its size from the scatter" in fact.says
+    assert result.facts["lack_of_fit"].ok
+    assert "scatter_too_large" not in fit(path, noise="scaled", method="lsq").facts
+
+
+def test_sigma_of_one_observable_alone(tmp_path):
+    beta = {"gamma": ANGLES, "noise": 0.03, "sigma": 0.01, "seed": 3}
+    e_n = {"gamma": ANGLES, "observables": ("e_n",), "noise": 0.02, "sigma": 0.02, "seed": 4}
+    says = fit(impacts_file(tmp_path / "t.csv", beta, e_n), method="lsq").facts["scatter_too_large"].says
+    assert says.startswith("the values of beta scatter 3")
+    assert "--noise unknown" in says
+
+
+def test_a_right_sigma_is_none(tmp_path):
+    for seed in range(TABLES):
+        assert "scatter_too_large" not in fit(_table(tmp_path / "t.csv", seed, 1.0), method="lsq").facts
+
+
+def test_another_law_is_a_lack_of_fit(tmp_path):
+    """Walton's sphere under F, which has no restitution along the wall: a trend, whatever sigma is."""
+    path = impacts_file(
+        tmp_path / "t.csv", {"gamma": ANGLES, "noise": 0.01, "sigma": 0.01, "closure": "fr", "c": 0.5}
+    )
+    facts = fit(path, method="lsq", closure="f", fix={"e_n": 0.94}).facts
+    assert "scatter_too_large" not in facts
+    assert not facts["lack_of_fit"].ok
+
+
+def test_closures_are_not_refuted_for_a_sigma(tmp_path):
+    found = compare(_table(tmp_path / "t.csv", 2, 0.5), ["f", "ifr"], loo=False).verdict
+    assert found.kind == "refuted"
+    assert "the law need not be the reason: the values scatter" in found.says
+    assert "--noise scaled" in found.says
