@@ -91,7 +91,7 @@ FACTS = {
     "scatter_too_large": (
         f"stands only where it fails: p < {REFUTED:g} of chi2, for known sigma, where no slip or effect "
         "leaves p >= 0.01, and with the noise taken from the scatter there is no lack of fit (p >= 0.01), no "
-        "outlier, and no slip or effect"
+        "outlier, slip, effect or series that differs"
     ),
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",
     "effects": f"p >= {REFUTED:g} in score tests, corrected for their number (Holm), also without the row "

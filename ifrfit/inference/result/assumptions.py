@@ -55,7 +55,19 @@ def assumed_of(
         words = words.format(estimated=noise.whose(given=False), given=noise.whose(given=True))
     of_errors = _INDEPENDENT + _of_repeats(problem)
     at_wall = _AT_THE_WALL if set(_COMPONENTS) & set(problem.rows.names) else ""
-    return tuple(said for said in (plane, at_wall, words, of_errors, _COMPLETE, offset) if said)
+    elsewhere = _restitution_words(problem)
+    return tuple(said for said in (plane, at_wall, elsewhere, words, of_errors, _COMPLETE, offset) if said)
+
+
+def _restitution_words(problem: Problem) -> str:
+    """That e_n was read at other angles than those for which it is taken, where the two do not meet."""
+    gamma, rows = problem.rows.gamma_deg, problem.rows
+    read, used = gamma[rows.of_kind("normal")], gamma[rows.is_oblique]
+    read, used = read[np.isfinite(read)], used[np.isfinite(used)]
+    if not read.size or not used.size or (read.max() >= used.min() and read.min() <= used.max()):
+        return ""
+    at = f"{read.min():.3g}" if np.ptp(read) == 0.0 else f"{read.min():.3g} to {read.max():.3g}"
+    return f"e_n as read at {at} degrees, for impacts at {used.min():.3g} to {used.max():.3g}"
 
 
 def _of_repeats(problem: Problem) -> str:

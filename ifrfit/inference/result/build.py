@@ -252,8 +252,8 @@ def _facts(
     found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
     wide = scatter_too_large(problem, optimum, about.residuals, found)
     if wide is not None:  # whatever else is asked is asked at the noise that the values show
-        causes = {} if brief else causes_of(wide.problem, wide.fit, conditions, about.constants)
-        if all(fact.ok for name, fact in causes.items() if name != "pooling"):
+        causes = causes_of(wide.problem, wide.fit, conditions, about.constants)
+        if all(fact.ok for fact in causes.values()):
             others = misfit_facts(wide.problem, wide.fit, wide.residuals, causes, brief=brief)
             found = in_order({**others, "scatter_too_large": wide.fact})
     # a slip says more than that velocities and spins do not close

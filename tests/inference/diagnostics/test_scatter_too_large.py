@@ -48,6 +48,16 @@ def test_sigma_of_one_observable_alone(tmp_path):
     assert "--noise unknown" in says
 
 
+def test_series_that_differ_are_the_reason(tmp_path):
+    parts = [
+        {"gamma": ANGLES, "noise": 0.02, "sigma": 0.02, "mu": mu, "series": name, "seed": seed}
+        for seed, (name, mu) in enumerate((("a", 0.10), ("b", 0.14)))
+    ]
+    facts = fit(impacts_file(tmp_path / "t.csv", *parts), method="lsq", fix={"e_n": 0.94}).facts
+    assert "scatter_too_large" not in facts
+    assert not facts["pooling"].ok
+
+
 def test_a_right_sigma_is_none(tmp_path):
     for seed in range(TABLES):
         assert "scatter_too_large" not in fit(_table(tmp_path / "t.csv", seed, 1.0), method="lsq").facts

@@ -126,3 +126,12 @@ def test_of_two_files_the_one_without_spin_is_named(tmp_path):
     spun = impacts_file(tmp_path / "spun.csv", {"gamma": np.arange(10.0, 80.0, 9.0), "spin_y": 0.1})
     fit = ifrfit.fit([tmp_path / "silent.csv", spun], method="lsq", fix=FIX)
     assert "no spin before impact in silent.csv" in fit.assumed
+
+
+@pytest.mark.parametrize(("angle", "told"), [(0.0, True), (40.0, False)])
+def test_e_n_that_was_read_at_other_angles_is_an_assumption(tmp_path, angle, told):
+    e_n = {"gamma": [angle] * 4, "observables": ("e_n",), "noise": 0.01, "sigma": 0.01}
+    beta = {"gamma": np.linspace(8.0, 80.0, 12), "noise": 0.02, "sigma": 0.02}
+    found = ifrfit.fit(impacts_file(tmp_path / "t.csv", e_n, beta), method="lsq")
+    words = "e_n as read at 0 degrees, for impacts at 8 to 80"
+    assert (words in found.assumed) == told
