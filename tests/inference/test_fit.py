@@ -60,7 +60,7 @@ def test_scaled_noise_multiplies_the_errors_by_one_factor(impacts):
     factor = math.sqrt(known.fit.chi2 / known.fit.dof)
     assert scaled.constants["mu"].value == pytest.approx(known.constants["mu"].value, rel=1e-12)
     assert scaled.constants["mu"].stderr == pytest.approx(factor * known.constants["mu"].stderr, rel=1e-9)
-    assert not known.facts["lack_of_fit"].ok  # sigma is five times too small
+    assert known.facts["scatter_too_large"].figures["factor"] == pytest.approx(factor)  # five times
     assert scaled.facts["lack_of_fit"].ok
 
 

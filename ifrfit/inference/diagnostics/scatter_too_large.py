@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
 from scipy import special
 
 from ifrfit.errors import DataError
@@ -18,8 +19,10 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit, least_squar
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
 
-_EVEN = 0.01  # p of a lack of fit at the noise of the scatter, from which nothing speaks against the law
+_EVEN = 0.05  # p of a lack of fit at the noise of the scatter, from which nothing speaks against the law
 _EXPLAINED = 0.01  # p of chi2 that a slip or an effect leaves, from which it is the reason
+_BULK = 0.6  # spread of the median residual over that of all: below, a few large ones make it
+_MEDIAN = 0.6744897501960817  # of the absolute value of a standard normal number
 _FEWEST = 8  # degrees of freedom with which a departure of the law would have shown
 
 
@@ -40,7 +43,8 @@ def scatter_too_large(
 
     The mirror of `scatter_too_small`. chi2 refutes the fit, no slip or effect explains it, and with the noise
     taken from the scatter (a common factor; one for each observable, where the sigma of some are right)
-    there is no lack of fit (p >= 0.01) and no outlier.
+    there is no lack of fit (p >= 0.05), no outlier, and the
+    middle half of the residuals is as wide as the rest (to a factor of 0.6).
 
     Parameters
     ----------
@@ -70,7 +74,7 @@ def scatter_too_large(
         return None
     left = residuals_of(scattered, again)
     p = lack_of_fit(scattered, again, left, remedy=False).figures["p"]
-    if p is None or p < _EVEN or not outliers(scattered, again, left).ok:
+    if p is None or p < _EVEN or not outliers(scattered, again, left).ok or not _is_even(left):
         return None
     factor = math.sqrt(sum(each[0] for each in wide.values()) / sum(each[1] for each in wide.values()))
     which = "the values" if of_all else f"the values of {joined(list(wide))}"
@@ -82,6 +86,11 @@ def scatter_too_large(
     )
     figures = {"p": lack.figures["p"], "chi2": chi2, "dof": dof, "factor": factor, "p_trend": p}
     return Rescattered(Fact(False, says, figures, FACTS["scatter_too_large"]), scattered, again, left)
+
+
+def _is_even(residuals: Residuals) -> bool:
+    """Whether the middle of the residuals is as wide as all of them: several outliers hide one another."""
+    return float(np.median(np.abs(residuals.studentised))) / _MEDIAN >= _BULK
 
 
 def _is_explained(found: Mapping[str, Fact], chi2: float, dof: float) -> bool:

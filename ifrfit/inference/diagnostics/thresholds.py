@@ -90,7 +90,7 @@ FACTS = {
     f"likelihood of {ALIKE:g} where it is in proportion; outliers are those under a noise that grows so",
     "scatter_too_large": (
         f"stands only where it fails: p < {REFUTED:g} of chi2, for known sigma, where no slip or effect "
-        "leaves p >= 0.01, and with the noise taken from the scatter there is no lack of fit (p >= 0.01), no "
+        "leaves p >= 0.01, and with the noise taken from the scatter there is no lack of fit (p >= 0.05), no "
         "outlier, slip, effect or series that differs"
     ),
     "scatter_too_small": f"stands only where it fails: p < {REFUTED:g} of chi2 from below, for known sigma",

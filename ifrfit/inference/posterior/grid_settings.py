@@ -90,8 +90,11 @@ class GridSettings:
 
     @cached_property
     def at_modes(self) -> tuple[GridSettings, ...]:
-        """The same about each mode that the least squares know; about the optimum itself first."""
-        others = fits_at_modes(self.problem, self.start, _RISE)[1:]
+        """The same about each mode of the noises that is known; about the optimum itself first.
+
+        Other minima at one noise are met by refinement, and about those between kinks panels lie anyway.
+        """
+        others = fits_at_modes(self.problem, self.start, _RISE)[1:] if self.start.rivals else []
         return self, *(replace(self, start=one) for one in others)
 
     def spreads(self, kind: str, block: int) -> list[tuple[float, float]]:

@@ -25,8 +25,8 @@ def test_a_sigma_that_is_too_small_is_named_before_the_law(tmp_path, times):
     for seed in range(TABLES):
         facts = fit(_table(tmp_path / "t.csv", seed, 1.0 / times), method="lsq").facts
         first.append(next(name for name, fact in facts.items() if not fact.ok))
-    # the scatter may look like a trend, or hold an outlier, in a hundredth or two of the tables
-    assert first.count("scatter_too_large") >= TABLES - at_most(TABLES, 0.03)
+    # of two tests of a trend one fails by chance in a twentieth to a tenth of the tables
+    assert first.count("scatter_too_large") >= TABLES - at_most(TABLES, 0.1)
 
 
 def test_the_first_line_and_the_remedy(tmp_path):
@@ -78,3 +78,18 @@ def test_closures_are_not_refuted_for_a_sigma(tmp_path):
     assert found.kind == "refuted"
     assert "the law need not be the reason: the values scatter" in found.says
     assert "--noise scaled" in found.says
+
+
+def test_outliers_that_hide_one_another_are_no_wide_scatter(tmp_path):
+    """Four of thirty readings ten sigma off: at the noise of all together none stands out."""
+    path = impacts_file(tmp_path / "t.csv", {"gamma": ANGLES, "noise": 0.02, "sigma": 0.02, "seed": 1})
+    lines = path.read_text(encoding="utf-8").splitlines()
+    for place, off in ((4, 0.2), (11, -0.2), (18, 0.2), (25, -0.2)):
+        fields = lines[place].split(",")
+        column = lines[0].split(",").index("value")
+        fields[column] = f"{float(fields[column]) + off:.5f}"
+        lines[place] = ",".join(fields)
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    facts = fit(path, method="lsq", fix={"e_n": 0.94}).facts
+    assert "scatter_too_large" not in facts
+    assert len(facts["outliers"].figures["rows"]) == 4
