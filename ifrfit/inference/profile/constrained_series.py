@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ifrfit.inference.model.parameters import Parameter
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.branch_and_bound import minimise
@@ -97,7 +99,7 @@ class ConstrainedSeries:
         if self.shared is self.whole.mu and math.isinf(self.groups[0].mu.upper):
             high = max(high, 1.01 * start)
         _, x = minimum_near(
-            total.value,
+            lambda x: float(total.profile(np.array([x]))[0]),
             start,
             total.low,
             high,
