@@ -116,8 +116,8 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
 
     A narrower uniform prior cuts the posterior: the evidence gains the ratio of the widths and keeps the
     posterior's share between the ends, that of several entries by joint draws, where these tell it well. A
-    wider one loses that ratio where the posterior has died out in the
-    upper half of the old domain; else it is integrated afresh.
+    wider one loses that ratio where the posterior has died out in the upper half of the old domain; else it
+    is integrated afresh.
     """
     problem, optimum = fit.problem_and_optimum()
     posterior = posterior_of(fit)

@@ -22,7 +22,7 @@ from ifrfit.text import joined, p_text
 _EVEN = 0.05  # p of a lack of fit at the noise of the scatter, from which nothing speaks against the law
 _EXPLAINED = 0.01  # p of chi2 that a slip or an effect leaves, from which it is the reason
 _BULK = 0.6  # spread of the median residual over that of all: below, a few large ones make it
-_MEDIAN = 0.6744897501960817  # of the absolute value of a standard normal number
+_MEDIAN = float(special.ndtri(0.75))  # of the absolute value of a standard normal number
 _FEWEST = 8  # degrees of freedom with which a departure of the law would have shown
 
 
@@ -43,8 +43,8 @@ def scatter_too_large(
 
     The mirror of `scatter_too_small`. chi2 refutes the fit, no slip or effect explains it, and with the noise
     taken from the scatter (a common factor; one for each observable, where the sigma of some are right)
-    there is no lack of fit (p >= 0.05), no outlier, and the
-    middle half of the residuals is as wide as the rest (to a factor of 0.6).
+    there is no lack of fit (p >= 0.05) and no outlier, and the middle half of the residuals is as wide as the
+    rest (to a factor of 0.6).
 
     Parameters
     ----------
