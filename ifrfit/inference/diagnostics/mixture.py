@@ -63,11 +63,10 @@ def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
         spread = _spread(problem, jacobian[:, place], residual)
         if spread is None:
             continue
-        normal = _drop_of_normal(problem, jacobian[:, place], residual, spread)
         found = _fitted(problem, fit, place, spread)
-        if found is None or found.drop < max(DECISIVE, normal + ALIKE):
+        if found is None or found.drop < max(DECISIVE, best.drop if best else 0.0):
             continue
-        if best is None or found.drop > best.drop:
+        if found.drop >= _drop_of_normal(problem, jacobian[:, place], residual, spread) + ALIKE:
             best = found
     if best is None:
         return None
@@ -130,7 +129,7 @@ def _drop_of_normal(problem: Problem, along: Array, residual: Array, spread: flo
         return logs + (square if problem.noise.is_known else n * math.log(square / n) + n)
 
     start = math.log(spread)
-    from scipy.optimize import minimize_scalar  # 0.2 s, and few residuals are suspicious
+    from scipy.optimize import minimize_scalar  # 0.2 s, and few tables look like a mixture
 
     found = minimize_scalar(minus, bounds=(start - 4.0, start + 3.0), method="bounded")
     return max((total if problem.noise.is_known else n * math.log(total / n) + n) - float(found.fun), 0.0)
