@@ -1,4 +1,4 @@
-"""Evidences less some rows, by points of all rows: quadrature of the rest, and rows that need other points."""
+"""Evidences less some rows, by points of all rows: held against quadrature of the rest."""
 
 from __future__ import annotations
 
