@@ -20,7 +20,7 @@ from ifrfit.inference.comparison.loo import loo_of, with_differences
 from ifrfit.inference.comparison.prior_sensitivity import prior_of, prior_table
 from ifrfit.inference.comparison.psi_plane import psi_plane
 from ifrfit.inference.comparison.result import Comparison, Entry
-from ifrfit.inference.comparison.types import Loo
+from ifrfit.inference.comparison.types import HOPELESS, Loo
 from ifrfit.inference.comparison.verdict import verdict_of
 from ifrfit.inference.estimations import posterior_estimation
 from ifrfit.inference.estimators import Exact
@@ -163,9 +163,10 @@ def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed
 
 def _cross_validated(fits: dict[str, FitResult], seed: int) -> dict[str, Loo]:
     """Every closure with draws of its own, whichever others are compared; empty for too many rows."""
-    found = {}
+    found, evidence = {}, {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
     for name, fit in fits.items():
-        own = loo_of(fit, np.random.SeedSequence([seed, *name.encode()]))
+        has_hope = evidence[name] >= max(evidence.values()) - HOPELESS
+        own = loo_of(fit, np.random.SeedSequence([seed, *name.encode()]), in_earnest=has_hope)
         if own is None:
             return {}
         found[name] = own

@@ -36,14 +36,14 @@ _AT_ONCE = 200_000  # of which the density makes several arrays
 _SAME = 1e-12  # relative spread of a tail that has one value
 
 
-def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
+def loo_of(fit: FitResult, seed: np.random.SeedSequence, *, in_earnest: bool = True) -> Loo | None:
     """Cross-validate one closure; None for so many rows that draws and rows would not fit.
 
     The density that the other impacts predict for one is an average over the posterior with weights
     1/likelihood of that impact, whose tail is smoothed (PSIS). Draws are independent, so the relative
     effective sample size is 1. Where the Pareto k is over 0.7 the weights are not to be trusted: that impact
     is left out in earnest, and its log density is log evidence with it less log evidence without it; none is
-    where more than `MOST_REFITS` would have to be.
+    where more than `MOST_REFITS` would have to be, nor where it is not asked for.
 
     References
     ----------
@@ -64,9 +64,9 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
     refitted = []
     # where more are high the sum stays doubtful whatever becomes of some of them
-    high_and_few = high if high.size <= MOST_REFITS else high[:0]
-    fewer = _points_of(problem, posterior, optimum) if high_and_few.size > 1 else None
-    for i in high_and_few:
+    refits = high if in_earnest and high.size <= MOST_REFITS else high[:0]
+    fewer = _points_of(problem, posterior, optimum) if refits.size > 1 else None
+    for i in refits:
         exact = left_out(
             problem, posterior.log_evidence, density.impact != i, posterior.tolerance, optimum, fewer
         )
@@ -92,9 +92,12 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
 
 
 def _points_of(problem: Problem, posterior: ExactPosterior, optimum: LeastSquaresFit) -> FewerRows | None:
-    """Points that serve each impact that is left out; None where grids are quicker."""
-    sampled = isinstance(posterior, ImportancePosterior)
-    if sampled or evidence_is_sampled(problem, posterior.tolerance, optimum):
+    """Points that serve each impact that is left out; None where grids are quicker.
+
+    A grid begins at an optimum, which where noises are unknown takes longer than the grid.
+    """
+    quick = problem.noise.is_known and not isinstance(posterior, ImportancePosterior)
+    if not quick or evidence_is_sampled(problem, posterior.tolerance, optimum):
         return FewerRows(problem, optimum)
     return None
 

@@ -14,6 +14,8 @@ from ifrfit.inference.result.types import Interval
 Array = NDArray[np.float64]
 Kind = Literal["stand_in", "refuted", "undecided", "preferred"]
 
+HOPELESS = 50.0  # log evidence below the best closure from which on no impact is left out in earnest
+
 
 @dataclass(frozen=True)
 class Loo:

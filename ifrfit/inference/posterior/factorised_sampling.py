@@ -194,7 +194,7 @@ class EvidenceBySeries:
         if error <= SAMPLING_ERROR:
             return found, error
         sampler = _Sampler(density, self._rng)
-        points = sampler.enough_for_evidence(sampler.fitted(self._laws, points))
+        points = sampler.enough_for_evidence(sampler.fitted(self._laws, points), at_first=True)
         return believed_evidence(points.log_weights)
 
 
@@ -295,13 +295,15 @@ class _Sampler:
             if max(found.error, found.error_evidence) <= TARGET and found.converged:
                 return found
 
-    def enough_for_evidence(self, laws: _Laws) -> _Points:
-        """Lattices as fine as the evidence needs."""
+    def enough_for_evidence(self, laws: _Laws, *, at_first: bool = False) -> _Points:
+        """Lattices as fine as the evidence needs; `at_first`: one alone where few points count."""
         lattices = self._lattices(laws)
         while True:
             points, work = next(lattices)
             _, error = believed_evidence(points.log_weights)
             if error <= TARGET or work > (_WORK if error <= SAMPLING_ERROR else _MOST_WORK):
+                return points
+            if at_first and math.isinf(error):
                 return points
 
     def _lattices(self, laws: _Laws) -> Iterator[tuple[_Points, float]]:

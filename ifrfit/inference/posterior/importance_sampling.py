@@ -237,7 +237,8 @@ class EvidenceByImportance:
         points = _Replicates(density, law, self._rng, fewer=_FEWER)
         if points.evidence()[1] > SAMPLING_ERROR:
             points = points.with_law_fitted()
-        return points.enough_for_evidence().evidence()
+        found, error = points.evidence()
+        return (found, error) if math.isinf(error) else points.enough_for_evidence().evidence()
 
     @cached_property
     def _log_density(self) -> Array:

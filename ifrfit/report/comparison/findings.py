@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ifrfit.inference.comparison import Comparison
 from ifrfit.inference.comparison.flaws import rivals_with_flaws
+from ifrfit.inference.comparison.types import HOPELESS
 from ifrfit.inference.comparison.verdict import title
 from ifrfit.inference.diagnostics.omitted_effects.messages import called_title
 from ifrfit.physics import get_closure
@@ -117,7 +118,7 @@ def _of_cross_validation(comparison: Comparison) -> list[str]:
             "few impacts decide; look at both fits"
         )
     for name, loo in found.items():
-        if loo.doubtful:
+        if loo.doubtful and comparison.entries[name].log_bayes_factor > -HOPELESS:
             count, more = len(loo.doubtful), ", ..." if len(loo.doubtful) > 1 else ""
             lines.append(
                 f"cross-validation of {title(name)} is not to be trusted: Pareto k over {loo.threshold:.2g} "

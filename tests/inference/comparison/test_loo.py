@@ -11,6 +11,7 @@ from factories import problem_of
 
 from ifrfit.inference.comparison import compare
 from ifrfit.inference.comparison.loo import left_out, loo_of, with_differences
+from ifrfit.inference.comparison.types import HOPELESS
 from ifrfit.inference.fit import fit
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.posterior import integrate, log_evidence
@@ -68,6 +69,19 @@ def test_an_outlier_is_refitted_and_the_rest_is_not():
     )
     small = np.delete(found.pareto_k, 4)
     assert (small <= found.threshold).all()
+
+
+def test_no_impact_is_left_out_in_earnest_under_a_closure_without_hope():
+    data = observations("ifr", np.linspace(5, 80, 20), sigma=0.01, e_t=-0.6, seed=2)
+    found = compare(data, closures=["ifr", "f"], fix={"e_n": 0.9})
+    assert found.entries["f"].log_bayes_factor < -HOPELESS
+    own = found.entries["f"].loo
+    assert own.doubtful
+    assert own.refitted == ()
+    assert own.difference < -HOPELESS
+    assert "is not to be trusted" not in found.summary()
+    # alone it is left out
+    assert loo_of(found.entries["f"].fit, SEED).refitted
 
 
 def test_rows_of_an_impact_are_left_out_together():
