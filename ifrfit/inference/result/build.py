@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ifrfit._version import __version__
+from ifrfit.inference.diagnostics.angle_scatter import angle_scatter
 from ifrfit.inference.diagnostics.collect import angle_offset, at_bound, global_optimum
 from ifrfit.inference.diagnostics.identifiability import identifiable
 from ifrfit.inference.diagnostics.modes import several_modes
@@ -250,14 +251,30 @@ def _facts(
     several = several_modes(problem, optimum)
     causes = {} if brief else causes_of(problem, optimum, conditions, about.constants)
     found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
+    # whatever else is asked is asked at the noise that the values show
+    turned = angle_scatter(problem, optimum, found)
+    if turned is not None:
+        causes = causes_of(turned.problem, turned.fit, conditions, about.constants)
+        if all(fact.ok for name, fact in causes.items() if name not in turned.beside):
+            known = {**causes, "angle_scatter": turned.fact}
+            others = misfit_facts(turned.problem, turned.fit, turned.residuals, known, brief=brief)
+            found = in_order({**others, **turned.beside})
     wide = scatter_too_large(problem, optimum, about.residuals, found)
-    if wide is not None:  # whatever else is asked is asked at the noise that the values show
+    if wide is not None:
         causes = causes_of(wide.problem, wide.fit, conditions, about.constants)
         if all(fact.ok for fact in causes.values()):
             others = misfit_facts(wide.problem, wide.fit, wide.residuals, causes, brief=brief)
             found = in_order({**others, "scatter_too_large": wide.fact})
     # a slip says more than that velocities and spins do not close
-    by_hand = ("duplicates", "slips", "angular_momentum", "rounded_readings", "censoring", "truncation")
+    by_hand = (
+        "duplicates",
+        "slips",
+        "angle_scatter",
+        "angular_momentum",
+        "rounded_readings",
+        "censoring",
+        "truncation",
+    )
     slips = {name: found[name] for name in by_hand if name in found}
     first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
     facts = {
