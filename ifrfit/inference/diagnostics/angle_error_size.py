@@ -1,9 +1,9 @@
-"""Independent errors of the angles, one of each impact: do they show in the residuals, and how large are they?"""
+"""Independent errors of the angles, one of each impact: whether they show, and how large they are."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ _LOOSE = 1e-12
 
 @dataclass(frozen=True)
 class AngleSlopes:
-    """Rows at some constants, all in units of a sigma.
+    """Rows at some constants, all in units of a sigma, and how an error of the angle moves them.
 
     Attributes
     ----------
@@ -56,10 +56,29 @@ class AngleSlopes:
         """Sum over the rows of each impact."""
         return np.bincount(self.impacts, of_rows).astype(float)
 
+    def without(self, errors: FittedErrors) -> AngleSlopes:
+        """The same in units in which the noise and these errors are independent and of size 1."""
+        t = errors.size * self.along / errors.noise
+        size = self.by_impact(t * t)
+        # the inverse root of 1 + t t' takes this much of t off
+        part = -np.expm1(-0.5 * np.log1p(size)) / np.maximum(size, _LOOSE)
+
+        def whitened(of_rows: Array) -> Array:
+            scaled = of_rows / errors.noise
+            return np.asarray(scaled - t * (part * self.by_impact(t * scaled))[self.impacts])
+
+        columns = [whitened(column) for column in self.by_constant.T]
+        return replace(
+            self,
+            along=whitened(self.along),
+            left=whitened(self.left),
+            by_constant=np.column_stack(columns) if columns else self.by_constant,
+        )
+
 
 @dataclass(frozen=True)
-class AngleErrors:
-    """Errors of the angles at the largest likelihood.
+class FittedErrors:
+    """Errors of the angles, or others that act along known slopes, at the largest likelihood.
 
     Attributes
     ----------
@@ -69,13 +88,16 @@ class AngleErrors:
         Of the values alone, in units of the sigma of the slopes.
     widening : ndarray, (n,)
         Of both together, likewise.
+    fall : float
+        Of -2 log likelihood.
     drop : float
-        Fall of -2 log likelihood, without the impact that speaks most.
+        The same without the impact that speaks most.
     """
 
     size: float
     noise: Array
     widening: Array
+    fall: float
     drop: float
 
 
@@ -115,7 +137,8 @@ def _p(
     kept: Index, weight: Array, z: Array, share: Array, impacts: Index, group: Index, basis: Array
 ) -> float:
     """p of the form of some impacts; 1 where nothing is suspicious."""
-    weight, z, share, impacts, group, basis = (x[kept] for x in (weight, z, share, impacts, group, basis))
+    weight, z, share, basis = (x[kept] for x in (weight, z, share, basis))
+    impacts, group = impacts[kept], group[kept]
     excess = float(share.sum() - (weight[group < 0] ** 2).sum())
     variance = float((np.bincount(impacts, weight**2) ** 2).sum())
     scale = np.zeros(z.size)
@@ -154,8 +177,8 @@ def deviance_of(slopes: AngleSlopes, unknown: tuple[Index, ...]) -> Array:
 
 
 def fitted_errors(
-    slopes: AngleSlopes, before: Array, unknown: tuple[Index, ...], *, exact: bool = False
-) -> AngleErrors:
+    slopes: AngleSlopes, before: Array, unknown: tuple[Index, ...], kinds: Index | None = None
+) -> FittedErrors:
     """Size of the errors, noises and constants (to first order) at the largest likelihood.
 
     Each variance is the sum of squares that falls to its errors, over the number of those that the data tell:
@@ -168,16 +191,17 @@ def fitted_errors(
         -2 log likelihood of each impact with which it is compared, as `deviance_of` has it.
     unknown : tuple of ndarray of int
         Rows that share an unknown noise.
-    exact : bool
-        Whether the angles are exact: noises and constants alone are fitted.
+    kinds : ndarray of int, (m,), optional
+        Kind of each impact's error, where they are of several sizes.
     """
     along, by = slopes.along, np.column_stack((slopes.by_constant, slopes.left))
     square = _own_noise(slopes.left, unknown)
-    variance = 0.0 if exact else 1.0  # degrees squared
+    of = np.zeros(before.size, dtype=np.intp) if kinds is None else kinds
+    variance = np.ones(of.max(initial=0) + 1)
     for _ in range(_STEPS):
         lean = along / square
         informed = slopes.by_impact(along * lean)
-        share = variance / (1.0 + variance * informed)  # of each error, given the residuals
+        share = variance[of] / (1.0 + variance[of] * informed)  # variance of each error, given the residuals
         sums = np.column_stack([slopes.by_impact(column * lean) for column in by.T])
         normal = by.T @ (by / square[:, None]) - sums.T @ (share[:, None] * sums)
         step = np.linalg.lstsq(normal[:-1, :-1], normal[:-1, -1], rcond=_LOOSE)[0]
@@ -188,19 +212,21 @@ def fitted_errors(
         new = square.copy()
         for rows in unknown:
             new[rows] = max(float(rest[rows].sum()) / max(float(told[rows].sum()), 0.5), _LOOSE)
-        number = float((informed * share).sum())
-        grown = float(mean @ mean) / number if number > 0.0 else 0.0
-        moved = abs(grown - variance) + float(np.abs(new / square - 1.0).max())
+        number = np.bincount(of, informed * share)
+        grown = np.where(number > 0.0, np.bincount(of, mean**2) / np.maximum(number, _LOOSE), 0.0)
+        moved = float((np.abs(grown - variance) / (1.0 + variance)).max() + np.abs(new / square - 1.0).max())
         square, variance = new, grown
         if moved <= _AT_REST:
             break
     informed = slopes.by_impact(along**2 / square)
-    share = variance / (1.0 + variance * informed)
-    deviance = slopes.by_impact(left**2 / square + np.log(square)) + np.log1p(variance * informed)
+    share = variance[of] / (1.0 + variance[of] * informed)
+    deviance = slopes.by_impact(left**2 / square + np.log(square)) + np.log1p(variance[of] * informed)
     gain = before - deviance + share * slopes.by_impact(along / square * left) ** 2
-    widening = np.sqrt(square + variance * along**2)
-    drop = float(gain.sum() - gain.max())
-    return AngleErrors(math.sqrt(variance), np.sqrt(square), widening, drop)
+    widening = np.sqrt(square + variance[of][slopes.impacts] * along**2)
+    fall = float(gain.sum())
+    return FittedErrors(
+        math.sqrt(float(variance[0])), np.sqrt(square), widening, fall, fall - float(gain.max())
+    )
 
 
 def _own_noise(left: Array, unknown: tuple[Index, ...]) -> Array:

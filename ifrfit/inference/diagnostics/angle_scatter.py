@@ -1,36 +1,47 @@
-"""Does the scatter go with the slope of the values in the angle? Angles that were read with errors do that."""
+"""Does the scatter go with the slope of the values in the angle? Errors of the angles do that."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ifrfit.errors import DataError
 from ifrfit.inference.diagnostics.angle_error_size import (
-    AngleErrors,
     AngleSlopes,
+    FittedErrors,
     careful_p,
     deviance_of,
     fitted_errors,
 )
+from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit
-from ifrfit.inference.diagnostics.mixture import mixture
+from ifrfit.inference.diagnostics.mixture import mixture, suspicious_constants
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
+from ifrfit.inference.diagnostics.rival_scatter import drop_of_even, drop_of_growth, fall_of_outliers
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
 from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
-from ifrfit.inference.model.rows import Index
+from ifrfit.inference.model.rows import Array
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, group_sigma, refit
 from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
 
 _FEWEST = 8  # impacts below which no errors of angles are looked for
 _EXPLAINED = 0.01  # p of a trend that the errors of angles leave, from which nothing else speaks
-_WIDEST = 20.0  # degrees beyond which it is no error of reading
+_WIDEST = 10.0  # degrees beyond which it is no error of reading
 _ROUNDS = 2  # in which the constants are fitted with the errors, and the errors about the constants
-_STATED = 0.01  # relative sd of a sigma in words
+# what explains the residuals as well, in words
+_ALIKE = {
+    "mixture": "impacts of two kinds",
+    "growing_scatter": "errors of velocities",
+    "slips": "a slip in the table",
+    "effects": "a further effect",
+    "sigma": "a sigma that is too small (--noise scaled)",
+    "growth": "errors that grow with the value",
+    "outliers": "outliers",
+}
 
 
 @dataclass(frozen=True)
@@ -48,7 +59,7 @@ class WithAngleErrors:
 
 
 def angle_scatter(
-    problem: Problem, fit: LeastSquaresFit, found: Mapping[str, Fact]
+    problem: Problem, fit: LeastSquaresFit, causes: Mapping[str, Fact]
 ) -> WithAngleErrors | None:
     """Whether independent errors of the angles explain the scatter: one of each impact, all of one size.
 
@@ -61,8 +72,8 @@ def angle_scatter(
     ----------
     problem : Problem
     fit : LeastSquaresFit
-    found : mapping of str to Fact
-        What the residuals say without errors of the angles.
+    causes : mapping of str to Fact
+        What the residuals call for without errors of the angles, where tested: ``slips``, ``effects``.
 
     Returns
     -------
@@ -79,18 +90,13 @@ def angle_scatter(
     p = careful_p(slopes, unknown)
     if p >= REFUTED:
         return None
-    with_factor = False
     before = deviance_of(slopes, unknown)
-    errors = fitted_errors(slopes, before, unknown)
+    errors, factor = fitted_errors(slopes, before, unknown), None
     if problem.noise.is_known:
-        everything = (np.arange(len(problem.rows)),)
-        scaled = fitted_errors(slopes, before, everything)
-        with_factor = scaled.drop > errors.drop + ALIKE
-        if with_factor:
-            errors, unknown = scaled, everything
-    even = fitted_errors(slopes, before, _even_groups(problem), exact=True).drop
-    if even > errors.drop + ALIKE:
-        return None
+        factor = fitted_errors(slopes, before, (np.arange(len(problem.rows)),))
+    with_factor = factor is not None and factor.drop > errors.drop + ALIKE
+    if factor is not None and with_factor:
+        errors, unknown = factor, (np.arange(len(problem.rows)),)
     try:
         for _ in range(_ROUNDS):
             if not 0.0 < errors.size < _WIDEST:
@@ -100,55 +106,72 @@ def angle_scatter(
             again = refit(wide, sigma, fit.optimum.theta)
             at_theta = AngleSlopes.of(problem, again.optimum.theta, fit.sigma)
             errors = fitted_errors(at_theta, before, unknown)
+        rivals = _rivals(problem, fit, slopes, causes, errors)
+        if any(excess > ALIKE for excess, _ in rivals.values()):
+            return None
+        left = residuals_of(wide, again)
+        trend = lack_of_fit(wide, again, left, remedy=False).figures["p"]
+        if trend is None or trend < _EXPLAINED:
+            return None
+        without = at_theta.without(errors)
+        places = suspicious_constants(wide, without.by_constant, without.left)
+        if places:
+            rivals |= _of_mixture(problem, fit, errors.drop, places)
     except DataError:
         return None
-    left = residuals_of(wide, again)
-    trend = lack_of_fit(wide, again, left, remedy=False).figures["p"]
-    if trend is None or trend < _EXPLAINED:
+    if any(excess > ALIKE for excess, _ in rivals.values()):
         return None
-    rivals = _rivals(problem, fit, found)
-    if any(drop > errors.drop + ALIKE for _, drop in rivals.values()):
-        return None
-    beside = {name: fact for name, (fact, drop) in rivals.items() if drop > errors.drop - ALIKE}
-    alike = [*beside, *(["sigma"] if even > errors.drop - ALIKE else [])]
-    fact = _fact(problem, fit, errors, p, trend, alike, with_factor=with_factor)
-    return WithAngleErrors(fact, wide, again, left, beside)
-
-
-def _even_groups(problem: Problem) -> tuple[Index, ...]:
-    """Rows that would share a noise if sigma were wrong by a factor for each observable."""
-    given = problem.noise.is_given
-    found = list(problem.noise_groups().values())
-    for name in problem.rows.names:
-        rows = problem.rows.rows_of(name)
-        found.append(rows[given[rows]])
-    return tuple(rows for rows in found if rows.size)
+    beside = {name: other for name, (excess, other) in rivals.items() if excess > -ALIKE}
+    fact = _fact(problem, fit, errors, p, trend, list(beside), with_factor=with_factor)
+    kept = {name: other for name, other in beside.items() if other is not None}
+    return WithAngleErrors(fact, wide, again, left, kept)
 
 
 def _rivals(
-    problem: Problem, fit: LeastSquaresFit, found: Mapping[str, Fact]
-) -> dict[str, tuple[Fact, float]]:
-    """Other findings with their fall of -2 log likelihood."""
-    rivals = {}
-    kinds = mixture(problem, fit)
-    if kinds is not None:
-        rivals["mixture"] = kinds, float(kinds.figures["drop"])
-    growing = found.get("growing_scatter")
-    if growing is not None and not growing.ok:
-        rivals["growing_scatter"] = growing, float(growing.figures["drop"])
+    problem: Problem,
+    fit: LeastSquaresFit,
+    slopes: AngleSlopes,
+    causes: Mapping[str, Fact],
+    errors: FittedErrors,
+) -> dict[str, tuple[float, Fact | None]]:
+    """What else may be the reason: by how much more it takes off -2 log likelihood, and its fact."""
+    drop = errors.drop
+    rivals: dict[str, tuple[float, Fact | None]] = {
+        "sigma": (drop_of_even(problem, slopes) - drop, None),
+        "growth": (drop_of_growth(problem, fit, slopes) - drop, None),
+        "outliers": (fall_of_outliers(problem, slopes) - errors.fall, None),
+    }
+    growing = growing_scatter(problem, fit, residuals_of(problem, fit))
+    if growing is not None:
+        rivals["growing_scatter"] = float(growing.fact.figures["drop"]) - drop, growing.fact
     for name in ("slips", "effects"):
-        if name in found and not found[name].ok:
-            figures = found[name].figures
+        if name in causes and not causes[name].ok:
+            figures = causes[name].figures
             tests = figures.get("tests", {})
             drops = [tests[one].get("drop") for one in figures["called"] if one in tests]
-            rivals[name] = found[name], max((float(x) for x in drops if x is not None), default=0.0)
+            explained = max((float(x) for x in drops if x is not None), default=0.0)
+            rivals[name] = explained - drop, causes[name]
     return rivals
+
+
+def _of_mixture(
+    problem: Problem, fit: LeastSquaresFit, drop: float, places: Sequence[int]
+) -> dict[str, tuple[float, Fact | None]]:
+    """Impacts of two kinds; where sigma is known, both are compared with a factor on it."""
+    if problem.noise.is_known:
+        problem = problem.with_noise(replace(problem.noise, policy="scaled"))
+        fit = refit(problem, fit.sigma, fit.optimum.theta)
+        everything = tuple(problem.noise_groups().values())
+        slopes = AngleSlopes.of(problem, fit.optimum.theta, fit.sigma)
+        drop = fitted_errors(slopes, deviance_of(slopes, everything), everything).drop
+    kinds = mixture(problem, fit, places)
+    return {} if kinds is None else {"mixture": (float(kinds.figures["drop"]) - drop, kinds)}
 
 
 def _fact(
     problem: Problem,
     fit: LeastSquaresFit,
-    errors: AngleErrors,
+    errors: FittedErrors,
     p: float,
     trend: float,
     alike: list[str],
@@ -156,19 +179,12 @@ def _fact(
     with_factor: bool,
 ) -> Fact:
     size = float(f"{errors.size:.2g}")
-    noise = group_sigma(problem, fit.sigma * errors.noise)
-    words = {
-        "mixture": "impacts of two kinds",
-        "growing_scatter": "errors of velocities",
-        "slips": "a slip in the table",
-        "effects": "a further effect",
-        "sigma": "a sigma that is too small (--noise scaled)",
-    }
-    like = f", not told apart from {joined([words[name] for name in alike], 'or')}" if alike else ""
+    noise = _noise_words(problem, fit.sigma * errors.noise)
+    like = f", not told apart from {joined([_ALIKE[name] for name in alike], 'or')}" if alike else ""
     says = (
-        f"the values scatter as if every angle of incidence were off by an error of its own, some {size:.2g} "
-        f"degrees (p = {p_text(p)}; -2 log likelihood falls by {errors.drop:.3g}{like}): "
-        f"{_remedy(problem, size, noise, with_factor=with_factor)}"
+        f"the values scatter as if each angle of incidence were off by an error of its own, some {size:.2g} "
+        f"degrees{like} (p = {p_text(p)}; -2 log likelihood falls by {errors.drop:.3g}): "
+        f"{_remedy(problem, fit, size, noise, with_factor=with_factor)}"
     )
     figures = {
         "p": p,
@@ -181,19 +197,32 @@ def _fact(
     return Fact(False, says, figures, FACTS["angle_scatter"])
 
 
-def _remedy(problem: Problem, size: float, noise: Mapping[str, float], *, with_factor: bool) -> str:
+def _noise_words(problem: Problem, sigma: Array) -> dict[str, float]:
+    """Noise of each observable without that of the angles; of each series, where it is one of each."""
+    if problem.noise.separate:
+        return group_sigma(problem, sigma)
+    rows = {name: problem.rows.rows_of(name) for name in problem.rows.names}
+    return {name: float(np.sqrt((sigma[own] ** 2).mean())) for name, own in rows.items()}
+
+
+def _remedy(
+    problem: Problem, fit: LeastSquaresFit, size: float, noise: Mapping[str, float], *, with_factor: bool
+) -> str:
     """The options that count errors of this size, with what they need."""
     stated = problem.rows.sigma_gamma_deg[problem.rows.has_angle]
-    options = "--angle-errors effective"
+    several = problem.noise.is_mixed or len(problem.noise_groups()) > 1
+    options, needs = ["--angle-errors effective"], []
     if np.isfinite(stated).all():
-        options = f"{options} takes the sigma_gamma_deg of the table, {np.median(stated):.2g}"
+        needs.append(f"by the sigma_gamma_deg of the table ({np.median(stated):.2g})")
     else:
-        options = f"{options} --sigma-gamma {size:.2g}"
-    if not problem.closure.bilinear:
-        return f"{options} counts them, with another closure than {problem.closure.title}"
-    if problem.error_model.offset is not None:
-        return f"{options} counts them, without --angle-offset"
-    if problem.noise.is_mixed or len(problem.noise_groups()) > 1:
+        options.append(f"--sigma-gamma {size:.2g}")
+    if several:
         each = joined([f"{sigma:.2g} for {name}" for name, sigma in noise.items()])
-        return f"{options} --noise scaled counts them, with a sigma in every row: {each}"
-    return f"{options}{' --noise scaled' if with_factor else ''} counts them, or --angle-errors set"
+        needs.append(f"with a sigma in every row, as {each}")
+    if several or with_factor:
+        options.append("--noise scaled")
+    if fit.angle_offset is not None:
+        needs.append("without --angle-offset")
+    if not problem.closure.bilinear:
+        needs.append(f"with another closure than {problem.closure.title}")
+    return f"{' '.join(options)} counts them{''.join(f', {need}' for need in needs)}"

@@ -250,21 +250,7 @@ def _facts(
     offset, domain = optimum.angle_offset, asked.offset
     several = several_modes(problem, optimum)
     causes = {} if brief else causes_of(problem, optimum, conditions, about.constants)
-    found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
-    # whatever else is asked is asked at the noise that the values show
-    turned = angle_scatter(problem, optimum, found)
-    if turned is not None:
-        causes = causes_of(turned.problem, turned.fit, conditions, about.constants)
-        if all(fact.ok for name, fact in causes.items() if name not in turned.beside):
-            known = {**causes, "angle_scatter": turned.fact}
-            others = misfit_facts(turned.problem, turned.fit, turned.residuals, known, brief=brief)
-            found = in_order({**others, **turned.beside})
-    wide = scatter_too_large(problem, optimum, about.residuals, found)
-    if wide is not None:
-        causes = causes_of(wide.problem, wide.fit, conditions, about.constants)
-        if all(fact.ok for fact in causes.values()):
-            others = misfit_facts(wide.problem, wide.fit, wide.residuals, causes, brief=brief)
-            found = in_order({**others, "scatter_too_large": wide.fact})
+    found = _misfit(problem, optimum, about, causes, conditions, brief=brief)
     # a slip says more than that velocities and spins do not close
     by_hand = (
         "duplicates",
@@ -294,6 +280,33 @@ def _facts(
     if estimation.is_posterior and drawn is not None:
         facts["predictive"] = predictive(asked, {name: x[:_CHECKED] for name, x in drawn.items()})
     return facts | dict(estimation.diagnostics)
+
+
+def _misfit(
+    problem: Problem,
+    optimum: LeastSquaresFit,
+    about: OptimumSummary,
+    causes: Mapping[str, Fact],
+    conditions: Setting | None,
+    *,
+    brief: bool,
+) -> dict[str, Fact]:
+    """What the residuals say; at the noise that the values show, where angles scatter or sigma is small."""
+    turned = angle_scatter(problem, optimum, causes)
+    if turned is not None:
+        left = causes if brief else causes_of(turned.problem, turned.fit, conditions, about.constants)
+        if all(fact.ok for name, fact in left.items() if name not in turned.beside):
+            known = {**left, "angle_scatter": turned.fact}
+            others = misfit_facts(turned.problem, turned.fit, turned.residuals, known, brief=brief)
+            return in_order({**others, **turned.beside})
+    found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
+    wide = scatter_too_large(problem, optimum, about.residuals, found)
+    if wide is not None:
+        causes = causes_of(wide.problem, wide.fit, conditions, about.constants)
+        if all(fact.ok for fact in causes.values()):
+            others = misfit_facts(wide.problem, wide.fit, wide.residuals, causes, brief=brief)
+            found = in_order({**others, "scatter_too_large": wide.fact})
+    return found
 
 
 def _warnings(problem: Problem) -> tuple[str, ...]:
