@@ -29,7 +29,6 @@ from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text
 
 _FEWEST = 8  # impacts below which no errors of angles are looked for
-_EXPLAINED = 0.01  # p of a trend that the errors of angles leave, from which nothing else speaks
 _WIDEST = 10.0  # degrees beyond which it is no error of reading
 _ROUNDS = 2  # in which the constants are fitted with the errors, and the errors about the constants
 # what explains the residuals as well, in words
@@ -64,7 +63,7 @@ def angle_scatter(
     """Whether independent errors of the angles explain the scatter: one of each impact, all of one size.
 
     The test is that of `careful_p`. Where it is positive the size is fitted with noises and constants, and
-    counts where no trend is left (p >= 0.01) and nothing else explains more by `ALIKE`: a sigma that is too
+    counts where no lack of fit is left and nothing else explains more by `ALIKE`: a sigma that is too
     small, a scatter that grows, slips and effects that were found, impacts of two kinds. What explains as
     much is named beside it.
 
@@ -110,8 +109,8 @@ def angle_scatter(
         if any(excess > ALIKE for excess, _ in rivals.values()):
             return None
         left = residuals_of(wide, again)
-        trend = lack_of_fit(wide, again, left, remedy=False).figures["p"]
-        if trend is None or trend < _EXPLAINED:
+        trend = lack_of_fit(wide, again, left, remedy=False)
+        if not trend.ok:
             return None
         without = at_theta.without(errors)
         places = suspicious_constants(wide, without.by_constant, without.left)
@@ -122,7 +121,7 @@ def angle_scatter(
     if any(excess > ALIKE for excess, _ in rivals.values()):
         return None
     beside = {name: other for name, (excess, other) in rivals.items() if excess > -ALIKE}
-    fact = _fact(problem, fit, errors, p, trend, list(beside), with_factor=with_factor)
+    fact = _fact(problem, fit, errors, p, list(beside), with_factor=with_factor)
     kept = {name: other for name, other in beside.items() if other is not None}
     return WithAngleErrors(fact, wide, again, left, kept)
 
@@ -173,7 +172,6 @@ def _fact(
     fit: LeastSquaresFit,
     errors: FittedErrors,
     p: float,
-    trend: float,
     alike: list[str],
     *,
     with_factor: bool,
@@ -190,7 +188,6 @@ def _fact(
         "p": p,
         "size": size,
         "drop": errors.drop,
-        "p_trend": trend,
         "noise": noise,
         "alike": alike,
     }

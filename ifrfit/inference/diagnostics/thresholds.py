@@ -90,7 +90,7 @@ FACTS = {
     f"likelihood of {ALIKE:g} where it is in proportion; outliers are those under a noise that grows so",
     "angle_scatter": f"stands only where it fails: p < {REFUTED:g}, also without the impact that speaks "
     "most, of an error of one degree in the angle of each impact against none (a likelihood ratio); with "
-    "errors of the size of largest likelihood no smooth departure (p >= 0.01), slip, effect or series that "
+    "errors of the size of largest likelihood no lack of fit, slip, effect or series that "
     "differs is left; a sigma that is too small, errors of velocities or in proportion to the value, "
     f"outliers, impacts of two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and "
     f"are named beside it where they take no {ALIKE:g} less",
