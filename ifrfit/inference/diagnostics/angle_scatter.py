@@ -96,6 +96,8 @@ def angle_scatter(
     with_factor = factor is not None and factor.drop > errors.drop + ALIKE
     if factor is not None and with_factor:
         errors, unknown = factor, (np.arange(len(problem.rows)),)
+        if careful_p(slopes, unknown) >= REFUTED:  # the factor explains all
+            return None
     try:
         for _ in range(_ROUNDS):
             if not 0.0 < errors.size < _WIDEST:
