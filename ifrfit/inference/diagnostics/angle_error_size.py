@@ -207,11 +207,11 @@ def fitted_errors(
         step = np.linalg.lstsq(normal[:-1, :-1], normal[:-1, -1], rcond=_LOOSE)[0]
         left = slopes.left - slopes.by_constant @ step
         mean = share * slopes.by_impact(lean * left)
-        told = 1.0 - along * lean * share[slopes.impacts]
+        free = 1.0 - along * lean * share[slopes.impacts]
         rest = (left - along * mean[slopes.impacts]) ** 2
         new = square.copy()
         for rows in unknown:
-            new[rows] = max(float(rest[rows].sum()) / max(float(told[rows].sum()), 0.5), _LOOSE)
+            new[rows] = max(float(rest[rows].sum()) / max(float(free[rows].sum()), 0.5), _LOOSE)
         number = np.bincount(of, informed * share)
         grown = np.where(number > 0.0, np.bincount(of, mean**2) / np.maximum(number, _LOOSE), 0.0)
         moved = float((np.abs(grown - variance) / (1.0 + variance)).max() + np.abs(new / square - 1.0).max())
