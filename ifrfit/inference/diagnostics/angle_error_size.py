@@ -14,6 +14,7 @@ from ifrfit.inference.model.rows import Index
 from ifrfit.inference.optimize.angle_offset import slope_by_offset
 
 _DEGREES = 1.0  # error against which the test of none has the most power
+_OF_THE_REST = 0.01  # p without the impact that speaks most, below which it is not that one alone
 _SUSPECT = 2.0  # standard deviations from which the exact p value is worked out
 _EXACT = 400  # rows beyond which the constants take too little to matter
 _STEPS = 100
@@ -102,7 +103,7 @@ class FittedErrors:
 
 
 def careful_p(slopes: AngleSlopes, unknown: tuple[Index, ...]) -> float:
-    """p of errors of the angles: the larger one of that of all impacts and that without the most telling.
+    """p of errors of the angles; 1 where without the impact that speaks most it is not below 0.01.
 
     With t = s df/dgamma / sigma for an error s, the residuals z of an impact have covariance 1 + t t', and
     twice the logarithm of their likelihood ratio is (t.z)^2 / (1 + t.t), but for a constant. The sum over
@@ -130,7 +131,7 @@ def careful_p(slopes: AngleSlopes, unknown: tuple[Index, ...]) -> float:
     if p >= REFUTED:
         return p
     kept = np.flatnonzero(slopes.impacts != int(np.argmax(slopes.by_impact(share))))
-    return max(p, _p(kept, weight, z, share, slopes.impacts, group, basis))
+    return p if _p(kept, weight, z, share, slopes.impacts, group, basis) < _OF_THE_REST else 1.0
 
 
 def _p(

@@ -90,14 +90,13 @@ def angle_scatter(
     if p >= REFUTED:
         return None
     before = deviance_of(slopes, unknown)
-    errors, factor = fitted_errors(slopes, before, unknown), None
+    errors, with_factor = fitted_errors(slopes, before, unknown), False
     if problem.noise.is_known:
-        factor = fitted_errors(slopes, before, (np.arange(len(problem.rows)),))
-    with_factor = factor is not None and factor.drop > errors.drop + ALIKE
-    if factor is not None and with_factor:
-        errors, unknown = factor, (np.arange(len(problem.rows)),)
-        if careful_p(slopes, unknown) >= REFUTED:  # the factor explains all
-            return None
+        everything = (np.arange(len(problem.rows)),)
+        scaled = fitted_errors(slopes, before, everything)
+        # beside a factor on sigma the scatter itself has to show them
+        if scaled.drop > errors.drop + ALIKE and careful_p(slopes, everything) < REFUTED:
+            errors, unknown, with_factor = scaled, everything, True
     try:
         for _ in range(_ROUNDS):
             if not 0.0 < errors.size < _WIDEST:
