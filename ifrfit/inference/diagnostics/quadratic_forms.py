@@ -38,10 +38,10 @@ def ratio_exceeds(form: Array, found: float, basis: Array) -> float:
 
 def projected_weights(form: Array, basis: Array) -> Array:
     """Weights of the sum of chi2 of one degree of freedom each that z'Bz is; see `ratio_exceeds`."""
-    identity = np.eye(len(form))
-    weights, vectors = np.linalg.eigh(identity - basis @ basis.T)
-    root = vectors * np.sqrt(np.maximum(weights, 0.0))
-    return np.asarray(np.linalg.eigvalsh(root.T @ form @ root))
+    directions, size, _ = np.linalg.svd(basis, full_matrices=False)
+    # the root of the covariance 1 - basis basis', which differs from 1 along few directions
+    root = np.eye(len(form)) + (directions * (np.sqrt(np.maximum(1.0 - size**2, 0.0)) - 1.0)) @ directions.T
+    return np.asarray(np.linalg.eigvalsh(root @ form @ root))
 
 
 def sum_exceeds(weights: Array, found: float = 0.0) -> float:
