@@ -114,6 +114,13 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
     for scene in (raw, beta, replace(beta, n=15)):
         gross = [(scene, Cause("outlier", size), f"{size:g} sigma") for size in (4.0, 5.0, 7.0)]
         found += [(f"an outlier among {scene.n}", "outliers", gross)]
+    for noise in (0.003, 0.01, 0.03):
+        for scene in (raw, beta):
+            cases = [
+                (replace(scene, noise=noise), Cause("angle-scatter", size), f"{size:g} deg")
+                for size in (0.5, 1.0, 1.5)
+            ]
+            found += [(f"errors of the angles, noise {noise:g}", "angle_scatter", cases)]
     for scene in (raw, beta):
         like = [(scene, Cause("correlated", r), f"{r:g}") for r in (0.5, 0.7, 0.9)]
         kinds = [(scene, Cause("two-kinds", x), f"mu {100 * x:.0f} %") for x in (0.2, 0.4, 0.8)]
@@ -152,6 +159,8 @@ def called(scene: object, cause: object, seed: int) -> tuple[list[str], list[str
         named += facts["effects"].figures["called"]
     if "duplicates" in failing:
         named.insert(0, "duplicates")
+    if "angle_scatter" in failing:
+        named.insert(0, "angle_scatter")
     named += [name for name in ("independence", "mixture", "outliers") if name in failing]
     return named, failing
 

@@ -30,6 +30,7 @@ HEADLINES = {
     "prior_conflict": "the data contradict a value that was taken for known",
     "slips": "the table looks as if it had a slip in it",
     "repeats": "repeats share an error",
+    "angle_scatter": "the scatter is that of angles with errors",
     "growing_scatter": "the scatter grows as that of velocities would",
     "rounded_readings": "readings are rounded to coarser steps than they scatter",
     "censoring": "values look clipped",

@@ -54,6 +54,12 @@ def _methods_agree(result: FitResult) -> None:
         assert low - 0.01 <= of_first <= high + 0.01 or low - 0.01 <= of_second <= high + 0.01
 
 
+def _misread_angles(result: FitResult) -> None:
+    _looks("angle_scatter", "each angle of incidence", "--angle-errors effective --sigma-gamma 1.")(result)
+    assert not {name for name in ("truncation", "mixture", "growing_scatter") if name in result.facts}
+    assert result.facts["outliers"].ok
+
+
 def _nothing_hidden(result: FitResult) -> None:
     said = " ".join(result.assumed)
     for words in (
@@ -201,6 +207,13 @@ def _filmed() -> str:
     angles = np.linspace(3.0, 80.0, 60)
     sigma = 0.012 / np.sin(np.radians(angles))
     return HEADER + rows(angles, values(angles, "beta") + noise(60, sigma, 11), None)
+
+
+def _misread() -> str:
+    """60 beta of noise 0.01, whose angles were read with errors of 1.3 degrees each."""
+    angles = np.linspace(5.0, 80.0, 60)
+    value = values(angles + noise(60, 1.3, 13), "beta") + noise(60, 0.01, 14)
+    return HEADER + rows(angles, value, None)
 
 
 def _partly_in_percent() -> str:
@@ -527,6 +540,14 @@ CASES = (
         "be left out.",
         fitted(_filmed()),
         _looks("growing_scatter", "grows towards normal incidence", "--sigma-velocity"),
+    ),
+    _case(
+        "angles that were read with errors",
+        "60 beta of noise 0.01, each at an angle that was read 1.3 degrees off, give or take, and no sigma.",
+        "The scatter is said to be that of the angles, with its size and the options that count it; nothing "
+        "looks left out, mixed or outlying.",
+        fitted(_misread()),
+        _misread_angles,
     ),
     _case(
         "a third of a column in percent",

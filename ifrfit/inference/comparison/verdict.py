@@ -99,8 +99,9 @@ def _refuted(entries: Mapping[str, Entry], ranked: Sequence[str]) -> Verdict | N
     """Verdict where the best closure does not describe the data; None where it does."""
     lack = {name: entries[name].fit.facts["lack_of_fit"] for name in ranked}
     best = ranked[0]
-    wide = entries[best].fit.facts.get("scatter_too_large")
-    if wide is not None:
+    facts = entries[best].fit.facts
+    wide = facts.get("scatter_too_large", facts.get("angle_scatter"))
+    if wide is not None and entries[best].fit.noise.policy == "known":
         says = (
             f"At the sigma given no closure holds, not even {title(best)}, the best of them, but the law "
             f"need not be the reason: {wide.says}."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,13 +40,20 @@ class _Kinds:
     drop: float
 
 
-def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
+def mixture(problem: Problem, fit: LeastSquaresFit, places: Sequence[int] | None = None) -> Fact | None:
     """Look for two kinds of impacts that differ in one constant.
 
     For each constant the scatter of residuals along it is held against the rest (a score test of a constant
     that varies from impact to impact); where it is suspicious, a mixture of two laws is fitted. It counts
     where -2 log likelihood falls by more than `DECISIVE` without the impact that speaks most, and by `ALIKE`
     more than for a constant that scatters normally, which is how errors look that grow where it acts.
+
+    Parameters
+    ----------
+    problem : Problem
+    fit : LeastSquaresFit
+    places : sequence of int, optional
+        In theta, of the constants that are looked at; by default of all free ones.
 
     Returns
     -------
@@ -59,7 +67,7 @@ def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
     jacobian = problem.jacobian(fit.optimum.theta) / sigma[:, None]
     residual = problem.residual(fit.optimum.theta) / sigma
     best: _Kinds | None = None
-    for place in np.flatnonzero(problem.parameters.free).tolist():
+    for place in np.flatnonzero(problem.parameters.free).tolist() if places is None else places:
         spread = _spread(problem, jacobian[:, place], residual)
         if spread is None:
             continue
@@ -81,6 +89,22 @@ def mixture(problem: Problem, fit: LeastSquaresFit) -> Fact | None:
     )
     figures = {"constant": best.name, "values": list(values), "drop": best.drop, "of_second": many}
     return Fact(False, says, figures, FACTS["mixture"])
+
+
+def suspicious_constants(problem: Problem, jacobian: Array, residual: Array) -> list[int]:
+    """Places in theta of constants along which residuals scatter so that two kinds are looked for.
+
+    Parameters
+    ----------
+    problem : Problem
+    jacobian : ndarray, (n, k)
+        By the free constants, in units of the noise.
+    residual : ndarray, (n,)
+        Likewise.
+    """
+    places = np.flatnonzero(problem.parameters.free).tolist()
+    pairs = zip(places, jacobian.T, strict=True)
+    return [place for place, along in pairs if _spread(problem, along, residual) is not None]
 
 
 def _by_impact(problem: Problem, of_rows: Array) -> Array:

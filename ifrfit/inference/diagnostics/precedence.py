@@ -48,6 +48,8 @@ _OF_THE_TABLE = (
     "angular_momentum",
     "repeated_number",
 )
+_OF_SCATTER = ("angle_scatter", "growing_scatter", "scatter_too_small")
+_CAUSES = ("slips", "effects")
 # as the report tells them
 _ORDER = (
     "beyond_closure",
@@ -55,6 +57,7 @@ _ORDER = (
     "prior_conflict",
     "duplicates",
     "repeated_number",
+    "angle_scatter",
     "unequal_noise",
     "rounded_readings",
     "censoring",
@@ -166,11 +169,12 @@ def misfit_facts(
     found : LeastSquaresFit
     residuals : Residuals
     causes : mapping of str to Fact
-        What they call for, where tested: ``pooling``, ``slips``, ``effects``.
+        What they call for, where tested: ``pooling``, ``slips``, ``effects``; ``angle_scatter`` where the
+        noise has errors of the angles in it.
     brief : bool
         Leave out what is no misfit of all rows (outliers, doubles, mixtures), and the search for a remedy.
     """
-    named = [name for key, fact in causes.items() if key != "pooling" for name in fact.figures["called"]]
+    named = [name for key, fact in causes.items() if key in _CAUSES for name in fact.figures["called"]]
     findings = Findings(problem, found, residuals, dict(causes), named, brief)
     for question in _QUESTIONS:
         if (brief and not question.in_brief) or findings.fails(*question.behind):
@@ -305,11 +309,11 @@ _QUESTIONS = (
     _Question("rounded_readings", lambda f: rounded_readings(f.problem, f.fit)),
     _Question("censoring", lambda f: censoring(f.problem, f.fit)),
     _Question("growing_scatter", _growing_scatter, behind=("beyond_closure",), behind_causes=True),
-    _Question("mixture", _mixture, behind=(*_MISFIT, *_OF_THE_TABLE), behind_causes=True),
+    _Question("mixture", _mixture, behind=(*_MISFIT, *_OF_THE_TABLE, "angle_scatter"), behind_causes=True),
     _Question(
         "truncation",
         lambda f: truncation(f.problem, f.fit),
-        behind=(*_MISFIT, *_OF_THE_TABLE, "mixture", "growing_scatter", "scatter_too_small"),
+        behind=(*_MISFIT, *_OF_THE_TABLE, *_OF_SCATTER, "mixture"),
         behind_causes=True,
     ),
 )

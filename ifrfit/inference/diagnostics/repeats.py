@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from ifrfit.inference.diagnostics.outliers import exclude_name
-from ifrfit.inference.diagnostics.quadratic_forms import Array, orthonormal, sum_is_positive
+from ifrfit.inference.diagnostics.quadratic_forms import Array, orthonormal, sum_exceeds
 from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.diagnostics.smooth_departure import smooth_departure
 from ifrfit.inference.diagnostics.thresholds import FACTS, REFUTED
@@ -101,7 +101,7 @@ class Repeated:
         mean, square = float(weights.sum()), float(weights @ weights)
         if found < mean + _SUSPECT * math.sqrt(2.0 * (square + mean * mean / self.dof_pure)):
             return 1.0
-        return sum_is_positive(np.append(weights, np.full(self.dof_pure, -found / self.dof_pure)))
+        return sum_exceeds(np.append(weights, np.full(self.dof_pure, -found / self.dof_pure)))
 
 
 def _lack(jacobian: Array, mean: Array, pure: float, dof_pure: int) -> float:

@@ -88,6 +88,12 @@ FACTS = {
     "the score test that the variance of an unknown noise goes with a power of one over the observable's "
     "denominator, also without the row that speaks most; a rank correlation at 0.01, and a fall of -2 log "
     f"likelihood of {ALIKE:g} where it is in proportion; outliers are those under a noise that grows so",
+    "angle_scatter": f"stands only where it fails: p < {REFUTED:g} of an error of one degree in the angle of "
+    "each impact against none (a likelihood ratio; without the impact that speaks most p < 0.01); with "
+    "errors of the size of largest likelihood no lack of fit, slip, effect or series that differs is left; "
+    "a sigma that is too small, errors of velocities or in proportion to the value, outliers, impacts of "
+    f"two kinds, slips and effects take no {ALIKE:g} more off -2 log likelihood, and are named beside it "
+    f"where they take no {ALIKE:g} less",
     "scatter_too_large": (
         f"stands only where it fails: p < {REFUTED:g} of chi2, for known sigma, where no slip or effect "
         "leaves p >= 0.01, and with the noise taken from the scatter there is no lack of fit (p >= 0.05), no "

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ifrfit._version import __version__
+from ifrfit.inference.diagnostics.angle_scatter import angle_scatter
 from ifrfit.inference.diagnostics.collect import angle_offset, at_bound, global_optimum
 from ifrfit.inference.diagnostics.identifiability import identifiable
 from ifrfit.inference.diagnostics.modes import several_modes
@@ -249,15 +250,17 @@ def _facts(
     offset, domain = optimum.angle_offset, asked.offset
     several = several_modes(problem, optimum)
     causes = {} if brief else causes_of(problem, optimum, conditions, about.constants)
-    found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
-    wide = scatter_too_large(problem, optimum, about.residuals, found)
-    if wide is not None:  # whatever else is asked is asked at the noise that the values show
-        causes = causes_of(wide.problem, wide.fit, conditions, about.constants)
-        if all(fact.ok for fact in causes.values()):
-            others = misfit_facts(wide.problem, wide.fit, wide.residuals, causes, brief=brief)
-            found = in_order({**others, "scatter_too_large": wide.fact})
+    found = _misfit(problem, optimum, about, causes, conditions, brief=brief)
     # a slip says more than that velocities and spins do not close
-    by_hand = ("duplicates", "slips", "angular_momentum", "rounded_readings", "censoring", "truncation")
+    by_hand = (
+        "duplicates",
+        "slips",
+        "angle_scatter",
+        "angular_momentum",
+        "rounded_readings",
+        "censoring",
+        "truncation",
+    )
     slips = {name: found[name] for name in by_hand if name in found}
     first = {name: fact for name, fact in slips.items() if not fact.ok}  # before what follows from them
     facts = {
@@ -277,6 +280,33 @@ def _facts(
     if estimation.is_posterior and drawn is not None:
         facts["predictive"] = predictive(asked, {name: x[:_CHECKED] for name, x in drawn.items()})
     return facts | dict(estimation.diagnostics)
+
+
+def _misfit(
+    problem: Problem,
+    optimum: LeastSquaresFit,
+    about: OptimumSummary,
+    causes: Mapping[str, Fact],
+    conditions: Setting | None,
+    *,
+    brief: bool,
+) -> dict[str, Fact]:
+    """What the residuals say; at the noise that the values show, where angles scatter or sigma is small."""
+    turned = angle_scatter(problem, optimum, causes)
+    if turned is not None:
+        left = causes if brief else causes_of(turned.problem, turned.fit, conditions, about.constants)
+        if all(fact.ok for name, fact in left.items() if name not in turned.beside):
+            known = {**left, "angle_scatter": turned.fact}
+            others = misfit_facts(turned.problem, turned.fit, turned.residuals, known, brief=brief)
+            return in_order({**others, **turned.beside})
+    found = misfit_facts(problem, optimum, about.residuals, causes, brief=brief)
+    wide = scatter_too_large(problem, optimum, about.residuals, found)
+    if wide is not None:
+        causes = causes_of(wide.problem, wide.fit, conditions, about.constants)
+        if all(fact.ok for fact in causes.values()):
+            others = misfit_facts(wide.problem, wide.fit, wide.residuals, causes, brief=brief)
+            found = in_order({**others, "scatter_too_large": wide.fact})
+    return found
 
 
 def _warnings(problem: Problem) -> tuple[str, ...]:

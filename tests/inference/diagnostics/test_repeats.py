@@ -11,7 +11,7 @@ from factories import rest_long
 from scipy import stats
 
 from ifrfit import fit, rebound
-from ifrfit.inference.diagnostics.quadratic_forms import sum_is_positive
+from ifrfit.inference.diagnostics.quadratic_forms import sum_exceeds
 from ifrfit.inference.result.fit_result import FitResult
 
 ANGLES = np.arange(10.0, 81.0, 10.0)
@@ -122,7 +122,7 @@ def test_the_tail_of_a_weighted_sum_is_that_of_f():
     """Equal weights of either sign make the F law."""
     for k, dof, f in ((3, 20, 8.0), (6, 32, 5.0), (1, 10, 21.0)):
         weights = np.concatenate((np.full(k, 1.0 / k), np.full(dof, -f / dof)))
-        assert sum_is_positive(weights) == pytest.approx(stats.f.sf(f, k, dof), rel=0.15)
+        assert sum_exceeds(weights) == pytest.approx(stats.f.sf(f, k, dof), rel=0.15)
 
 
 def test_angles_that_constants_explain_contradict_nothing(tmp_path):
