@@ -187,7 +187,7 @@ class Refinement:
     error : float
         Largest error of a marginal, in standard deviations.
     errors : list of float
-        The same, round by round.
+        The same, round by round; of means and standard deviations alone where these exceed the tolerance.
     evidence_error : float
     work_left : float
         Of `most_work`.
@@ -294,7 +294,7 @@ class Refinement:
 
     def _estimate_whole_error(self) -> None:
         """That of the last grid, if it is not within the tolerance: with the quantiles, however large."""
-        self.error = self.errors[-1] = largest_error(self.marginals, self.tolerance, is_last=True)
+        self.error = largest_error(self.marginals, self.tolerance, is_last=True)
 
     def _is_stalled(self) -> bool:
         """Whether the error has not halved for some rounds."""
