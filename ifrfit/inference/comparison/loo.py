@@ -13,10 +13,14 @@ from scipy import special
 
 from ifrfit.errors import DataError, UsageError
 from ifrfit.inference.comparison.types import Loo
+from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
 from ifrfit.inference.model.log_posterior import Density
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import LeastSquaresFit, followed
-from ifrfit.inference.posterior import TOLERANCE, log_evidence
+from ifrfit.inference.posterior import TOLERANCE, ExactPosterior, log_evidence
+from ifrfit.inference.posterior.fewer_rows import FewerRows, with_kept_rows
+from ifrfit.inference.posterior.importance_sampling import ImportancePosterior
+from ifrfit.inference.posterior.integrators import evidence_is_sampled
 from ifrfit.inference.result.fit_result import FitResult
 from ifrfit.inference.result.restore import posterior_of
 
@@ -60,8 +64,12 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     high = np.flatnonzero(~((k <= threshold) & np.isfinite(elpd)))
     refitted = []
     # where more are high the sum stays doubtful whatever becomes of some of them
-    for i in high if high.size <= MOST_REFITS else ():
-        exact = left_out(problem, posterior.log_evidence, density.impact != i, posterior.tolerance, optimum)
+    high_and_few = high if high.size <= MOST_REFITS else high[:0]
+    fewer = _points_of(problem, posterior, optimum) if high_and_few.size > 1 else None
+    for i in high_and_few:
+        exact = left_out(
+            problem, posterior.log_evidence, density.impact != i, posterior.tolerance, optimum, fewer
+        )
         if exact is not None:
             elpd[i] = exact
             refitted.append(names[i])
@@ -83,12 +91,21 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence) -> Loo | None:
     )
 
 
+def _points_of(problem: Problem, posterior: ExactPosterior, optimum: LeastSquaresFit) -> FewerRows | None:
+    """Points that serve each impact that is left out; None where grids are quicker."""
+    sampled = isinstance(posterior, ImportancePosterior)
+    if sampled or evidence_is_sampled(problem, posterior.tolerance, optimum):
+        return FewerRows(problem, optimum)
+    return None
+
+
 def left_out(
     problem: Problem,
     whole: float,
     keep: NDArray[np.bool_],
     tolerance: float = TOLERANCE,
     optimum: LeastSquaresFit | None = None,
+    fewer: FewerRows | None = None,
 ) -> float | None:
     """Log density of the rows that are not kept, as the kept ones predict it; None where these are too few.
 
@@ -104,13 +121,18 @@ def left_out(
         Of the log evidence without them.
     optimum : LeastSquaresFit, optional
         Of all rows: the fit of the kept ones follows its modes, without a proof of its own.
+    fewer : FewerRows, optional
+        Points of all rows, which serve where they carry the weight of the kept ones.
     """
-    rest = problem.with_rows(np.flatnonzero(keep))
-    groups = rest.noise_groups()
-    bounds = {name: ends for name, ends in problem.noise_bounds().items() if name in groups}
+    kept = np.flatnonzero(keep)
     try:
+        if fewer is not None:
+            found, error = fewer.log_density_of_others(kept)
+            if error <= SAMPLING_ERROR:
+                return found
+        rest = with_kept_rows(problem, kept)
         start = None if optimum is None else followed(rest, replace(optimum, sigma=optimum.sigma[keep]))
-        return whole - log_evidence(rest.with_noise(rest.noise.with_bounds(bounds)), tolerance, start)
+        return whole - log_evidence(rest, tolerance, start)
     except (DataError, UsageError):
         return None
 

@@ -147,7 +147,7 @@ class Problem:
         -------
         ndarray, (..., n, p)
         """
-        e_n, c, mu = self.per_row(theta)
+        e_n, c, mu = self._columns(theta)
         k, _ = self.impulse(e_n, c, mu)
         shift = _STEP * np.array([1.0, -1.0]).reshape(2, *(1,) * k.ndim)
         up_k, down_k, up_e, down_e = self.values_with(

@@ -33,6 +33,7 @@ _ROUNDING = 1e-13  # of the objective
 _TRUSTED = 0.25  # share of the promised fall that a step must keep for no other to be tried
 _DAMPING = (1e-4, 1e-2, 1e10)  # least, first, last: relative to the diagonal of the Hessian
 _DAMPED = (1.0, 8.0, 64.0)  # times the damping of the last step
+_STEEPEST = 1e100  # slope, whose square is a number still: that of angles has no end where e_n is 0
 _LOOSE = 1e-11  # eigenvalue, relative, of a direction that the data do not see: it stays where it is
 _CONVEX = 0.05  # least eigenvalue with which the logarithm's part of the Hessian is kept
 _ROOM = 1e-12  # from a bound, relative to the range, within which a constant lies on it
@@ -364,7 +365,8 @@ class BatchedSearch:
 
     def derivatives(self, theta: Array, z: Array, dof: Array, x: Array) -> tuple[Array, Array, Array]:
         """Gradient, (m, q), Hessian without and with the logarithm's part, (m, q, q) each; eq. (2)."""
-        slopes = np.nan_to_num(self.problem.jacobian(theta)) / self.base[:, None]
+        slopes = np.clip(np.nan_to_num(self.problem.jacobian(theta)), -_STEEPEST, _STEEPEST)
+        slopes = slopes / self.base[:, None]
         slopes = self._through_mu(slopes, theta, x)
         weight = np.ones(z.shape)
         squares = self._squares(z)

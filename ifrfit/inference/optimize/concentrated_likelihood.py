@@ -9,6 +9,7 @@ shrink them.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -215,6 +216,18 @@ def _of_cells(quadratic: PiecewiseQuadratic, cell: Index) -> tuple[Array, Array,
     return gram, np.moveaxis(quadratic.slope[..., cell], (2, 1), (0, 1)), quadratic.square[:, cell].T
 
 
+def _inverses(matrices: Array) -> Array:
+    """Inverse of each matrix, (m, q, q); of one that is singular to all its digits, what is not a number."""
+    try:
+        return np.asarray(np.linalg.inv(matrices))
+    except np.linalg.LinAlgError:
+        found = np.full_like(matrices, np.nan)
+        for own, inverse in zip(matrices, found, strict=True):
+            with contextlib.suppress(np.linalg.LinAlgError):
+                inverse[...] = np.linalg.inv(own)
+        return found
+
+
 def _at(gram: Array, slope: Array, square: Array, point: Array) -> Array:
     """Values of quadratics (k, g) at a point each, (k, q)."""
     curved = (gram @ point[:, None, :, None])[..., 0]
@@ -412,7 +425,7 @@ class _Proof:
         matrix[:, range(q), range(q)] += extra
         down = down + extra * center
         constant = constant + (extra * (center * center - half * half)).sum(axis=1)
-        inverse = np.linalg.inv(matrix)
+        inverse = _inverses(matrix)
         point, value = self._dual(regions, matrix, down, inverse)
         squares = _at(gram, slope, square, point)
         size = squares + 2.0 * np.abs((slope @ point[..., None])[..., 0]) + square

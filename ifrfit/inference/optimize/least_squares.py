@@ -35,6 +35,8 @@ from ifrfit.inference.optimize.solve import solve
 
 _ITERATIONS = 100
 _CONVERGED = 1e-10
+# Steps of the noises' logarithms that are followed to their end: largest ratio, longest, share off one line
+_STEADY, _SHORT, _ALIGNED = 0.9, 0.1, 0.01
 _SEARCHES = 3  # over an angle offset
 _REWEIGHTINGS = 60
 _WEIGHTS_CONVERGED = 1e-8
@@ -230,7 +232,7 @@ def _with_plain_errors(
         factor = noise_factors(problem, modes.best.theta)
     else:
         factor = np.asarray(known_sigma) / base
-    change = math.inf
+    change, before = math.inf, None
     # a search that found the optimum once follows it while the noise settles
     near = modes.best.theta if start is None and modes is not None else start
     for number in range(_ITERATIONS):
@@ -240,11 +242,16 @@ def _with_plain_errors(
             optimum = solve(problem, base * factor, near, proven=False)
         gaussian = expanded(base * factor, optimum.theta)
         new = _factors(problem, optimum.theta, base, groups, gaussian)
-        change = float(np.abs(new / factor - 1.0).max())
+        step = np.log(new / factor)
+        change = float(np.abs(np.expm1(step)).max())
         factor = new
         if change <= _CONVERGED:
             break
         near = optimum.theta
+        ahead = None if before is None else _end_of_steps(before, step)
+        if ahead is not None:
+            factor = factor * np.exp(ahead)
+        before = step if ahead is None else None
     sigma = base * factor
     if optimum.is_local and modes is not None:
         optimum = solve(problem, sigma, start)
@@ -332,6 +339,15 @@ def _effective_sigma(problem: Problem, theta: Array, factor: float = 1.0) -> Arr
         for sd, slope in slopes(law, at_theta(problem, theta[None], series=number)):
             square[rows[law.order]] += (slope[0, 0, :, 0] * sd) ** 2
     return np.asarray(np.sqrt(square))
+
+
+def _end_of_steps(before: Array, step: Array) -> Array | None:
+    """What is left of steps that shrink by one ratio each (Aitken); None where they do not."""
+    ratio = float(step @ before) / max(float(before @ before), 1e-300)
+    off = step - ratio * before
+    if abs(ratio) > _STEADY or float(np.abs(step).max()) > _SHORT or off @ off > _ALIGNED * (step @ step):
+        return None
+    return np.asarray(step * ratio / (1.0 - ratio))
 
 
 def _factors(

@@ -6,8 +6,8 @@ Eq. (19) to (21) of ``docs/theory/posterior.md``.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -25,6 +25,7 @@ from ifrfit.inference.posterior.importance_sampling import (
     REPLICATES,
     TARGET,
     ImportancePosterior,
+    believed_evidence,
     known_modes,
     noise_marginals,
     replicated_evidence,
@@ -144,6 +145,59 @@ def sample_by_series(
     return sampler.sample(laws)
 
 
+def evidence_by_series(problem: Problem, start: LeastSquaresFit, seed: int = 0) -> tuple[float, float]:
+    """Log of the evidence and its standard error, as `evidence_by_importance`."""
+    return EvidenceBySeries(problem, start, seed).evidence()
+
+
+class EvidenceBySeries:
+    """_Points enough for the evidence, and what they say of the same problem with fewer rows.
+
+    Parameters
+    ----------
+    problem : Problem
+        With a free constant of each of several series.
+    start : LeastSquaresFit
+        The optimum.
+    seed : int
+    """
+
+    def __init__(self, problem: Problem, start: LeastSquaresFit, seed: int = 0) -> None:
+        self._rng = np.random.default_rng(seed)
+        self._density = FactorisedDensity(problem)
+        sampler = _Sampler(self._density, self._rng)
+        self._laws = sampler.adapted(known_modes(self._density.whole, start))
+        self._points = sampler.enough_for_evidence(self._laws)
+        self._factors: dict[int, Array] = {}
+
+    def evidence(self) -> tuple[float, float]:
+        """Log evidence and its standard error; infinite where few points carry the weight."""
+        return believed_evidence(self._points.log_weights)
+
+    def evidence_of(self, rest: Problem, number: int) -> tuple[float, float]:
+        """The same where one series has lost rows, and all else is as it was.
+
+        The points get other weights; where few carry them, laws are fitted to them and others drawn.
+        """
+        density = FactorisedDensity(rest)
+        if density.whole.coordinates != self._density.whole.coordinates:
+            return math.nan, math.inf
+        flat = _flat(self._points.series[number])
+        if number not in self._factors:
+            self._factors[number] = self._density.factors[number](flat)[0]
+        log_inner = self._points.log_inner[number]
+        gain = density.factors[number](flat)[0] - self._factors[number]
+        moved = list(self._points.log_inner)
+        moved[number] = log_inner + gain.reshape(log_inner.shape)
+        points = replace(self._points, log_inner=tuple(moved))
+        found, error = believed_evidence(points.log_weights)
+        if error <= SAMPLING_ERROR:
+            return found, error
+        sampler = _Sampler(density, self._rng)
+        points = sampler.enough_for_evidence(sampler.fitted(self._laws, points))
+        return believed_evidence(points.log_weights)
+
+
 class _Sampler:
     """Draws from laws, and what follows from the draws."""
 
@@ -153,7 +207,7 @@ class _Sampler:
         self._rarer = 1 if density.whole.cost_of_row == 1 else _RARER
 
     def _points(self, laws: _Laws, shared: Array, m: Sequence[int]) -> _Points:
-        """Points of each series at shared coordinates."""
+        """_Points of each series at shared coordinates."""
         density, rng = self.density, self._rng
         log_outer = density.log_prior(shared)
         if laws.shared is not None:
@@ -175,7 +229,7 @@ class _Sampler:
         for n in (each // self._rarer for each in _TRIED):
             shared = self._shared(laws, n, self._rng.random(1 + len(self.density.shared)))
             points = self._points(laws, shared, [_TRIED_OF_SERIES] * len(laws.series))
-            laws = self._fitted(laws, points)
+            laws = self.fitted(laws, points)
             if n > _TRIED[0] // self._rarer and effective_share(points.log_weights) >= _EVEN:
                 break
         return laws
@@ -199,7 +253,7 @@ class _Sampler:
             series.append(conditional_mixture(factor.domain, len(shared), each, np.ones(len(each))))
         return _Laws(outer, tuple(series))
 
-    def _fitted(self, laws: _Laws, points: _Points) -> _Laws:
+    def fitted(self, laws: _Laws, points: _Points) -> _Laws:
         """Laws fitted to weighted points."""
         density, rng = self.density, self._rng
         log_weights = _tempered(points.log_weights)
@@ -232,6 +286,26 @@ class _Sampler:
 
     def sample(self, laws: _Laws) -> ImportancePosterior:
         """Draw finer and finer lattices until standard errors are small."""
+        lattices = self._lattices(laws)
+        while True:
+            points, work = next(lattices)
+            found = self._posterior(points)
+            if work > (_WORK if found.converged else _MOST_WORK):
+                return found
+            if max(found.error, found.error_evidence) <= TARGET and found.converged:
+                return found
+
+    def enough_for_evidence(self, laws: _Laws) -> _Points:
+        """Lattices as fine as the evidence needs."""
+        lattices = self._lattices(laws)
+        while True:
+            points, work = next(lattices)
+            _, error = believed_evidence(points.log_weights)
+            if error <= TARGET or work > (_WORK if error <= SAMPLING_ERROR else _MOST_WORK):
+                return points
+
+    def _lattices(self, laws: _Laws) -> Iterator[tuple[_Points, float]]:
+        """Finer and finer lattices, each with the work of the next one."""
         shifts = self._rng.random((REPLICATES, 1 + len(self.density.shared)))
         m = [_OF_SERIES * max(law.own, 1) for law in laws.series]
         rows = len(self.density.problem.rows) * self.density.whole.cost_of_row
@@ -244,12 +318,7 @@ class _Sampler:
         n = _FIRST // self._rarer
         points = drawn(n, finer=False)
         while True:
-            found = self._posterior(points)
-            work = 2 * n * REPLICATES * cost
-            if work > (_WORK if found.converged else _MOST_WORK):
-                return found
-            if max(found.error, found.error_evidence) <= TARGET and found.converged:
-                return found
+            yield points, 2 * n * REPLICATES * cost
             points = points.joined(drawn(n, finer=True))
             n *= 2
 
@@ -371,5 +440,5 @@ def _tempered(log_weights: Array) -> Array:
 
 
 def _flat(x: Array) -> Array:
-    """Points of all shared coordinates one after the other, (n m, d)."""
+    """_Points of all shared coordinates one after the other, (n m, d)."""
     return x.reshape(x.shape[0] * x.shape[1], x.shape[2])

@@ -5,7 +5,6 @@ Section 9 of ``docs/theory/posterior.md``; why there are two: ``docs/decisions/0
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from ifrfit.errors import UsageError
@@ -20,7 +19,7 @@ from ifrfit.inference.posterior.adaptive_quadrature import (
     integrate,
 )
 from ifrfit.inference.posterior.adaptive_quadrature import log_evidence as evidence_by_quadrature
-from ifrfit.inference.posterior.factorised_sampling import sample_by_series
+from ifrfit.inference.posterior.factorised_sampling import evidence_by_series, sample_by_series
 from ifrfit.inference.posterior.importance_sampling import (
     ImportancePosterior,
     evidence_by_importance,
@@ -134,21 +133,28 @@ def log_evidence(
         As `exact_posterior`; where neither integrator converges.
     """
     start = least_squares(problem) if start is None else start
-    has_grid, first = not no_grid(problem), _MOST_WORK if factorises(problem) else _OF_EVIDENCE
-    found = _evidence_of_small_grid(problem, tolerance, start, first) if has_grid else None
+    found = _evidence_by_grid(problem, tolerance, start)
     if found is not None:
         return found
-    if factorises(problem):
-        sampled = sample_by_series(problem, start)
-        found, error = sampled.log_evidence, 0.0 if sampled.converged else math.inf
-    else:
-        found, error = evidence_by_importance(problem, start)
+    by_series = factorises(problem)
+    found, error = (evidence_by_series if by_series else evidence_by_importance)(problem, start)
     if error <= SAMPLING_ERROR:
         return found
-    found = _evidence_of_small_grid(problem, tolerance, start, _MOST_WORK) if has_grid else None
+    found = None if no_grid(problem) else _evidence_of_small_grid(problem, tolerance, start, _MOST_WORK)
     if found is None:
         raise UsageError("The log evidence did not converge: too few effective draws.")
     return found
+
+
+def evidence_is_sampled(problem: Problem, tolerance: float, start: LeastSquaresFit) -> bool:
+    """Whether `log_evidence` goes on to importance sampling; arguments and errors as there."""
+    return _evidence_by_grid(problem, tolerance, start) is None
+
+
+def _evidence_by_grid(problem: Problem, tolerance: float, start: LeastSquaresFit) -> float | None:
+    """Log of the evidence by quadrature, where that is not slower than draws."""
+    most_work = _MOST_WORK if factorises(problem) else _OF_EVIDENCE
+    return None if no_grid(problem) else _evidence_of_small_grid(problem, tolerance, start, most_work)
 
 
 def _evidence_of_small_grid(

@@ -105,11 +105,9 @@ def _log_gamma_share(a: float, low: Array, high: Array) -> Array:
     """Log of P(a, high) - P(a, low), from the tail in which the digits are."""
     low, high = np.broadcast_arrays(np.asarray(low, dtype=float), np.asarray(high, dtype=float))
     upper = low > a  # both in the upper tail: complements keep their digits
-    share = np.where(
-        upper,
-        special.gammaincc(a, low) - special.gammaincc(a, high),
-        special.gammainc(a, high) - special.gammainc(a, low),
-    )
+    share = np.empty(low.shape)
+    share[upper] = special.gammaincc(a, low[upper]) - special.gammaincc(a, high[upper])
+    share[~upper] = special.gammainc(a, high[~upper]) - special.gammainc(a, low[~upper])
     out = np.log(np.maximum(share, 1e-290))
     lost = share <= 1e-290
     if lost.any():

@@ -139,6 +139,16 @@ def test_a_search_that_is_cut_short_says_so(tmp_path) -> None:
     assert value.min() > whole.value.min() - 1e-9
 
 
+def test_slopes_without_an_end_leave_numbers(tmp_path, monkeypatch) -> None:
+    """The tangent of a rebound grows beyond all bounds where e_n is next to nothing: squares overflow."""
+    problem = problem_at_random(tmp_path, 5, "ifr-contact", ("tan_psi_out",))
+    slopes = Problem.jacobian
+    monkeypatch.setattr(Problem, "jacobian", lambda self, theta: slopes(self, theta) * [1.0, 1e299, 1.0])
+    search = BatchedSearch.of(problem, problem.noise.sigma)
+    found = search.run(np.array([[0.8, -0.6, 0.2]]), NO_NOISE, steps=3)
+    assert np.isfinite(found.value).all()
+
+
 @pytest.mark.parametrize("closure", ["fr", "maw"])
 def test_unknown_noises_are_at_their_best(tmp_path, closure) -> None:
     problem = problem_at_random(tmp_path, 3, closure, noise="unknown", prior={"e_n": (0.85, 0.02)})

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from ifrfit import fit
 from ifrfit.inference.diagnostics.thresholds import NOISE_GAP
 from ifrfit.inference.fit import make_question
-from ifrfit.inference.optimize.concentrated_likelihood import ConcentratedLikelihood
+from ifrfit.inference.optimize.concentrated_likelihood import ConcentratedLikelihood, _inverses
 from ifrfit.inference.optimize.least_squares import least_squares, refit
 from ifrfit.inference.optimize.noise_components import noise_components, without_restitution
 from ifrfit.inference.optimize.noise_modes import noise_factors, noise_modes
@@ -227,3 +227,11 @@ def test_constants_that_left_the_best_mode_are_not_certified(tmp_path, monkeypat
     strayed = least_squares(problem).optimum
     assert strayed.theta[2] == pytest.approx(modes.modes[1].theta[2], abs=0.01)
     assert not strayed.certified
+
+
+def test_a_singular_matrix_of_a_region_tells_nothing() -> None:
+    """It must not end a proof in which other regions are bounded."""
+    regular = np.array([[2.0, 1.0], [1.0, 3.0]])
+    found = _inverses(np.stack((regular, np.ones((2, 2)), np.eye(2))))
+    np.testing.assert_allclose(found[[0, 2]], np.linalg.inv(np.stack((regular, np.eye(2)))), rtol=1e-15)
+    assert np.isnan(found[1]).all()

@@ -14,6 +14,7 @@ from ifrfit.report.page.drawings.canvas import lines_panel, shortened, symbol
 from ifrfit.report.style import COLOURS, GREY, RESIDUAL_DASHES
 
 LONGEST = 34  # characters of a result's name
+_CHARACTER, _GAP = 1.6, 4.0  # mm: a character of such a name, and what is left of a line beside it
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,9 @@ def draw_forest(name: str, lines: Sequence[tuple[str, Estimate]]) -> Chart:
             loose = estimate.value is None
             marks += _bar(span, place, window, GREY if loose else COLOURS[0], ":" if loose else "-")
     labels = [shortened(label, LONGEST) for label, _ in lines]
-    return lines_panel(labels, Axis(*window, symbol(name), mirrored=True), marks, 138.0, 58.0, line=5.0)
+    names = _GAP + _CHARACTER * max(map(len, labels), default=0)
+    x = Axis(*window, symbol(name), mirrored=True)
+    return lines_panel(labels, x, marks, names + 80.0, names, line=5.0)
 
 
 def _bar(span: Span, place: int, window: Interval, colour: str, line: str = "-") -> list[Mark]:
