@@ -232,7 +232,8 @@ def _with_plain_errors(
         factor = noise_factors(problem, modes.best.theta)
     else:
         factor = np.asarray(known_sigma) / base
-    change, before = math.inf, None
+    change = math.inf
+    before: Array | None = None
     # a search that found the optimum once follows it while the noise settles
     near = modes.best.theta if start is None and modes is not None else start
     for number in range(_ITERATIONS):
