@@ -101,6 +101,11 @@ class Mixture:
         return self.error <= self.tolerance and self.error_evidence <= self.tolerance
 
     @property
+    def error_of_moments(self) -> float:
+        """No less than that of means and standard deviations."""
+        return self.error
+
+    @property
     def is_falling(self) -> bool:
         """Whether its error fell to where it is: its step was halved until the densities overlapped."""
         return True

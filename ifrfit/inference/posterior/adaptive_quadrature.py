@@ -27,6 +27,7 @@ _SMALL = 200_000  # up to which a round is cheap
 _LARGE = 1_500_000  # beyond which a round is expensive
 _MEMORY = 6_000_000  # that would fill the memory (some 0.9 GB)
 _PATIENCE_LARGE, _PATIENCE = 2, 8  # rounds in which the error must halve, on large grids and others
+_LOOSER = 2.0  # times what was allowed, until the next grid fits into memory
 _HELPFUL = 0.7  # largest share of its error that a round may leave, if the next one is to be like it
 _NEGLIGIBLE = 1e-7  # share of the mass, times the tolerance, that panels of the first grid may lack
 _SMALLEST_ALLOWED = 1e-15
@@ -186,7 +187,7 @@ class Refinement:
     error : float
         Largest error of a marginal, in standard deviations.
     errors : list of float
-        The same, round by round.
+        The same, round by round; of means and standard deviations alone where these exceed the tolerance.
     evidence_error : float
     work_left : float
         Of `most_work`.
@@ -227,15 +228,16 @@ class Refinement:
                 if not self.errors and self.kappa_reaches_end():
                     return  # finer panels would not part e_n from it
                 self._estimate_error()
-                if max(self.error, self.evidence_error) <= self.tolerance or is_last or self._is_stalled():
+                if max(self.error, self.evidence_error) <= self.tolerance:
                     return
-            restore = self._integral.remembered()
-            self._refine()
-            if self._is_too_large(self._integral):
-                restore()
+                if is_last or self._is_stalled():
+                    self._estimate_whole_error()
+                    return
+            if not self._refine():
                 if not has_marginals:
                     self.marginals = self._marginals_of(self.layout, self.density)
                     self._estimate_error()
+                self._estimate_whole_error()
                 return
 
     def kappa_reaches_end(self) -> bool:
@@ -287,16 +289,29 @@ class Refinement:
         self.evidence_error = self.density.evidence_error()
 
     def _estimate_error(self) -> None:
-        self.error = largest_error(self.marginals, self.tolerance)
+        self.error = largest_error(self.marginals, self.tolerance, is_last=False)
         self.errors.append(self.error)
+
+    def _estimate_whole_error(self) -> None:
+        """That of the last grid, if it is not within the tolerance: with the quantiles, however large."""
+        self.error = largest_error(self.marginals, self.tolerance, is_last=True)
 
     def _is_stalled(self) -> bool:
         """Whether the error has not halved for some rounds."""
         patience = _PATIENCE_LARGE if self.density.size() > _LARGE else _PATIENCE
         return len(self.errors) > patience and self.error > 0.5 * self.errors[-1 - patience]
 
-    def _refine(self) -> None:
-        """Split the panels that carry the error, with as little allowed as changes anything."""
+    def _refine(self) -> bool:
+        """Split the panels that carry the error, with as little allowed as changes anything.
+
+        Where all of them would not fit into memory, those with the largest errors; where they would take too
+        much work, none, because sampling is quicker then.
+
+        Returns
+        -------
+        bool
+            Whether there are any, and room for them.
+        """
         if len(self.errors) > 1 and self.errors[-1] > _HELPFUL * self.errors[-2]:
             self._allowed *= 0.1
         marginals = self.marginals if self.evidence_error <= self.tolerance else {}
@@ -307,9 +322,20 @@ class Refinement:
             for marginal in marginals.values()
             if marginal.kinks is not None and marginal.moments(0)[1] > 0.0
         ]
-        changed = self._integral.refine(self.density, self._allowed, errors)
+        restore = self._integral.remembered()
+        sources = self._integral.error_sources(self.density, errors)
+        changed = self._integral.refine(sources, self._allowed)
         for axis, places in kinks:
             changed |= axis.split(places)
         while not changed and self._allowed > _SMALLEST_ALLOWED:
             self._allowed *= 0.1
-            changed = self._integral.refine(self.density, self._allowed, errors)
+            changed = self._integral.refine(sources, self._allowed)
+        allowed = self._allowed
+        while changed and self._integral.size() > _MEMORY:
+            restore()
+            allowed *= _LOOSER
+            changed = self._integral.refine(sources, allowed)
+        if self._is_too_large(self._integral):
+            restore()
+            return False
+        return changed

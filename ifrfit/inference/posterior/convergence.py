@@ -25,11 +25,19 @@ _BESIDE = 1.0  # tolerance of the quantiles at which changes are taken: a thousa
 _NEARLY = 0.01  # in probability: how near to a normal law the tails have to be
 
 
-def largest_error(marginals: Mapping[str, Marginal], tolerance: float) -> float:
+def largest_error(marginals: Mapping[str, Marginal], tolerance: float, *, is_last: bool) -> float:
     """Largest change of any result between the rules and the coarse ones inside them, in sd.
 
     A quantile changes by the change of the distribution function there over the density. Both are taken
     where a normal law has its quantiles, and the density as no less than half of that law's.
+
+    Parameters
+    ----------
+    marginals : mapping
+    tolerance : float
+    is_last : bool
+        Whether it is the error that is reported. Before that, quantiles are left out where means or standard
+        deviations move by more than the tolerance already.
     """
     worst = 0.0
     for own in marginals.values():
@@ -39,7 +47,7 @@ def largest_error(marginals: Mapping[str, Marginal], tolerance: float) -> float:
         coarse_mean, coarse_sd = own.moments(1)
         changes = [abs(coarse_mean - mean) / sd, abs(coarse_sd - sd) / sd]
         worst = max(worst, *(change if math.isfinite(change) else math.inf for change in changes))
-    if worst > tolerance:  # the rest would be no use yet
+    if worst > tolerance and not is_last:  # the rest would be no use yet
         return worst
     for own in marginals.values():
         mean, sd = own.moments(0)

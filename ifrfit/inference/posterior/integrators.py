@@ -38,6 +38,7 @@ _MOST_WORK = 5e6  # a second or so, and 0.7 GB at most
 _COARSELY = 1e6  # where errors of some hundredths will do, and draws are not made series by series
 _OF_EVIDENCE = 5e5  # of the evidence alone, which takes few draws
 _COARSER = 1e-3, 2e-3, 5e-3  # errors of a grid, in sd, that sampling would hardly beat
+_OF_QUANTILES = 1e-2  # the same of quantiles, whose errors the difference of two rules exceeds by the most
 _COARSE = 1e-2  # tolerance from which on quadrature has to be quicker
 _OFFSETS = 40  # posteriors that a mixture over offsets of the angles takes
 
@@ -52,8 +53,9 @@ def exact_posterior(
 ) -> ExactPosterior:
     """The posterior of a problem, with the error that was reached.
 
-    By quadrature as long as its grids stay small, or end with an error below 0.001 sd, or below 0.005 sd if
-    it was seen to fall; else by importance sampling, and where that does not converge either by whichever
+    By quadrature as long as its grids stay small, or end with errors of means and standard deviations below
+    0.001 sd, or below 0.005 sd if they were seen to fall, and of quantiles below 0.01 sd; else by importance
+    sampling, and where that does not converge either by whichever
     has the smaller error.
 
     Parameters
@@ -90,8 +92,9 @@ def exact_posterior(
     if found.converged:
         return found
     reached = max(found.error, found.error_evidence)
-    if reached <= (_COARSER[-1] if found.is_falling else _COARSER[0]):
-        return replace(found, tolerance=next(each for each in _COARSER if reached <= each))
+    of_moments = max(found.error_of_moments, found.error_evidence)
+    if of_moments <= (_COARSER[-1] if found.is_falling else _COARSER[0]) and reached <= _OF_QUANTILES:
+        return replace(found, tolerance=next(each for each in (*_COARSER, _OF_QUANTILES) if reached <= each))
     sampled = sampled_posterior(problem, start, seed)
     return sampled if sampled.converged or sampled.error <= found.error else found
 

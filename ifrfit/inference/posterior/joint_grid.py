@@ -156,7 +156,7 @@ class JointIntegral:
             per_work = whole / self.work()  # panels of the transitions make both larger alike
             for _ in range(_REHEARSALS):
                 done += self.work()
-                found = self._error_sources(self.evaluate(), ())
+                found = self.error_sources(self.evaluate())
                 changed = [
                     place.refine(mass, error, allowed)
                     for place, mass, error in found
@@ -181,23 +181,17 @@ class JointIntegral:
         for series, own in zip(self.series, orders[1], strict=True):
             series.c_order = own
 
-    def refine(
-        self,
-        density: JointDensity,
-        allowed: float,
-        more: Sequence[PanelErrors] = (),
-    ) -> bool:
+    def refine(self, sources: Sequence[PanelErrors], allowed: float) -> bool:
         """Halve panels whose error is above its part of what is allowed; whether anything changed.
 
         Parameters
         ----------
-        density : JointDensity
+        sources : sequence of (axis or series, masses, errors)
+            Of the present panels, by `error_sources`.
         allowed : float
-        more : sequence of (axis or series, masses, errors)
-            Errors found otherwise.
         """
         changed = False
-        for place, mass, error in self._error_sources(density, more):
+        for place, mass, error in sources:
             if isinstance(place, QuadratureAxis):
                 changed |= place.refine(mass, error, allowed)
             elif error[0] > allowed and place.c_order < _LARGEST_C_ORDER:
@@ -205,8 +199,15 @@ class JointIntegral:
                 changed = True
         return changed
 
-    def _error_sources(self, density: JointDensity, more: Sequence[PanelErrors]) -> list[PanelErrors]:
-        """Masses and errors of the panels of all axes, and of the closure constants."""
+    def error_sources(self, density: JointDensity, more: Sequence[PanelErrors] = ()) -> list[PanelErrors]:
+        """Masses and errors of the panels of all axes, and of the closure constants.
+
+        Parameters
+        ----------
+        density : JointDensity
+        more : sequence of (axis or series, masses, errors)
+            Errors found otherwise.
+        """
         found: list[PanelErrors] = [
             (one.axis, *density.outer_errors(number)) for number, one in enumerate(self.shared)
         ]

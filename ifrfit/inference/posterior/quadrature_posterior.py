@@ -48,7 +48,7 @@ class QuadraturePosterior:
     marginals : mapping
         Name to `Marginal`: free entries of theta, kappa, and free noises.
     errors : tuple of float
-        `error` round by round, the last one last.
+        The same round by round, of means and standard deviations alone where these exceed the tolerance.
     """
 
     problem: Problem
@@ -80,6 +80,11 @@ class QuadraturePosterior:
     def converged(self) -> bool:
         """Whether the wanted tolerance was reached."""
         return self.error <= self.tolerance and self.error_evidence <= self.tolerance
+
+    @property
+    def error_of_moments(self) -> float:
+        """That of means and standard deviations, with the quantiles where it is within the tolerance."""
+        return self.errors[-1] if self.errors else self.error
 
     @property
     def is_falling(self) -> bool:

@@ -75,13 +75,35 @@ def test_false_alarms_are_rare():
     assert any_fact <= at_most(MANY, 0.01)
 
 
+# found in the errors, once the law and a known sigma have been judged; docs/facts.md has the shares
+OF_ERRORS = ("independence", "mixture")
+
+
 @pytest.mark.long
 def test_power():
-    """Of the largest size nine in ten are named."""
+    """Of the largest size nine in ten are named; what large flaws of the errors look like is tested below."""
     for _, name, cases in slips_study.powers():
-        scene, cause, _ = cases[-1]
-        found = slips_study.run(slips_study.Task(scene, cause, 2000, 10))
-        assert sum(name in named for named, _ in found) >= 8, (name, found)
+        if name not in OF_ERRORS:
+            scene, cause, _ = cases[-1]
+            found = slips_study.run(slips_study.Task(scene, cause, 2000, 10))
+            assert sum(name in named for named, _ in found) >= 8, (name, found)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("policy", ["known", "unknown"])
+def test_large_flaws_of_the_errors_are_found_under_whatever_name(policy):
+    """Neighbours alike by 0.9 are a trend, a slip or a lack of fit; so are two kinds beside a known sigma.
+
+    Larger ones are named less often than small ones, but none passes. Two kinds are named where sigma is not
+    known.
+    """
+    for _, name, cases in slips_study.powers():
+        if name in OF_ERRORS:
+            scene, cause, _ = cases[-1]
+            found = slips_study.run(slips_study.Task(replace(scene, policy=policy), cause, 2000, 10))
+            assert all(failing for _, failing in found), (name, found)
+            if (name, policy) == ("mixture", "unknown"):
+                assert sum(name in named for named, _ in found) >= 8, found
 
 
 def test_an_outlier_is_no_slip():

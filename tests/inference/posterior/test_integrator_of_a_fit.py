@@ -166,6 +166,27 @@ def test_samples_that_did_not_converge_weigh_no_sharing(tmp_path: Path, monkeypa
     assert "sharing" not in found.facts
 
 
+@pytest.mark.parametrize(
+    ("of_quantiles", "tolerance"), [(9e-4, 1e-3), (4e-3, 5e-3), (9e-3, 1e-2), (2e-2, None)]
+)
+def test_a_grid_that_work_ends_says_the_error_of_its_quantiles(
+    tmp_path, monkeypatch, of_quantiles, tolerance
+):
+    from ifrfit.inference.posterior import integrators
+
+    gamma = np.linspace(5.0, 80.0, 14)
+    path = impacts_file(tmp_path / "t.csv", {"gamma": gamma, "noise": 0.03, "sigma": 0.03})
+    problem = ifrfit.fit(path, fix={"e_n": 0.9}, method="lsq").problem
+    ended = replace(integrators.exact_posterior(problem), error=of_quantiles, errors=(8e-4,))
+    monkeypatch.setattr(integrators, "_small_grid", lambda *arguments: ended)
+    found = integrators.exact_posterior(problem)
+    if tolerance is None:
+        assert isinstance(found, ImportancePosterior)
+    else:
+        assert found.converged
+        assert (found.error, found.tolerance) == (of_quantiles, tolerance)
+
+
 def test_a_single_small_difference_of_two_rules_is_no_convergence(tmp_path: Path) -> None:
     """FR at beta0 = -1, which one value 3e6 sigma below the closure's range calls for, knows no friction.
 

@@ -15,6 +15,7 @@ from posterior_questions import Question, Row, measured
 
 import ifrfit
 from ifrfit.errors import UsageError
+from ifrfit.inference.distributions.protocol import LEVELS
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
 
 
@@ -36,12 +37,41 @@ def test_the_last_grid_that_fits_is_what_there_is(monkeypatch: pytest.MonkeyPatc
     problem = ifrfit.fit("wang-2020", closure="fr", method="lsq").problem
     whole = integrate(problem, tolerance=1e-3)
     module = importlib.import_module("ifrfit.inference.posterior.adaptive_quadrature")
-    monkeypatch.setattr(module, "_MEMORY", whole.density.integral.size() - 1)
+    with monkeypatch.context() as once:
+        once.setattr(module, "_ROUNDS", 1)
+        first = integrate(problem, tolerance=1e-3)
+    monkeypatch.setattr(module, "_MEMORY", first.density.integral.size())
     post = integrate(problem, tolerance=1e-3)
-    assert post.density.integral.size() < whole.density.integral.size()
+    assert post.density.integral.size() == first.density.integral.size() < whole.density.integral.size()
     assert not post.converged
     assert post.quantile("mu", 0.5) == pytest.approx(whole.quantile("mu", 0.5), abs=1e-3)
     assert all(np.isfinite(x).all() for x in post.draws(50, np.random.default_rng(1)).values())
+
+
+def test_the_error_of_a_grid_that_work_ends_counts_the_quantiles() -> None:
+    """Its means and standard deviations moved by 4e-4 sd, a quantile by 7e-3, and 4e-4 were reported."""
+    rows = measured("delta_deg", (8.0, 17.0, 26.0, 35.0, 50.0, 70.0), seed=4, sigma=0.4)
+    post = integrate(Question(rows).problem(), 1e-4, most_work=1.5e6)
+    assert not post.converged
+    for name, law in post.marginals.items():
+        sd, at = post.sd(name), np.asarray(post.quantile(name, np.array(LEVELS)))
+        fine, coarse = law.cdf(at, 2)
+        density = (law.cdf(at + 0.02 * sd, 1)[0] - law.cdf(at - 0.02 * sd, 1)[0]) / (0.04 * sd)
+        assert np.all(np.abs(fine - coarse) / (density * sd) <= 1.05 * post.error), name
+
+
+def test_of_panels_that_do_not_all_fit_the_worst_are_split(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = measured("delta_deg", (8.0, 17.0, 26.0, 35.0, 50.0, 70.0), seed=4, sigma=0.4)
+    problem = Question(rows).problem()
+    first = integrate(problem, most_work=1.5e6)
+    whole = integrate(problem)
+    assert whole.converged
+    module = importlib.import_module("ifrfit.inference.posterior.adaptive_quadrature")
+    most = (first.density.integral.size() + whole.density.integral.size()) // 2
+    monkeypatch.setattr(module, "_MEMORY", most)
+    post = integrate(problem)
+    assert first.density.integral.size() < post.density.integral.size() <= most
+    assert post.error < 0.5 * first.error
 
 
 def test_the_covariance_takes_no_array_larger_than_the_grid() -> None:

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from posterior_questions import LEVELS, Question, Row, measured
 from scipy import special
 
 from ifrfit.inference.posterior import QuadraturePosterior, integrate
+from ifrfit.inference.posterior.adaptive_quadrature import GridTooLargeError
 
 pytestmark = pytest.mark.long
 
@@ -48,16 +49,31 @@ def questions(draw: st.DrawFn) -> Question:
     )  # fmt: skip
 
 
+def integrated(question: Question) -> QuadraturePosterior:
+    """Its posterior; a question whose grid is refused for its size is no example.
+
+    A few impacts near the normal do not bound mu: e_n stays beside it on the grid then, and so does a common
+    factor of the noise.
+    """
+    try:
+        return integrate(question.problem())
+    except GridTooLargeError:
+        reject()
+
+
+def tolerance(one: QuadraturePosterior, other: QuadraturePosterior) -> float:
+    """How far one may be from the other, more where one says that it stops short of its tolerance."""
+    reached = [max(each.error, each.error_evidence) for each in (one, other) if not each.converged]
+    return CLOSE + 2.0 * sum(reached)
+
+
 def same(one: QuadraturePosterior, other: QuadraturePosterior, evidence: float = 0.0) -> None:
-    """Both within their tolerance of the same law; where FR says that it stops short of that, as it says."""
+    """Both within their tolerance of the same law."""
     assert one.names == other.names
-    close = CLOSE
-    if one.problem.closure.name == "fr":  # its transition has no end: some grids would grow too large
-        reached = [max(each.error, each.error_evidence) for each in (one, other) if not each.converged]
-        close += 2.0 * sum(reached)
-    else:
+    if one.problem.closure.name != "fr":  # its transition has no end: some grids would grow too large
         assert one.converged
         assert other.converged
+    close = tolerance(one, other)
     assert abs(one.log_evidence - other.log_evidence - evidence) < close
     for name in one.names:
         sd = one.sd(name)
@@ -72,7 +88,7 @@ def same(one: QuadraturePosterior, other: QuadraturePosterior, evidence: float =
 def test_the_order_of_rows_does_not_matter(question: Question, seed: int) -> None:
     order = np.random.default_rng(seed).permutation(len(question.rows))
     shuffled = replace(question, rows=tuple(question.rows[i] for i in order))
-    same(integrate(question.problem()), integrate(shuffled.problem()))
+    same(integrated(question), integrated(shuffled))
 
 
 @FEW
@@ -86,7 +102,7 @@ def test_a_row_is_two_rows_of_half_the_weight(question: Question, at: int) -> No
     evidence = math.log(row.sigma * math.sqrt(2.0 * math.pi)) - 2.0 * math.log(
         half.sigma * math.sqrt(2.0 * math.pi)  # type: ignore[operator]
     )
-    same(integrate(twice.problem()), integrate(question.problem()), evidence)
+    same(integrated(twice), integrated(question), evidence)
 
 
 @FEW
@@ -95,13 +111,14 @@ def test_a_common_factor_absorbs_the_scale_of_sigma(question: Question, factor: 
     rows = tuple(replace(r, sigma=r.sigma * factor) for r in question.rows if r.sigma is not None)
     low, high = question.noise_bounds[""]
     other = replace(question, rows=rows, noise_bounds={"": (low / factor, high / factor)})
-    one, two = integrate(question.problem()), integrate(other.problem())
-    assert abs(one.log_evidence - two.log_evidence) < CLOSE
+    one, two = integrated(question), integrated(other)
+    close = tolerance(one, two)
+    assert abs(one.log_evidence - two.log_evidence) < close
     for name in one.names:
         by = factor if name == "noise" else 1.0
-        assert abs(one.mean(name) - by * two.mean(name)) < CLOSE * one.sd(name)
-        assert abs(by * two.sd(name) / one.sd(name) - 1.0) < CLOSE
-        assert abs(one.quantile(name, 0.84) - by * two.quantile(name, 0.84)) < CLOSE * one.sd(name)
+        assert abs(one.mean(name) - by * two.mean(name)) < close * one.sd(name)
+        assert abs(by * two.sd(name) / one.sd(name) - 1.0) < close
+        assert abs(one.quantile(name, 0.84) - by * two.quantile(name, 0.84)) < close * one.sd(name)
 
 
 @FEW
@@ -120,7 +137,7 @@ def test_beta_said_as_v_x_is_the_same(question: Question) -> None:
         rows.append(replace(row, observable=OTHER[row.observable], value=value, sigma=row.sigma * factor))
         jacobian += math.log(factor)
     other = replace(question, rows=tuple(rows))
-    same(integrate(question.problem()), integrate(other.problem()), jacobian)
+    same(integrated(question), integrated(other), jacobian)
 
 
 @FEW
@@ -132,13 +149,13 @@ def test_a_prior_is_a_further_row(question: Question) -> None:
     as_prior = replace(question, rows=rest, prior={**question.prior, "e_n": (row.value, row.sigma)})
     cut = special.ndtr((1.0 - row.value) / row.sigma) - special.ndtr(-row.value / row.sigma)
     # the prior is normalised over [0, 1], the row is not; the uniform prior there is 1
-    same(integrate(question.problem()), integrate(as_prior.problem()), float(np.log(cut)))
+    same(integrated(question), integrated(as_prior), float(np.log(cut)))
 
 
 @FEW
 @given(question=questions())
 def test_every_marginal_is_a_law(question: Question) -> None:
-    post = integrate(question.problem())
+    post = integrated(question)
     p = np.array([1e-4, 1e-3, 0.01, 0.025, 0.1, 0.16, 0.3, 0.5, 0.7, 0.84, 0.9, 0.975, 0.99, 0.999, 0.9999])
     for name in post.names:
         q = np.asarray(post.quantile(name, p))
@@ -168,7 +185,7 @@ def test_every_marginal_is_a_law(question: Question) -> None:
 def test_a_far_outlier_of_e_n_keeps_its_digits() -> None:
     # forty sd beyond the bound: the law is exponential at 1, and no number underflows
     question = Question((Row("e_n", 5.0, 1.8, 0.02),), fix={"e_t": -0.9, "mu": 0.2})
-    post = integrate(question.problem())
+    post = integrated(question)
     rate = 0.8 / 0.02**2
     assert post.mean("e_n") == pytest.approx(1.0 - 1.0 / rate, abs=2e-3 / rate)
     log_z = float(special.log_ndtr(-40.0))
