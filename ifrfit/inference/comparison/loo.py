@@ -30,6 +30,7 @@ DRAWS = 4000
 THRESHOLD = 0.7
 MOST_REFITS = 20  # a closure; more say that the closure is wrong, not that the weights are
 
+_SEVERAL = 5  # impacts left out from which on their optima take longer than points for all of them
 _FEWEST = 1000  # draws below which the tail says too little
 _LARGEST = 40_000_000  # log likelihoods held at once
 _AT_ONCE = 200_000  # of which the density makes several arrays
@@ -65,7 +66,7 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence, *, in_earnest: bool = T
     refitted = []
     # where more are high the sum stays doubtful whatever becomes of some of them
     refits = high if in_earnest and high.size <= MOST_REFITS else high[:0]
-    fewer = _points_of(problem, posterior, optimum) if refits.size > 1 else None
+    fewer = _points_of(problem, posterior, optimum, refits.size)
     for i in refits:
         exact = left_out(
             problem, posterior.log_evidence, density.impact != i, posterior.tolerance, optimum, fewer
@@ -91,13 +92,16 @@ def loo_of(fit: FitResult, seed: np.random.SeedSequence, *, in_earnest: bool = T
     )
 
 
-def _points_of(problem: Problem, posterior: ExactPosterior, optimum: LeastSquaresFit) -> FewerRows | None:
-    """Points that serve each impact that is left out; None where grids are quicker.
+def _points_of(
+    problem: Problem, posterior: ExactPosterior, optimum: LeastSquaresFit, refits: int
+) -> FewerRows | None:
+    """Points that serve each of several impacts that are left out; None where grids are quicker.
 
-    A grid begins at an optimum, which where noises are unknown takes longer than the grid.
+    A grid is more exact, but where noises are unknown it begins at an optimum that takes longer than itself.
     """
-    quick = problem.noise.is_known and not isinstance(posterior, ImportancePosterior)
-    if not quick or evidence_is_sampled(problem, posterior.tolerance, optimum):
+    is_sampled = isinstance(posterior, ImportancePosterior)
+    is_slow = not problem.noise.is_known and refits >= _SEVERAL
+    if refits > 1 and (is_sampled or is_slow or evidence_is_sampled(problem, posterior.tolerance, optimum)):
         return FewerRows(problem, optimum)
     return None
 
