@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ifrfit.errors import DataError, UsageError
-from ifrfit.inference.comparison.types import PriorRow
+from ifrfit.inference.comparison.types import HOPELESS, PriorRow
 from ifrfit.inference.model.entry_names import quantity_of
 from ifrfit.inference.model.free_parameter import FreeParameter
 from ifrfit.inference.model.parameters import Parameter
@@ -48,8 +48,10 @@ def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:
     half its domain, placed about its posterior median: the narrowest that a favourable colleague may have
     chosen, which raises that closure's evidence by log 2 at most. The domains are the widest that create no
     energy already, so they are not widened. Constants that are fixed or have a prior of the user's stay.
+    A closure without hope is not integrated afresh: where its posterior does not tell, it has no number.
     """
     stated = {name: _log_evidence(fit) for name, fit in fits.items()}
+    hopeful = {name for name, own in stated.items() if own >= max(stated.values()) - HOPELESS}
     rows = [PriorRow("", dict(stated))]
     problems = {name: _problem(fit) for name, fit in fits.items()}
     mu = _varied(next(iter(problems.values())), "mu")
@@ -57,9 +59,8 @@ def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:
         low, high = mu.lower, FreeParameter.of("mu", mu).upper
         for width in MU_WIDTHS:
             ends = (low, low + width * (high - low))
-            rows.append(
-                PriorRow(f"mu up to {ends[1]:g}", {n: _evidence(fit, "mu", ends) for n, fit in fits.items()})
-            )
+            found = {n: _evidence(fit, "mu", ends, afresh=n in hopeful) for n, fit in fits.items()}
+            rows.append(PriorRow(f"mu up to {ends[1]:g}", found))
     for name, problem in problems.items():
         closure = get_closure(name)
         own = _varied(problem, closure.constant) if closure.constant else None
@@ -67,7 +68,8 @@ def prior_table(fits: Mapping[str, FitResult]) -> tuple[PriorRow, ...]:
             continue
         ends = _half(fits[name], own)
         words = f"{own.name} of {closure.title} in [{ends[0]:.4g}, {ends[1]:.4g}]"
-        rows.append(PriorRow(words, stated | {name: _evidence(fits[name], own.name, ends)}))
+        evidence = _evidence(fits[name], own.name, ends, afresh=name in hopeful)
+        rows.append(PriorRow(words, stated | {name: evidence}))
     return tuple(rows)
 
 
@@ -111,13 +113,13 @@ def _share_between(posterior: ExactPosterior, labels: Sequence[str], ends: Inter
     return share if error <= _ERROR_OF_SHARE else None
 
 
-def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
+def _evidence(fit: FitResult, name: str, ends: Interval, *, afresh: bool) -> float | None:
     """Log evidence with a uniform prior of one constant between other ends.
 
     A narrower uniform prior cuts the posterior: the evidence gains the ratio of the widths and keeps the
     posterior's share between the ends, that of several entries by joint draws, where these tell it well. A
     wider one loses that ratio where the posterior has died out in the upper half of the old domain; else it
-    is integrated afresh.
+    is integrated afresh, or None.
     """
     problem, optimum = fit.problem_and_optimum()
     posterior = posterior_of(fit)
@@ -133,6 +135,8 @@ def _evidence(fit: FitResult, name: str, ends: Interval) -> float | None:
         if all(1.0 - float(np.asarray(posterior.cdf(label, middle))) <= _NOTHING for label in labels):
             ratio = (old.upper - old.lower) / (ends[1] - ends[0])
             return _log_evidence(fit) + len(labels) * math.log(ratio)
+    if not afresh:
+        return None
     moved = replace(problem.parameters[name], lower=ends[0], upper=ends[1])
     at = np.array([optimum.optimum.theta[problem.parameters.names.index(label)] for label in labels])
     inside = bool(((at > max(ends[0], old.lower)) & (at < min(ends[1], old.upper))).all())

@@ -14,7 +14,8 @@ from ifrfit.inference.result.types import Interval
 Array = NDArray[np.float64]
 Kind = Literal["stand_in", "refuted", "undecided", "preferred"]
 
-HOPELESS = 50.0  # log evidence below the best closure from which on no impact is left out in earnest
+# Log evidence below the best closure's: no impact is left out in earnest there, no prior integrated anew
+HOPELESS = 50.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class PriorRow:
     varied : str
         What differs from the stated priors, in words; empty for these themselves.
     log_evidence : mapping
-        Closure to its log evidence; None where that prior has no meaning for it.
+        Closure to its log evidence; None where that prior has no meaning for it, or it no hope.
     """
 
     varied: str
