@@ -22,6 +22,7 @@ from ifrfit.inference.result.types import Fact
 from ifrfit.text import joined, p_text, plus_minus
 
 _FEWEST = 3  # degrees of freedom of repeats below which they are no yardstick
+_MOST_EXACT = 1000  # settings whose form is worked out with what the constants take
 _SUSPECT = 2.0  # standard deviations from which the exact p value is worked out
 _EXPLAINED = 1e-9  # share of an error of the angle below which constants explain it, but for rounding
 _SMOOTH = 0.01  # p of a smooth departure of the means below which the law is in question, not the settings
@@ -94,14 +95,24 @@ class Repeated:
         d = self.by_angle / np.abs(self.by_angle).max()
         left = self.mean - own @ (own.T @ self.mean)
         found = float(((d * left) ** 2).sum()) / (self.pure / self.dof_pure)
-        moved = d[:, None] * (np.eye(d.size) - own @ own.T)
-        weights = np.linalg.eigvalsh(moved @ moved.T)
-        if weights[-1] < _EXPLAINED:
+        weights = _weights(d, own)
+        if weights.max() < _EXPLAINED:
             return 1.0
         mean, square = float(weights.sum()), float(weights @ weights)
         if found < mean + _SUSPECT * math.sqrt(2.0 * (square + mean * mean / self.dof_pure)):
             return 1.0
         return sum_exceeds(np.append(weights, np.full(self.dof_pure, -found / self.dof_pure)))
+
+
+def _weights(d: Array, own: Array) -> Array:
+    """Eigenvalues of the form d P d, P what the columns `own` leave; of many settings those of d d.
+
+    A few columns move each of these to its neighbour at the most.
+    """
+    if d.size > _MOST_EXACT:
+        return d * d
+    moved = d[:, None] * (np.eye(d.size) - own @ own.T)
+    return np.linalg.eigvalsh(moved @ moved.T)
 
 
 def _lack(jacobian: Array, mean: Array, pure: float, dof_pure: int) -> float:

@@ -12,6 +12,7 @@ from scipy import stats
 
 from ifrfit import fit, rebound
 from ifrfit.inference.diagnostics.quadratic_forms import sum_exceeds
+from ifrfit.inference.diagnostics.repeats import _weights
 from ifrfit.inference.result.fit_result import FitResult
 
 ANGLES = np.arange(10.0, 81.0, 10.0)
@@ -137,3 +138,16 @@ def test_angles_that_constants_explain_contradict_nothing(tmp_path):
     fact = fit(path, closure="f", fix={"e_n": 0.73}, method="lsq").facts["lack_of_fit"]
     assert fact.ok, fact.says
     assert all(p > 0.001 for p in fact.figures["p_pure"].values())
+
+
+def test_many_settings_take_no_square_of_their_number():
+    """The form of an error of each angle is a matrix of settings by settings: of 1e5 of them 70 GB."""
+    rng = np.random.default_rng(3)
+    by_angle, own = rng.uniform(0.1, 1.0, 1200), np.linalg.qr(rng.standard_normal((1200, 3)))[0]
+    exact = np.linalg.eigvalsh(np.diag(by_angle) @ (np.eye(1200) - own @ own.T) @ np.diag(by_angle))
+    found = np.sort(_weights(by_angle, own))
+    # three columns move no eigenvalue beyond the third one below
+    assert (exact[3:] <= found[3:] + 1e-12).all()
+    assert (exact[3:] >= found[:-3] - 1e-12).all()
+    np.testing.assert_allclose(np.sort(_weights(by_angle[:50], own[:50] * 0.0)), np.sort(by_angle[:50] ** 2))
+    assert _weights(np.ones(100_000), np.zeros((100_000, 1))).size == 100_000
