@@ -19,7 +19,12 @@ from ifrfit.inference.diagnostics.growing_scatter import growing_scatter
 from ifrfit.inference.diagnostics.lack_of_fit import lack_of_fit
 from ifrfit.inference.diagnostics.mixture import mixture, suspicious_constants
 from ifrfit.inference.diagnostics.residuals import Residuals, residuals_of
-from ifrfit.inference.diagnostics.rival_scatter import drop_of_even, drop_of_growth, fall_of_outliers
+from ifrfit.inference.diagnostics.rival_scatter import (
+    drop_of_angle,
+    drop_of_even,
+    drop_of_growth,
+    fall_of_outliers,
+)
 from ifrfit.inference.diagnostics.thresholds import ALIKE, FACTS, REFUTED
 from ifrfit.inference.model.noise import NoiseModel
 from ifrfit.inference.model.problem import Problem
@@ -39,6 +44,7 @@ _ALIKE = {
     "effects": "a further effect",
     "sigma": "a sigma that is too small (--noise scaled)",
     "growth": "errors that grow with the value",
+    "angle": "errors whose size changes with the angle",
     "outliers": "outliers",
 }
 
@@ -64,8 +70,8 @@ def angle_scatter(
 
     The test is that of `careful_p`. Where it is positive the size is fitted with noises and constants, and
     counts where no lack of fit is left and nothing else explains more by `ALIKE`: a sigma that is too
-    small, a scatter that grows, slips and effects that were found, impacts of two kinds. What explains as
-    much is named beside it.
+    small, a scatter that grows with the value or changes with the angle, slips and effects that were found,
+    impacts of two kinds. What explains as much is named beside it.
 
     Parameters
     ----------
@@ -139,6 +145,7 @@ def _rivals(
     rivals: dict[str, tuple[float, Fact | None]] = {
         "sigma": (drop_of_even(problem, slopes) - drop, None),
         "growth": (drop_of_growth(problem, fit, slopes) - drop, None),
+        "angle": (drop_of_angle(problem, slopes) - drop, None),
         "outliers": (fall_of_outliers(problem, slopes) - errors.fall, None),
     }
     growing = growing_scatter(problem, fit, residuals_of(problem, fit))

@@ -112,7 +112,7 @@ def _weights(d: Array, own: Array) -> Array:
     if d.size > _MOST_EXACT:
         return d * d
     moved = d[:, None] * (np.eye(d.size) - own @ own.T)
-    return np.linalg.eigvalsh(moved @ moved.T)
+    return np.asarray(np.linalg.eigvalsh(moved @ moved.T))
 
 
 def _lack(jacobian: Array, mean: Array, pure: float, dof_pure: int) -> float:

@@ -19,6 +19,7 @@ from ifrfit.inference.optimize.least_squares import LeastSquaresFit
 _PARAMETER = 2.0  # of -2 log likelihood, for each that a rival has more
 _MOST = 0.25  # share of the rows that may be outliers
 _AT_ONCE = 40
+_ROUNDS = 20  # of scoring
 _FITTED = 1e-6  # what is left of a row below which it is fitted exactly
 
 
@@ -38,6 +39,29 @@ def drop_of_growth(problem: Problem, fit: LeastSquaresFit, slopes: AngleSlopes) 
     grown = fitted_errors(values, _before(problem, values), groups, problem.rows.which).drop
     more = len(problem.rows.names) - 1 + len(groups) - len(problem.noise_groups())
     return grown - _PARAMETER * more
+
+
+def drop_of_angle(problem: Problem, slopes: AngleSlopes) -> float:
+    """With a noise of each observable whose logarithm is a parabola of the angle of incidence.
+
+    A regression of squared residuals on their expectation, by Fisher scoring; constants by weighted squares.
+    """
+    groups = _groups(problem)
+    angle = np.where(problem.rows.has_angle, np.nan_to_num(problem.rows.gamma_deg), 0.0) / 90.0
+    own = np.stack([np.isin(np.arange(angle.size), rows) for rows in groups], axis=1).astype(float)
+    columns = np.column_stack((own, angle, angle**2))
+    of = np.zeros(columns.shape[1])
+    left, variance = slopes.left, np.ones(angle.size)
+    for _ in range(_ROUNDS):
+        step = np.linalg.lstsq(columns, left**2 / variance - 1.0, rcond=None)[0]
+        of = of + step / max(1.0, float(np.abs(columns @ step).max()))
+        variance = np.exp(columns @ of)
+        root = 1.0 / np.sqrt(variance)
+        constants = np.linalg.lstsq(slopes.by_constant * root[:, None], slopes.left * root, rcond=_FITTED)[0]
+        left = slopes.left - slopes.by_constant @ constants
+    gain = _before(problem, slopes) - slopes.by_impact(left**2 / variance + np.log(variance))
+    more = 1 + len(groups) - len(problem.noise_groups())
+    return float(gain.sum() - gain.max()) - _PARAMETER * more
 
 
 def fall_of_outliers(problem: Problem, slopes: AngleSlopes) -> float:

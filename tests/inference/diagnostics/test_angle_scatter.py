@@ -265,6 +265,23 @@ def test_other_flaws_are_not_called_so(tmp_path, sigma):
     assert sum(called) <= 1
 
 
+@pytest.mark.parametrize("size", [(0.2, 1.25), (0.3, 2.0)])
+def test_errors_whose_size_changes_with_the_angle_are_no_errors_of_angles(tmp_path, size):
+    """Both grow where sliding makes the values depend on the angle."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        gamma = np.round(rng.uniform(3.0, 85.0, 400), 2)
+        beta = rebound(gamma, degrees=True, e_n=0.9, e_t=-0.75, mu=0.2).beta
+        table = pd.DataFrame(
+            {
+                "gamma_deg": gamma,
+                "beta": beta + 0.03 * (size[0] + (gamma / 50.0) ** size[1]) * rng.standard_normal(400),
+            }
+        )
+        fact = fitted(tmp_path, table, fix={"e_n": 0.9}).facts.get("angle_scatter")
+        assert fact is None or "errors whose size changes with the angle" in fact.says
+
+
 def test_rivals_explain_what_they_stand_for(clean):
     problem, optimum = clean
     slopes, rng = slopes_of(problem, optimum), np.random.default_rng(9)
