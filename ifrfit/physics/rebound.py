@@ -256,7 +256,7 @@ def rebound(
     Raises
     ------
     UsageError
-        For an unknown closure, or constants that do not belong to it.
+        For an unknown closure, constants that do not belong to it, or an inertia factor that is no number.
 
     Notes
     -----
@@ -266,6 +266,8 @@ def rebound(
     """
     chosen = get_closure(closure)
     c = closure_constant(chosen, {"e_t": e_t, "beta0": beta0, "chi": chi, **constants})
+    if np.ndim(inertia_factor) > 0:
+        raise UsageError("inertia_factor is an array: it must be one number, so call once for each body.")
     if not 0.0 < inertia_factor < np.inf:
         raise UsageError(f"inertia_factor is {inertia_factor}: it must be positive (2/5 for a solid sphere).")
     incidence = Incidence.of(gamma, spin_x, spin_y, degrees=degrees)

@@ -17,6 +17,7 @@ from ifrfit.inference.result.types import Constants, Estimate, NoiseSummary, by_
 from ifrfit.physics.angles import Incidence
 from ifrfit.text import joined
 
+_SPIN_ZERO = 0.02  # R omega_y/u before impact by which spins may be off, as an example
 _LATERAL = 0.1  # R omega_x/u before impact, as an example of what a camera from the side does not see
 
 _OF_NOISE = {
@@ -28,7 +29,7 @@ _OF_NOISE = {
 _INDEPENDENT = "errors independent of one another"
 _COMPONENTS = ("v_x", "v_y", "v_n")
 _AT_THE_WALL = "velocities those at the wall, to one scale along and across it"
-_COMPLETE = "no reading left out for its value"
+_COMPLETE = "no reading left out or picked for its value"
 
 
 def assumed_of(
@@ -56,7 +57,9 @@ def assumed_of(
     of_errors = _INDEPENDENT + _of_repeats(problem)
     at_wall = _AT_THE_WALL if set(_COMPONENTS) & set(problem.rows.names) else ""
     elsewhere = _restitution_words(problem)
-    return tuple(said for said in (plane, at_wall, elsewhere, words, of_errors, _COMPLETE, offset) if said)
+    zero = _spin_zero_words(problem, fit, constants, kappas)
+    every = (plane, at_wall, elsewhere, words, of_errors, _COMPLETE, offset, zero)
+    return tuple(said for said in every if said)
 
 
 def _restitution_words(problem: Problem) -> str:
@@ -102,13 +105,27 @@ def _plane_words(
     said = f"motion in one plane, no lateral spin before impact{where}"
     if not problem.error_model.is_plain:
         return said
-    theta = fit.optimum.theta
-    rows = problem.rows
-    spinning = Incidence.of(rows.gamma_deg, _LATERAL, i.spin_y, degrees=True)
-    other = replace(problem, rows=replace(rows, incidence=spinning, tau=spinning.tau))
-    change = other.predict(theta) - problem.predict(theta)
-    moved = _largest_move(_moved_by(problem, fit, change), constants, kappas)
+    moved = _largest_move(_moved_by_spin(problem, fit, (_LATERAL, 0.0)), constants, kappas)
     return f"{said} (R omega_x/u of {_LATERAL:g} would move {moved})" if moved else said
+
+
+def _spin_zero_words(
+    problem: Problem, fit: LeastSquaresFit, constants: Constants, kappas: Mapping[str, Estimate]
+) -> str:
+    """How far a zero of the given spins that is off would move the constant that it moves most, in its sd."""
+    if not (problem.rows.incidence.spin_y.any() and problem.has_oblique and problem.error_model.is_plain):
+        return ""
+    moved = _largest_move(_moved_by_spin(problem, fit, (0.0, _SPIN_ZERO)), constants, kappas)
+    said = "spins before impact without an offset"
+    return f"{said} (R omega_y/u of {_SPIN_ZERO:g} would move {moved})" if moved else said
+
+
+def _moved_by_spin(problem: Problem, fit: LeastSquaresFit, more: tuple[float, float]) -> dict[str, float]:
+    """By how much the optimum moves where every impact has more spin, (x, y), to first order."""
+    theta, rows, i = fit.optimum.theta, problem.rows, problem.rows.incidence
+    spinning = Incidence.of(rows.gamma_deg, i.spin_x + more[0], i.spin_y + more[1], degrees=True)
+    other = replace(problem, rows=replace(rows, incidence=spinning, tau=spinning.tau))
+    return _moved_by(problem, fit, other.predict(theta) - problem.predict(theta))
 
 
 def _largest_move(moves: Mapping[str, float], constants: Constants, kappas: Mapping[str, Estimate]) -> str:

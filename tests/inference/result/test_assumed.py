@@ -22,7 +22,7 @@ STATED = STATED.replace("\n", ",0,0,0.02\n").replace("sigma_beta,0,0,0.02", "sig
 FIX = {"e_n": 0.9}
 SCATTER = "errors as large as the scatter"
 INDEPENDENT = "errors independent of one another"
-COMPLETE = "no reading left out for its value"
+COMPLETE = "no reading left out or picked for its value"
 
 
 @pytest.fixture

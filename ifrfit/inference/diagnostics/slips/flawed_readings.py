@@ -37,6 +37,8 @@ class Flaw:
         R omega_y/u of every impact that the table does not hold.
     rolled : float or ndarray
         Share of pure rolling before impact, R omega_y = -u sin(gamma), that the table does not hold.
+    spin_zero : float or ndarray
+        R omega_y/u by which the true spin before every impact exceeds the given one.
     """
 
     offset: Size = 0.0
@@ -46,6 +48,7 @@ class Flaw:
     spin: Size = 0.0
     constant_spin: Size = 0.0
     rolled: Size = 0.0
+    spin_zero: Size = 0.0
 
 
 class Reading(Rebound):
@@ -89,7 +92,7 @@ def readings(problem: Problem, theta: Array, flaw: Flaw) -> Array:
     law = problem.closure.law(problem.inertia_factor)
     k, sticks = law.impulse(true, c, mu * (1.0 + e_n))
     state = rebound_with(true, k, sticks.astype(bool), e_n, problem.inertia_factor)
-    if _is_of_angle(flaw):  # the values are those of the true angle
+    if _is_of_incidence(flaw):  # the values are those of the true impact
         return _values(problem, state, mu)
     cosine, sine = np.cos(np.radians(flaw.turn)), np.sin(np.radians(flaw.turn))
     # everything is over the incoming speed as it is read
@@ -115,7 +118,7 @@ def _true_incidence(problem: Problem, flaw: Flaw) -> Incidence:
         )
     sine, cosine = np.sin(np.radians(gamma)), np.cos(np.radians(gamma))
     scale = np.hypot((1.0 + flaw.along) * sine, cosine) / (1.0 + flaw.spin)
-    spin_y = scale * given.spin_y + flaw.constant_spin - flaw.rolled * sine
+    spin_y = scale * given.spin_y + flaw.constant_spin + flaw.spin_zero - flaw.rolled * sine
     return Incidence.of(np.clip(gamma, 0.0, 90.0), scale * given.spin_x, spin_y, degrees=True)
 
 
@@ -126,8 +129,8 @@ def _speed_before(true: Incidence, flaw: Flaw) -> Size:
     return np.hypot((1.0 + flaw.along) * true.sine, true.cosine)
 
 
-def _is_of_angle(flaw: Flaw) -> bool:
-    """Whether nothing but the angle of incidence is off."""
+def _is_of_incidence(flaw: Flaw) -> bool:
+    """Whether nothing but the angle of incidence or the zero of the spin before impact is off."""
     others = (flaw.turn, flaw.speed, flaw.along, flaw.spin, flaw.constant_spin, flaw.rolled)
     return not any(np.any(size) for size in others)
 

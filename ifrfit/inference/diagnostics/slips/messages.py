@@ -26,7 +26,7 @@ _KINDS = {
     "angles": ("angle-offset", "camera-turn"),
     "scales": _SCALES,
     "inertia factor": ("inertia-factor",),
-    "spin before": ("incoming-spin", "incoming-roll"),
+    "spin before": ("incoming-spin", "incoming-roll", "spin-zero"),
     "drifts along the table": ("restitution-drift", "friction-drift", "sticking-drift"),
 }
 _NEAR = 0.02  # of an inertia factor, from that of a known body
@@ -173,6 +173,14 @@ def _incoming(problem: Problem, slip: Slip) -> tuple[str, str]:
     )
 
 
+def _spin_zero(problem: Problem, slip: Slip) -> tuple[str, str]:
+    size = plus_minus(slip.size, slip.sd)
+    return (
+        f"spins before impact whose zero is off, R omega_y/u larger by {size} than the table has it",
+        f"check their zero; add {slip.size:.2g} to the column spin_y",
+    )
+
+
 def _rolled(problem: Problem, slip: Slip) -> tuple[str, str]:
     size = plus_minus(slip.size, slip.sd)
     return (
@@ -209,6 +217,7 @@ _SIZED = {
     "spin-scale": _spin,
     "incoming-spin": _incoming,
     "incoming-roll": _rolled,
+    "spin-zero": _spin_zero,
     "inertia-factor": _inertia,
     "restitution-drift": _drift,
     "friction-drift": _drift,

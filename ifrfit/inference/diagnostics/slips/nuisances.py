@@ -18,6 +18,7 @@ _STEP = 1e-5  # of derivatives, in the unit of the size
 _TIED = 0.8  # correlation with angle or speed from which the order of the rows is no time
 _FEWEST_IMPACTS = 8  # below which no drift is looked for
 _USUAL_SHARE = 0.15  # of the domain of the closure's own constant by which it may change
+_OF_INCIDENCE = ("angle-offset", "spin-zero")  # the values are those of the true impact
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
 
@@ -81,6 +82,8 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
             yield read("scale-along-wall", 0.5, 0.05, lambda x: Flaw(along=x))
     if "spin" in measured or problem.rows.incidence.spin_y.any():
         yield read("spin-scale", 0.5, 0.2, lambda x: Flaw(spin=x))
+        if problem.rows.incidence.spin_y.any() and oblique:
+            yield read("spin-zero", 0.5, 0.05, lambda x: Flaw(spin_zero=x))
     # who knows the velocity of the contact point before impact knows its spin
     of_parts = any(not {"Tx", "Sy"} <= each.takes for each in oblique)
     if of_parts and not (problem.rows.incidence.spin_y.any() or problem.rows.incidence.spin_x.any()):
@@ -169,7 +172,7 @@ def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:
 def directions_of(problem: Problem, every: Sequence[Nuisance], theta: Array) -> list[Direction]:
     """Derivative of every row's value by each size."""
     step = np.array([_STEP, -_STEP])
-    flawed = [each for each in every if each.flaw is not None and each.name != "angle-offset"]
+    flawed = [each for each in every if each.flaw is not None and each.name not in _OF_INCIDENCE]
     moved = {}
     if flawed:  # in one go
         flaws = [each.flaw(step[:, None]) for each in flawed if each.flaw is not None]
