@@ -95,6 +95,10 @@ def test_registry_keys_are_the_names() -> None:
             {"e_t": -0.9, "inertia_factor": float("nan")},
             "inertia_factor is nan: it must be positive (2/5 for a solid sphere).",
         ),
+        (
+            {"e_t": -0.9, "inertia_factor": (0.4, 0.5)},
+            "inertia_factor is an array: it must be one number, so call once for each body.",
+        ),
     ],
 )
 def test_refusals_say_what_to_do(call: dict[str, Any], text: str) -> None:
