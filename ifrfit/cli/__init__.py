@@ -8,5 +8,5 @@ import os
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_threads, "1")
 
-# What is imported stays: looking a hundred times for what may be freed takes 5 % of a short command.
+# What is imported stays: looking for what may be freed would take some of the time of a short command.
 gc.set_threshold(50_000, 20, 50)

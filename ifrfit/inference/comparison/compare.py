@@ -162,7 +162,10 @@ def _weighed(fits: dict[str, FitResult], notes: tuple[str, ...], loo: bool, seed
 
 
 def _cross_validated(fits: dict[str, FitResult], seed: int) -> dict[str, Loo]:
-    """Every closure with draws of its own, whichever others are compared; empty for too many rows."""
+    """Every closure with draws of its own, whichever others are compared; empty for too many rows.
+
+    Impacts are left out in earnest under those alone that have a hope beside the best.
+    """
     found, evidence = {}, {name: float(posterior_of(fit).log_evidence) for name, fit in fits.items()}
     for name, fit in fits.items():
         has_hope = evidence[name] >= max(evidence.values()) - HOPELESS

@@ -151,7 +151,7 @@ def evidence_by_series(problem: Problem, start: LeastSquaresFit, seed: int = 0) 
 
 
 class EvidenceBySeries:
-    """_Points enough for the evidence, and what they say of the same problem with fewer rows.
+    """Points enough for the evidence, and what they say of the same problem with fewer rows.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ class _Sampler:
         self._rarer = 1 if density.whole.cost_of_row == 1 else _RARER
 
     def _points(self, laws: _Laws, shared: Array, m: Sequence[int]) -> _Points:
-        """_Points of each series at shared coordinates."""
+        """Points of each series at shared coordinates."""
         density, rng = self.density, self._rng
         log_outer = density.log_prior(shared)
         if laws.shared is not None:
@@ -442,5 +442,5 @@ def _tempered(log_weights: Array) -> Array:
 
 
 def _flat(x: Array) -> Array:
-    """_Points of all shared coordinates one after the other, (n m, d)."""
+    """Points of all shared coordinates one after the other, (n m, d)."""
     return x.reshape(x.shape[0] * x.shape[1], x.shape[2])

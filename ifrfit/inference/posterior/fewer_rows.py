@@ -36,8 +36,8 @@ class FewerRows:
     def log_density_of_others(self, kept: Index) -> tuple[float, float]:
         """Log density of the rows of an impact, as all others predict it, and its standard error.
 
-        The noise keeps the prior that it has with all rows. The error is infinite where few points carry the
-        weight of the kept rows, or their coordinates are others.
+        The noise keeps the prior that it has with all rows. The error is the larger one of both evidences:
+        infinite where few points carry the weight of all rows or of the kept ones, or coordinates differ.
 
         Parameters
         ----------
@@ -52,7 +52,7 @@ class FewerRows:
             if lost.size > 1:
                 return math.nan, math.inf
             whole, found = self._by_series.evidence(), self._by_series.evidence_of(rest, int(lost[0]))
-        return whole[0] - found[0], found[1]
+        return whole[0] - found[0], max(whole[1], found[1])
 
     @cached_property
     def _together(self) -> EvidenceByImportance:

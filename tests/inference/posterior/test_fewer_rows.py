@@ -13,6 +13,7 @@ from ifrfit.inference.diagnostics.thresholds import SAMPLING_ERROR
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.optimize.least_squares import least_squares
 from ifrfit.inference.posterior import integrate
+from ifrfit.inference.posterior.factorised_sampling import EvidenceBySeries
 from ifrfit.inference.posterior.fewer_rows import FewerRows, with_kept_rows
 
 ANGLES = (7.0, 16.0, 27.0, 38.0, 52.0, 70.0)
@@ -63,6 +64,14 @@ def test_rows_of_two_series_are_left_to_another_road() -> None:
     problem, fewer, _ = points("a mu each")
     _, error = fewer.log_density_of_others(np.delete(np.arange(len(problem.rows)), [0, 8]))
     assert error == np.inf
+
+
+def test_points_that_do_not_carry_all_rows_are_not_believed(monkeypatch) -> None:
+    problem, fewer, _ = points("a mu each")
+    kept = np.arange(1, len(problem.rows))
+    assert fewer.log_density_of_others(kept)[1] <= SAMPLING_ERROR
+    monkeypatch.setattr(EvidenceBySeries, "evidence", lambda self: (0.0, np.inf))
+    assert fewer.log_density_of_others(kept)[1] == np.inf
 
 
 def test_noises_keep_their_priors() -> None:
