@@ -259,6 +259,8 @@ def _written(scene, cause, gamma, spin, lateral, speed, values, rng):
             errors[:] = 0.0
         elif cause.name == "outlier" and name == names[0]:
             errors[n // 2] = cause.size
+        elif cause.name == "scatter-by-angle" and name == names[0]:
+            errors = errors * cause.size ** (gamma / 90.0)
         rows.append(values[name] + sigma * errors)
         sigmas.append(np.full(n, sigma))
     written = dict(zip(names, rows, strict=True))

@@ -125,6 +125,8 @@ def powers() -> list[tuple[str, str, list[tuple[object, object, str]]]]:
         like = [(scene, Cause("correlated", r), f"{r:g}") for r in (0.5, 0.7, 0.9)]
         kinds = [(scene, Cause("two-kinds", x), f"mu {100 * x:.0f} %") for x in (0.2, 0.4, 0.8)]
         found += [("correlated errors", "independence", like), ("two kinds", "mixture", kinds)]
+        uneven = [(scene, Cause("scatter-by-angle", x), f"by {x:g}") for x in (3.0, 6.0, 12.0)]
+        found += [("noise that grows from 0 to 90 deg", "scatter_by_angle", uneven)]
     return found
 
 
@@ -161,7 +163,7 @@ def called(scene: object, cause: object, seed: int) -> tuple[list[str], list[str
         named.insert(0, "duplicates")
     if "angle_scatter" in failing:
         named.insert(0, "angle_scatter")
-    named += [name for name in ("independence", "mixture", "outliers") if name in failing]
+    named += [name for name in ("independence", "mixture", "scatter_by_angle", "outliers") if name in failing]
     return named, failing
 
 

@@ -32,6 +32,7 @@ HEADLINES = {
     "repeats": "repeats share an error",
     "angle_scatter": "the scatter is that of angles with errors",
     "growing_scatter": "the scatter grows as that of velocities would",
+    "scatter_by_angle": "the scatter changes with the angle",
     "rounded_readings": "readings are rounded to coarser steps than they scatter",
     "censoring": "values look clipped",
     "truncation": "values look left out for their size",

@@ -107,7 +107,8 @@ def truncation(problem: Problem, found: LeastSquaresFit) -> Fact | None:
         "values look left out for their size, or errors are skewed. If left out, the constants are off by "
         "as much as they miss: give all"
     )
-    figures = {"observable": best.observable, "end": best.end, "missing": best.missing, "p": p}
+    drop = -2.0 * math.log(max(p, 1e-300))  # of -2 log likelihood, less what the looks are worth
+    figures = {"observable": best.observable, "end": best.end, "missing": best.missing, "p": p, "drop": drop}
     return Fact(False, says, figures, FACTS["truncation"])
 
 

@@ -88,9 +88,10 @@ def growing_scatter(problem: Problem, fit: LeastSquaresFit, residuals: Residuals
         return None
     best = min(found, key=lambda one: one.p)
     try:
-        others, size = _under_it(problem, fit, found, best)
+        others, weighted = outliers_under(problem, fit, _grown_sigma(problem, fit, found))
     except DataError:
         return None
+    size = float((weighted.sigma[best.rows] / best.amplification)[0])
     return GrowingScatter(_fact(problem, best, size), others)
 
 
@@ -116,19 +117,20 @@ def _p(lean: Array, basis: Array, z: Array) -> float:
     return float(special.ndtr(-normal)) if z.size > _EXACT else ratio_exceeds(np.diag(lean), found, basis)
 
 
-def _under_it(
-    problem: Problem, fit: LeastSquaresFit, found: list[_Found], best: _Found
-) -> tuple[Fact, float]:
-    """Outliers where sigma grows so, and the error of the numerator."""
+def outliers_under(problem: Problem, fit: LeastSquaresFit, sigma: Array) -> tuple[Fact, LeastSquaresFit]:
+    """Outliers of a fit whose noise is in proportion to some sigma, (n,), and that fit."""
+    grown = problem.with_noise(NoiseModel("scaled", sigma))
+    weighted = refit(grown, sigma, fit.optimum.theta)
+    return outliers(grown, weighted, residuals_of(grown, weighted)), weighted
+
+
+def _grown_sigma(problem: Problem, fit: LeastSquaresFit, found: list[_Found]) -> Array:
     sigma = fit.sigma.copy()
     left = problem.residual(fit.optimum.theta)
     for one in found:
         square = float(((left[one.rows] / one.amplification) ** 2).mean())
         sigma[one.rows] = one.amplification * math.sqrt(square)
-    grown = problem.with_noise(NoiseModel("scaled", sigma))
-    weighted = refit(grown, sigma, fit.optimum.theta)
-    size = float((weighted.sigma[best.rows] / best.amplification)[0])
-    return outliers(grown, weighted, residuals_of(grown, weighted)), size
+    return sigma
 
 
 def _fact(problem: Problem, best: _Found, size: float) -> Fact:

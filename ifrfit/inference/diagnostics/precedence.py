@@ -8,6 +8,7 @@ the place of another.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -28,6 +29,7 @@ from ifrfit.inference.diagnostics.repeated_number import repeated_number
 from ifrfit.inference.diagnostics.repeats import settings_scatter
 from ifrfit.inference.diagnostics.residuals import Residuals
 from ifrfit.inference.diagnostics.rounded_readings import is_coarse, rounded_readings
+from ifrfit.inference.diagnostics.scatter_by_angle import scatter_by_angle
 from ifrfit.inference.diagnostics.series_compared import unequal_noise
 from ifrfit.inference.diagnostics.slips.nuisances import directions_of, nuisances
 from ifrfit.inference.diagnostics.thresholds import ALIKE
@@ -40,14 +42,9 @@ _OF_MOMENTUM = "inertia-factor"
 _BY_ANGLE = ["friction-by-load"]  # a cause that goes with the angle, as repeats at one setting do
 # findings that leave no residuals for which only impacts of two kinds or a cut would be a reason
 _MISFIT = ("lack_of_fit", "repeats", "beyond_closure", "normal_restitution", "unequal_noise")
-_OF_THE_TABLE = (
-    "rounded_readings",
-    "censoring",
-    "outliers",
-    "independence",
-    "angular_momentum",
-    "repeated_number",
-)
+_OF_WRITING = ("rounded_readings", "censoring", "independence", "angular_momentum", "repeated_number")
+_OF_THE_TABLE = (*_OF_WRITING, "outliers")
+_UNEVEN = ("growing_scatter", "scatter_by_angle")
 _OF_SCATTER = ("angle_scatter", "growing_scatter", "scatter_too_small")
 _CAUSES = ("slips", "effects")
 # as the report tells them
@@ -66,7 +63,7 @@ _ORDER = (
     "lack_of_fit",
     "independence",
     "mixture",
-    "growing_scatter",
+    *_UNEVEN,
     "scatter_too_small",
     "scatter_too_large",
     "normal_restitution",
@@ -265,16 +262,39 @@ def _growing_scatter(findings: Findings) -> Fact | None:
     return growing.fact
 
 
+def _scatter_by_angle(findings: Findings) -> Fact | None:
+    uneven = scatter_by_angle(findings.problem, findings.fit, findings.residuals)
+    if uneven is None or _explained(findings) + ALIKE >= uneven.fact.figures["drop"]:
+        return None
+    findings.facts["outliers"] = uneven.outliers
+    return uneven.fact
+
+
 def _mixture(findings: Findings) -> Fact | None:
     # readings in few cells look like impacts of as many kinds
     if is_coarse(findings.problem, findings.fit):
         return None
     kinds = mixture(findings.problem, findings.fit)
-    growing = findings.facts.get("growing_scatter")
-    if kinds is not None and growing is not None:
-        # what scatters more where a constant acts may be impacts of two kinds
-        return kinds if kinds.figures["drop"] - growing.figures["drop"] > ALIKE else None
-    return kinds
+    # what scatters more where a constant acts may be impacts of two kinds
+    return kinds if kinds is not None and kinds.figures["drop"] > _explained(findings) + ALIKE else None
+
+
+def _truncation(findings: Findings) -> Fact | None:
+    cut = truncation(findings.problem, findings.fit)
+    # beyond the cut of a plateau there is less scatter than beside it; and a noise that grows is skewed there
+    return None if cut is None or _against_uneven(findings, cut) < -ALIKE else cut
+
+
+def _against_uneven(findings: Findings, cut: Fact) -> float:
+    """What a cut takes off -2 log likelihood beyond a scatter that changes with the angle."""
+    uneven = findings.facts.get("scatter_by_angle")
+    return math.inf if uneven is None else float(cut.figures["drop"] - uneven.figures["drop"])
+
+
+def _explained(findings: Findings) -> float:
+    """What an uneven scatter takes off -2 log likelihood."""
+    drops = [findings.facts[name].figures["drop"] for name in _UNEVEN if name in findings.facts]
+    return max(drops, default=-math.inf)
 
 
 def _are_rounded(findings: Findings) -> bool:
@@ -309,10 +329,16 @@ _QUESTIONS = (
     _Question("rounded_readings", lambda f: rounded_readings(f.problem, f.fit)),
     _Question("censoring", lambda f: censoring(f.problem, f.fit)),
     _Question("growing_scatter", _growing_scatter, behind=("beyond_closure",), behind_causes=True),
+    _Question(
+        "scatter_by_angle",
+        _scatter_by_angle,
+        behind=(*_MISFIT, *(set(_OF_THE_TABLE) - {"outliers"})),
+        behind_causes=True,
+    ),
     _Question("mixture", _mixture, behind=(*_MISFIT, *_OF_THE_TABLE, "angle_scatter"), behind_causes=True),
     _Question(
         "truncation",
-        lambda f: truncation(f.problem, f.fit),
+        _truncation,
         behind=(*_MISFIT, *_OF_THE_TABLE, *_OF_SCATTER, "mixture"),
         behind_causes=True,
     ),
@@ -335,5 +361,11 @@ _PRECEDENCES = (
     _Precedence("repeats", ("effects",), lambda f: f.causes == _BY_ANGLE, causes=[]),
     # the next step of few readings is no outlier
     _Precedence("rounded_readings", ("outliers",), lambda f: f.fails("outliers") and _are_rounded(f)),
-    _Precedence("mixture", ("growing_scatter",)),
+    _Precedence("scatter_by_angle", ("growing_scatter",)),
+    _Precedence("mixture", _UNEVEN),
+    _Precedence(
+        "truncation",
+        ("scatter_by_angle",),
+        lambda f: _against_uneven(f, f.facts["truncation"]) > ALIKE,
+    ),
 )

@@ -42,26 +42,40 @@ def drop_of_growth(problem: Problem, fit: LeastSquaresFit, slopes: AngleSlopes) 
 
 
 def drop_of_angle(problem: Problem, slopes: AngleSlopes) -> float:
-    """With a noise of each observable whose logarithm is a parabola of the angle of incidence.
-
-    A regression of squared residuals on their expectation, by Fisher scoring; constants by weighted squares.
-    """
+    """With a noise of each observable whose logarithm is a parabola of the angle of incidence."""
     groups = _groups(problem)
     angle = np.where(problem.rows.has_angle, np.nan_to_num(problem.rows.gamma_deg), 0.0) / 90.0
     own = np.stack([np.isin(np.arange(angle.size), rows) for rows in groups], axis=1).astype(float)
     columns = np.column_stack((own, angle, angle**2))
+    left, variance = log_variance(slopes.left, slopes.by_constant, columns)
+    gain = _before(problem, slopes) - slopes.by_impact(left**2 / variance + np.log(variance))
+    more = 1 + len(groups) - len(problem.noise_groups())
+    return float(gain.sum() - gain.max()) - _PARAMETER * more
+
+
+def log_variance(residual: Array, by_constant: Array, columns: Array) -> tuple[Array, Array]:
+    """Residuals and their variance whose logarithm is linear in some columns, at the largest likelihood.
+
+    A regression of squared residuals on their expectation, by Fisher scoring; constants by weighted squares.
+
+    Parameters
+    ----------
+    residual : ndarray, (n,)
+    by_constant : ndarray, (n, k)
+        Slopes in the constants that are fitted beside.
+    columns : ndarray, (n, m)
+    """
     of = np.zeros(columns.shape[1])
-    left, variance = slopes.left, np.ones(angle.size)
+    left, variance = residual, np.ones(residual.size)
     for _ in range(_ROUNDS):
         step = np.linalg.lstsq(columns, left**2 / variance - 1.0, rcond=None)[0]
         of = of + step / max(1.0, float(np.abs(columns @ step).max()))
         variance = np.exp(columns @ of)
-        root = 1.0 / np.sqrt(variance)
-        constants = np.linalg.lstsq(slopes.by_constant * root[:, None], slopes.left * root, rcond=_FITTED)[0]
-        left = slopes.left - slopes.by_constant @ constants
-    gain = _before(problem, slopes) - slopes.by_impact(left**2 / variance + np.log(variance))
-    more = 1 + len(groups) - len(problem.noise_groups())
-    return float(gain.sum() - gain.max()) - _PARAMETER * more
+        if by_constant.size:
+            root = 1.0 / np.sqrt(variance)
+            constants = np.linalg.lstsq(by_constant * root[:, None], residual * root, rcond=_FITTED)[0]
+            left = residual - by_constant @ constants
+    return left, variance
 
 
 def fall_of_outliers(problem: Problem, slopes: AngleSlopes) -> float:

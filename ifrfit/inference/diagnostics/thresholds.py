@@ -88,6 +88,11 @@ FACTS = {
     "the score test that the variance of an unknown noise goes with a power of one over the observable's "
     "denominator, also without the row that speaks most; a rank correlation at 0.01, and a fall of -2 log "
     f"likelihood of {ALIKE:g} where it is in proportion; outliers are those under a noise that grows so",
+    "scatter_by_angle": f"stands only where it fails: p < {REFUTED:g}, times the number of observables, of "
+    "the likelihood ratio that the logarithm of the variance is a parabola of the angle of incidence; a rank "
+    f"correlation at 0.01, and a fall of -2 log likelihood of {ALIKE:g} beyond the two numbers more, without "
+    "the row that speaks most, that single outliers do not reach and errors of velocities miss by "
+    f"{ALIKE:g}; looked for where nothing else is found; outliers are those under such a noise",
     "angle_scatter": f"stands only where it fails: p < {REFUTED:g} of an error of one degree in the angle of "
     "each impact against none (a likelihood ratio; without the impact that speaks most p < 0.01); with "
     "errors of the size of largest likelihood no lack of fit, slip, effect or series that differs is left; "
