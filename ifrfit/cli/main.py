@@ -24,7 +24,6 @@ from ifrfit.cli.report import report
 from ifrfit.cli.simulate import simulate
 from ifrfit.errors import UsageError
 
-
 _SHARED: dict[str, SharedCommand] = {"fit": fit, "compare": compare, "cost": cost}
 
 
