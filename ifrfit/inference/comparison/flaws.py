@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from ifrfit.inference.comparison.result import Entry
 from ifrfit.inference.comparison.verdict import INDIFFERENT, SCALE
-from ifrfit.inference.diagnostics.slips.messages import FLAWS
+from ifrfit.inference.diagnostics.slips.messages import FLAWS, flaw_words
 from ifrfit.inference.diagnostics.slips.slip import Slip
 
 _STRONG = min(least for least, word in SCALE if word == "strong")
@@ -51,4 +51,4 @@ def _best_flaw(entry: Entry) -> tuple[float, str]:
     name = max(known, key=lambda one: known[one]["log_bayes_factor"])
     test = known[name]
     slip = Slip(name, test["drop"], test["p"], test["size"], test["sd"])
-    return test["log_bayes_factor"], FLAWS[name](slip)
+    return test["log_bayes_factor"], flaw_words(slip)

@@ -239,4 +239,4 @@ def _sized_slip(problem: Problem, found: LeastSquaresFit, slips: Fact | None) ->
     """Change of the values along the slip that is named first, where it has a size and is in all series."""
     called = [] if slips is None else slips.figures["called"]
     named = [each for each in nuisances(problem) if called[:1] == [each.name]]
-    return directions_of(problem, named, found.optimum.theta)[0].change if named else None
+    return directions_of(named, found.optimum.theta)[0].change if named else None

@@ -38,11 +38,27 @@ class ComparedFit:
     misfit: Misfit
 
     @classmethod
+    def of(cls, problem: Problem, fit: LeastSquaresFit) -> ComparedFit:
+        """With the noise of the problem; of other errors the weights at the fit stand for a known sigma."""
+        plain = problem.error_model.is_plain
+        return cls(problem, fit, Misfit.of(problem) if plain else Misfit(fit.sigma, ()))
+
+    @classmethod
     def by_series(cls, problem: Problem, fit: LeastSquaresFit) -> ComparedFit:
         """With an unknown noise of each series: one of several that is off is no reason for a common one."""
         given = problem.noise.is_given
         groups = tuple(rows for rows in problem.groups().values() if not given[rows].all())
         return cls(problem, fit, Misfit(problem.noise.base, groups))
+
+    @cached_property
+    def residual(self) -> Array:
+        """Residuals of the fit, (n,)."""
+        return self.problem.residual(self.fit.optimum.theta)
+
+    @cached_property
+    def dof(self) -> int:
+        """Rows less constants."""
+        return len(self.problem.rows) - round(float(self.fit.gaussian.leverage.sum()))
 
     @cached_property
     def before(self) -> Array:
@@ -104,21 +120,15 @@ class ComparedFit:
             yield from zip(tables.every, after, strict=True)
 
 
-def degrees_of_freedom(problem: Problem, fit: LeastSquaresFit) -> int:
-    """Rows less constants."""
-    return len(problem.rows) - round(float(fit.gaussian.leverage.sum()))
-
-
 def drop_of_effect(problem: Problem, fit: LeastSquaresFit, score: Score) -> float:
     """Fall of -2 log likelihood with an effect along its direction, fitted as a slip is."""
     change, least = score.direction.change * fit.sigma, -math.inf if score.direction.two_sided else 0.0
-    misfit = Misfit.of(problem) if problem.error_model.is_plain else Misfit(fit.sigma, ())
 
     def along(theta: Array, size: Array) -> Array:
         return problem.predict(theta) + size[:, None] * change
 
     values = score.direction.values or along
-    return ComparedFit(problem, fit, misfit).with_size(values, score.strength, (least, math.inf))[0]
+    return ComparedFit.of(problem, fit).with_size(values, score.strength, (least, math.inf))[0]
 
 
 def careful_drop(misfit: Misfit, before: Array, after: Array, dof: float) -> float:

@@ -18,7 +18,6 @@ _STEP = 1e-5  # of derivatives, in the unit of the size
 _TIED = 0.8  # correlation with angle or speed from which the order of the rows is no time
 _FEWEST_IMPACTS = 8  # below which no drift is looked for
 _USUAL_SHARE = 0.15  # of the domain of the closure's own constant by which it may change
-_OF_INCIDENCE = ("angle-offset", "spin-zero")  # the values are those of the true impact
 _PARTS = (0.25, 0.5, 0.75)  # of the table, after which e_n may have changed
 
 
@@ -40,10 +39,10 @@ class Nuisance:
         Prior standard deviation of the size: a slip of several times that is unlikely, however well it fits.
     likely : tuple of float
         Sizes that the prior is centred at, the nearest of which counts.
-    flaw : callable, optional
-        From sizes, (m, 1), to the measurement, where the slip is one of those.
     constant : str
         That changes by the size in the course of the table; empty for others.
+    series : str
+        The one series it is in; empty where it is in all.
     """
 
     name: str
@@ -51,8 +50,8 @@ class Nuisance:
     limits: tuple[float, float]
     usual: float
     likely: tuple[float, ...] = (0.0,)
-    flaw: Callable[[Array], Flaw] | None = None
     constant: str = ""
+    series: str = ""
 
     @property
     def most(self) -> float:
@@ -67,7 +66,7 @@ def nuisances(problem: Problem) -> Iterator[Nuisance]:
         def values(theta: Array, size: Array) -> Array:
             return readings(problem, theta, flaw(size[:, None]))
 
-        return Nuisance(name, values, (-most, most), usual, flaw=flaw)
+        return Nuisance(name, values, (-most, most), usual)
 
     measured = {each.numerator for each in problem.rows.observables}
     oblique = [each for each in problem.rows.observables if each.kind in OBLIQUE]
@@ -166,26 +165,14 @@ def of_series(problem: Problem, nuisance: Nuisance, number: int) -> Nuisance:
     def values(theta: Array, size: Array) -> Array:
         return np.where(own, nuisance.values(theta, size), problem.predict(theta))
 
-    return replace(nuisance, values=values)
+    return replace(nuisance, values=values, series=problem.series[number])
 
 
-def directions_of(problem: Problem, every: Sequence[Nuisance], theta: Array) -> list[Direction]:
+def directions_of(every: Sequence[Nuisance], theta: Array) -> list[Direction]:
     """Derivative of every row's value by each size."""
-    step = np.array([_STEP, -_STEP])
-    flawed = [each for each in every if each.flaw is not None and each.name not in _OF_INCIDENCE]
-    moved = {}
-    if flawed:  # in one go
-        flaws = [each.flaw(step[:, None]) for each in flawed if each.flaw is not None]
-        columns = {name: np.zeros((2 * len(flaws), 1)) for name in vars(flaws[0])}
-        for number, flaw in enumerate(flaws):
-            for name, size in vars(flaw).items():
-                columns[name][2 * number : 2 * number + 2] = size
-        values = readings(problem, np.tile(theta, (2 * len(flaws), 1)), Flaw(**columns))
-        moved = {
-            each.name: pair for each, pair in zip(flawed, values.reshape(len(flaws), 2, -1), strict=True)
-        }
-    found = []
-    for each in every:
-        up, down = moved[each.name] if each.name in moved else each.values(np.stack((theta, theta)), step)
-        found.append(Direction(each.name, np.nan_to_num((up - down) / (2.0 * _STEP)), two_sided=True))
-    return found
+    step, thetas = np.array([_STEP, -_STEP]), np.stack((theta, theta))
+    moved = ((each, *each.values(thetas, step)) for each in every)
+    return [
+        Direction(each.name, np.nan_to_num((up - down) / (2.0 * _STEP)), two_sided=True)
+        for each, up, down in moved
+    ]

@@ -9,7 +9,7 @@ import numpy as np
 from ifrfit.inference.diagnostics.slips.compared_fit import ComparedFit
 from ifrfit.inference.diagnostics.slips.flawed_readings import Flaw, readings
 from ifrfit.inference.diagnostics.slips.nuisances import nuisances
-from ifrfit.inference.diagnostics.slips.refit import Misfit, search
+from ifrfit.inference.diagnostics.slips.refit import search
 from ifrfit.inference.diagnostics.slips.slip import LARGEST
 from ifrfit.inference.model.problem import Problem
 from ifrfit.inference.model.rows import Array, Index
@@ -42,7 +42,7 @@ def offsets_by_series(problem: Problem, fit: LeastSquaresFit) -> Offsets | None:
     plain = problem.error_model.is_plain and fit.angle_offset is None
     if not named or not plain or not 1 < count <= MOST_SERIES:
         return None
-    whole, offset = ComparedFit(problem, fit, Misfit.of(problem)), named[0]
+    whole, offset = ComparedFit.of(problem, fit), named[0]
     lower, upper = problem.parameters.bounds()
     ends = (np.full(count, end) for end in offset.limits)
     bounds = tuple(np.append(*both) for both in zip((lower, upper), ends, strict=True))
